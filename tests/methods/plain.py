@@ -42,7 +42,7 @@ class Plain:
     ) -> None:
         self.method = method
         self.model = model
-        none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False, "WIDE": False}
+        none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
         none |= {"SLEEPERS": False, "ADAPTIVE": method.ADAPTIVE}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
@@ -96,8 +96,6 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
         names += ["position_step", "velocity_step"]
-    if runner.system.m and runner.system.wide:
-        names += ["position_steps", "velocity_steps"]
     if runner.system.equations.model.until:
         names.append("until")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}

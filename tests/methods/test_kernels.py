@@ -9,7 +9,6 @@ from lagsim.language.evaluate import evaluate
 from lagsim.methods import dop853
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
-from lagsim.native.graph.sincos import LANES
 from lagsim.native.kernels.code import bind
 from lagsim.run.system.functions import functions
 from tests.methods.plain import Plain, fresh_state, linked, state_of
@@ -104,7 +103,6 @@ def linked_system(case):
     statics = {
         "CONSTRAINED": system.m > 0,
         "UNTIL": system.equations.model.until is not None,
-        "WIDE": system.wide,
     }
     return runner, s, statics
 
@@ -188,9 +186,8 @@ def test_tabulate_is_the_same():
     states = np.array([[0.1, 0.9, 0.19, -0.1, 0.18, 0.0], [0.2, 0.5, 0.75, 1, -1, 0.3]])
     size, width = runner.system.size, runner.system.rows_observed
     out = np.zeros(2 * width)
-    work = np.zeros(LANES * (1 + size + width))
     tabulate = bind(driver.tabulate, linked(runner))
-    tabulate(states.ravel(), 2, size, runner.system.p, out, width, work)
+    tabulate(states.ravel(), 2, size, runner.system.p, out, width)
     assert np.array_equal(out.reshape(2, width), runner.tabulate(states))
 
 

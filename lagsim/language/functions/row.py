@@ -41,8 +41,6 @@ class Function(NamedTuple):
         operands, `{a}`, `{b}` fresh names, `{c0}` a condition.
     declares
         External symbols that `native` needs, as LLVM declarations.
-    wide
-        `native` takes vectors as it takes numbers; else it is done lane by lane.
     sympy
         `(sympy module, *arguments)`.
     spelled
@@ -89,7 +87,6 @@ class Function(NamedTuple):
     condition: bool = False
     spelled: bool = False
     declares: tuple[str, ...] = ()
-    wide: bool = False
     text: str | tuple[str, str] = ""
     latex: str | tuple[str, str] = ""
     series: Callable[[Coefficients, int], int] | None = None

@@ -168,7 +168,7 @@ POWERS = (
     ),
     _unary(
         "sqrt", math.sqrt, lambda g, x, f: g.call("div", g.constant(0.5), f),
-        **intrinsic("sqrt"), wide=True, interval=lambda r: r.sqrt,
+        **intrinsic("sqrt"), interval=lambda r: r.sqrt,
         series=recurrences.sqrt, convolutions=0.5, cost=4, domain=_not_below_zero,
     ),
     _unary(

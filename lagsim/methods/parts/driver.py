@@ -1,7 +1,7 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS, ADAPTIVE
-and WIDE; what a model does not need is left out.
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and
+ADAPTIVE; what a model does not need is left out.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from lagsim.methods.parts.interface import (
 from lagsim.methods.parts.looks import overlooked
 from lagsim.methods.parts.noise import forget_rest
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import project, project_rows
+from lagsim.methods.parts.projection import project
 from lagsim.methods.parts.singular import watch
 from lagsim.methods.parts.state import (
     BLOCK_FULL,
@@ -37,8 +37,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
-from lagsim.native.graph.sincos import LANES
-from lagsim.native.kernels.words import apart, at, unrolled
+from lagsim.native.kernels.words import apart, at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
-WIDE = True
 SLEEPERS = True
 ADAPTIVE = True
 
@@ -322,14 +320,9 @@ def has_extra(s: State) -> bool:
 
 def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:
     """Project rows (rows, 1 + size) between steps."""
-    if WIDE:
-        for first in range(0, rows, LANES):
-            some = at(out, first * (1 + s.size))
-            project_rows(s, p, some, min(LANES, rows - first))
-    else:
-        for k in range(rows):
-            row = at(out, k * (1 + s.size))
-            settle(s, p, row[0], at(row, 1))
+    for k in range(rows):
+        row = at(out, k * (1 + s.size))
+        settle(s, p, row[0], at(row, 1))
 
 
 def settle(s: State, p: Parameters, t: float, y: Floats) -> None:
@@ -356,33 +349,9 @@ def orient(s: State, value: float) -> None:
 
 
 def tabulate(
-    states: Floats,
-    rows: int,
-    size: int,
-    p: Parameters,
-    out: Floats,
-    width: int,
-    work: Floats,
+    states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Give the columns (rows, width) of states (rows, 1 + size).
-
-    Where `observe` is WIDE it takes LANES rows at once, through
-    work : (1 + size + width, LANES).
-    """
-    if not WIDE:
-        for i in range(rows):
-            row = at(states, i * (1 + size))
-            observe(row[0], at(row, 1), p, at(out, i * width))
-        return
-    found = at(work, LANES * (1 + size))
-    for first in range(0, rows, LANES):
-        for lane in unrolled(LANES):
-            row = at(states, min(first + lane, rows - 1) * (1 + size))
-            for k in range(1 + size):
-                work[k * LANES + lane] = row[k]
-        observe(0.0, work, p, found)
-        for lane in unrolled(LANES):
-            if first + lane < rows:
-                columns = at(out, (first + lane) * width)
-                for k in range(width):
-                    columns[k] = found[k * LANES + lane]
+    """Give the columns (rows, width) of states (rows, 1 + size)."""
+    for i in range(rows):
+        row = at(states, i * (1 + size))
+        observe(row[0], at(row, 1), p, at(out, i * width))

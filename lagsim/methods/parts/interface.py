@@ -53,19 +53,6 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
-def position_steps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give `position_step` of LANES states, each of t, y and out LANES wide.
-
-    y begins with t. Where the model's functions are straight-line code.
-    """
-
-
-@external
-def velocity_steps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give `velocity_step` in the same way."""
-
-
-@external
 def measure(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0."""
 
@@ -186,7 +173,4 @@ def interpolate_rates(s: State, x: float, out: Floats) -> None:
 
 @external
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give all columns of a row; or of LANES of them, each of t, y and out LANES wide.
-
-    y then begins with t.
-    """
+    """Give all columns of a row."""

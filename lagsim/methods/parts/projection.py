@@ -9,17 +9,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import (
-    position_step,
-    position_steps,
-    velocity_step,
-    velocity_steps,
-)
+from lagsim.methods.parts.interface import position_step, velocity_step
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.singular import record_health
 from lagsim.methods.parts.state import State
-from lagsim.native.graph.sincos import LANES
-from lagsim.native.kernels.words import at, unrolled
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -169,37 +163,3 @@ def largest_part(level: int, s: State, h: float, x: Floats, step: Floats) -> flo
             part = change / own if change < own * 1e300 else 1.0
             largest = max(largest, part)
     return float(largest)
-
-
-def project_rows(s: State, p: Parameters, rows: Floats, count: int) -> None:
-    """Project up to LANES rows (count, 1 + size) of the last step, side by side.
-
-    One Newton step is enough for nearly all; a row that needs more is done by itself.
-    One that does not converge stays as it is.
-    """
-    n = s.n
-    size = s.size
-    y = s.lanes
-    step = s.lane_steps
-    work = s.work
-    for level in range(2):
-        for lane in unrolled(LANES):
-            row = at(rows, min(lane, count - 1) * (1 + size))
-            for i in range(1 + size):
-                y[i * LANES + lane] = row[i]
-        if level == 0:
-            position_steps(0.0, y, p, step)
-        else:
-            velocity_steps(0.0, y, p, step)
-        for lane in range(count):
-            row = at(rows, lane * (1 + size))
-            part = at(row, 1 + level * n)
-            for i in range(n):
-                work[i] = step[i * LANES + lane]
-            left = step[(n + 2) * LANES + lane]
-            close = left <= LAST or step[n * LANES + lane] <= ROUNDING
-            if close and is_finite(n, work):
-                for i in range(n):
-                    part[i] += work[i]
-            else:
-                project_level(level, s, p, row[0], s.step_h, at(row, 1), work)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.native.graph.sincos import LANES
 from lagsim.native.layout import Memory, array, part
 
 if TYPE_CHECKING:
@@ -134,10 +133,6 @@ class State(Memory):
     sizes_before: Floats = array(lambda s: s.size)
     low_before: Floats = array(lambda s: s.size)
     high_before: Floats = array(lambda s: s.size)
-
-    # Rows side by side and their Newton steps; see `projection.project_rows`.
-    lanes: Floats = array(lambda s: LANES * (1 + s.size))
-    lane_steps: Floats = array(lambda s: LANES * (s.n + 3))
 
     # Of each signal: its kind, the power that goes with it, the farthest it has been
     # since it was close; at three looks and beside one values, then rates. See `looks`.

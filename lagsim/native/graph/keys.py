@@ -81,7 +81,7 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
     parts = [
         _writers(),
-        repr([(x.native, x.declares, x.wide, x.condition) for x in rows]),
+        repr([(x.native, x.declares, x.condition) for x in rows]),
         repr((PIECE, sincos.LANES, orders, manner)),
         repr(ops),
         repr([[place[a] for a in g.args[n]] for n in cone]),

@@ -36,14 +36,12 @@ def generate(
     layout: Layout,
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
-    wide: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros. Those named in `wide` are of
-    LANES states at once: t and then y (1 + size, LANES), out (k, LANES).
+    not write what is zero identically: they find zeros.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -51,9 +49,7 @@ def generate(
     writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
-        writer = Writer(
-            g, layout, scratch, contract=name in contracted, wide=name in wide
-        )
+        writer = Writer(g, layout, scratch, contract=name in contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
             order_loop.write(writer, name, nodes, places)

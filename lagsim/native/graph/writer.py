@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.native.graph import keys, sincos
-from lagsim.native.graph.lines import CIRCULAR, Lines, exponent_of
+from lagsim.native.graph.lines import CIRCULAR, Lines, exponent_of, number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -76,20 +76,14 @@ class Writer(Lines):
         scratch: int,
         *,
         contract: bool = False,
-        wide: bool = False,
     ) -> None:
-        super().__init__(wide=wide)
+        super().__init__()
         self.g = g
         self.layout = layout
         self.contract = contract
         self.scratch = scratch
         self.scratch_used = 0
         self._sums: dict[int, int] = {}
-
-    @property
-    def width(self) -> int:
-        """The numbers of a value."""
-        return sincos.LANES if self.wide else 1
 
     def function(
         self,
@@ -144,7 +138,7 @@ class Writer(Lines):
     def _clear(self, numbers: int) -> None:
         if numbers:
             self.declared.add(f"declare void @{CLEAR}(ptr, i8, i64, i1)")
-            size = 8 * self.width * numbers
+            size = 8 * numbers
             self.lines.append(f"call void @{CLEAR}(ptr %out, i8 0, i64 {size}, i1 0)")
 
     def _fused(
@@ -155,7 +149,7 @@ class Writer(Lines):
     ) -> dict[int, int]:
         """Give the sums that take in a product which nothing else uses: -> it.
 
-        Told here and not left to LLVM, so that one number is rounded as LANES are.
+        Told here and not left to LLVM, whose choice nobody knows.
         """  # fmt: skip
         g, found = self.g, dict[int, int]()
         if not self.contract:
@@ -183,8 +177,8 @@ class Writer(Lines):
                 for a in self.g.args[n] if n not in places else ():
                     earlier = home.get(a, i) < i and a not in places
                     if earlier and self.g.args[a] and a not in passed:
-                        passed[a] = self.scratch + self.width * len(passed)
-        self.scratch_used = max(self.scratch_used, self.width * len(passed))
+                        passed[a] = self.scratch + len(passed)
+        self.scratch_used = max(self.scratch_used, len(passed))
         return passed
 
     def _piece(
@@ -259,49 +253,38 @@ class Writer(Lines):
         if g.ops[n] == CONSTANT:
             x = g.value(n)
             assert x is not None
-            return self.literal(x)
+            return number(x)
         if g.ops[n] == TRUTH:
-            return self.widened("true" if g.payload(n) else "false")
+            return "true" if g.payload(n) else "false"
         if n in places:
             value = self._load(places[n])
         elif g.ops[n] == VARIABLE:
             return self._variable(str(g.payload(n)))
         else:
-            value = self._load_own(("p", passed[n]))
+            value = self._load(("p", passed[n]))
         if g.args[n] and OPERATIONS[g.ops[n]].condition:
-            return self.line(f"fcmp one {self.kind} {value}, {self.literal(0.0)}")
+            return self.line(f"fcmp one double {value}, {number(0.0)}")
         return value
 
     def _variable(self, name: str) -> str:
         if name == "t":
-            return self._load_own(("y", 0)) if self.wide else "%t"
+            return "%t"
         if name in self.layout.y:
-            # That of several states begins with their t.
-            return self._load(("y", self.layout.y[name] + self.wide))
+            return self._load(("y", self.layout.y[name]))
         return self._load(("p", self.layout.p[name]))
 
     def _number(self, n: int, value: str) -> str:
         """Write 1 or 0 for a truth value."""
         if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
-            return self.line(self.widened(f"uitofp i1 {value} to double"))
+            return self.line(f"uitofp i1 {value} to double")
         return value
 
     def _load(self, place: Place) -> str:
-        if place[0] != "p":
-            return self._load_own(place)
-        value = self.line(f"load double, ptr {self._address(place)}")
-        return self.joined([value] * self.width) if self.wide else value
-
-    def _load_own(self, place: Place) -> str:
-        """Load a number for each lane."""
-        return self.line(f"load {self.kind}, ptr {self._address(place)}, align 8")
+        return self.line(f"load double, ptr {self._address(place)}")
 
     def _store(self, value: str, place: Place) -> None:
-        at = f"ptr {self._address(place)}, align 8"
-        self.lines.append(f"store {self.kind} {value}, {at}")
+        self.lines.append(f"store double {value}, ptr {self._address(place)}")
 
     def _address(self, place: Place) -> str:
         array, k = place
-        if array != "p":
-            k *= self.width
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")

@@ -46,11 +46,10 @@ if TYPE_CHECKING:
     from lagsim.run.system.sleepers import Sleeper
     from lagsim.run.system.stepping import Pattern
 
-# How straight-line code is written; some functions are taken for several rows at once.
+# How straight-line code is written.
 MANNER: dict[str, tuple[str, ...]] = {
     "contracted": ("series",),
     "sparse": ("slopes",),
-    "wide": ("observe", "position_steps", "velocity_steps"),
 }
 
 
@@ -140,11 +139,6 @@ class System:
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
-        # Straight-line code takes several rows at once.
-        self.wide = "observe" in nodes_of and not plan.tape
-        if self.wide and self.m:
-            nodes_of["position_steps"] = nodes_of["position_step"]
-            nodes_of["velocity_steps"] = nodes_of["velocity_step"]
         code: dict[str, list[int] | Loop] = {**nodes_of}
         if AFTER_FREEZING in needs:
             rates = nodes_of["field" if self.watched else "derivative"][: self.size]

@@ -11,7 +11,6 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import driver
-from lagsim.native.graph.sincos import LANES
 from lagsim.native.layout import address
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
@@ -44,11 +43,8 @@ _ADVANCE = (
 )
 _TABULATE = (
     None,
-    (
-        _POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64,
-        _POINTER,
-    ),
-)  # fmt: skip
+    (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
+)
 
 
 class Compiled(Protocol):
@@ -72,7 +68,6 @@ class Compiled(Protocol):
     inertias: tuple[str, ...]
     p: Parameters
     objects: list[bytes]
-    wide: bool
     rows_observed: int
 
     @property
@@ -108,8 +103,6 @@ class Runner:
             self._pull = self.engine.function("pull", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         columns, width = system.rows_observed, 1 + system.size
-        self._work = np.empty(LANES * (width + columns))
-        self._room = address(self._work)
         self._columns, self._width = columns, width
         self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
         self._rows = address(self.block)
@@ -217,9 +210,8 @@ class Runner:
         out = np.empty((count, self._columns))
         if count:
             self._tabulate(
-                states, count, size, self.system.p.address, address(out),
-                self._columns, self._room,
-            )  # fmt: skip
+                states, count, size, self.system.p.address, address(out), self._columns
+            )
         return out
 
 
@@ -238,7 +230,7 @@ def of_method(
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
     """Give the kernels of a method, and what is known of the system they work on."""
     by, statics = method(name), _statics(system, name)
-    del statics["WIDE"], statics["ADAPTIVE"]
+    del statics["ADAPTIVE"]
     # What a method must make ready for `until` it must for switches.
     statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
     statics["SPARSE"] = system.newton is not None
@@ -254,6 +246,5 @@ def _statics(system: Compiled, name: str) -> dict[str, object]:
         "UNTIL": system.equations.model.until is not None,
         "SWITCHES": system.watched > 0,
         "SLEEPERS": bool(system.sleepers),
-        "WIDE": system.wide,
         "ADAPTIVE": method(name).ADAPTIVE,
     }
