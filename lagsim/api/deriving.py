@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.api.models import Model
-    from lagsim.derivation.content import Content
     from lagsim.mechanics.equations import Equations
+    from lagsim.show.content import Content
 
 
 class Derivation:
@@ -26,8 +26,8 @@ class Derivation:
 
     @cached_property
     def _content(self) -> Content:
-        from lagsim.derivation.lagrange import content
-        from lagsim.derivation.within import its_time
+        from lagsim.show.lagrange import content
+        from lagsim.show.symbols import its_time
 
         with its_time():
             return content(self._equations, **self._options)
@@ -35,35 +35,35 @@ class Derivation:
     @cached_property
     def text(self) -> str:
         """Text for a terminal."""
-        from lagsim.derivation.as_text import as_text
+        from lagsim.show.text import as_text
 
         return as_text(self._content)
 
     @cached_property
     def latex(self) -> str:
         """A document that LaTeX compiles."""
-        from lagsim.derivation.as_latex import as_latex
+        from lagsim.show.latex import as_latex
 
         return as_latex(self._content)
 
     @cached_property
     def markdown(self) -> str:
         """Text with formulas, as notebooks typeset them."""
-        from lagsim.derivation.as_markdown import as_markdown
+        from lagsim.show.latex import as_markdown
 
         return as_markdown(self._content)
 
     @cached_property
     def json(self) -> dict[str, Any]:
         """The expressions, by name."""
-        from lagsim.derivation.as_json import as_json
+        from lagsim.show.as_json import as_json
 
         return as_json(self._content)
 
     @cached_property
     def python(self) -> str:
         """A module with mass matrix, forces and constraints, without lagsim."""
-        from lagsim.derivation.as_python import as_python
+        from lagsim.show.as_python import as_python
 
         return as_python(self._equations, __version__)
 

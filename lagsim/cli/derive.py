@@ -108,10 +108,10 @@ def _derived(path: str, sets: list[str] | None, form: Format, **options: bool) -
 
     equations: Equations = derive(read_file(path, assignments(sets)), chained=False)
     if form is Format.python:
-        from lagsim.derivation.as_python import as_python
+        from lagsim.show.as_python import as_python
 
         return as_python(equations, __version__).encode()
-    from lagsim.derivation.within import its_time
+    from lagsim.show.symbols import its_time
 
     with its_time():
         return _written(equations, form, **options)
@@ -126,19 +126,19 @@ def _written(
     solve: bool,
     gauss: bool,
 ) -> bytes:
-    from lagsim.derivation.lagrange import content
+    from lagsim.show.lagrange import content
 
     found = content(equations, substitute=substitute, solve=solve, with_gauss=gauss)
     if form is Format.json:
-        from lagsim.derivation.as_json import as_json
         from lagsim.outputs.manifest import encode
+        from lagsim.show.as_json import as_json
 
         return encode(as_json(found))
     if form is Format.latex:
-        from lagsim.derivation.as_latex import as_latex
+        from lagsim.show.latex import as_latex
 
         return as_latex(found).encode()
-    from lagsim.derivation.as_text import as_text
+    from lagsim.show.text import as_text
 
     return as_text(found, ascii_only=ascii_only).encode()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from lagsim.derivation.names import Name, UnicodeNames
+from lagsim.show.names import Name, UnicodeNames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

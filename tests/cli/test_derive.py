@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from tests.derivation.latex_checker import check
+from tests.show.latex_checker import check
 from tests.support import MODELS
 
 PENDULUM = str(MODELS / "elastic-pendulum.yaml")

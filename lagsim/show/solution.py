@@ -1,31 +1,41 @@
-"""Accelerations and multipliers in closed form, where that is short enough to read.
+"""Accelerations and multipliers in closed form, and Gauss's principle.
 
-M q'' = f + A^T lambda is solved block by block, each by its adjugate. Where that is too
-long and a closed form is insisted on, the elimination is told step by step.
+M q'' = f + A^T lambda is solved block by block, each by its adjugate, where that is
+short enough to read. Where it is too long and a closed form is insisted on, the
+elimination is given step by step.
+
+By Gauss's principle of least constraint, q'' minimises G = (q'' - a)^T M (q'' - a)/2
+subject to A q'' = b, where M a = f. The constraint forces are Qc = K (A a - b) with the
+gain K = -A^T (A M^-1 A^T)^-1. It is given for equality constraints that always hold.
+Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
+section 13 (eqs 70-73; its multipliers are minus ours).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy as sp
 
-from lagsim.derivation.content import Solution
-from lagsim.derivation.functions import TWINS
-from lagsim.derivation.inertia import without_inertia
-from lagsim.derivation.names import Name
-from lagsim.derivation.tidy import cost
-from lagsim.derivation.translation import number
+from lagsim.errors import InputError, Problem
 from lagsim.language.disjoint_sets import DisjointSets
+from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
 from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.mechanics.ldl import Elimination
+from lagsim.show.content import Gauss, Solution
+from lagsim.show.names import Name
+from lagsim.show.symbols import TWINS, number
+from lagsim.show.tidy import cost
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.derivation.content import Condition
-    from lagsim.derivation.translation import Translation
+    from lagsim.mechanics.equations import Equations
+    from lagsim.show.content import Condition
+    from lagsim.show.symbols import Translation
+
 
 Matrix = list[list[Any]]
 
@@ -255,3 +265,114 @@ def _free_letter(x: Translation) -> str:
     names = {s.name for s in x.names}
     letters = ("s", "k", "z", "step", "step_")
     return next(p for p in letters if not any(n.startswith(p) for n in names))
+
+
+def gauss(
+    x: Translation,
+    M: list[list[Any]],
+    f: list[Any],
+    constraints: Sequence[Condition],
+    notes: list[str],
+) -> Gauss:
+    """Give Gauss's principle.
+
+    Raises
+    ------
+    InputError
+        Where M is singular, so that there is no unconstrained acceleration.
+    """
+    if any(c.law for c in constraints):
+        notes.append("Gauss's principle is given for the equality constraints")
+    constraints = [c for c in constraints if not c.law]
+    lacking = without_inertia(x.equations)
+    if lacking is not None:
+        raise InputError([singular(lacking)])
+    free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
+    apart = [a - b for a, b in zip(x.a, free, strict=True)]
+    pairs = (
+        M[i][j] * apart[i] * apart[j] * (1 if i == j else 2)
+        for i in range(len(M))
+        for j in range(i + 1)
+    )
+    G = sp.Add(*(p / 2 for p in pairs))
+    inverse = inverted(x, M)
+    a = inverse.times(f) if inverse is not None else None
+    a = a if a is not None and _readable(a) else None
+    K = Qc = None
+    small = gram(x, inverse, constraints) if inverse is not None else None
+    if small is not None and constraints:
+        K, Qc = _gain(x, small, constraints, free)
+    long = [
+        *(["a = M^-1 f"] if a is None else []),
+        *(["the gain K"] if constraints and K is None else []),
+    ]
+    if long:
+        notes.append(f"left out, for it is too long to be read: {' and '.join(long)}")
+    return Gauss(tuple(a) if a else None, G, K, Qc)
+
+
+def _gain(
+    x: Translation, small: Any, constraints: Sequence[Condition], free: list[Any]
+) -> tuple[Any, Any]:
+    n, m = len(x.q), len(constraints)
+    K = tuple(
+        tuple(-e for e in small.times([c.A[j] for c in constraints])) for j in range(n)
+    )
+    if not all(_readable(row) for row in K):
+        return None, None
+    missed = [x.tidy(dot(c.A, free) - c.b) for c in constraints]
+    names = [x.tidy(sp.Add(*(K[j][i] * missed[i] for i in range(m)))) for j in range(n)]
+    return K, tuple(names)
+
+
+def _readable(parts: Sequence[Any]) -> bool:
+    return all(cost(e) <= READABLE for e in parts)
+
+
+def _unconstrained(x: Translation, q: str, j: int) -> Any:
+    s = symbol(f"a.{q}")
+    x.names[s] = Name(q, 0, "unconstrained")
+    x.rank[s] = 4, len(x.q) + j
+    return s
+
+
+def singular(coordinate: str) -> Problem:
+    """Give the fault of a model without unconstrained acceleration."""
+    return Problem(
+        "singular-mass",
+        "Gauss's principle needs the acceleration without constraints, M^-1 f, and the "
+        "mass matrix of this model is singular: a direction has no inertia",
+        hint=f"such as along `{coordinate}`; give every coordinate some mass",
+    )
+
+
+# A matrix whose smallest eigenvalue is this small against its diagonal is singular.
+SINGULAR = 1e-12
+STATES = 3
+
+
+def without_inertia(e: Equations) -> str | None:
+    """Give a coordinate with little inertia, or None where M is positive definite.
+
+    Looks at random states, with the parameters of the file.
+    """
+    random = np.random.default_rng(3)
+    n = len(e.q)
+    nodes = [node for row in e.M for node in row]
+    parameters = {p.name: p.value for p in e.model.parameters}
+    start = {i.name: i.value for i in e.model.initial}
+    diagonal = np.zeros(n)
+    for _ in range(STATES):
+        state = {
+            name: start.get(name, 0.0) + random.uniform(0.1, 0.4)
+            for name in (*e.q, *e.velocities, "t")
+        }
+        M = np.reshape(evaluate(e.graph, nodes, parameters | state), (n, n))
+        if not np.all(np.isfinite(M)):
+            continue
+        diagonal = np.abs(np.diag(M))
+        size = np.sqrt(diagonal)
+        scaled = M / np.outer(size, size) if np.all(size > 0) else None
+        if scaled is not None and np.linalg.eigvalsh(scaled)[0] > SINGULAR:
+            return None
+    return e.q[int(np.argmin(diagonal))]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from lagsim.derivation.translation import Translation
+    from lagsim.show.symbols import Translation
 
 
 @dataclass(frozen=True)

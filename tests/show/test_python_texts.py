@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.derivation.as_python import as_python
 from lagsim.language.functions import FUNCTIONS
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
+from lagsim.show.as_python import as_python
 
 # Independent of the table: the standard library's, and definitions.
 MEANT = {

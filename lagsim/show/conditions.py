@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from lagsim.derivation.content import Condition
-    from lagsim.derivation.writer import Writer
     from lagsim.model.model import Constraint
+    from lagsim.show.content import Condition
+    from lagsim.show.writer import Writer
+
 
 UNICODE = {
     "complementarity": "0 ≤ {g} ⊥ {lam} ≥ 0",

@@ -8,19 +8,19 @@ from typing import Any
 
 import pytest
 
-from lagsim.derivation.as_json import as_json
-from lagsim.derivation.as_latex import LONGEST_LINE, as_latex
-from lagsim.derivation.as_latex import _width as as_latex_width
-from lagsim.derivation.as_python import as_python
-from lagsim.derivation.as_text import as_text
-from lagsim.derivation.lagrange import content
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from tests.derivation.cases import (
+from lagsim.show.as_json import as_json
+from lagsim.show.as_python import as_python
+from lagsim.show.lagrange import content
+from lagsim.show.latex import LONGEST_LINE, as_latex
+from lagsim.show.latex import _width as as_latex_width
+from lagsim.show.text import as_text
+from tests.show.cases import (
     EACH,
     content_of,
     equations_of,
@@ -28,7 +28,7 @@ from tests.derivation.cases import (
     numbers,
     small,
 )
-from tests.derivation.latex_checker import LatexError, check
+from tests.show.latex_checker import LatexError, check
 from tests.support import MODELS
 
 NAMED = """
@@ -244,7 +244,7 @@ def test_numbers_are_put_in() -> None:
 
 def test_numbers_look_as_they_were_written() -> None:
     g = Graph()
-    from lagsim.derivation.translation import number
+    from lagsim.show.symbols import number
 
     for text, shown in (("9.81", "981/100"), ("pi/2", "pi/2"), ("0.1", "1/10"),
                         ("1/3", "1/3"), ("2/3", "2/3"), ("3", "3"),

@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.derivation.conditions import in_words
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import Flow, constraint_row
+from lagsim.show.conditions import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
+
 
 _OWN = (
     "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED",

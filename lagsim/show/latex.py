@@ -1,4 +1,7 @@
-"""A derivation as a LaTeX document: compiles as it is, its blocks go into a paper."""
+"""A derivation as a LaTeX document, or as Markdown with formulas for notebooks.
+
+The document compiles as it is, and its blocks go into a paper.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +9,19 @@ import re
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from lagsim.derivation.conditions import LATEX, conditions
-from lagsim.derivation.names import LatexNames, Name, plain_latex, upright_latex
-from lagsim.derivation.outline import DIGITS, Outline
-from lagsim.derivation.styles import LatexStyle
+from lagsim.show.conditions import LATEX, conditions
+from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
+from lagsim.show.text import DIGITS, Outline
+from lagsim.show.writer import LatexStyle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.derivation.content import Condition, Conserved, Content, Force, Line
-    from lagsim.derivation.outline import Entry, Row, Rows
+    from lagsim.show.content import Condition, Conserved, Content, Force, Line
+    from lagsim.show.text import Entry, Row, Rows
 
     Typeset = tuple[str, list[tuple[str, str]]]  # a row, its terms with their signs
+
 
 # A line of display mathematics, in letters as they come out.
 LONGEST_LINE = 75
@@ -352,3 +356,37 @@ def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str
 
 def _width_of(terms: list[tuple[str, str]]) -> int:
     return sum(_width(text) + 3 for _, text in terms)
+
+
+# What text, outside of formulas, has in LaTeX that Markdown writes otherwise: of the
+# rest of LaTeX's escapes the backslash is Markdown's own.
+_TEXT = (
+    (re.compile(r"^\\section\*\{(.*)\}$", re.MULTILINE), r"### \1"),
+    (re.compile(r"^\\subsection\*\{(.*)\}$", re.MULTILINE), r"#### \1"),
+    (re.compile(r"\\texttt\{(.*?)\}"), r"`\1`"),
+    (re.compile(r"\\textasciicircum\{\}"), "^"),
+    (re.compile(r"\\textasciitilde\{\}"), "~"),
+    (re.compile(r"\\textbackslash\{\}"), r"\\\\"),
+    (re.compile(r"-\{\}-"), "--"),
+    (re.compile(r"\*"), r"\*"),
+)
+_FORMULA = re.compile(r"(\\\[.*?\\\]|\\begin\{align\*\}.*?\\end\{align\*\})", re.DOTALL)
+
+
+def as_markdown(content: Content) -> str:
+    """Give what `as_latex` gives, without its document."""
+    body = as_latex(content).partition("\\begin{document}\n")[2]
+    body = body.partition("\\end{document}")[0]
+    pieces = []
+    for k, piece in enumerate(_FORMULA.split(body)):
+        if k % 2:
+            inside = piece.removeprefix("\\[").removesuffix("\\]").strip()
+            if not inside.startswith("\\begin{align*}"):
+                inside = f"$$\n{inside}\n$$"
+            pieces.append(inside)
+            continue
+        text = piece.strip()
+        for pattern, instead in _TEXT:
+            text = pattern.sub(instead, text)
+        pieces += [text] if text else []
+    return "\n\n".join(pieces) + "\n"

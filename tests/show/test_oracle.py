@@ -14,10 +14,11 @@ import mpmath
 import numpy as np
 import pytest
 
-from lagsim.derivation.as_python import as_python
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import CONSTANT, VARIABLE
-from tests.derivation.cases import (
+from lagsim.show.as_python import as_python
+from tests.mechanics.test_equations import rows_of
+from tests.show.cases import (
     EACH,
     NAMES,
     document_of,
@@ -25,7 +26,6 @@ from tests.derivation.cases import (
     known,
     numbers,
 )
-from tests.mechanics.test_equations import rows_of
 from tests.support import MODELS, run
 from tests.sympy_oracle import DIGITS, Oracle, random_values
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from lagsim.derivation.as_json import as_json
-from lagsim.derivation.lagrange import content
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.model.reader import read
-from tests.derivation.cases import NAMES, equations_of, known, numbers
+from lagsim.show.as_json import as_json
+from lagsim.show.lagrange import content
+from tests.show.cases import NAMES, equations_of, known, numbers
 from tests.support import MODELS, Run, case_of, ready, run
 
 if TYPE_CHECKING:

@@ -9,16 +9,15 @@ import sympy as sp
 
 from benchmarks.link_chain import chain
 from lagsim import limits
-from lagsim.derivation.endless import refuse_endless
-from lagsim.derivation.lagrange import content
-from lagsim.derivation.solving import _adjugate, _determinant
-from lagsim.derivation.within import its_time
 from lagsim.errors import InputError
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.language.symbolic import symbol
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
+from lagsim.show.lagrange import content
+from lagsim.show.solution import _adjugate, _determinant
+from lagsim.show.symbols import its_time, refuse_endless
 from tests.support import MODELS
 
 

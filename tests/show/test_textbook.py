@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from lagsim.derivation.as_text import as_text
-from tests.derivation.cases import content_of, s, small
+from lagsim.show.text import as_text
+from tests.show.cases import content_of, s, small
 
 sin, cos = sp.sin, sp.cos
 

@@ -18,19 +18,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import sympy as sp
 
-from lagsim.derivation.content import Conserved
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
 from lagsim.model.model import Level
+from lagsim.show.content import Conserved
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.derivation.content import Condition, Line
-    from lagsim.derivation.translation import Translation
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
+    from lagsim.show.content import Condition, Line
+    from lagsim.show.symbols import Translation
+
 
 # More shifts and turns than this are not looked through.
 MOST_GENERATORS = 250

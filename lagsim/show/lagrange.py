@@ -11,16 +11,15 @@ from typing import TYPE_CHECKING, Any
 import sympy as sp
 
 from lagsim import limits
-from lagsim.derivation.conserved import conserved_quantities
-from lagsim.derivation.content import Condition, Content, Force, Line
-from lagsim.derivation.gauss import gauss
-from lagsim.derivation.solving import solution
-from lagsim.derivation.translation import Translation
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.mechanics.constraints import Flow, constraint_row
 from lagsim.mechanics.equations import generalized_forces
 from lagsim.mechanics.mass import mass_matrix
 from lagsim.model.model import Level
+from lagsim.show.conserved import conserved_quantities
+from lagsim.show.content import Condition, Content, Force, Line
+from lagsim.show.solution import gauss, solution
+from lagsim.show.symbols import Translation
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -19,13 +19,13 @@ import pytest
 import sympy as sp
 import yaml
 
-from lagsim.derivation.as_json import as_json
-from lagsim.derivation.as_latex import as_latex
-from lagsim.derivation.as_text import as_text
-from lagsim.derivation.lagrange import content
-from tests.derivation.cases import equations_of, small
-from tests.derivation.reading import latex_rows, text_rows, value
-from tests.derivation.test_formats import EVERY_FUNCTION
+from lagsim.show.as_json import as_json
+from lagsim.show.lagrange import content
+from lagsim.show.latex import as_latex
+from lagsim.show.text import as_text
+from tests.show.cases import equations_of, small
+from tests.show.reading import latex_rows, text_rows, value
+from tests.show.test_formats import EVERY_FUNCTION
 from tests.support import MODELS
 from tests.sympy_oracle import Oracle, random_values, symbol
 

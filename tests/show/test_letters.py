@@ -6,10 +6,10 @@ import unicodedata
 
 import pytest
 
-from lagsim.derivation.as_latex import as_latex
-from lagsim.derivation.as_text import as_text
-from lagsim.derivation.names import LatexNames, Name, UnicodeNames
-from tests.derivation.cases import small
+from lagsim.show.latex import as_latex
+from lagsim.show.names import LatexNames, Name, UnicodeNames
+from lagsim.show.text import as_text
+from tests.show.cases import small
 
 LETTERS = [
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota",

@@ -4,34 +4,44 @@ A definition of positions keeps its name where that reads better: where it is a 
 (a root) or another function's value, where it is a sum inside a function (the angle in
 `sin(p)`), or where it is made of parameters only. Others are written out. What keeps
 its name still depends on the coordinates: derivatives follow the chain rule.
+
+Expressions that sympy would not come to the end of are refused, before by their size
+and in the end by their time: sympy writes everything out and keeps numbers exactly, so
+(x/2)^(10^10) would be 2^(10^10), with three thousand million digits.
 """
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import math
 import re
+import threading
+import time
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial, reduce
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import sympy as sp
 
-from lagsim.derivation.endless import refuse_endless
-from lagsim.derivation.functions import TWINS
-from lagsim.derivation.names import Name
-from lagsim.derivation.tidy import Roles, Tidier
+from lagsim import limits
+from lagsim.errors import InputError, Problem
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
-from lagsim.language.graph import CONSTANT, VARIABLE
+from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.model.model import Level
+from lagsim.show.names import Name
+from lagsim.show.tidy import Roles, Tidier
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
+    from lagsim.language.functions.row import Function
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Parameter
+
 
 # Multiples of pi up to this many, in parts up to this small, are shown as such.
 _PARTS_OF_PI = 12
@@ -289,3 +299,186 @@ _WHOLE = range(2, 17)
 _LOGARITHMS = {math.log(k): sp.log(k) for k in _WHOLE}
 _LOGARITHMS |= {1 / math.log(k): 1 / sp.log(k) for k in _WHOLE}
 LARGEST_PART = 16
+
+
+class Spelled(sp.Function):  # type: ignore[misc]
+    """A real function; `row` is its row in the table."""
+
+    row: ClassVar[Function]
+
+    @property
+    def spelled(self) -> str:
+        """Its name in the model language."""
+        return self.row.name
+
+    def _eval_is_extended_real(self) -> bool:
+        return True
+
+
+def _class_name(row: Function) -> str:
+    """Give a name that sympy has not; its simplifiers go by them, and its order."""
+    name = row.name.capitalize()
+    if row.step:
+        return f"{name}Step"
+    return f"{name}Branch" if row.branches else f"Real{name}"
+
+
+TWINS: dict[str, type[Spelled]] = {
+    name: type(_class_name(row), (Spelled,), {"row": row})
+    for name, row in FUNCTIONS.items()
+    if row.spelled
+}
+
+
+# sympy writes exp(n log x) as x^n.
+_JOINED = ("add", "sub", "mul", "div", "neg")
+# The digits of a common denominator of small fractions.
+_OF_A_SUM = 6.0
+HINT = "`--format python` takes them as they are"
+
+
+class _Size(NamedTuple):
+    """What an expression comes to, written out.
+
+    Attributes
+    ----------
+    operations, depth : int
+    digits : float
+        Of the numbers that may stand before its terms.
+    factor : float
+        The largest number that multiplies what is in it.
+    logarithm : bool
+        A logarithm is a term of it, or a factor.
+    """
+
+    operations: int = 1
+    depth: int = 1
+    digits: float = 0.0
+    factor: float = 1.0
+    logarithm: bool = False
+
+
+def refuse_endless(
+    g: Graph, nodes: Iterable[int], numbers: Mapping[int, float] | None = None
+) -> None:
+    """Refuse expressions that are too long to be written out.
+
+    Parameters
+    ----------
+    numbers
+        The values of parameters that are put in.
+
+    Raises
+    ------
+    InputError
+    """
+    sizes: dict[int, _Size] = {}
+    nodes, numbers = list(nodes), numbers or {}
+    for n in g.cone(nodes):
+        sizes[n] = _size(g, n, sizes, numbers)
+    size = sum(sizes[n].operations for n in nodes)
+    depth = max((sizes[n].depth for n in nodes), default=0)
+    if size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH:
+        about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
+        most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
+        text = (
+            f"the energies, written out, have {about}, nested {depth} deep, and the "
+            f"limits are {most}"
+        )
+        raise InputError([Problem("too-long", text, None, HINT)])
+    digits = max((sizes[n].digits for n in sizes), default=0.0)
+    if digits > limits.EXACT_DIGITS:
+        about = f"about {digits:.2g} digits" if digits < 1e12 else "no end of digits"
+        text = (
+            "the energies, written out, have numbers to the power of numbers with "
+            f"{about}, and the limit is {limits.EXACT_DIGITS}"
+        )
+        raise InputError([Problem("too-long", text, None, HINT)])
+
+
+def _size(
+    g: Graph, n: int, sizes: Mapping[int, _Size], numbers: Mapping[int, float]
+) -> _Size:
+    number = numbers.get(n, g.value(n))
+    if number is not None:
+        return _Size(digits=_digits(number), factor=max(1.0, abs(number)))
+    op, args = g.ops[n], [sizes[a] for a in g.args[n]]
+    if op in (VARIABLE, TRUTH):
+        return _Size()
+    digits = [a.digits for a in args]
+    joined = op in _JOINED
+    found = _Size(
+        operations=1 + sum(a.operations for a in args),
+        depth=1 + max(a.depth for a in args),
+        digits=sum(digits) if op in ("mul", "div") else max(digits),
+        factor=math.prod(a.factor for a in args) if joined else 1.0,
+        logarithm=op == "log" or (joined and any(a.logarithm for a in args)),
+    )
+    if op in ("add", "sub") and all(digits):
+        return found._replace(digits=found.digits + _OF_A_SUM)
+    if op == "pow":
+        power = numbers.get(g.args[n][1], g.value(g.args[n][1]))
+        if power is not None:
+            most = max(digits[1], digits[0] * max(1.0, abs(power)))
+            return found._replace(digits=most)
+    if op == "exp" and args[0].logarithm:
+        return found._replace(digits=digits[0] * args[0].factor)
+    return found
+
+
+def _digits(x: float) -> float:
+    """Give the decimal digits of a number as a fraction; none of 0, 1 and -1."""
+    if not math.isfinite(x):
+        return 0.0
+    part = Fraction(x).limit_denominator(16)
+    if part.numerator / part.denominator != x:
+        part = Fraction(repr(x))
+    return math.log10(max(1, abs(part.numerator))) + math.log10(part.denominator)
+
+
+# How often the time is looked at. An exception may be lost where something catches all;
+# it comes again.
+GLANCE_SECONDS = 0.25
+
+
+class _TimeIsUp(BaseException):
+    """Raised where the work has come to; no handler of `Exception` takes it."""
+
+
+@contextlib.contextmanager
+def its_time(seconds: float = limits.DERIVING_SECONDS) -> Iterator[None]:
+    """Give the work of the context so much time of the processor.
+
+    Raises
+    ------
+    InputError
+        Where it is not done by then.
+    """
+    worker, lock, done = threading.get_ident(), threading.Lock(), threading.Event()
+    until = time.process_time() + seconds
+
+    def end() -> None:
+        while not done.wait(GLANCE_SECONDS):
+            with lock:
+                if not done.is_set() and time.process_time() > until:
+                    _raise_in(worker, _TimeIsUp)
+
+    thread = threading.Thread(target=end, daemon=True)
+    thread.start()
+    try:
+        try:
+            yield
+        finally:
+            with lock:
+                done.set()
+                _raise_in(worker, None)  # what is not raised yet
+    except _TimeIsUp:
+        text = (
+            f"the equations are not derived within {seconds:.3g} s, which is the limit"
+        )
+        raise InputError([Problem("too-long", text, None, HINT)]) from None
+
+
+def _raise_in(thread: int, error: type[BaseException] | None) -> None:
+    raised = ctypes.py_object(error) if error else None
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)

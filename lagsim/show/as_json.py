@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lagsim.derivation.conditions import ASCII, conditions, when
-from lagsim.derivation.names import ModelNames, Name
-from lagsim.derivation.writer import Style, Writer
+from lagsim.show.conditions import ASCII, conditions, when
+from lagsim.show.names import ModelNames, Name
+from lagsim.show.writer import Style, Writer
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from lagsim.derivation.content import Condition, Content, Force, Gauss, Line
+    from lagsim.show.content import Condition, Content, Force, Gauss, Line
 
 
 def as_json(content: Content) -> dict[str, Any]:

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from lagsim.derivation.as_json import as_json
-from lagsim.derivation.lagrange import content
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.language.symbolic import symbol
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
+from lagsim.show.as_json import as_json
+from lagsim.show.lagrange import content
 from tests.support import MODELS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.derivation.content import Content
+    from lagsim.show.content import Content
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # Their equations fill pages: some seconds each.

@@ -7,15 +7,14 @@ import random
 import pytest
 import sympy as sp
 
-from lagsim.derivation.as_text import as_text
-from lagsim.derivation.lagrange import _Derivation, content
-from lagsim.derivation.terms import CutError, Meter
-from lagsim.derivation.tidy import Roles, Tidier, cost
-from lagsim.derivation.translation import Translation
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
-from tests.derivation.cases import equations_of, s
+from lagsim.show.lagrange import _Derivation, content
+from lagsim.show.symbols import Translation
+from lagsim.show.text import as_text
+from lagsim.show.tidy import CutError, Meter, Roles, Tidier, cost
+from tests.show.cases import equations_of, s
 
 sin, cos = sp.sin, sp.cos
 m, a, b, u, v, w = s.m, s.a, s.b, s.u, s.v, s.w

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import sympy as sp
 
-from tests.derivation.cases import content_of, s
+from tests.show.cases import content_of, s
 
 M, g, K, th, u = s.M, s.g, s.K, s.theta, s.u
 l = s.l  # noqa: E741  the notes' letter
@@ -143,8 +143,8 @@ def test_63_to_69_steered() -> None:
 
 
 def test_70_to_73_gauss() -> None:
-    from lagsim.derivation.lagrange import content
-    from tests.derivation.cases import equations_of
+    from lagsim.show.lagrange import content
+    from tests.show.cases import equations_of
 
     c = content(equations_of("elastic-pendulum-curve"), with_gauss=True)
     assert c.gauss is not None
