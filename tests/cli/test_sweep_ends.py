@@ -8,8 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.run.test_ensemble import FALL
-
+# An orbit with next to no angular momentum falls into the centre, by steps of no size.
+FALL = """\
+parameters: {mu: 1}
+coordinates: {r: , phi: }
+energy: {kinetic: r_dot^2/2 + r^2*phi_dot^2/2, potential: -mu/r}
+initial: {r: 1, phi: 0, phi_dot: 1}
+simulation: {duration: 3, output_step: 0.1, rtol: 1e-9, formulation: full}
+"""
 SWEPT = ("phi_dot=0:1.2:7", "mu=0.9,1.1")
 
 

@@ -1,4 +1,4 @@
-"""Equations derived once run at any binding, on the code compiled once."""
+"""A system bound to other values of parameters, or compiled anew where it has to be."""
 
 from __future__ import annotations
 
@@ -6,69 +6,8 @@ import numpy as np
 import pytest
 
 from lagsim.model.reader import read
-from lagsim.native.link.cache import object_code
-from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
-
-# Derived parameters, a start that follows them, `if` in the time and in the state.
-SWITCHED = """
-parameters: {k: 20, m: 1.5, w: sqrt(k/m), on: 1/w, low: -0.5}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + y^2*x^2 + y^2}
-forces: {x: "if(t < on, m, 0) - if(x < low, w*(x - low), 0)", y: -0.1*y_dot}
-initial: {x: 1, y: 0.2, x_dot: 0.1*w}
-simulation: {duration: 2, output_step: 0.05}
-"""
-HELD = """
-parameters: {l: 1, g: 9.8, a: 0.3, w: 2*sqrt(g/l)}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
-constraints: {rod: (x - a*sin(w*t))^2 + y^2 = l^2}
-initial: {x: l*sin(0.4), y: {guess: -l}, x_dot: 0.1, y_dot: {guess: 0}}
-simulation: {duration: 2, output_step: 0.05, until: y >= 0}
-"""
-CASES = {
-    "switched": (SWITCHED, [{"k": 35.0}, {"m": 0.7, "low": -0.2}, {"w": 3.0}]),
-    "held": (HELD, [{"l": 1.3}, {"g": 1.62, "a": 0.05}]),
-    "by tapes": (HELD, [{"l": 1.3}]),
-    "by loops": (HELD, [{"l": 1.3}]),
-}
-
-
-def rows(case, by):
-    plan, keep = case.plan(), Keep()
-    session = case.ready(by_loops(plan) if by == "by loops" else plan)
-    trajectory = session.run([keep])
-    return keep.table, trajectory.statistics
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES)
-def test_rows_are_those_of_the_text_read_again(case, monkeypatch):
-    compiled = []
-
-    def noted(made_from, generate):
-        compiled.append(made_from)
-        return object_code(made_from, generate)
-
-    monkeypatch.setattr("lagsim.run.system.object_code", noted)
-    text, changes = CASES[case]
-    if case == "by tapes":
-        monkeypatch.setattr("lagsim.plan.making.from_tape", lambda *_: True)
-    opened = open_case(read(text, "m.yaml"))
-    first, _ = rows(opened, case)
-    own = compiled.pop()
-    for values in changes:
-        again = read(text, "m.yaml", {k: repr(v) for k, v in values.items()})
-        expected, same = rows(open_case(again), case)
-        compiled.clear()
-        found, work = rows(opened.bind(values), case)
-        assert np.array_equal(found, expected)
-        assert work == same
-        assert found.shape != first.shape or not np.array_equal(found, first)
-        # Object code is kept by a digest of the graph that it is compiled from.
-        assert compiled == [own]
 
 
 def test_a_mass_that_becomes_nothing_is_solved_for_by_other_functions():

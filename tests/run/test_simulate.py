@@ -67,19 +67,6 @@ def test_rk4_takes_the_output_step_where_none_is_given():
     assert found.plan.step == 0.05
 
 
-def test_rk4_steps_are_the_textbook_ones():
-    found = run(oscillator("duration: 0.3, output_step: 0.1, method: rk4"))
-    y = np.array([1.0, 0.0])
-    for row in found.rows[1:]:
-        slope = np.array([[0.0, 1.0], [-1.0, 0.0]])
-        k1 = slope @ y
-        k2 = slope @ (y + 0.05 * k1)
-        k3 = slope @ (y + 0.05 * k2)
-        k4 = slope @ (y + 0.1 * k3)
-        y = y + 0.1 * (k1 + 2 * k2 + 2 * k3 + k4) / 6
-        assert row[1:3] == pytest.approx(y, rel=0, abs=1e-15)
-
-
 def test_rows_come_in_blocks_so_memory_is_bounded():
     blocks = []
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lagsim.admissibility.examination import examine
-from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.equilibrium import NoEquilibriumError, find_equilibrium, modes
 from lagsim.mechanics.linearisation import Linearisation
@@ -167,13 +166,6 @@ def test_a_parameter_that_spoils_the_start():
     assert [cell.stable for cell in found.cells] == [False, False, True, True]
     assert found.cells[0].verdict == "fails"
     assert found.cells[0].reason
-
-
-def test_refusals():
-    with pytest.raises(InputError, match="`verlet` cannot handle this model"):
-        looked_at(DAMPED, "verlet", steps=(0.1, 1.0))
-    with pytest.raises(InputError, match="`dop853` chooses its steps"):
-        looked_at(DAMPED, "dop853", steps=(0.1, 1.0))
 
 
 @pytest.mark.slow
