@@ -12,7 +12,7 @@ import pytest
 from tests.show.latex_checker import check
 from tests.support import MODELS
 
-PENDULUM = str(MODELS / "elastic-pendulum.yaml")
+ELASTIC = str(MODELS / "elastic-pendulum.yaml")
 
 
 def process(*args, **env):
@@ -30,9 +30,9 @@ def text_of(done):
 
 
 def test_text_and_ascii(lagsim):
-    text = text_of(lagsim("derive", PENDULUM))
+    text = text_of(lagsim("derive", ELASTIC))
     assert "M (l + u)² θ̈ + 2 M (l + u) θ̇ u̇ + M g (l + u) sin(θ) = 0" in text
-    plain = text_of(lagsim("derive", PENDULUM, "--ascii"))
+    plain = text_of(lagsim("derive", ELASTIC, "--ascii"))
     assert plain.isascii()
     assert "M*(l + u)^2*theta_ddot + 2*M*(l + u)*theta_dot*u_dot" in plain
 
@@ -51,7 +51,7 @@ def test_the_text_is_the_same_whatever_the_hash_seed():
 def test_formats_into_files(lagsim, tmp_path):
     for form, option in (("latex", "--gauss"), ("json", "--solve")):
         target = tmp_path / form
-        done = lagsim("derive", PENDULUM, "--format", form, option, "-o", target)
+        done = lagsim("derive", ELASTIC, "--format", form, option, "-o", target)
         assert text_of(done) == ""
         content = target.read_text(encoding="utf-8")
         if form == "latex":
@@ -69,7 +69,7 @@ def test_python_stands_alone_and_needs_no_sympy(tmp_path):
     target = tmp_path / "equations.py"
     code = (
         "import sys; from lagsim.cli import main; "
-        f"sys.argv[1:] = ['derive', {PENDULUM!r}, '--format', 'python', '-o'];"
+        f"sys.argv[1:] = ['derive', {ELASTIC!r}, '--format', 'python', '-o'];"
         f"sys.argv.append({str(target)!r});"
         "code = main(); print('sympy' in sys.modules); sys.exit(code)"
     )
@@ -159,24 +159,21 @@ def test_the_module_alone_balances_the_rows_of_a_run(lagsim, name, tmp_path):
 
 
 def test_set_changes_the_numbers_that_are_put_in(lagsim):
-    text = text_of(lagsim("derive", PENDULUM, "--set", "g=1.62", "--substitute"))
+    text = text_of(lagsim("derive", ELASTIC, "--set", "g=1.62", "--substitute"))
     assert "1.62 cos(θ)" in text
-    module = text_of(
-        lagsim("derive", PENDULUM, "--set", "g=1.62", "--format", "python")
-    )
+    module = text_of(lagsim("derive", ELASTIC, "--set", "g=1.62", "--format", "python"))
     assert '"g": 1.62,' in module
 
 
 def test_standard_input(lagsim, monkeypatch):
-    with open(PENDULUM, encoding="utf-8") as file:  # noqa: PTH123
+    with open(ELASTIC, encoding="utf-8") as file:  # noqa: PTH123
         monkeypatch.setattr(sys, "stdin", file)
         assert "Equation of θ" in text_of(lagsim("derive", "-"))
 
 
 def test_what_is_no_file_is_not_replaced(lagsim):
     assert (
-        text_of(lagsim("derive", PENDULUM, "--format", "python", "-o", os.devnull))
-        == ""
+        text_of(lagsim("derive", ELASTIC, "--format", "python", "-o", os.devnull)) == ""
     )
     assert not os.path.isfile(os.devnull)  # noqa: PTH113
 
@@ -185,13 +182,13 @@ def test_what_is_no_file_is_not_replaced(lagsim):
     ("args", "told"),
     [
         (["no-such-file.yaml"], "no-such-file.yaml: cannot be read"),
-        ([PENDULUM, "--format", "maple"], "maple"),
-        ([PENDULUM, "--format", "python", "--gauss"], "--gauss means nothing"),
-        ([PENDULUM, "--format", "latex", "--ascii"], "--ascii means nothing"),
-        ([PENDULUM, "--set", "q_ddot=1"], "q_ddot"),
-        ([PENDULUM, "-o", "no/such/folder/file"], "cannot be written"),
-        ([PENDULUM, "-o", "."], "cannot be written"),
-        ([PENDULUM, "-o", PENDULUM], "it is the model"),
+        ([ELASTIC, "--format", "maple"], "maple"),
+        ([ELASTIC, "--format", "python", "--gauss"], "--gauss means nothing"),
+        ([ELASTIC, "--format", "latex", "--ascii"], "--ascii means nothing"),
+        ([ELASTIC, "--set", "q_ddot=1"], "q_ddot"),
+        ([ELASTIC, "-o", "no/such/folder/file"], "cannot be written"),
+        ([ELASTIC, "-o", "."], "cannot be written"),
+        ([ELASTIC, "-o", ELASTIC], "it is the model"),
     ],
 )
 def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
@@ -228,6 +225,6 @@ def test_faults_are_json_where_json_is_asked_for(lagsim):
 
 @pytest.mark.slow
 def test_letters_that_the_terminal_does_not_know():
-    done = process("derive", PENDULUM, PYTHONIOENCODING="ascii")
+    done = process("derive", ELASTIC, PYTHONIOENCODING="ascii")
     assert done.returncode == 0
     assert "sin(\\u03b8)" in done.stdout.decode("ascii")

@@ -11,14 +11,14 @@ import pytest
 import lagsim as house
 from tests.support import MODELS
 
-PENDULUM = MODELS / "elastic-pendulum.yaml"
+ELASTIC = MODELS / "elastic-pendulum.yaml"
 
 
 @pytest.fixture
 def two(lagsim):
     """Make two runs, `a` and `b`, that differ."""
     for name, value in (("a", "9.8"), ("b", "9.7")):
-        line = ("run", PENDULUM, "--no-plots", "--animate", "--duration", "1")
+        line = ("run", ELASTIC, "--no-plots", "--animate", "--duration", "1")
         assert lagsim(*line, "-o", name, "--set", f"g={value}").code == 0
     return lagsim
 
@@ -32,7 +32,7 @@ def test_each_file_has_its_sha256():
 
 
 def test_so_it_has_where_python_writes_them(tmp_path):
-    result = house.simulate(house.load(str(PENDULUM)), duration=0.5)
+    result = house.simulate(house.load(str(ELASTIC)), duration=0.5)
     result.write(tmp_path / "out", plots=False)
     digests = json.loads((tmp_path / "out/run.json").read_bytes())["sha256"]
     table = (tmp_path / "out/trajectory.csv").read_bytes()

@@ -65,7 +65,7 @@ def test_a_probe_beside_the_sun_and_the_earth(method):
     assert np.max(errors) < 20.0
 
 
-PENDULUM = """
+BESIDE = """
 coordinates: {{a: {{}}{more_coordinates}}}
 energy: {{kinetic: "a_dot^2/2{more_energy}", potential: "-cos(a)"}}
 initial: {{a: 1, a_dot: 0{more_initial}}}
@@ -74,7 +74,7 @@ simulation: {{duration: 20, output_step: 0.5}}
 
 
 def beside(mass: float, speed: float) -> str:
-    return PENDULUM.format(
+    return BESIDE.format(
         more_coordinates=", b: {}",
         more_energy=f" + {mass!r}*b_dot^2/2",
         more_initial=f", b: 1e8, b_dot: {speed!r}",
@@ -91,7 +91,7 @@ def beside(mass: float, speed: float) -> str:
     ],
 )
 def test_a_bystander_changes_nothing(mass, speed, method):
-    alone = PENDULUM.format(more_coordinates="", more_energy="", more_initial="")
+    alone = BESIDE.format(more_coordinates="", more_energy="", more_initial="")
     expected = run(alone, method=method, rtol="1e-13")
     found = run(beside(mass, speed), method=method)
     # Ten oscillations at a local tolerance of 1e-12.

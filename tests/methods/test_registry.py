@@ -13,42 +13,15 @@ from lagsim.mechanics.equations import derive
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method, names
 from lagsim.model.reader import read
+from tests.small_scenes import angle, held_pendulum, oscillator, pendulum, swing
 from tests.support import run
 
 SIMULATION = "simulation: {duration: 5, output_step: 0.05, method: METHOD, step: STEP}"
-PENDULUM = """
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: 1}
-"""
-HELD = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: sin(1), y: -cos(1)}
-"""
-OSCILLATOR = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: x^2/2}
-initial: {x: 1}
-"""
 DAMPED = """
 coordinates: {x: {}}
 energy: {kinetic: x_dot^2/2, potential: x^2/2, dissipation: 0.1*x_dot^2}
 initial: {x: 1}
 """
-
-
-def swing(t, amplitude=1.0):
-    """Give the angle of a pendulum let go at `amplitude`: Jacobi's elliptic functions.
-
-    sin(a/2) = k sn(K - t, k^2), k = sin(amplitude/2).
-    """
-    from scipy.special import ellipj, ellipk
-
-    k = math.sin(amplitude / 2.0)
-    sn, _, _, _ = ellipj(ellipk(k * k) - t, k * k)
-    return 2.0 * np.arcsin(k * sn)
 
 
 def damped(t):
@@ -57,15 +30,11 @@ def damped(t):
     return np.exp(-0.1 * t) * (np.cos(w * t) + 0.1 / w * np.sin(w * t))
 
 
-def angle(found):
-    return np.arctan2(found["x"], -found["y"])
-
-
 # Text, what is compared, and its closed form.
 SCENES = {
-    "pendulum": (PENDULUM, lambda found: found["a"], swing),
-    "held": (HELD, angle, swing),
-    "oscillator": (OSCILLATOR, lambda found: found["x"], np.cos),
+    "pendulum": (pendulum(), angle, swing),
+    "held": (held_pendulum(), angle, swing),
+    "oscillator": (oscillator(), lambda found: found["x"], np.cos),
     "damped": (DAMPED, lambda found: found["x"], damped),
 }
 PAIRS = [(name, scene) for name in names() for scene in SCENES]

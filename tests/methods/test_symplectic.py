@@ -14,6 +14,7 @@ from lagsim.methods.parts import state as at
 from lagsim.run.observers import Keep
 from tests.methods.plain import fresh_state, state_of
 from tests.methods.test_registry import refusal_of
+from tests.small_scenes import held_pendulum
 from tests.support import ready, run
 
 FREE = """
@@ -23,12 +24,7 @@ energy:
   potential: -cos(a) + a*b^2/2 + b^4/4 + b^2/2
 initial: {a: 1, b: 0.3, b_dot: -0.2}
 """
-PENDULUM = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: sin(2), y: -cos(2)}
-"""
+PENDULUM = held_pendulum(2)
 # Masses 1 and 2, so that the metric matters; each rod of length 1.
 DOUBLE = """
 coordinates: {x: {}, y: {}, u: {}, v: {}}

@@ -16,28 +16,16 @@ from lagsim.methods.parts.projection import met_part
 from lagsim.plan import integration
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
-from tests.methods.test_registry import swing
+from tests.small_scenes import angle, held_pendulum, pendulum, quarter, swing
 from tests.support import run
 
-PENDULUM = """
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: 2}
-simulation: {duration: 20, output_step: 0.1, method: taylor, rtol: RTOL}
-"""
-HELD = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: sin(2), y: -cos(2)}
-simulation: {duration: 20, output_step: 0.1, method: taylor, rtol: RTOL}
-"""
+SIMULATION = "duration: 20, output_step: 0.1, method: taylor, rtol: RTOL"
+PENDULUM, HELD = pendulum(2, SIMULATION), held_pendulum(2, SIMULATION)
 
 
 def off(text, rtol):
     found = run(text.replace("RTOL", str(rtol)))
-    angle = found["a"] if text is PENDULUM else np.arctan2(found["x"], -found["y"])
-    return np.max(np.abs(angle - swing(found["t"], 2.0))), found
+    return np.max(np.abs(angle(found) - swing(found["t"], 2.0))), found
 
 
 @pytest.mark.parametrize("text", [PENDULUM, HELD])
@@ -137,10 +125,7 @@ def test_breaks_in_time(force, after):
 
 def test_until():
     found = run(PENDULUM.replace("rtol: RTOL", 'until: "a <= 0"'))
-    from scipy.special import ellipk
-
-    # A quarter of the period: K(k), k = sin(1).
-    assert found["t"][-1] == pytest.approx(ellipk(math.sin(1.0) ** 2), abs=1e-11)
+    assert found["t"][-1] == pytest.approx(quarter(2.0), abs=1e-11)
 
 
 SYMMETRIC = """

@@ -25,7 +25,7 @@ forces: {x: -c*(x_dot - y_dot*cos(y)), y: c*(x_dot - y_dot*cos(y))*cos(y)}
 initial: {x: sin(1), y: 1}
 simulation: {duration: 1, output_step: 0.05, rtol: 1e-7}
 """
-PENDULUM = """
+SPRING = """
 parameters: {K: 1e8, l: 1, g: 9.8}
 coordinates: {theta: {}, u: {}}
 energy:
@@ -34,8 +34,8 @@ energy:
 initial: {theta: 1, u: STRETCHED}
 simulation: {duration: 3, output_step: 0.05, rtol: TOLERANCE}
 """
-QUIET = PENDULUM.replace("STRETCHED", "g*cos(1)/K")
-EXCITED = PENDULUM.replace("STRETCHED", "1e-4")
+QUIET = SPRING.replace("STRETCHED", "g*cos(1)/K")
+EXCITED = SPRING.replace("STRETCHED", "1e-4")
 HELD = """
 parameters: {K: 1e8, c: 2e5}
 coordinates: {x: {}, y: {}, z: {}}

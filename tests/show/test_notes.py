@@ -31,7 +31,7 @@ U = {
     "dV_dq": K * u - M * g * cos(th),
     "Q": sp.S.Zero,
 }
-PENDULUM = ("elastic-pendulum", "elastic-pendulum-curve", "elastic-pendulum-steered")
+ELASTIC = ("elastic-pendulum", "elastic-pendulum-curve", "elastic-pendulum-steered")
 
 
 def same(found: Any, expected: Any) -> bool:
@@ -48,7 +48,7 @@ def alike(found: Any, expected: Any) -> bool:
     return bool(abs(e.subs(at).evalf(60)) < 1e-50)
 
 
-@pytest.mark.parametrize("name", PENDULUM)
+@pytest.mark.parametrize("name", ELASTIC)
 @pytest.mark.parametrize(("j", "expected"), [(0, THETA), (1, U)])
 def test_34_to_39_term_by_term(name: str, j: int, expected: dict[str, Any]) -> None:
     terms = content_of(name).lines[j].terms

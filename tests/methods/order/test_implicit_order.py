@@ -11,7 +11,7 @@ from lagsim.methods import radau
 from lagsim.methods.parts.parameters import Parameters
 from tests.methods.order.test_convergence import slope
 from tests.methods.plain import Plain, exact, fresh_state, state_of
-from tests.methods.test_registry import swing
+from tests.small_scenes import swing
 from tests.support import run
 
 NO_PARAMETERS = Parameters.made()
@@ -55,7 +55,7 @@ class Fixed:
         return out
 
 
-PENDULUM = accelerated(
+RATES = accelerated(
     lambda _t, q, _v: -math.sin(q), lambda _t, q, _v: (-math.cos(q), 0.0)
 )
 
@@ -63,7 +63,7 @@ PENDULUM = accelerated(
 def test_radau_has_order_5():
     steps, errors = [0.4, 0.2, 0.1], []
     for h in steps:
-        fixed = Fixed(PENDULUM, [2.0, 0.0], 0.0, h)
+        fixed = Fixed(RATES, [2.0, 0.0], 0.0, h)
         visited = [fixed.step() for _ in range(round(2.0 / h))]
         errors.append(max(abs(y[0] - swing(t, 2.0)) for t, y in visited))
     assert slope(steps, errors) == pytest.approx(5, abs=0.4)
@@ -73,7 +73,7 @@ def test_order_of_radaus_dense_output():
     # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
     steps, errors = [0.4, 0.2, 0.1], []
     for h in steps:
-        fixed = Fixed(PENDULUM, [2.0, 0.0], 0.0, h)
+        fixed = Fixed(RATES, [2.0, 0.0], 0.0, h)
         _, after = fixed.step()
         looks = np.linspace(0.05, 0.95, 19)
         errors.append(max(abs(fixed.within(x)[0] - swing(x * h, 2.0)) for x in looks))

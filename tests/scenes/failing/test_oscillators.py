@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from lagsim.methods import method, names
-from tests.methods.test_registry import OSCILLATOR
+from tests.small_scenes import oscillator
 from tests.support import run
 
+OSCILLATOR = oscillator()
 CUBIC = OSCILLATOR.replace("x^2/2", "x^2/2 + x^3/3").replace("x: 1", "x: SIZE")
 FIXED = [name for name in names() if not method(name).ADAPTIVE]
 

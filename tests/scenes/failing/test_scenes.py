@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from lagsim.methods import dop853
 from lagsim.run.observers.ledger import Ledger
+from tests.small_scenes import pendulum
 from tests.support import MODELS, run
 
 
@@ -224,12 +225,9 @@ def test_events_on_a_cubic_lose_the_order_of_the_method():
 
     on_cubic = abs(root(cubic) - quarter)
     on_dense = abs(root(lambda t: solution.sol(t)[0]) - quarter)
-    found = run("""
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: pi/2}
-simulation: {duration: 3, until: a <= 0, rtol: 1e-10, method: dop853}
-""")
+    found = run(
+        pendulum("pi/2", "duration: 3, until: a <= 0, rtol: 1e-10, method: dop853")
+    )
     ours = abs(found.trajectory.end - quarter)
     assert on_cubic > 1e-7
     assert on_dense < 1e-3 * on_cubic

@@ -11,6 +11,7 @@ from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
 from lagsim.run.observers.ledger import Growth
 from lagsim.studies.attempts import Account
+from tests.small_scenes import held_pendulum
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
 
@@ -20,13 +21,7 @@ energy: {kinetic: x_dot^2/2, potential: "1 - cos(x)"}
 initial: {x: 1}
 simulation: {duration: 10, output_step: 0.01}
 """
-ROD = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y}
-constraints: {rod: x^2 + y^2 = 1}
-initial: {x: 1, y: 0}
-simulation: {duration: 10, output_step: 0.01}
-"""
+ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
 
 
 def doubt(found, bar="not estimated"):

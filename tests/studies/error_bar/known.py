@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from tests.methods.test_registry import swing
+from tests.small_scenes import swing
 
 
 def text(coordinates, energy, initial, simulation, more=""):

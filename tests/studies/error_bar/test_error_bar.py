@@ -13,8 +13,8 @@ from lagsim.run.session import open_case
 from lagsim.studies import error_bar
 from lagsim.studies.error_bar import Checkpoints, repeat
 from lagsim.studies.error_bar.means import LOOSER
-from tests.methods.test_registry import swing
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
+from tests.small_scenes import pendulum, swing
 from tests.support import MODELS
 
 
@@ -30,12 +30,7 @@ def shipped(name, **options):
     return read_file(str(MODELS / f"{name}.yaml"), options=options)
 
 
-PENDULUM = """
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2/2, potential: -cos(a)}
-initial: {a: 2}
-simulation: {duration: 60, output_step: 0.1}
-"""
+PENDULUM = pendulum(2, "duration: 60, output_step: 0.1")
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.studies.error_bar import Checkpoints
+from tests.small_scenes import oscillator
 from tests.studies.error_bar.test_error_bar import barred
 
 
@@ -70,12 +71,7 @@ def test_numbers_stay_right_where_rows_are_thinned_after_an_impact():
 
 
 def test_many_rows_are_compared_with_rows_of_the_same_times():
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: x^2/2}
-initial: {x: 1}
-simulation: {duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7}
-"""
+    text = oscillator("duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7")
     kept, bar = barred(read(text, "m.yaml"))
     assert kept.stride > 1
     true = np.max(np.abs(kept.rows[:, 1] - np.cos(kept.rows[:, 0])))
@@ -84,12 +80,8 @@ simulation: {duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7}
 
 def test_an_end_that_the_repeat_does_not_confirm():
     # Narrow: 0.02 wide, passed within a hundredth of a second, if it is seen at all.
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: x^2/2}
-initial: {x: 0, x_dot: 1}
-simulation: {duration: 10, output_step: 0.01, method: dop853, until: "x >= 0.5"}
-"""
+    simulation = 'duration: 10, output_step: 0.01, method: dop853, until: "x >= 0.5"'
+    text = oscillator(simulation, x=0, v=1)
     kept, bar = barred(read(text, "m.yaml"))
     assert kept.rows[-1, 0] == pytest.approx(np.arcsin(0.5), abs=1e-9)
     assert bar.times[-1] == kept.rows[-1, 0]
