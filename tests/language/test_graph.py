@@ -145,24 +145,6 @@ def test_folding_never_raises(text: str, expected: float) -> None:
     assert evaluate(g, [node], {}) == pytest.approx([expected], nan_ok=True)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("floor(1e300)", 1e300),
-        ("floor(-2.5)", -3.0),
-        ("ceil(1e17)", 1e17),
-        ("2^0.5", math.sqrt(2)),
-        ("(-8)^3", -512.0),
-        ("1e-200*1e-200", 0.0),
-        ("atan2(0, -1)", math.pi),
-        ("if(2 > 1, 3, 4)", 3.0),
-    ],
-)
-def test_folding(text: str, expected: float) -> None:
-    g = Graph()
-    assert g.value(build(g, text)) == expected
-
-
 def test_gathering_factors_neither_overflows_nor_underflows() -> None:
     g = Graph()
     small = build(g, "1e-200*(1e-200*x)")

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 CONTACT, SLIP = Kind.CONTACT, Kind.SLIP
-G = 9.81
 
 
 def closed(
@@ -48,8 +47,3 @@ def closed(
 
 def none(r: int) -> np.ndarray:
     return np.zeros(r)
-
-
-def chain(n: int) -> np.ndarray:
-    """Give the rows (n - 1, n) of balls on a line, each touching the next."""
-    return np.eye(n)[1:] - np.eye(n)[:-1]

@@ -10,14 +10,6 @@ from tests.mechanics.contact._bodies import CONTACT, SLIP, closed, none
 
 # Newton's steps end within a few roundings of terms near 1.
 ROUNDING = 1e-13
-POINT = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-
-
-def point(mass, mu, e=0.0):
-    """Give a point on the floor z = 0."""
-    return closed(
-        [mass] * 3, POINT, [CONTACT, SLIP, SLIP], [-1, 0, 0], [-1, 2, 1], mu, e=e
-    )
 
 
 def turned(rows, angle):
@@ -25,41 +17,6 @@ def turned(rows, angle):
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
     return np.kron(np.eye(len(rows) // 3), turn) @ rows
-
-
-@pytest.mark.parametrize("mass", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("angle", [0.0, 0.3, 2.0, 4.5])
-def test_a_point_that_slips_is_slowed_against_its_slip(mass, angle):
-    slip = 3.0 * np.array([np.cos(angle), np.sin(angle)])
-    found = impact(point(mass, 0.5, 0.2), np.array([-2.0, *slip]), none(3))
-    fall = 2.0 * 1.2
-    assert found.impulses[0] == pytest.approx(mass * fall, rel=ROUNDING)
-    assert found.impulses[1:] == pytest.approx(
-        -mass * 0.5 * fall * slip / 3.0, rel=ROUNDING
-    )
-    assert found.residual <= ROUNDING
-    assert np.hypot(*found.after[1:]) == pytest.approx(3.0 - 0.5 * fall, rel=ROUNDING)
-
-
-def test_a_point_sticks_inside_the_disc_though_outside_the_square_in_it():
-    # 0.9 in both directions is 1.27 in all: less than the bound 1.3.
-    found = impact(point(1.0, 1.3), np.array([-1.0, 0.9, -0.9]), none(3))
-    assert found.impulses == pytest.approx([1.0, -0.9, 0.9], rel=ROUNDING)
-    assert found.after == pytest.approx(none(3), abs=ROUNDING)
-
-
-def test_a_sphere_with_spin_askew_rolls_or_slips():
-    # Slip u = v + w x r: what rolling takes is 2/7 of u, against mu times the fall.
-    r, inertia = 0.1, 0.4 * 0.01
-    rows = [[0, 0, 1, 0, 0], [1, 0, 0, 0, -r], [0, 1, 0, r, 0]]
-    masses = np.array([1.0, 1.0, 1.0, inertia, inertia])
-    before = np.array([1.0, -0.5, -2.0, 8.0, 5.0])
-    u = np.array([1.0 - 5.0 * r, -0.5 + 8.0 * r])
-    for mu in (0.05, 0.2):
-        body = closed(masses, rows, [CONTACT, SLIP, SLIP], [-1, 0, 0], [-1, 2, 1], mu)
-        found = impact(body, np.asarray(rows) @ before, none(3))
-        p = -u * min(2 / 7, mu * 2.0 / np.hypot(*u))
-        assert found.impulses == pytest.approx([2.0, *p], rel=ROUNDING)
 
 
 def bodies(seed, count, n):
@@ -104,30 +61,6 @@ def test_directions_of_the_slips_do_not_count():
     other = turned(rows, 0.7)
     again = impact(with_discs(other, 0.3), turned(before[:, None], 0.7)[:, 0], none(9))
     assert other.T @ again.impulses == pytest.approx(rows.T @ found.impulses, abs=1e-12)
-
-
-@pytest.mark.parametrize("angle", [0.0, 1.0, 3.5])
-def test_a_point_rests_slides_or_begins_to(angle):
-    way = np.array([np.cos(angle), np.sin(angle)])
-    body, weight = point(2.0, 0.5), -10.0
-    for pull, slip, mode, force in (
-        (4.9, 0.0, Mode.HELD, -2.0 * 4.9),
-        (5.1, 0.0, Mode.DRIVEN, -10.0),
-        (0.1, 0.3, Mode.DRIVEN, -10.0),
-    ):
-        found = modes(
-            body,
-            np.array([weight, *(pull * way)]),
-            np.array([0.0, *(slip * way)]),
-            none(3),
-            none(3),
-        )
-        assert found.mode[0] is Mode.HELD
-        # A slip whose way is across the motion has no force to slide with.
-        assert found.mode[1] is mode
-        assert found.multipliers == pytest.approx([20.0, *(force * way)], abs=1e-12)
-        if mode is Mode.DRIVEN:
-            assert found.way[1:] == pytest.approx(-way, abs=ROUNDING)
 
 
 CUBE = np.array([1.0, 1.0, 1.0, 0.5, 0.5, 2 / 3])
@@ -176,15 +109,3 @@ def test_a_box_rests_on_four_legs(pull):
             n = body.normals[k]
             bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
             assert found.multipliers[k] == pytest.approx(found.way[k] * bound)
-
-
-@pytest.mark.parametrize("pull", [(4.0, 3.2), (5.1, 0.0), (0.0, -9.0)])
-def test_a_box_slides_off_as_one(pull):
-    rows, body = box_on_legs(0.5)
-    force = np.array([*pull, -10.0, 0.0, 0.0, 0.0])
-    found = modes(body, rows @ (force / CUBE), none(12), none(12), none(12))
-    moved = (force + rows.T @ found.multipliers) / CUBE
-    size = np.hypot(*pull)
-    assert moved[:2] == pytest.approx(np.array(pull) * (1 - 5.0 / size), abs=1e-12)
-    assert moved[2:] == pytest.approx(none(4), abs=1e-12)
-    assert Mode.DRIVEN in found.mode[1::3]
