@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 CONTACT, SLIP = Kind.CONTACT, Kind.SLIP
+G = 9.81
 
 
 def closed(
