@@ -130,6 +130,10 @@ def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
     )
     assert warning["text"] in called.err
     assert f"{len(impacts)} impacts at `floor`" in called.out
+    # What a run has once is listed all the same.
+    until = ENDLESS.replace("0.5}", "0.5, until: y_dot >= 20 - t}")
+    lagsim("run", write(until), "--no-plots", "-o", "out", "-q")
+    assert [line[1] for line in listed()] == [*["impact"] * most, "until"]
 
 
 def test_the_table_is_the_same_without_pictures(lagsim, write):
