@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import subprocess
 import sys
 
@@ -12,6 +11,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.outputs import Format, packed
 from lagsim.outputs.table import table_writer
+from tests.outputs.test_table import Full
 
 UNITS = {"t": "s", "theta": "rad", "reaction.x": "", "u": "m"}
 ROWS = np.random.default_rng(3).standard_normal((100, 6))
@@ -68,23 +68,6 @@ def test_no_rows_are_no_fault(tmp_path):
     writer.finish()
     writer.close()
     assert [x.shape for x in columns_of(tmp_path / "t.npz").values()] == [(0,)] * 4
-
-
-class Full:
-    """A file on a disk with room for so many bytes more."""
-
-    def __init__(self, file, room):
-        self.file, self.room = file, room
-
-    def write(self, data):
-        if not self.room:
-            raise OSError(errno.ENOSPC, "No space left on device")
-        part = data[: self.room]
-        self.room -= len(part)
-        return self.file.write(part)
-
-    def __getattr__(self, name):
-        return getattr(self.file, name)
 
 
 def test_a_full_disk_leaves_whole_rows(tmp_path):

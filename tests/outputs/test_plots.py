@@ -5,10 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import itertools
-import os
 import struct
-import subprocess
-import sys
 import zlib
 from dataclasses import replace
 
@@ -141,34 +138,6 @@ def test_a_picture_is_a_png_of_the_drawn_pixels():
         assert image.size == pytest.approx((7 * DPI, sheet.height * DPI), abs=1)
         assert image.info["dpi"] == pytest.approx((DPI, DPI), abs=0.1)
         assert np.array_equal(np.asarray(image), sheet.pixels())
-
-
-SCRIPT = """
-import hashlib, sys
-sys.path.insert(0, {folder!r})
-import test_plots as t
-run = t.record(t.swing(9000), events={{"switch": (1.0, 2.0)}}, note="stopped")
-for sheet in (*t.all_sheets(run), t.plots.trajectory(*t.chain(9))):
-    print(hashlib.sha256(sheet.content()).hexdigest())
-assert "matplotlib.pyplot" not in sys.modules
-"""
-
-
-@pytest.mark.slow
-def test_two_processes_make_the_same_bytes(request):
-    script = SCRIPT.format(folder=str(request.path.parent))
-    outputs = [
-        subprocess.run(
-            [sys.executable, "-c", script],
-            env=os.environ | {"PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()
-        for seed in ("1", "2")
-    ]
-    assert outputs[0] == outputs[1]
-    assert len(set(outputs[0])) == 5
 
 
 def test_the_style_of_the_user_does_not_show():
