@@ -8,7 +8,7 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 441
-LINES = 77_100
+LINES = 76_800
 LINES_OF_TESTS = 63_000
 
 
