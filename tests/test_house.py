@@ -7,9 +7,9 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 441
-LINES = 76_800
-LINES_OF_TESTS = 63_000
+FILES = 424
+LINES = 76_700
+LINES_OF_TESTS = 61_900
 
 
 def lines(folder):

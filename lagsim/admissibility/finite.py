@@ -1,4 +1,4 @@
-"""What has to be finite at the start."""
+"""Energies, forces, masses and constraints that must be finite at the start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is a velocity constraint a holonomic one in disguise? Brackets of motions decide.
+"""Integrability of velocity constraints, by brackets of motions.
 
 The velocities that the constraints admit span a distribution in the space of (q, t).
 Its brackets, and theirs with it, span all directions that the motion can reach; what
@@ -15,8 +15,7 @@ import numpy as np
 
 from lagsim.admissibility.large import is_large
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.metric import least_squares
-from lagsim.admissibility.newton import reach
+from lagsim.admissibility.newton import least_squares, reach
 from lagsim.admissibility.point import Asked
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.admissibility.newton import MOST_STEPS, SOLVED, Found
-from lagsim.admissibility.running import runs_away
+from lagsim.admissibility.newton import MOST_STEPS, SOLVED, Found, runs_away
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How far a relation reaches, wherever it stands: lengths that know no origin.
+"""Lengths of relations, independent of the origin of the coordinates.
 
 A relation is as long as the way along a coordinate on which its gradient changes by as
 much as it is long: for a rod its length, for a curve its radius, for a sine one radian.
@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.metric import least_squares
-from lagsim.admissibility.newton import SOLVED
+from lagsim.admissibility.newton import SOLVED, least_squares
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 

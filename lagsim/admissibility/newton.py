@@ -1,4 +1,4 @@
-"""The nearest point that meets relations: damped Newton, then a true minimum.
+"""The nearest point that satisfies relations: damped Newton, then a true minimum.
 
 `nearest` minimises |x - x0| in a metric subject to r(x) = 0. Damped Newton steps of
 least change reach the relations; then Newton's method on the Lagrange function, along
@@ -15,13 +15,143 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from lagsim.admissibility.metric import RANK, least_squares
-from lagsim.admissibility.running import runs_away
-
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
+
+
+# --- The metric of changes: M, and its replacement where M is singular
+
+# Singular values below this part of the largest, of what was scaled, are zero.
+RANK = 1e-10
+
+
+def metric_of(M: Floats, free: Sequence[int]) -> Floats:
+    """Give the metric of least change on the values `free`: M, or Euclid's.
+
+    Euclid's where M is not positive definite on them.
+    """
+    part = M[np.ix_(list(free), list(free))]
+    return part if _positive(part) else np.eye(len(free))
+
+
+def rank_metric(M: Floats, A: Floats) -> Floats:
+    """Give the metric in which rows are compared: M, or its diagonal, completed."""
+    if _positive(M):
+        return M
+    return np.diag(sizes_of(np.sqrt(np.abs(np.diag(M))), A) ** 2)
+
+
+def solving_metric(M: Floats, A: Floats) -> Floats:
+    """Give the metric of least change in which the motion is solved for.
+
+    M; where that is singular M + A^T W A, W diagonal and to the size of M (see
+    `solve.dense`); where that is, too, Euclid's.
+    """
+    if _positive(M):
+        return M
+    inertias = np.abs(np.diag(M))
+    met = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
+    sizes = np.where(met > 0.0, met, np.max(inertias, initial=0.0) or 1.0)
+    squares = np.sum(A * A, axis=1)
+    weights = sizes / np.where(squares > 0.0, squares, 1.0)
+    whole = np.asarray(M + (A.T * weights) @ A)
+    return whole if _positive(whole) else np.eye(len(M))
+
+
+def sizes_of(roots: Floats, A: Floats) -> Floats:
+    """Give for each coordinate sqrt(M_jj), or what the rows A (m, n) put in its place.
+
+    roots : (n,), sqrt(M_jj).
+
+    A massless coordinate counts as much as the others in the row that weighs it most,
+    so that its unit does not matter.
+    """
+    sizes = roots.copy()
+    massless = sizes == 0
+    if not massless.any():
+        return sizes
+    heavy = ~massless
+    known = np.linalg.norm(A[:, heavy] / sizes[heavy], axis=1)
+    weights = np.abs(A[:, massless]) / np.where(known > 0, known, 1.0)[:, None]
+    found = np.max(weights, axis=0, initial=0.0)
+    usable = np.isfinite(found) & (found > 0)
+    sizes[massless] = np.where(usable, found, 1.0)
+    return sizes
+
+
+def _positive(M: Floats) -> bool:
+    size = np.sqrt(np.abs(np.diag(M)))
+    if not np.all(size > 0) or not np.all(np.isfinite(M)):
+        return False
+    return bool(np.linalg.eigvalsh(M / np.outer(size, size))[0] > RANK)
+
+
+def least_squares(A: Floats, b: Floats, cutoff: float | None = RANK) -> Floats:
+    """Give the least x of least |A x - b|, with singular values below a part left out.
+
+    Raises
+    ------
+    LinAlgError
+        Where something is not finite. LAPACK would say so on stderr, too.
+    """
+    if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
+        raise np.linalg.LinAlgError("not finite")
+    return np.asarray(np.linalg.lstsq(A, b, rcond=cutoff)[0])
+
+
+# --- Divergence: relations that are satisfied by rounding alone, ever farther out
+#
+# `x = sqrt(1 + x^2)` has no solution; its residual falls as 1/(2 x), and its terms
+# grow, until at some 1e7 the one is rounding of the other. A root is where a relation
+# begins to be satisfied: on the way to it, it is not. There its slope tells the root
+# from its neighbours.
+
+# Not a root: that part of the way before it, the relation is met as well.
+BACKWARD = 0.1
+# And what its slope there makes of the whole way is no more than so many times its
+# residual, or than the rounding of its slopes along the way.
+LEVEL = 8.0
+SLOPE_ROUNDING = 2.0**-50
+
+
+class Missed(Protocol):
+    """Residuals, of which some are not met."""
+
+    def missed(self, x: Floats, errors: Floats) -> Any:
+        """Tell of each of r whether it is not met (m,)."""
+
+
+def runs_away(
+    relations: Missed,
+    at: Callable[[Floats], tuple[Floats, Any]],
+    x0: Floats,
+    x: Floats,
+    errors: Floats,
+) -> bool:
+    """Tell whether a relation that x0 misses is met at x by rounding alone.
+
+    at : x -> r (m,) and dr/dx (m, k), dense or sparse.
+    """
+    way = x - x0
+    if not np.any(way):
+        return False
+    back = x - BACKWARD * way
+    r, J = at(x)
+    first, slopes = at(x0)
+    told = np.abs(J @ way)
+    if not np.all(np.isfinite(told)):
+        return False
+    noise = np.maximum(np.abs(r), SLOPE_ROUNDING * (abs(slopes) @ np.abs(way)))
+    gone = ~(told > LEVEL * np.maximum(noise, SLOPE_ROUNDING * np.abs(first)))
+    if not np.any(gone):
+        return False
+    missed = relations.missed(x0, errors) & ~relations.missed(back, errors)
+    return bool(np.any(gone & missed))
+
+
+# --- Newton's method, and the minimum
 
 MOST_STEPS = 60
 # A residual this small against its own terms is met, and then polished.

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.metric import sizes_of
-from lagsim.admissibility.newton import MET, SOLVED, Relations
+from lagsim.admissibility.newton import MET, SOLVED, Relations, sizes_of
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
 

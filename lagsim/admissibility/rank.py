@@ -1,4 +1,4 @@
-"""Which constraints are independent, and what the dependent ones say.
+"""Rank of the constraint rows: which are independent, which depend on others.
 
 Rows are compared in the metric of M and scaled to length 1, so that neither units nor
 the scale of a relation count. A nearly parallel row is a real constraint: only what
@@ -14,13 +14,14 @@ import numpy as np
 from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
 from lagsim.admissibility.large import SURELY, SparseRows, is_large
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.metric import (
+from lagsim.admissibility.newton import (
     RANK,
+    Trouble,
     least_squares,
     rank_metric,
+    reach,
     solving_metric,
 )
-from lagsim.admissibility.newton import Trouble, reach
 from lagsim.admissibility.point import Asked
 from lagsim.admissibility.report import RankReport
 

@@ -1,4 +1,4 @@
-"""What there is to say of a start: the records."""
+"""Records of a start: its state, verdicts, rank and repair."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.mechanics.instant import Instant
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.dependence import Dependence
+    from lagsim.admissibility.dependence import Dependence, ThinSet
     from lagsim.admissibility.integrability import Reach
-    from lagsim.admissibility.sets import ThinSet
     from lagsim.admissibility.verdict import Verdict
     from lagsim.notes import Caution
 
@@ -53,7 +52,7 @@ class Start(Instant):
 
 
 class StartReport(NamedTuple):
-    """What there is to say of an initial state.
+    """Verdicts, rank and repair of an initial state.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is said of each relation at the start: residual, scale, bound, and why.
+"""Verdicts on the relations at the start: residual, scale and bound of each.
 
 A residual is compared with the largest of its terms and of |q_i dg/dq_i|, but not with
 more than the relation's own size (`lengths`): far from the origin the terms are large,

@@ -25,8 +25,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.start import start_at
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.instant import Instant

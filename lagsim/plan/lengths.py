@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.large import is_large, row_lengths
-from lagsim.admissibility.metric import solving_metric
+from lagsim.admissibility.newton import solving_metric
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.language.derivatives import tangent

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.start import start_at
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import SparseVector, TooLongError
 from lagsim.mechanics.groups import coordinates_of, groups, shares

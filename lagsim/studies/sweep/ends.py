@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.many import clear_starts, needs_no_solve
+from lagsim.admissibility.inertia import clear_starts, needs_no_solve
 from lagsim.errors import LagsimError
 from lagsim.methods.parts.state import DONE
 from lagsim.run.ensemble import Ensemble, refusal
