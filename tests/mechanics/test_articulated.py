@@ -13,7 +13,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination, without_rows
 from lagsim.model.reader import read
-from tests.support import case_of, run
+from tests.support import run
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
@@ -190,23 +190,6 @@ def test_forces_are_those_of_lagrange_s_equations(name: str) -> None:
         assert found == pytest.approx(expected, rel=1e-12, abs=bound)
 
 
-def test_forces_of_a_chain_take_few_operations() -> None:
-    """18 a link, counted on paper.
-
-    Sine and cosine and both times l, a'^2, two products with it, two sums along the
-    chain, both times m, two sums back, two products with these and their sum, and the
-    weight and its sum.
-    """
-    counts = []
-    for n in (20, 30):
-        e = derive(read(chain(n, 1.0), "links"))
-        names = {*e.q, *e.velocities}
-        counts.append(
-            sum(map(bool, (e.graph.args[k] for k in e.graph.dependent(e.f, names))))
-        )
-    assert counts[1] - counts[0] <= 10 * 18
-
-
 def test_sums_that_are_no_rates_of_a_definition_keep_their_forces() -> None:
     """The same chain, its velocities written by hand: nothing tells their positions."""
     n = 12
@@ -287,23 +270,6 @@ def test_operations_grow_as_the_number_of_links() -> None:
     growth = np.diff(found, axis=0)
     # The first and the last links differ from the others, which are all alike.
     assert np.all(growth[1:] == 2 * growth[:-1])
-
-
-@pytest.mark.slow
-def test_examining_and_planning_write_no_matrix_out() -> None:
-    # From so many links on no series is written out to be counted.
-    sizes = []
-    for n in (80, 110, 140):
-        case = case_of(read(chain(n, 1.0), "links"))
-        plan = case.plan()
-        e = plan.reduction.equations
-        assert "rows" not in vars(case.equations.M)
-        assert plan.elimination is not None
-        told = {c.choice: c.reason for c in plan.choices}
-        assert f"kept as {2 * n - 2} sums along chains" in told.values()
-        assert any("along chains" in reason for reason in told.values())
-        sizes.append(len(e.graph))
-    assert sizes[2] - sizes[1] <= 1.01 * (sizes[1] - sizes[0])
 
 
 @pytest.mark.slow

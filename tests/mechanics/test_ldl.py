@@ -137,24 +137,6 @@ def test_corrections_are_least_in_the_metric_of_the_mass() -> None:
     assert evaluate(g, nodes, state) == pytest.approx(expected, rel=1e-13)
 
 
-def test_motion_of_a_constrained_model() -> None:
-    e = derive(read(MODEL, "model.yaml"))
-    g = e.graph
-    state = {"m": 2.0, "k": 0.3, "x": 0.9, "y": 0.4, "z": 0.2}
-    state |= {"x_dot": 0.3, "y_dot": -1.0, "z_dot": 0.7}
-    accelerations, multipliers = Elimination(e).motion()
-    q_ddot = np.array(evaluate(g, accelerations, state))
-    lam = np.array(evaluate(g, multipliers, state))
-    # By hand: T = m v^2/2 + k x x' y'.
-    k, m, x, vx, vy, vz = 0.3, 2.0, 0.9, 0.3, -1.0, 0.7
-    M = np.array([[m, k * x, 0], [k * x, m, 0], [0, 0, m]])
-    f = np.array([0.0, -k * vx**2, -m])
-    A = np.array([[2 * 0.9, 2 * 0.4, 2 * 0.2], [0, 1, -2]])
-    b = np.array([-2 * (vx**2 + vy**2 + vz**2), 0.0])
-    assert M @ q_ddot - A.T @ lam == pytest.approx(f, abs=1e-13)
-    assert A @ q_ddot == pytest.approx(b, abs=1e-13)
-
-
 def four_bars(loops: int) -> str:
     """Give so many squares side by side, of rods of length and mass 1, on the ground.
 

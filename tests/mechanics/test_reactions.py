@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -176,38 +175,6 @@ def test_both_rods_of_a_double_pendulum_against_cartesian_multipliers(seed):
         assert ours[f"reaction.{c}2"] == pytest.approx(outer, rel=1e-10, abs=1e-10)
 
 
-@pytest.mark.slow
-def test_what_a_reaction_is_does_not_hang_on_what_else_is_asked_for():
-    both = at_start(DOUBLE, a=1, b=2, a_dot=0.3, b_dot=-0.7)
-    for name in ("x1", "y1", "x2", "y2"):
-        text = DOUBLE.replace("[x1, y1, x2, y2]", f"[{name}]")
-        alone = at_start(text, a=1, b=2, a_dot=0.3, b_dot=-0.7)
-        column = f"reaction.{name}"
-        assert alone[column] == pytest.approx(both[column], rel=1e-12)
-
-
-def test_external_forces_make_the_momentum():
-    r = at_rows(DOUBLE.replace("a: 0, b: 0}", "a: 1, b: -0.5}") + """
-forces: {x2: -0.4*x2_dot, y1: 3*sin(5*t)}
-""", output_step=0.001)  # fmt: skip
-    px, py = (1.5 * rate(r, f"{c}1") + 0.7 * rate(r, f"{c}2") for c in "xy")
-    drag = -0.4 * rate(r, "x2")
-    # What central differences of the momenta miss is h^2/6 of their third derivatives.
-    for p, force in (
-        (px, r["reaction.x1"] + drag),
-        (py, r["reaction.y1"] + 3 * np.sin(5 * r["t"]) - G * (1.5 + 0.7)),
-    ):
-        slope = (p[2:] - p[:-2]) / 0.002
-        assert slope == pytest.approx(force[1:-1], abs=1e-4 * np.max(np.abs(force)))
-
-
-def rate(r: dict[str, Any], name: str) -> Any:
-    """Give the rate of a bob's place in DOUBLE, by hand."""
-    turn = np.cos if name[0] == "x" else np.sin
-    inner = 1.1 * turn(r["a"]) * r["a_dot"]
-    return inner + 0.8 * turn(r["b"]) * r["b_dot"] * (name[1] == "2")
-
-
 # The same twice: with x and y as definitions whose reactions are asked for, and as
 # coordinates that constraints hold.
 IMPLICIT = """
@@ -263,47 +230,6 @@ def test_against_the_multipliers_of_explicit_constraints(name):
         assert size > 1
         # As near as the two motions are.
         assert one[apart] == pytest.approx(other[apart], abs=1e-10 * size)
-
-
-CURVE = """
-parameters: {l: 1, g: 9.81, M: 2}
-coordinates: {theta: {}, u: {}, z: {}}
-definitions: {x: (l + u)*sin(theta), y: -(l + u)*cos(theta)}
-energy: {kinetic: M*(x_dot^2 + y_dot^2)/2 + z_dot^2, potential: M*g*y}
-constraints: {path: u = l - l*theta^2}
-initial: {theta: 1, u: 0, z: 0, z_dot: 1}
-simulation: {duration: 1, output_step: 0.01}
-output: {reactions: [x, y]}
-"""
-
-
-USED = {
-    "elimination": "reduction.eliminated",
-    "projection": "formulation",
-    "baumgarte": "gain",
-    "ignorable": "reduction.ignored",
-    "apart": "parts",
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("formulation", USED)
-def test_however_the_equations_are_integrated(formulation):
-    r = run(CURVE, formulation=formulation)
-    assert attrgetter(USED[formulation])(r.plan)
-    # M x'' = R_x, M y'' = R_y - M g, with x'' and y'' from their definitions by hand.
-    s, c, w, e = np.sin(r["theta"]), np.cos(r["theta"]), r["theta_dot"], r["theta_ddot"]
-    arm, along, turning = 1 + r["u"], r["u_ddot"], 2 * r["u_dot"] * w
-    x = along * s + turning * c + arm * (e * c - w**2 * s)
-    y = -along * c + turning * s + arm * (e * s + w**2 * c)
-    assert r["reaction.x"] == pytest.approx(2 * x, rel=1e-11, abs=1e-10)
-    assert r["reaction.y"] == pytest.approx(2 * y + 2 * G, rel=1e-11, abs=1e-10)
-
-
-def test_by_loops_too():
-    straight, loops = at_rows(CURVE), at_rows(CURVE, loops=True)
-    for name in ("reaction.x", "reaction.y"):
-        assert straight[name] == pytest.approx(loops[name], rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.parametrize("name", ["andrews", "car-axis", "sliding-ladder"])
@@ -368,11 +294,6 @@ output: {reactions: [x]}
 """)
     assert np.max(np.abs(r["q"])) < 1e-12
     assert r["reaction.x"][1:] == pytest.approx(2.0, rel=1e-12)
-
-
-def test_other_parameters_bind_it_anew():
-    heavier = at_start(PENDULUM, m=3)
-    assert heavier["tension"] == pytest.approx(2 * at_start(PENDULUM)["tension"])
 
 
 def test_what_nothing_is_written_with_is_told():

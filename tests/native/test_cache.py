@@ -237,19 +237,6 @@ def test_the_oldest_go_first(tmp_path: Path) -> None:
     assert left == ["0.object", "1.object", "2.object", "being-written"]
 
 
-def test_new_objects_have_the_folder_pruned(
-    kept: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    looked_at: list[Path] = []
-    monkeypatch.setattr(cache, "prune", looked_at.append)
-    monkeypatch.setattr(engine, "compile_object", lambda _, **__: b"code")
-    for k in range(160):
-        made(str(k))
-    # Binomial: 10 expected of 160; the names are fixed by their content.
-    assert 1 <= len(looked_at) <= 30
-    assert set(looked_at) == {kept}
-
-
 def test_use_renews(kept: Path) -> None:
     made(IR)
     [path] = kept.iterdir()
@@ -274,10 +261,3 @@ def test_processes_at_once(kept: Path) -> None:
     ]
     assert [process.communicate()[0] for process in running] == ["4.5\n"] * 4
     assert [path.suffix for path in kept.iterdir()] == [".object"]
-
-
-@pytest.mark.usefixtures("kept")
-def test_the_length_of_p_is_kept() -> None:
-    assert made(IR, 7) == made(IR, 7)
-    unused = cache.object_code(IR, lambda: Code(IR, 8))
-    assert unused == (made(IR, 7), 7)

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import math
-import subprocess
 import sys
 import weakref
-from typing import TYPE_CHECKING
 
 import pytest
 
-from lagsim.native.link import engine
 from lagsim.native.link.engine import Engine, NativeError, compile_object
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 def constant(value: float) -> bytes:
@@ -32,24 +25,6 @@ define double @twice() {
 }
 """
 
-SINE_AND_COSINE = """
-declare double @llvm.sin.f64(double)
-declare double @llvm.cos.f64(double)
-define double @f(double %x) {
-  %s = call double @llvm.sin.f64(double %x)
-  %c = call double @llvm.cos.f64(double %x)
-  %p = fmul double %s, %c
-  ret double %p
-}
-"""
-
-
-def test_objects_see_each_other() -> None:
-    twice = Engine([compile_object(CALLER), constant(1.5)]).function(
-        "twice", ctypes.c_double, []
-    )
-    assert twice() == 3.0
-
 
 def test_engines_do_not_see_each_other() -> None:
     caller = compile_object(CALLER)
@@ -57,15 +32,6 @@ def test_engines_do_not_see_each_other() -> None:
     results = [e.function("twice", ctypes.c_double, [])() for e in engines]
     assert results == [1.0, 3.0, 5.0]
     assert len({e.address("derivative") for e in engines}) == 3
-
-
-def test_functions_of_the_c_library_are_found() -> None:
-    # Sine and cosine of one argument become `sincos` where there is one.
-    f = Engine([compile_object(SINE_AND_COSINE)]).function(
-        "f", ctypes.c_double, [ctypes.c_double]
-    )
-    for x in (0.3, -2.0, 1e6):
-        assert f(x) == pytest.approx(math.sin(2.0 * x) / 2.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["derivative", "index"])
@@ -76,21 +42,9 @@ def test_open_symbols_are_named(name: str) -> None:
         Engine([code]).address("twice")
 
 
-def test_missing_symbols_are_named() -> None:
-    linked = Engine([constant(1.0)])
-    with pytest.raises(NativeError, match="`nothing`"):
-        linked.address("nothing")
-    assert linked.function("derivative", ctypes.c_double, [])() == 1.0
-
-
 def test_symbols_defined_twice() -> None:
     with pytest.raises(NativeError, match="derivative"):
         Engine([constant(1.0), constant(2.0)])
-
-
-def test_no_object() -> None:
-    with pytest.raises(NativeError, match="not link"):
-        Engine([b"no object at all" * 10])
 
 
 @pytest.mark.parametrize(
@@ -134,33 +88,3 @@ def test_dropped_engines_free_their_code() -> None:
         gc.collect()
         sizes.append(mapped_pages())
     assert sizes[2] - sizes[1] < 5 * 500
-
-
-@pytest.fixture
-def _other_cpu() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LAGSIM_CPU", "generic")
-        yield
-
-
-@pytest.mark.usefixtures("_other_cpu")
-def test_another_cpu() -> None:
-    chosen = engine.target()
-    assert chosen.cpu == "generic"
-    assert chosen.features == ""
-    f = Engine([constant(4.0)]).function("derivative", ctypes.c_double, [])
-    assert f() == 4.0
-
-
-def test_the_host_is_the_default(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("LAGSIM_CPU", raising=False)
-    assert engine.target().cpu not in ("", "host", "generic")
-    assert engine.target().llvm
-
-
-def test_llvmlite_is_loaded_when_needed() -> None:
-    code = (
-        "import sys, lagsim.native.link.cache\n"
-        "sys.exit('llvmlite' in sys.modules or 'numpy' in sys.modules)\n"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from lagsim.native.kernels import code
 from lagsim.native.kernels.code import KernelError, bind, translate
 from lagsim.native.kernels.keys import fingerprint
 from lagsim.native.kernels.words import total
@@ -312,11 +311,3 @@ def test_an_external_may_be_translated_along(tmp_path: Path) -> None:
     )
     with pytest.raises(KernelError, match="other kinds"):
         translate([whole, wrong.part])
-
-
-def test_everything_is_exported() -> None:
-    assert set(code.__all__) == {
-        "KernelError",
-        "bind",
-        "translate",
-    }

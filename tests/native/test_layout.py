@@ -86,13 +86,6 @@ def test_a_name_has_a_word_and_an_array_its_length() -> None:
     assert s.low.tolist() == [inf] * 4
 
 
-def test_what_is_added_leaves_the_words_of_the_base() -> None:
-    words = {name: field.word for name, field in Walk.fields.items()}
-    assert sorted(words.values()) == list(range(7))
-    assert words.items() <= {n: f.word for n, f in Longer.fields.items()}.items()
-    assert Walk.made(size=1).stages == 2
-
-
 def test_views_share_the_flat_array() -> None:
     s = Walk.made(size=2)
     s.y[1] = 5.0
@@ -114,20 +107,6 @@ def test_another_memory_takes_what_both_have() -> None:
     assert (long.t, long.stages) == (3.0, 3)
     assert long.y.tolist() == [1.0, 2.0]
     assert not long.slopes.any()  # of another length here
-
-
-def test_sizes_and_arrays_stay() -> None:
-    s: Any = Walk.made(size=2)
-    for name in ("size", "y"):
-        with pytest.raises(AttributeError, match="only numbers"):
-            setattr(s, name, 3)
-
-
-def test_a_declaration_that_says_nothing_is_refused() -> None:
-    with pytest.raises(TypeError, match="y: float, int, or an array"):
-        type("Wrong", (Memory,), {"__annotations__": {"y": "Floats"}})
-    with pytest.raises(TypeError, match="Walk has no length"):
-        Walk.made(length=3)
 
 
 def test_a_kernel_writes_names_natively_and_in_python() -> None:

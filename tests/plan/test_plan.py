@@ -159,12 +159,6 @@ def test_what_has_no_constraints_projects_nothing(name, projects):
     assert (projection > 0.0) == projects
 
 
-def test_regular_equations_are_solved_straight():
-    plan = plan_of("andrews")
-    assert plan.elimination is not None
-    assert "solve: straight-line code" in reasons(plan)
-
-
 @pytest.mark.parametrize(
     ("name", "why"),
     [
@@ -183,31 +177,6 @@ def test_a_singular_mass_matrix_is_solved_with_the_constraints():
     assert plan.augmented
     assert plan.elimination is None
     assert "mass matrix solved with the constraints" in reasons(plan)
-
-
-@pytest.mark.slow
-def test_too_long_a_system_is_solved_by_loops():
-    n = 30
-    names = [f"a{k}" for k in range(n)]
-    lines = ["coordinates:", *(f"  {a}: {{}}" for a in names), "energy:"]
-    terms = [f"{n}*{a}_dot^2" for a in names]
-    pairs = [(a, b) for i, a in enumerate(names) for b in names[:i]]
-    terms += [f"cos({a} - {b})*{a}_dot*{b}_dot" for a, b in pairs]
-    lines += [f"  kinetic: {' + '.join(terms)}", "  potential: 0"]
-    lines += ["initial:", *(f"  {a}: 1" for a in names), "simulation: {duration: 1}"]
-    plan = plan_of("\n".join(lines) + "\n")
-    assert plan.elimination is None
-    assert "solve: loops" in reasons(plan)
-
-
-def test_loops_can_be_insisted_on():
-    plan = plan_of("andrews", loops=True)
-    assert plan.elimination is None
-    assert "solve: loops with QR" in reasons(plan)
-
-
-def test_plans_are_repeatable():
-    assert plan_of("andrews").choices == plan_of("andrews").choices
 
 
 @pytest.mark.slow

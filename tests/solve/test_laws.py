@@ -12,7 +12,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
-from lagsim.solve import _pushes, dense, laws
+from lagsim.solve import dense, laws
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -48,16 +48,13 @@ class System:
         sizes = {
             "root": (N, N), "rows": (ROWS, N), "f": (N,), "b": (ROWS,),
             "speeds": (LAWS,), "bounds": (LAWS,), "statics": (LAWS,),
-            "residuals": (2, ROWS),
-            "scales": (2, ROWS), "gaps": (LAWS,), "loads": (N,),
+            "gaps": (LAWS,), "loads": (N,),
         }  # fmt: skip
         if name not in sizes:
             raise AttributeError(name)
         random = np.random.default_rng([self.seed, list(sizes).index(name)])
         found = random.normal(size=sizes[name])
-        return (
-            np.abs(found) if name in ("bounds", "statics", "scales", "loads") else found
-        )
+        return np.abs(found) if name in ("bounds", "statics", "loads") else found
 
     @property
     def A(self) -> Any:  # noqa: N802
@@ -90,7 +87,7 @@ class System:
         p.law_forces = 1.0
         return p
 
-    def call(self, name: str, p: Parameters, place: Any = None) -> Any:
+    def call(self, name: str, p: Parameters) -> Any:
         """Call a kernel; its model's functions give this system."""
         x = self
 
@@ -98,21 +95,15 @@ class System:
             parts = (x.M, x.A, x.f, x.asked, x.speeds, x.bounds, x.statics)
             put(out, parts)
 
-        def geometry(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
-            put(out, (x.M, x.A, x.residuals, x.scales))
-
-        def bends(_t: float, z: Floats, _p: Parameters, out: Floats) -> None:
-            put(out, (left_by(numbers(z, 2 * N)),))
-
         def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.loads,))
 
         def gaps(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.gaps,))
 
-        model = {f.__name__: f for f in (dynamics, geometry, bends, loads, gaps)}
+        model = {f.__name__: f for f in (dynamics, loads, gaps)}
         out = np.full(4 * N + ROWS + 3, np.nan)
-        y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
+        y = np.linspace(0.5, 1.5, 2 * N)
         code.bind(getattr(laws, name), model)(0.0, y, p, out)
         return out
 
@@ -163,21 +154,6 @@ def put(out: Floats, parts: Any) -> None:
         out[k] = value
 
 
-def numbers(z: Floats, count: int) -> Any:
-    return np.array([z[k] for k in range(count)])
-
-
-def left_by(z: Any) -> Any:
-    """Give what a Newton step leaves, of all rows twice: each by its own measure.
-
-    Most of the row that is set aside.
-    """
-    size = 1e-3 * np.sum(np.abs(z[:N])) + np.sum(np.abs(z[N:] - 0.1)) / 500
-    found = size * (1.0 + np.cos(3.0 * np.arange(2 * ROWS)))
-    found[[1, ROWS + 1]] = 3.0 * size
-    return found
-
-
 S = 0.7  # of a way that is not along a slip
 MODES = {
     "nothing": ((OFF,) * LAWS, (0,) * LAWS),
@@ -209,71 +185,6 @@ def test_motion_is_that_of_the_equations(name, massless, floor):
     close(found[:N], np.linspace(0.5, 1.5, 2 * N)[N:])
     close(found[N : 2 * N], motion)
     close(found[2 * N : 2 * N + ROWS], multipliers)
-
-
-def test_what_is_constant_is_factored_once():
-    x, other = System(1, *MODES["all stick"]), System(2, *MODES["all stick"])
-    p = x.p
-    x.call("field", p)
-    close(other.call("field", p)[N : 2 * N], other.motion()[0])
-    for constant in (1.0, 2.0):
-        p.constant = constant
-        x.call("field", p)
-        assert p.factored == 1.0
-        p.L[:] = 2.0 * p.L  # as if M were four times as large
-        assert not np.allclose(x.call("field", p)[N : 2 * N], x.motion()[0])
-        p.factored = 0.0
-
-
-@modes
-@pytest.mark.parametrize(
-    ("kernel", "level"), [("position_step", 0), ("velocity_step", 1)]
-)
-def test_steps_to_what_holds(name, kernel, level):
-    x = System(3, *MODES[name])
-    p, held = x.p, x.held
-    x.call("field", p)  # friction has no part in what follows
-    found = x.call(kernel, p)
-    A, missed = x.A[held], x.residuals[level][held]
-    back = np.linalg.solve(x.M, A.T)
-    step = -back @ np.linalg.solve(A @ back, missed)
-    close(found[:N], step)
-    # Against the scale of its own level; of rows that do not hold nothing is asked.
-    assert found[N] == pytest.approx(np.max(np.abs(missed) / x.scales[level][held]))
-    assert found[N + 1] == level
-    z = np.concatenate([np.linspace(0.5, 1.5, 2 * N)[:N], step])
-    left = left_by(z).reshape(2, ROWS)
-    assert found[N + 2] == pytest.approx(np.max(left[level][held]))
-    assert found[N + 2] < np.max(left)
-
-
-def test_a_row_without_a_scale_is_no_measure():
-    x = System(3, *MODES["all stick"])
-
-    class Unscaled(System):
-        scales = x.scales * (np.arange(ROWS) != x.held[2])
-
-    held = [k for k in x.held if k != x.held[2]]
-    found = Unscaled(3, *MODES["all stick"]).call("velocity_step", x.p)
-    most = np.max(np.abs(x.residuals[1][held]) / x.scales[1][held])
-    assert found[N] == pytest.approx(most)
-
-
-# Of each mode of each law: how far it is from its end.
-def test_margins():
-    x = System(5, *MODES["all stick"])
-    _, lam = x.motion()
-    lam = lam[ALWAYS:]
-    found = x.call("law_margins", x.p)[:LAWS]
-    held = x.statics[1] * lam[0]
-    assert found[0] == pytest.approx(lam[0])
-    assert found[1] == pytest.approx(held - np.hypot(lam[1], lam[2]))
-    assert found[2] > 0.0  # the first of both tells
-    assert found[5] == pytest.approx(x.statics[5] - abs(lam[5]))
-    # Out of force: the gap, or the speed of a freewheel; other laws never begin so.
-    assert [found[3], found[6]] == [x.gaps[3], x.gaps[6]]
-    assert found[4] > 0.0
-    assert found[7] > 0.0
 
 
 def test_margins_of_one_slip_and_of_one_that_others_hold():
@@ -321,14 +232,6 @@ def test_the_margin_of_a_disc_is_its_speed_until_its_way_has_turned(angle, speed
         assert found == pytest.approx(min(speed - 0.25, turned), abs=1e-12)
 
 
-def test_multipliers_are_found_only_where_they_are_asked_for():
-    x = System(5, *MODES["all stick"])
-    p = x.p
-    p.law_forces = 0.0
-    p.multipliers[:] = 7.0
-    assert x.call("law_margins", p)[0] == 7.0
-
-
 @pytest.mark.parametrize("seed", [7, 8])
 def test_what_holds_rounds_as_relations_do(seed):
     """Modes are of no matter: `dense` has the same rows as relations."""
@@ -356,16 +259,3 @@ def test_what_holds_rounds_as_relations_do(seed):
     free = np.linalg.solve(x.M, x.loads)
     free -= back @ np.linalg.solve(x.A[rows] @ back, x.A[rows] @ free)
     assert np.all(found > np.abs(free))
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_elimination_with_pivots(seed):
-    """No element of the diagonal may be divided by as it stands."""
-    random = np.random.default_rng(seed)
-    whole = random.normal(size=(5, 5))
-    whole[np.diag_indices(5)] = 0.0
-    whole[1, :2] = whole[2, :3] = 0.0
-    right = random.normal(size=5)
-    found, rows = right.copy(), whole.ravel().copy()
-    _pushes.solve(5, rows, found)
-    close(found, np.linalg.solve(whole, right))

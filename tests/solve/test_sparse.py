@@ -8,11 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.mechanics.equations import derive
-from lagsim.mechanics.ldl import BUDGET, Elimination
-from lagsim.model.reader import read
+from lagsim.mechanics.ldl import BUDGET
 from lagsim.native.graph import tapes
-from lagsim.plan.making import by_loops
 from lagsim.run.observers import Keep
 from lagsim.run.system import System
 from tests.support import MODELS, case_of, ready, run
@@ -73,17 +70,6 @@ def motion(e, plan, y, t):
     return runner.function("observe")(t, y[: system.size])[wanted]
 
 
-@pytest.mark.parametrize("n", [5, pytest.param(20, marks=pytest.mark.slow)])
-def test_the_solve_is_that_of_the_full_form(n):
-    case = case_of(rod_chain(n, 1.0))
-    e, plan = case.equations, case.plan()
-    for t, y in states(case.start):
-        tape = motion(e, replace(plan, tape=True), y, t)
-        full = motion(e, by_loops(plan), y, t)
-        # Rounding, enlarged by the condition of S: 1e3 for 20 rods.
-        assert np.max(np.abs(tape - full)) <= 1e-12 * np.max(np.abs(full))
-
-
 @pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_tapes_give_the_bits_of_compiled_code(path):
     case = case_of(path.stem)
@@ -139,8 +125,3 @@ def full_matrix(n):
     lines = ["coordinates:", *(f"  {a}: {{}}" for a in names)]
     lines += [f'energy: {{kinetic: "{" + ".join(terms)}", potential: 0}}', "initial:"]
     return "\n".join([*lines, *(f"  {a}: 0.1" for a in names)]) + "\n"
-
-
-def test_no_more_than_the_budget_where_nothing_is_sparse():
-    e = derive(read(full_matrix(12), "model.yaml"))
-    assert Elimination(e).operations > 12**3 / 6
