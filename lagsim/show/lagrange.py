@@ -105,7 +105,8 @@ class _Derivation:
     def content(self, *, solve: bool, with_gauss: bool) -> Content:
         x, n = self.x, len(self.lines)
         entries = mass_matrix(x.g, self.momenta, self.flow.rates)
-        M = [x.sympy(row) for row in entries]
+        lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
+        M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
         sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
         f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
         (dL_dt,) = x.sympy(self.slope[-1:])

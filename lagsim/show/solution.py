@@ -19,7 +19,6 @@ import numpy as np
 import sympy as sp
 
 from lagsim.errors import InputError, Problem
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
 from lagsim.language.symbolic import symbol, to_sympy
@@ -137,46 +136,19 @@ def quotient(x: Translation, over: Any, under: Any) -> Any:
 
 def inverted(x: Translation, M: Matrix) -> Inverse | None:
     """Give the inverse, or None where a block is too large or singular."""
-    blocks = []
-    for indices in _connected(M):
+    whole, blocks = sp.Matrix(M), []
+    for indices in whole.connected_components():
         if len(indices) > LARGEST_BLOCK:
             return None
-        part = [[M[i][j] for j in indices] for i in indices]
-        determinant = x.tidy(_determinant(part), factored=True)
+        # Laplace's expansion; others look for common factors on the way.
+        part = whole.extract(indices, indices)
+        determinant = x.tidy(part.det(method="laplace"), factored=True)
         if determinant == 0:
             return None
-        tidy = [[x.tidy(e) for e in row] for row in _adjugate(part)]
-        blocks.append((indices, tidy, determinant))
+        adjugate = part.adjugate(method="laplace").tolist()
+        blocks.append((indices, [[x.tidy(e) for e in row] for row in adjugate],
+                       determinant))  # fmt: skip
     return Inverse(x, blocks, len(M))
-
-
-def _determinant(M: Matrix) -> Any:
-    """Expand by the first row; sympy's own would look for common factors on the way."""
-    if not M:
-        return sp.S.One
-    return sp.Add(*((-1) ** j * e * _determinant(_without(M, 0, j))
-                    for j, e in enumerate(M[0])))  # fmt: skip
-
-
-def _adjugate(M: Matrix) -> Matrix:
-    size = range(len(M))
-    return [
-        [(-1) ** (i + j) * _determinant(_without(M, j, i)) for j in size] for i in size
-    ]
-
-
-def _without(M: Matrix, i: int, j: int) -> Matrix:
-    return [row[:j] + row[j + 1 :] for k, row in enumerate(M) if k != i]
-
-
-def _connected(M: Matrix) -> list[list[int]]:
-    """Give the blocks of M: which rows hang together."""
-    found = DisjointSets(len(M))
-    for i, row in enumerate(M):
-        for j in range(i):
-            if row[j] != 0:
-                found.merge(i, j)
-    return found.sets()
 
 
 def multipliers_of(

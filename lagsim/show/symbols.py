@@ -170,12 +170,6 @@ class Translation:
                 found |= k.value.free_symbols
         return found
 
-    def in_full(self, e: Any) -> Any:
-        """Give `e` with all definitions written out."""
-        for k in reversed(self.kept):
-            e = e.xreplace({k.symbol: k.value})
-        return e
-
     # Symbols
 
     def _shown(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 import time
-from collections import deque
+from collections import Counter, deque
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
 
 Monomial = frozenset[tuple[Any, Any]]
@@ -391,7 +391,7 @@ class Tidier:
                 continue
             terms, contracted, kept = found
             made = [self._collected(terms)]
-            if factored or any(b.is_Add and k < 0 for b, k in _common(terms)[0]):
+            if factored or any(b.is_Add and k < 0 for m in terms for b, k in m):
                 made.append(self._factored(terms))
             weight = DRAWN_TOGETHER if contracted else 1.0
             forms += [(weight * cost(form), form) for form in made]
@@ -548,14 +548,16 @@ def _common(terms: Terms) -> tuple[Monomial, Terms]:
     """Give what all terms have in common, their number apart, and the rest."""
     if len(terms) < 2:
         return ONE, terms
-    exponents = [dict(m) for m in terms]
-    bases = {x: None for e in exponents for x in e}
-    common: Mapping[Any, Any] = {
-        x: k for x in bases if (k := min(e.get(x, 0) for e in exponents)) != 0
+    lowest: dict[Any, Any] = {}
+    for x, k in (factor for m in terms for factor in m):
+        lowest[x] = min(lowest.get(x, k), k)
+    present = Counter(x for m in terms for x, _ in m)
+    common = {
+        x: k if present[x] == len(terms) else min(k, 0) for x, k in lowest.items()
     }
     numbers = [*terms.values()]
     content = _content(numbers)
-    shared = frozenset(common.items())
+    shared = frozenset((x, k) for x, k in common.items() if k != 0)
     rest = {
         times(m, _inverse(shared)): x / content
         for m, x in zip(terms, numbers, strict=True)

@@ -16,7 +16,6 @@ from lagsim.language.symbolic import symbol
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show.lagrange import content
-from lagsim.show.solution import _adjugate, _determinant
 from lagsim.show.symbols import its_time, refuse_endless
 from tests.support import MODELS
 
@@ -121,15 +120,6 @@ def test_without_time_expressions_are_as_they_come(monkeypatch):
     assert not any("taken" in note for note in short.notes)
     for one, other in zip(short.f, long.f, strict=True):
         assert sp.simplify(one - other) == 0
-
-
-def test_determinants_and_adjugates():
-    a, b, c = sp.symbols("a b c")
-    M = [[a, b, 0], [b, c, 1], [0, 1, 2]]
-    assert sp.expand(_determinant(M) - (2 * a * c - a - 2 * b**2)) == 0
-    product = (sp.Matrix(M) * sp.Matrix(_adjugate(M))).expand()
-    assert product == (_determinant(M) * sp.eye(3)).expand()
-    assert _adjugate([[a]]) == [[1]]
 
 
 @pytest.mark.slow
