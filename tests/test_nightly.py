@@ -13,16 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from lagsim.model.reader import read_file
 from tests.cli.conftest import lagsim  # noqa: F401
-from tests.patience import PATIENCE
 from tests.support import MODELS
 
 pytestmark = pytest.mark.timeout(7200)
 
 # Within half a minute of each: a try takes 0.3 to 2.7 ms.
 TRIES = int(os.environ.get("LAGSIM_TRIES", "10000"))
-# Seconds of a chart: shares of it cut what takes longest, fixed steps at tight errors.
-BUDGET = 20.0
 FUZZED = {
     "model.test_reader_fuzz": (
         "test_changes_of_a_valid_file", "test_random_pieces", "test_random_expressions",
@@ -62,8 +60,11 @@ def test_long_fuzzing(module, name, record_property):
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
 def test_every_chart(name, lagsim):  # noqa: F811
-    model, budget = MODELS / f"{name}.yaml", f"{BUDGET * PATIENCE:g}"
-    called = lagsim("bench", model, "-o", "out", "--budget", budget)
+    model = MODELS / f"{name}.yaml"
+    row = read_file(str(model)).settings().output_step
+    # Bounded by the work asked for, not by the seconds of a clock.
+    few = ("--tolerances", "1e-6:1e-13", "--steps", f"{4 * row!r}:{row!r}")
+    called = lagsim("bench", model, "-o", "out", *few, "--budget", "3600")
     assert called.code == 0, called.err
     table = Path("out/work_precision.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(table.splitlines()))

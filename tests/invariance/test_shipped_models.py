@@ -43,13 +43,20 @@ def test_the_same_motion_in_other_words(name, change):
     holds(name, change)
 
 
+# Each link multiplies the bound of rounding that no step is to be finer than: far from
+# the origin it is much above what rounding does, and steps are too long.
+OFF = {("chain-angles", "shifted"), ("chain-angles", "boosted")}
+BOUND = pytest.mark.xfail(strict=True, reason="the bound of rounding is too large")
 # Of all pairs each twelfth is slow, so that each model and each change comes up, and
 # the rest is for the night.
 PAIRS = [
     pytest.param(
         name,
         change,
-        marks=pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow,
+        marks=[
+            pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow,
+            *([BOUND] if (name, change) in OFF else []),
+        ],
     )
     for i, name in enumerate(SHIPPED)
     for j, change in enumerate(CHANGES)
