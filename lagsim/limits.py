@@ -29,8 +29,8 @@ GRAPH_NODES_PER_BYTE = 30
 """... or this many for each byte of the file, where that is more."""
 
 WORK = 2_500_000
-"""Operations made, and sevenths of operations looked through, until a model is checked
-and planned: 4 microseconds each, ..."""
+"""Operations made until a model is checked and planned, and shares of them for what is
+looked through or evaluated: 4 microseconds each, ..."""
 
 WORK_PER_BYTE = 25
 """... and so many for each byte of the file beyond USUAL_BYTES."""

@@ -35,6 +35,8 @@ ROUNDED = 1e-13
 TINY = 1e-8
 # A length is not handed on if it is more than so many of the form's shortest.
 LONG = 1e3
+# A least-squares problem takes rows * columns * rank / FITTED operations made.
+FITTED = 1000.0
 
 
 class Form(NamedTuple):
@@ -223,6 +225,7 @@ class Lengths:
         factors = [1.0, *(x for way in ways for x in (way, way * way))]
         seen = table * np.array(factors)[:, None]
         v = (self.weights * self.v)[self.columns[i]]
+        self.point.g.count(seen.size * min(seen.shape) / FITTED)
         along = seen.T @ least_squares(seen.T, v)
         return float(np.linalg.norm(table[0]) * np.linalg.norm(along))
 

@@ -690,8 +690,10 @@ definitions:
     Row(
         "E409", "too-large",
         "The equations of a model of usual size take at most 3,000,000 operations, and "
-        "a mass matrix has at most 1,000,000 entries that are not 0.",
-        "put fewer velocities into one product or square of the energies",
+        "2,500,000 to derive, check and plan; a mass matrix has at most 1,000,000 "
+        "entries that are not 0.",
+        "put fewer velocities into one product or square of the energies, fewer "
+        "factors into one product, and fewer coordinates into each constraint",
         commands=(),
         found="The equations of the model are too large.",
     ),

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 UNIT_ROUNDOFF = 2.0**-53
+# Beside a look at each node, so many values take as long as an operation that is made;
+# so do values with their errors.
+VALUES = 7
+VALUES_WITH_ERRORS = 1.5
 
 
 def evaluate(
@@ -28,7 +32,9 @@ def evaluate(
     """Give the value of each of `nodes`, with the variables at `values`."""
     nodes = list(nodes)
     found: dict[int, Any] = {}
-    for n in g.cone(nodes):
+    cone = g.cone(nodes)
+    g.count(len(cone) / VALUES)
+    for n in cone:
         op = g.ops[n]
         if op == VARIABLE:
             found[n] = values[str(g.payload(n))]
@@ -98,7 +104,9 @@ def evaluate_with_error(
     """
     nodes = list(nodes)
     found: dict[int, tuple[Any, float]] = {}
-    for n in g.cone(nodes):
+    cone = g.cone(nodes)
+    g.count(len(cone) / VALUES_WITH_ERRORS)
+    for n in cone:
         op = g.ops[n]
         if op == VARIABLE:
             found[n] = values[str(g.payload(n))]

@@ -114,6 +114,18 @@ class Graph:
         hint += "fewer constraints"
         return InputError([Problem("too-large", text, self.place, hint)])
 
+    def count(self, work: float) -> None:
+        """Count so much work, in operations made.
+
+        Raises
+        ------
+        InputError
+            Where that is more than may be done.
+        """
+        self._left -= work
+        if self._left < 0:
+            raise self._too_much()
+
     def unbind(self) -> None:
         """Count no more: the model is checked, and how it is solved is known."""
         self._left = math.inf
@@ -191,9 +203,7 @@ class Graph:
                     seen.add(a)
                     if a not in ends:
                         stack.append(a)
-        self._left -= len(seen) / LOOKS
-        if self._left < 0:
-            raise self._too_much()
+        self.count(len(seen) / LOOKS)
         return sorted(seen)
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:

@@ -100,7 +100,7 @@ SHAPES: dict[str, Callable[[int], str]] = {
     "one sum of all velocities": lambda n: _coupled(n // 2, "(@)^2", "@_dot"),
     "turning sums": lambda n: _coupled(n // 2, "(@)^2", "sin(@)*@_dot"),
     "products of all": lambda n: _constraints(n, 100, "(@ + $)", "*"),
-    "sines of all": lambda n: _constraints(n, 100, "sin(@*$)", "+"),
+    "sines of all": lambda n: _constraints(n, 100, "sin(@ + $)", "+"),
     "constraints of two": lambda n: _constraints(n, 2, "@", "*"),
     "a product of sines": lambda n: model(
         "x_dot^2 + d_dot^2", more=f"definitions:\n  d: '{_sum('sin(x*@)', n, '*')}'"

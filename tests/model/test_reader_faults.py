@@ -55,6 +55,8 @@ CASES = {
     "parameter not finite": ("not-finite", "inf", "parameters: {a: ⟪1/0⟫}"),
     "parameter not a number": ("not-finite", "nan",
                                "parameters: {b: 2, a: ⟪sqrt(1 - b)⟫}"),
+    "unit of two lines": ("not-a-text", "a line break",
+                          'parameters: {k: {value: 1, unit: ⟪"m\\n/s"⟫}}'),
     # names
     "name with line break": ("bad-name", "a line break", 'parameters: {⟪"a\\n"⟫: 1}'),
     "name begins with digit": ("bad-name", "`2k`", "parameters: {⟪2k⟫: 1}"),

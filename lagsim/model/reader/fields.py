@@ -386,7 +386,12 @@ class Fields:
     def text(self, key: str, faults: Faults) -> str:
         """Give the plain text of `key`."""
         node = self.value(key)
-        return "" if node is None else text_of(node, f"`{key}`", faults)
+        if node is None:
+            return ""
+        text = text_of(node, f"`{key}`", faults)
+        if key == "unit" and "\n" in text:
+            faults.add("not-a-text", "`unit` has a line break", node.place)
+        return text
 
     def truth(self, key: str, faults: Faults, *, default: bool = False) -> bool:
         """Give whether the value of `key` is `true`; `default` where there is none."""
