@@ -266,7 +266,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
 
 def _width(text: str) -> int:
     """Give how many columns a text takes; dots above take none."""
-    return sum(not unicodedata.combining(c) for c in text)
+    return len(text) - sum(map(bool, map(unicodedata.combining, text)))
 
 
 # Before a sign or a relation, else between factors.

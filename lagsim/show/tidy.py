@@ -76,6 +76,7 @@ def with_factor(monomial: Monomial, base: Any, exponent: Any) -> Monomial:
     return times(monomial, frozenset(((base, exponent),)))
 
 
+@functools.lru_cache(maxsize=50_000)  # sympy sorts the factors
 def expression(monomial: Monomial, number: Any = 1) -> Any:
     """Give `number` times a monomial as a sympy expression."""
     return sp.Mul(number, *(b if k == 1 else b**k for b, k in monomial))
@@ -184,15 +185,16 @@ class _Expansion:
         return {frozenset(((base, exponent),)): content}
 
     def _product(self, a: Terms, b: Terms) -> Terms:
-        self.meter.spend(len(a) * len(b))
         total: Terms = {}
         if a is b:  # a square: each pair once
+            self.meter.spend(len(a) * (len(a) + 1) // 2)
             items = [*a.items()]
             for k, (x, m) in enumerate(items):
                 add_to(total, times(x, x), m * m)
                 for y, n in items[:k]:
                     add_to(total, times(x, y), 2 * m * n)
             return total
+        self.meter.spend(len(a) * len(b))
         for x, m in a.items():
             for y, n in b.items():
                 add_to(total, times(x, y), m * n)
