@@ -71,20 +71,6 @@ def exact(rates: int) -> dict[str, Callable[..., Any]]:
     return {"terms": nothing, "rounding": nothing}
 
 
-def first_order(
-    rate: Callable[[float, Any], Any], size: int
-) -> dict[str, Callable[..., Any]]:
-    """Give what the kernels call for y' = rate(t, y), y of `size` components."""
-
-    def derivative(t: float, y: Any, _p: Any, out: Any) -> None:
-        out[:size] = rate(t, y[:size])
-
-    def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
-        out[:2] = 0.0
-
-    return {"derivative": derivative, "measure": measure, **exact(size)}
-
-
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
     names = ["measure", "terms", "observe", *runner.method.NEEDS]
@@ -99,29 +85,6 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     if runner.system.equations.model.until:
         names.append("until")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
-
-
-def second_order(
-    acceleration: Callable[[float, float], float],
-    power: Callable[[float, float, float], float],
-) -> dict[str, Callable[..., Any]]:
-    """Give what the kernels call for q'' = acceleration(t, q), n = 1.
-
-    Where y has three components, work' = power(t, q, q').
-    """
-
-    def derivative(t: float, y: Any, _p: Any, out: Any) -> None:
-        out[0] = y[1]
-        out[1] = acceleration(t, y[0])
-        out[2:3] = power(t, y[0], y[1])
-
-    def rate(t: float, y: Any, _p: Any, out: Any) -> None:
-        out[0] = power(t, y[0], y[1])
-
-    def measure(_t: float, _y: Any, _p: Any, out: Any) -> None:
-        out[:4] = 0.0
-
-    return {"derivative": derivative, "measure": measure, "power": rate, **exact(2)}
 
 
 def _through(call: Callable[..., Any]) -> Callable[..., Any]:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.language.evaluate import evaluate
 from lagsim.methods import dop853
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
 from lagsim.native.kernels.code import bind
-from lagsim.run.system.functions import functions
-from tests.methods.plain import Plain, fresh_state, linked, state_of
+from tests.methods.plain import Plain, fresh_state, linked
 from tests.support import ready
 
 SPRING = """
@@ -140,45 +138,6 @@ def test_a_run_in_plain_python_is_the_native_run(case):
     }
     stages = least.get(runner.method.NAME, 4)
     assert native.evaluations > stages * native.steps
-
-
-@pytest.mark.parametrize("case", ["free until", "rk4"])
-def test_with_the_model_in_plain_python_too(case):
-    runner, native, statics = linked_system(case)
-    equations = runner.system.equations
-    g = equations.graph
-    elimination = runner.system.plan.elimination
-    accelerations, _ = elimination.motion()
-    velocities = [g.variable(v) for v in equations.velocities]
-    made = functions(equations, runner.system.plan, runner.system.columns)
-    nodes = {name: made[name] for name in ("measure", "terms", "rounding")}
-    nodes["derivative"] = [*velocities, *accelerations, *equations.powers]
-    if statics["UNTIL"]:
-        nodes["until"] = [equations.model.until.node]
-    fixed = {p.name: p.value for p in equations.model.parameters}
-    names = [*equations.q, *equations.velocities]
-
-    def function(of):
-        def call(t, y, _p, out):
-            values = fixed | {"t": t} | dict(zip(names, y.tolist(), strict=False))
-            out[: len(of)] = evaluate(g, of, values)
-
-        return call
-
-    model = {name: function(of) for name, of in nodes.items()}
-    plain = Plain(runner.method, model, **statics)
-    twin = native.copy()
-    twin_out = np.zeros((100, 1 + runner.system.size))
-    code = runner.advance(native, 100, 10_000)
-    flat = twin_out.reshape(-1)
-    assert plain.advance(twin, runner.system.p, flat, 100, 10_000) == code
-    for count in ("steps", "rejections", "evaluations", "emitted"):
-        assert getattr(native, count) == getattr(twin, count)
-    # Some 100 evaluations of some 50 operations, each off by a unit in the last place
-    # at most, in different libraries.
-    assert np.allclose(state_of(native), state_of(twin), rtol=0, atol=1e-13)
-    rows = int(native.emitted)
-    assert np.allclose(runner.block[:rows], twin_out[:rows], rtol=0, atol=1e-13)
 
 
 def test_tabulate_is_the_same():

@@ -10,12 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from lagsim.methods import dop853
-from lagsim.methods.parts import state as at
 from lagsim.methods.parts import strays
-from lagsim.methods.parts.parameters import Parameters
 from lagsim.run.arcs import Run
-from tests.methods.plain import Plain, first_order, fresh_state
 from tests.run.looks.scenes import line, plane, stepped
 from tests.support import case_of, run
 
@@ -198,16 +194,11 @@ def test_the_slope_is_that_of_the_dense_output(method):
         assert given[system.n :] == pytest.approx(slope[system.n :], rel=1e-8)
 
 
+@pytest.mark.usefixtures("by_rows_alone")
 def test_what_no_step_resolves_does_not_hold_the_run_up():
     """A force in single rows, and nowhere else: half of ten rows is the least step."""
-
-    def rate(t, _y):
-        return np.array([1e3 if t > 0 and t % 10 == 0 else 0.0])
-
-    rows = 400
-    s = fresh_state(dop853, [0.0], end=rows - 0.5, row_limit=float(rows))
-    out = np.zeros(2 * rows)
-    method = Plain(dop853, first_order(rate, 1))
-    code = method.advance(s, Parameters.made(), out, rows, 10**6)
-    assert code == at.DONE
-    assert s.steps + s.rejections < rows
+    force = "1e3*exp(-(1e9*sin(pi*t/10))^2)"
+    found = run(line(force=force, duration=399.5, step=1, method="dop853"))
+    assert found.trajectory.outcome.complete
+    counts = found.trajectory.statistics
+    assert 399.5 / 10 < counts.steps + counts.rejections < 400
