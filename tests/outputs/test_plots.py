@@ -14,15 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lagsim.language.graph import Graph
 from lagsim.model.model import (
-    Constraint,
-    Coordinate,
-    Model,
-    Output,
-    Relation,
     Scene,
-    Sense,
 )
 from lagsim.outputs import plots
 from lagsim.outputs.curves import BAND, ink
@@ -30,7 +23,7 @@ from lagsim.outputs.record import Record
 from lagsim.outputs.scale import value_scale
 from lagsim.outputs.sheet import DPI, fitted, text_width
 from lagsim.outputs.time_panels import chosen, grouped
-from lagsim.run.observers.thinning import DRIFT, Thinning, picture_thinning
+from lagsim.run.observers.thinning import DRIFT, Thinning
 from tests.outputs.drawn import against, drawn, finite
 
 UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
@@ -398,54 +391,6 @@ def test_long_text_is_cut_in_the_middle():
     assert name.endswith(tail)
     assert 1.8 < text_width(cut) <= 2.0
     assert fitted("a\nb\tc", 2.0) == "a b c"
-
-
-def test_pictures_are_those_of_the_model():
-    relation = Relation(0, Sense.EQUAL, "u = 1", None)
-    model = Model(
-        name="swing",
-        file="swing.yaml",
-        sha256="",
-        graph=Graph(),
-        parameters=(),
-        coordinates=(Coordinate("theta", "rad"), Coordinate("u", "m")),
-        definitions=(),
-        lagrangian=0,
-        kinetic=0,
-        potential=0,
-        dissipation=None,
-        forces=(),
-        constraints=(Constraint("path", relation),),
-        initial=(),
-        until=None,
-        stated=None,
-        scene=SWING,
-        output=Output((), (against("theta", "u"), against("t", "u/2", "../x"))),
-    )
-    t = np.linspace(0.0, 12.0, 600)
-    columns = swing(work=t * 1e-3, **{"plot.1.x": t, "plot.1.y.1": t})
-    thinning = picture_thinning(model, tuple(columns))
-    thinning.add(np.stack([np.broadcast_to(c, 600) for c in columns.values()], axis=1))
-    assert DRIFT in thinning
-    run = Record("swing", thinning, UNITS)
-    made = dict(plots.pictures(run, model, is_sum=True))
-    names = ("energy", "trajectory", "constraint_forces", "plot_1", "plot_2")
-    assert list(made) == [f"{name}.png" for name in names]
-    assert all(chunks(content) for content in made.values())
-
-
-def test_what_lies_past_the_horizon_is_shaded():
-    run = record(swing())
-    beyond = replace(run, horizon=run.rows.last("t") / 2)
-    plain, shaded = (
-        plots.energy(r, is_sum=True).pixels().astype(int) for r in (run, beyond)
-    )
-    changed = np.any(plain != shaded, axis=2)
-    # Below the heading, nothing changes before the middle of the time.
-    body = changed[60:]
-    middle = changed.shape[1] // 2
-    assert np.mean(body[:, : middle - 20]) == 0.0
-    assert np.mean(body[:, middle + 60 : -60]) > 0.3
 
 
 def test_paths_are_pale_past_the_horizon():
