@@ -8,12 +8,6 @@ import numpy as np
 import pytest
 
 from lagsim.methods import generalized_alpha, method
-from lagsim.methods.parts.linearised import (
-    decompose_pair,
-    decompose_real,
-    solve_pair,
-    solve_real,
-)
 from lagsim.methods.parts.lu import decompose, solve
 from lagsim.methods.parts.newton import CONVERGED, GO_ON, LOST, MOST, RENEW, progress
 from lagsim.methods.parts.radau_tableau import (
@@ -78,28 +72,6 @@ def test_lu_solves_and_sees_singular_matrices():
     assert decompose(2, np.array([1.0, 2.0, 2.0, 4.0]), np.zeros(2)) == 0
     assert decompose(2, np.array([0.0, 0.0, 2.0, 4.0]), np.zeros(2)) == 0
     assert decompose(1, np.array([math.nan]), np.zeros(1)) == 0
-
-
-@pytest.mark.parametrize("work", [False, True])
-def test_the_halved_systems_are_the_whole_ones(work):
-    random = np.random.default_rng(4)
-    n = 3
-    size = 2 * n + work
-    J = random.standard_normal((n + 1, 2 * n))
-    whole = np.zeros((size, size))
-    whole[:n, n : 2 * n] = np.eye(n)
-    whole[n:, : 2 * n] = J[: size - n]
-    flat, K, pivots = J.ravel(), np.zeros(4 * n * n), np.zeros(2 * n)
-    right = random.standard_normal((2, size))
-    real, imaginary = right.copy()
-    assert decompose_real(n, 1.7, flat, K, pivots) == 1
-    solve_real(n, work, 1.7, flat, K, pivots, real)
-    assert np.allclose((1.7 * np.eye(size) - whole) @ real, right[0], atol=1e-13)
-    real = right[0].copy()
-    assert decompose_pair(n, 1.7, 0.9, flat, K, pivots) == 1
-    solve_pair(n, work, 1.7, 0.9, flat, K, pivots, real, imaginary, np.zeros(2 * n))
-    found = ((1.7 + 0.9j) * np.eye(size) - whole) @ (real + 1j * imaginary)
-    assert np.allclose(found, right[0] + 1j * right[1], atol=1e-13)
 
 
 def test_the_tables_of_radau():

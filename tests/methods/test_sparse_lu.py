@@ -17,16 +17,12 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.sparse_lu import (
     factor_pair,
     factor_real,
-    sparse_pair,
-    sparse_real,
 )
 from lagsim.model.reader import read
 from lagsim.plan.making import by_loops
 from lagsim.solve import newton as module
 from lagsim.solve.newton import Entry, factored, newton
 from tests.support import case_of, run
-
-ALPHA, BETA = 2.7, 3.1
 
 
 def stiff_chain(n, *, method="radau", rtol="1e-8", more=""):
@@ -53,81 +49,6 @@ def stiff_chain(n, *, method="radau", rtol="1e-8", more=""):
             more,
         ]
     )
-
-
-def random_matrix(n, m, seed):
-    """Give M, R_v, R_q, A and S_q, S_v: few entries, M and R_q far from singular."""
-    rng = np.random.default_rng(seed)
-
-    def few(rows, share):
-        kept = rng.random((rows, n)) < share
-        return kept * rng.standard_normal((rows, n))
-
-    M = few(n, 0.1)
-    M = M @ M.T + 3.0 * np.eye(n)
-    A = few(m, 0.2)
-    A[range(m), range(m)] = 2.0  # independent rows
-    return M, few(n, 0.1), few(n, 0.1), A, few(m, 0.1), few(m, 0.1)
-
-
-def laid_out(n, m, parts):
-    """Give the pattern, the values of its entries, and a memory with the pattern."""
-    M, Rv, Rq, A, Sv, Sq = parts
-    work = np.random.default_rng(7).standard_normal((4, n + m))
-    C = np.zeros((3, n + m + 1, n + m + 1))
-    C[0, :n, :n], C[0, n:-1, :n], C[0, :n, n:-1] = Rq, Sq, -A.T
-    C[1, :n, :n], C[1, n:-1, :n] = Rv, Sv
-    C[2, :n, :n], C[2, n:-1, :n] = M, A
-    C[0, -1, :-1], C[1, -1, :n], C[2, -1, :n] = work[0], work[1, :n], work[2, :n]
-    C[1, -1, -1] = -1.0
-    entries = [Entry(*map(int, at), 0) for at in np.argwhere(C)]
-    after = {n + i: np.flatnonzero(A[i]).tolist() for i in range(m)}
-    found = factored(entries, n + m, after)
-    p = Parameters.made(n=n, m=m, size=2 * n + 1, **found.sizes)
-    found.fill(p)
-    return found, np.array([C[e[:3]] for e in entries]), p, C
-
-
-def whole_slopes(n, C):
-    """Give the matrix of y' = (v, a, power) by eliminating lambda: full, and slowly."""
-    # (da, dlambda) of changes of (q, v).
-    left = np.hstack([C[2, :-1, :n], C[0, :-1, n:-1]])
-    right = np.hstack([C[0, :-1, :n], C[1, :-1, :n]])
-    found = np.linalg.solve(left, -right)
-    power = np.hstack([C[0, -1, :n], C[1, -1, :n]])
-    power = power + np.concatenate([C[2, -1, :n], C[0, -1, n:-1]]) @ found
-    J = np.zeros((2 * n + 1, 2 * n + 1))
-    J[:n, n : 2 * n] = np.eye(n)
-    J[n : 2 * n, : 2 * n] = found[:n]
-    J[-1, : 2 * n] = power
-    return J
-
-
-@pytest.mark.parametrize(("n", "m"), [(1, 0), (12, 0), (15, 4), (25, 9)])
-def test_random_patterns_are_solved_as_full_matrices_are(n, m):
-    found, values, p, C = laid_out(n, m, random_matrix(n, m, seed=n))
-    J = whole_slopes(n, C)
-    N, size = n + m + 1, 2 * n + 1
-    rng = np.random.default_rng(2)
-    K, pair = np.zeros(p.filled), np.zeros(2 * p.filled)
-    assert factor_real(p, ALPHA, values, K, np.zeros(N)) == 1
-    assert factor_pair(p, ALPHA, BETA, values, pair, np.zeros(2 * N)) == 1
-    r, a, b = rng.standard_normal((3, size))
-    expected = np.linalg.solve(ALPHA * np.eye(size) - J, r)
-    both = np.linalg.solve((ALPHA + BETA * 1j) * np.eye(size) - J, a + b * 1j)
-    sparse_real(p, ALPHA, values, K, r, np.zeros(N))
-    sparse_pair(p, ALPHA, BETA, values, pair, a, b, np.zeros(2 * N))
-    # Rounding, times the condition of matrices of this size, some 1e3.
-    assert np.allclose(r, expected, rtol=1e-11, atol=1e-11)
-    assert np.allclose(a + b * 1j, both, rtol=1e-11, atol=1e-11)
-    assert np.allclose(found.jacobian(n, values), J[n : 2 * n, : 2 * n], atol=1e-11)
-
-
-def test_constraints_come_after_their_coordinates():
-    found, _, p, _ = laid_out(15, 4, parts := random_matrix(15, 4, seed=15))
-    for i, row in enumerate(parts[3]):
-        assert all(found.places[15 + i] > found.places[j] for j in np.flatnonzero(row))
-    assert sorted(found.places) == list(range(p.unknowns))
 
 
 @pytest.mark.parametrize("left", [0.0, 1e-15])

@@ -20,18 +20,6 @@ def ledger_of(columns, *blocks):
     return ledger
 
 
-def test_the_greatest_change_counts_on_either_side():
-    ledger = ledger_of(PLAIN, [[0, 5], [1, 5.5]], [[2, 3]], [[3, 5]])
-    assert ledger.energy_drift == 2.0
-    assert ledger.first_energy == 5.0
-    assert ledger.constraint_residual == 0.0
-
-
-def test_work_is_taken_off():
-    rows = [[0, 5, 1, 0, 0, 1, 1], [1, 7, 3, 0, 0, 1, 1], [2, 9, 4.5, 0, 0, 1, 1]]
-    assert ledger_of(FULL, rows).energy_drift == 0.5
-
-
 def test_residuals_are_relative_to_their_own_scale():
     rows = [[0, 0, 0, 1e-3, 1e-9, 10, 1e-6], [1, 0, 0, -2e-3, 0, 100, 1e-7]]
     expected = pytest.approx(1e-3)  # b: 1e-9 of 1e-6; a: 2e-3 of 100
