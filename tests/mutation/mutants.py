@@ -75,7 +75,7 @@ ROOMS = {
         "tests/mechanics", "tests/solve", "tests/studies/bench/test_stability.py",
     ), 0.5),
     "admissibility": Room("admissibility/**/*.py", ("tests/admissibility",), 0.4),
-    "derivation": Room("derivation/**/*.py", ("tests/show",), 0.35),
+    "show": Room("show/**/*.py", ("tests/show",), 0.35),
     "native": Room("native/**/*.py", ("tests/native", "tests/solve"), 0.35),
     "methods": Room("methods/**/*.py", ("tests/methods",), 0.5),
     "solve": Room("solve/**/*.py", ("tests/solve", "tests/mechanics"), 0.35),
