@@ -63,7 +63,7 @@ from lagsim.methods.parts.state import (
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
 )
-from lagsim.native.kernels.words import apart, at
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -270,7 +270,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     s.which = 1.0 - s.which
     rest = s.rest
     carried = s.carried
-    for i in apart(size):
+    for i in range(size):
         y[i] = new[i]
         carried[i] = rest[i]
     keep_rest(s)

@@ -37,7 +37,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.methods.parts.strays import strayed, take_back
 from lagsim.methods.parts.switching import find_end
-from lagsim.native.kernels.words import apart, at
+from lagsim.native.kernels.words import at
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -165,7 +165,7 @@ def keep_sizes(s: State) -> None:
     sizes_before = s.sizes_before
     low_before = s.low_before
     high_before = s.high_before
-    for i in apart(size):
+    for i in range(size):
         sizes_before[i] = sizes[i]
         low_before[i] = low[i]
         high_before[i] = high[i]

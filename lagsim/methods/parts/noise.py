@@ -184,7 +184,7 @@ def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
     """Give y + h k (size,), and add to `left` what both roundings cut off."""
-    for i in apart(size):
+    for i in range(size):
         before = y[i]
         rate = k[i]
         moved = h * rate
@@ -223,11 +223,11 @@ def find_drift(s: State, p: Parameters, k: Floats, out: Floats) -> None:
         for i in range(size):
             out[i] = 0.0
         return
-    for i in apart(size):
+    for i in range(size):
         z[i] = y[i] + LARGER * rest[i]
     derivative(s.t, z, p, out)
     s.evaluations += 1.0
-    for i in apart(size):
+    for i in range(size):
         drift = (out[i] - k[i]) / LARGER
         out[i] = drift if abs(drift) < 1e300 else 0.0
 
@@ -250,7 +250,7 @@ def keep_rest(s: State) -> None:
         return
     rest = s.rest
     left = s.left
-    for i in apart(s.size):
+    for i in range(s.size):
         rest[i] = left[i]
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.controller import HUGE
 from lagsim.methods.parts.noise import TIGHT, add_drift, add_exactly, carry
 from lagsim.methods.parts.state import State
-from lagsim.native.kernels.words import apart, at, exponent, fused, mantissa, two_to
+from lagsim.native.kernels.words import at, exponent, fused, mantissa, two_to
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
             left[i] += rest[i]
         carry(size, out, left, out, left)
         return
-    for i in apart(size):
+    for i in range(size):
         before = c[1 + i]
         change = left[i] + fused(h, c[1 + size + i], rest[i])
         after = before + change
