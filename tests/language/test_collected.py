@@ -18,22 +18,6 @@ MOVING = ("x", "y", "z")
 STILL = ("m", "n", "k")
 
 
-def moving_operations(g: Graph, node: int) -> int:
-    return sum(bool(g.args[n]) for n in g.dependent([node], MOVING))
-
-
-def test_equal_products_are_one_and_equal_factors_stand_once() -> None:
-    g = Graph()
-    x, y, m, n = map(g.variable, "xymn")
-    light, heavy = (g.call("div", g.one, mass) for mass in (m, n))
-    terms = [(w, d, d) for d in (x, y) for w in (light, heavy)]
-    found = Collected(g, MOVING).sum(terms)
-    # (1/m + 1/n) (x x + y y)
-    assert moving_operations(g, found) == 4
-    values = {"x": 3.0, "y": 4.0, "m": 2.0, "n": 4.0}
-    assert evaluate(g, [found], values) == [0.75 * 25.0]
-
-
 def test_what_cancels_is_not_computed() -> None:
     g = Graph()
     x, y, m, gravity = map(g.variable, ("x", "y", "m", "k"))
@@ -91,35 +75,6 @@ def product_of(factors: Sequence[float]) -> float:
     for x in factors:
         whole *= x
     return whole
-
-
-def test_what_stands_still_divides_a_sum_where_that_is_shorter() -> None:
-    g = Graph()
-    x, y, m, k = map(g.variable, ("x", "y", "m", "k"))
-    push = g.call("sub", g.call("mul", m, g.call("mul", x, x)), g.call("mul", k, y))
-    found = Collected(g, MOVING).scaled(push, g.call("div", g.one, m))
-    # x x - (k/m) y
-    assert moving_operations(g, found) == 3
-    values = {"x": 3.0, "y": 5.0, "m": 4.0, "k": 2.0}
-    assert evaluate(g, [found], values) == [6.5]
-    whole = g.call("add", x, y)
-    assert moving_operations(g, Collected(g, MOVING).scaled(whole, k)) == 2
-
-
-def test_tidy_sums_have_no_terms_that_cancel() -> None:
-    g = Graph()
-    x, y, z, m, k = map(g.variable, ("x", "y", "z", "m", "k"))
-    # z (m (k (2 x y)) / 2 - k (m (x y)) + m (x^2)), as chain rules give it
-    twice = g.call("mul", k, g.call("mul", g.constant(2.0), g.call("mul", x, y)))
-    one = g.call("mul", m, g.call("mul", g.constant(0.5), twice))
-    other = g.call("mul", k, g.call("mul", m, g.call("mul", x, y)))
-    square = g.call("mul", m, g.call("pow", x, g.constant(2.0)))
-    inner = g.call("add", g.call("sub", one, other), square)
-    node = g.call("mul", z, inner)
-    [found] = Collected(g, MOVING).tidy([node])
-    assert moving_operations(g, found) == 3  # m z (x x)
-    values = {"x": 3.0, "y": 5.0, "z": 0.5, "m": 4.0, "k": 2.0}
-    assert evaluate(g, [found], values) == [18.0]
 
 
 @pytest.mark.parametrize("seed", range(20))

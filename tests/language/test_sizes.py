@@ -20,35 +20,6 @@ def build(g: Graph, text: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("one", "other"),
-    [
-        ("sqrt(x^2 + y^2)^2", "x^2 + y^2"),
-        ("sqrt(x^2 + y^2)*sqrt(x^2 + y^2)", "x^2 + y^2"),
-        ("a*sqrt(x^2 + y^2)*sqrt(x^2 + y^2)", "a*(x^2 + y^2)"),
-        ("sqrt(x^2 + y^2)*a*sqrt(x^2 + y^2)", "a*(x^2 + y^2)"),
-        ("(2*sqrt(x^2 + y^2))^2", "4*(x^2 + y^2)"),
-        ("(a*hypot(x, y))^2", "a^2*(x^2 + y^2)"),
-        ("(hypot(x, y)/a)^2", "(x^2 + y^2)/a^2"),
-        ("sqrt(x^2 + y^2)^4", "(x^2 + y^2)^2"),
-        ("((x^2 + y^2)^0.5)^2", "x^2 + y^2"),
-        ("hypot(x, y)^2", "x^2 + y^2"),
-        ("hypot(x, y)^6", "(x^2 + y^2)^3"),
-        ("abs(x)^2", "x^2"),
-        ("abs(x)*abs(x)", "x^2"),
-        ("abs(x)^4", "x^4"),
-        ("cbrt(x)^3", "x"),
-        ("cbrt(x)^6", "x^2"),
-        ("cbrt(x)*cbrt(x)*cbrt(x)", "x"),
-        ("sqrt(abs(x))^2", "abs(x)"),
-        ("sqrt(exp(x))^2", "exp(x)"),
-    ],
-)
-def test_what_is_the_same_for_all_arguments(one: str, other: str) -> None:
-    g = Graph()
-    assert build(g, one) == build(g, other)
-
-
-@pytest.mark.parametrize(
     "text",
     [
         "sqrt(x)^2", "sqrt(x)*sqrt(x)", "sqrt(a*x^2)^2", "sqrt(x^2 - y^2)^2",

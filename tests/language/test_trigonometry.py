@@ -51,22 +51,6 @@ def test_identities(long, short):
         assert one == pytest.approx(other, rel=1e-14, abs=1e-14)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "x^2 + 2*x",
-        "sin(a)*sin(a) + 2*cos(a)*cos(a)",
-        "cos(a)*cos(b)",
-        "(x + 1)*sin(a)",
-        "x/cos(a)",
-    ],
-)
-def test_what_is_short_stays(text):
-    g = Graph()
-    node = build(g, text)
-    assert fewer_terms(g, [node], MOVING) == [node]
-
-
 def test_what_would_be_long_stays():
     g = Graph()
     x = "+".join(f"{k}*sin({k}*a)" for k in range(1, 150))

@@ -8,13 +8,9 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
-from lagsim.model.model import Level
 from lagsim.model.reader import read
 from lagsim.run.session import check
-from tests.support import MODELS, at_outputs, ready, run
+from tests.support import at_outputs, ready, run
 
 G = 9.81
 PENDULUM = """
@@ -230,54 +226,6 @@ def test_against_the_multipliers_of_explicit_constraints(name):
         assert size > 1
         # As near as the two motions are.
         assert one[apart] == pytest.approx(other[apart], abs=1e-10 * size)
-
-
-@pytest.mark.parametrize("name", ["andrews", "car-axis", "sliding-ladder"])
-def test_with_what_drives_the_coordinates_they_do_no_work(name):
-    """D'Alembert's principle for q_j: what is left there, plus R_x dx/dq_j, is 0."""
-    text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
-    plain = read(text, "model.yaml")
-    asked = [d.name for d in plain.definitions if d.level is Level.POSITION]
-    key = f"\noutput:\n  reactions: [{', '.join(asked)}]\n"
-    text = text.replace("\noutput:\n", key) if "\noutput:\n" in text else text + key
-    columns = at_rows(text, duration=0.02, output_step=0.01)
-    row = {column: float(values[-1]) for column, values in columns.items()}
-    model = read(text, "model.yaml")
-    separated, expressions = model.separated()
-    e, g = derive(separated), model.graph
-    row |= {p.name: p.value for p in model.parameters}
-    row |= rates_of(model, asked, row)
-    assert max(abs(row[f"reaction.{x}"]) for x in asked) > 0
-    for q, left in zip(e.q, e.motion_residuals(), strict=False):
-        if q in asked:
-            continue
-        levers = [
-            gradient(g, node, [g.variable(q)])[0] for node in expressions.values()
-        ]
-        parts = [
-            row[f"reaction.{x}"] * lever
-            for x, lever in zip(asked, evaluate(g, levers, row), strict=True)
-        ]
-        [rest] = evaluate(g, [left], row)
-        # Forces that cancel are sums of terms as large as those of the energies.
-        size = max(map(abs, [*parts, rest]), default=0.0)
-        assert rest + sum(parts) == pytest.approx(0.0, abs=1e-11 * max(size, 1.0))
-
-
-def rates_of(model: Any, names: Any, row: dict[str, float]) -> dict[str, float]:
-    """Give the first and second rates of definitions."""
-    g = model.graph
-    seed = {g.variable("t"): g.one}
-    for c in model.coordinates:
-        seed[g.variable(c.name)] = g.variable(f"{c.name}_dot")
-        seed[g.variable(f"{c.name}_dot")] = g.variable(f"{c.name}_ddot")
-    nodes = [d.node for d in model.definitions if d.name in names]
-    found = {}
-    for order in ("_dot", "_ddot"):
-        nodes = tangent(g, nodes, seed)
-        values = evaluate(g, nodes, row)
-        found |= {f"{name}{order}": x for name, x in zip(names, values, strict=True)}
-    return found
 
 
 def test_dry_friction_that_holds_is_in_it():

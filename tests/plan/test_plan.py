@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.link_chain import chain
-from benchmarks.rod_chain import rod_chain
 from lagsim.errors import InputError
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.plan.cost import step_parts
@@ -177,39 +175,6 @@ def test_a_singular_mass_matrix_is_solved_with_the_constraints():
     assert plan.augmented
     assert plan.elimination is None
     assert "mass matrix solved with the constraints" in reasons(plan)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "scene", "sizes", "slopes"),
-    [
-        ("generalized-alpha", rod_chain, (10, 20), 12000),
-        ("gauss4", chain, (50, 75), 11250),
-    ],
-)
-def test_many_slopes_run_from_tapes(name, scene, sizes, slopes):
-    """Twice n (n + m): of 20 rods with n = 60, m = 40, and of 75 links."""
-    few, many = (plan_of(scene(n, 1.0), method=name) for n in sizes)
-    assert not few.tape
-    assert many.tape
-    assert many.elimination is not None
-    assert f"{slopes} derivatives" in reasons(many)["tapes"]
-    assert not plan_of(scene(sizes[1], 1.0), method="dop853").tape
-
-
-@pytest.mark.slow
-def test_what_goes_on_by_loops_is_compiled_only_where_that_is_short(monkeypatch):
-    """Entries of M and A that vanish are not compiled: those that are left count."""
-    plan = plan_of(rod_chain(50, 1.0))
-    assert plan.tape
-    equations = plan.reduction.equations
-    entries = len(equations.mass_entries)
-    entries += sum(len(row.A.entries) for row in equations.rows)
-    assert entries < 1000  # of 150 (150 + 100)
-    assert not by_loops(plan).tape
-    for most in (entries, entries - 1):
-        monkeypatch.setattr("lagsim.plan.solve.MOST_ENTRIES", most)
-        assert by_loops(plan).tape == (most < entries)
 
 
 def test_what_is_ignorable_is_not_solved_for_where_that_takes_long():

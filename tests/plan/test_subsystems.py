@@ -9,13 +9,13 @@ from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.groups import groups
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.plan.subsystems import subsystems
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.mechanics.reduction.test_runs import differences
-from tests.support import MODELS, case_of, run
+from tests.support import case_of, run
 
 # A double pendulum of sorts, a fast spring, and a pendulum on a rod; `e` sees them all.
 THREE = """
@@ -55,12 +55,6 @@ def test_groups(change, to, expected):
     assert names_of(three().replace(change, to)) == expected
 
 
-@pytest.mark.parametrize("name", ["andrews", "kepler", "chain-cartesian"])
-def test_mechanisms_are_in_one_piece(name):
-    e = derive(read_file(str(MODELS / f"{name}.yaml")))
-    assert len(groups(e)) == 1
-
-
 def test_all_columns_agree():
     full = run(three(), formulation="full", rtol="1e-13")
     apart = run(three(), formulation="apart", rtol="1e-13")
@@ -73,27 +67,6 @@ def test_all_columns_agree():
     one, whole = apart.trajectory.statistics, full.trajectory.statistics
     # At the fast spring's steps nobody solves for the rod.
     assert one.factorisations < 0.5 * whole.factorisations
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_random_scenes_agree(seed):
-    random = np.random.default_rng(seed)
-    k = [round(float(x), 3) for x in random.uniform(0.5, 3.0, 8)]
-    text = f"""
-coordinates: {{p: {{}}, q: {{}}, r: {{}}, s: {{}}}}
-energy:
-  kinetic: ({k[0]}*p_dot^2 + {k[1]}*r_dot^2*(1 + p^2))/2 + {k[2]}*(q_dot^2 + s_dot^2)
-  potential: {k[3]}*(p - r)^2 + sin(r) + {k[4]}*{k[4]}*40*q^2 + {k[5]}*s^4
-constraints: {{path: "s = {k[6]}*0.2*q^2 + 0.1"}}
-initial: {{p: 0.3, q: 0.5, r: -0.2, s: {{guess: 0}}, p_dot: {k[7]}}}
-simulation: {{duration: 3, output_step: 0.1}}
-"""
-    full = run(text, formulation="full", rtol="1e-13")
-    apart = run(text, formulation="apart", rtol="1e-13")
-    # Each part has a plan of its own: in one of them a coordinate is eliminated.
-    assert [x.plan.formulation for x in apart.plan.parts] == ["none", "elimination"]
-    for name, off in differences(apart, full).items():
-        assert off < 1e-10, name
 
 
 def test_rows_that_wait_are_bounded(monkeypatch):
