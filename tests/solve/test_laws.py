@@ -48,13 +48,16 @@ class System:
         sizes = {
             "root": (N, N), "rows": (ROWS, N), "f": (N,), "b": (ROWS,),
             "speeds": (LAWS,), "bounds": (LAWS,), "statics": (LAWS,),
-            "gaps": (LAWS,), "loads": (N,),
+            "residuals": (2, ROWS),
+            "scales": (2, ROWS), "gaps": (LAWS,), "loads": (N,),
         }  # fmt: skip
         if name not in sizes:
             raise AttributeError(name)
         random = np.random.default_rng([self.seed, list(sizes).index(name)])
         found = random.normal(size=sizes[name])
-        return np.abs(found) if name in ("bounds", "statics", "loads") else found
+        return (
+            np.abs(found) if name in ("bounds", "statics", "scales", "loads") else found
+        )
 
     @property
     def A(self) -> Any:  # noqa: N802
@@ -87,7 +90,7 @@ class System:
         p.law_forces = 1.0
         return p
 
-    def call(self, name: str, p: Parameters) -> Any:
+    def call(self, name: str, p: Parameters, place: Any = None) -> Any:
         """Call a kernel; its model's functions give this system."""
         x = self
 
@@ -95,15 +98,21 @@ class System:
             parts = (x.M, x.A, x.f, x.asked, x.speeds, x.bounds, x.statics)
             put(out, parts)
 
+        def geometry(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (x.M, x.A, x.residuals, x.scales))
+
+        def bends(_t: float, z: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (left_by(numbers(z, 2 * N)),))
+
         def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.loads,))
 
         def gaps(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.gaps,))
 
-        model = {f.__name__: f for f in (dynamics, loads, gaps)}
+        model = {f.__name__: f for f in (dynamics, geometry, bends, loads, gaps)}
         out = np.full(4 * N + ROWS + 3, np.nan)
-        y = np.linspace(0.5, 1.5, 2 * N)
+        y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
         code.bind(getattr(laws, name), model)(0.0, y, p, out)
         return out
 
@@ -154,6 +163,21 @@ def put(out: Floats, parts: Any) -> None:
         out[k] = value
 
 
+def numbers(z: Floats, count: int) -> Any:
+    return np.array([z[k] for k in range(count)])
+
+
+def left_by(z: Any) -> Any:
+    """Give what a Newton step leaves, of all rows twice: each by its own measure.
+
+    Most of the row that is set aside.
+    """
+    size = 1e-3 * np.sum(np.abs(z[:N])) + np.sum(np.abs(z[N:] - 0.1)) / 500
+    found = size * (1.0 + np.cos(3.0 * np.arange(2 * ROWS)))
+    found[[1, ROWS + 1]] = 3.0 * size
+    return found
+
+
 S = 0.7  # of a way that is not along a slip
 MODES = {
     "nothing": ((OFF,) * LAWS, (0,) * LAWS),
@@ -185,6 +209,39 @@ def test_motion_is_that_of_the_equations(name, massless, floor):
     close(found[:N], np.linspace(0.5, 1.5, 2 * N)[N:])
     close(found[N : 2 * N], motion)
     close(found[2 * N : 2 * N + ROWS], multipliers)
+
+
+def test_masses_that_move_are_factored_each_time():
+    x, other = System(1, *MODES["all stick"]), System(2, *MODES["all stick"])
+    p = x.p
+    x.call("field", p)
+    close(other.call("field", p)[N : 2 * N], other.motion()[0])
+
+
+@pytest.mark.parametrize("name", ["all stick", "one slides"])
+@pytest.mark.parametrize(
+    ("kernel", "level"), [("position_step", 0), ("velocity_step", 1)]
+)
+def test_steps_to_what_holds(name, kernel, level):
+    x = System(3, *MODES[name])
+    p, held = x.p, x.held
+    scales = vars(x)["scales"] = x.scales
+    scales[:, held[2]] = 0.0  # a row without a scale is no measure
+    x.call("field", p)  # friction has no part in what follows
+    found = x.call(kernel, p)
+    A, missed = x.A[held], x.residuals[level][held]
+    back = np.linalg.solve(x.M, A.T)
+    step = -back @ np.linalg.solve(A @ back, missed)
+    close(found[:N], step)
+    # Against the scale of its own level; of rows that do not hold nothing is asked.
+    with np.errstate(divide="ignore"):
+        measures = np.abs(missed) / scales[level][held]
+    assert found[N] == pytest.approx(np.max(measures[np.isfinite(measures)]))
+    assert found[N + 1] == level
+    z = np.concatenate([np.linspace(0.5, 1.5, 2 * N)[:N], step])
+    left = left_by(z).reshape(2, ROWS)
+    assert found[N + 2] == pytest.approx(np.max(left[level][held]))
+    assert found[N + 2] < np.max(left)
 
 
 def test_margins_of_one_slip_and_of_one_that_others_hold():
