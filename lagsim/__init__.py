@@ -26,11 +26,9 @@ from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from lagsim.api.deriving import Derivation, derive
-    from lagsim.api.examining import Examination, InadmissibleError, check
-    from lagsim.api.loading import load
-    from lagsim.api.models import Model
+    from lagsim.api.models import Model, load
     from lagsim.api.results import Result
-    from lagsim.api.simulating import simulate
+    from lagsim.api.simulating import Examination, InadmissibleError, check, simulate
     from lagsim.api.sweeping import Sweep, sweep
 
 __all__ = [
@@ -53,14 +51,14 @@ __all__ = [
 # What is loaded when it is asked for: commands begin with this file, too.
 _PLACES = {
     "Derivation": "deriving",
-    "Examination": "examining",
-    "InadmissibleError": "examining",
+    "Examination": "simulating",
+    "InadmissibleError": "simulating",
     "Model": "models",
     "Result": "results",
     "Sweep": "sweeping",
-    "check": "examining",
+    "check": "simulating",
     "derive": "deriving",
-    "load": "loading",
+    "load": "models",
     "simulate": "simulating",
     "sweep": "sweeping",
 }

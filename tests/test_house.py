@@ -7,8 +7,8 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 424
-LINES = 76_700
+FILES = 416
+LINES = 76_600
 LINES_OF_TESTS = 61_900
 
 

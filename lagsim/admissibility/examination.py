@@ -23,6 +23,7 @@ from lagsim.admissibility.point import Asked, Point
 from lagsim.admissibility.rank import analyse
 from lagsim.admissibility.report import RankReport, Start, StartReport
 from lagsim.admissibility.unilateral import (
+    contact_status,
     in_force,
     judge_laws,
     one_sided,
@@ -425,8 +426,6 @@ class _Examiner:
         if self.e is not self.always:
             lasting = analyse(always, judged.q, judged.v, errors)
         if classify and laws:
-            from lagsim.admissibility.unilateral import contact_status
-
             told = contact_status(point, laws, judged, errors, sound=sound and met)
             warnings += told.warnings
             laws, sticking = told.verdicts, told.raised

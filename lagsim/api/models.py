@@ -1,18 +1,165 @@
-"""A model as `load` gives it: what people read of it, and its accelerations."""
+"""A model as `load` gives it: its texts, its equations' accelerations and matrices."""
 
 from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
+import numpy as np
+
+from lagsim.errors import LagsimError
 from lagsim.model.model import Model as Read
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.api.accelerations import Accelerations
+    from lagsim.language.arrays import Floats
+
+
+Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
+
+# What is less independent than this, of scaled rows, counts as dependent.
+DEPENDENT = 1e-12
+
+
+class Motion(NamedTuple):
+    """What acts at a state.
+
+    Attributes
+    ----------
+    accelerations : ndarray, shape (n,) or (k, n)
+    multipliers : ndarray, shape (m,) or (k, m)
+        Of the constraints, in their order.
+    """
+
+    accelerations: Floats
+    multipliers: Floats
+
+
+class Accelerations:
+    """The accelerations as a function of time, coordinates and velocities.
+
+    `rhs(t, q, q_dot)` gives q'' (n,), in the order of `model.coordinates`. With several
+    states, q and q_dot of shape (k, n) and t a number or (k,), it gives (k, n).
+    Constraints act by their multipliers; nothing pulls a state back that does not meet
+    them. Forces are evaluated as they are written: `sign(0)` is 0.
+
+    Raises
+    ------
+    ValueError
+        Where a shape does not fit.
+    """
+
+    def __init__(self, model: Read) -> None:
+        from lagsim.mechanics.equations import derive
+
+        e = derive(model, chained=False)
+        if e.laws:
+            names = ", ".join(f"`{law.constraint}`" for law in e.laws)
+            text = f"{model.name} has no accelerations as a function of the state: "
+            text += f"{names} acts at times, and when depends on what happened before"
+            raise LagsimError(text)
+        self._equations, self._name = e, model.name
+        self._numbers = {p.name: p.value for p in model.parameters}
+        self._entries = list(e.mass_entries.items())
+        self._slopes = [
+            (r, i, node)
+            for r, row in enumerate(e.rows)
+            for i, node in row.A.entries.items()
+        ]
+        self._nodes = [node for _, node in self._entries]
+        self._nodes += e.f
+        self._nodes += [node for _, _, node in self._slopes]
+        self._nodes += [row.b for row in e.rows]
+
+    def __call__(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Floats:
+        """Give q'' (n,) or (k, n)."""
+        return self.motion(t, q, q_dot).accelerations
+
+    def motion(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Motion:
+        """Give the accelerations and the multipliers of the constraints."""
+        n, m = len(self._equations.q), len(self._equations.rows)
+        x, v = (
+            self._states(name, x) for name, x in (("q", q), ("q_dot", q_dot))
+        )  # fmt: skip
+        if x.shape != v.shape:
+            text = f"q has the shape {x.shape} and q_dot {v.shape}"
+            raise ValueError(f"{text}: they must be the same")
+        states = x.reshape(-1, n), v.reshape(-1, n)
+        count = len(states[0])
+        try:
+            times = np.broadcast_to(np.asarray(t, dtype=float), x.shape[:-1])
+        except ValueError:
+            text = f"t has the shape {np.shape(t)}: a number"
+            text += f" or the shape {x.shape[:-1]} is expected"
+            raise ValueError(text) from None
+        found = self._solved(times.reshape(-1), *states, count)
+        return Motion(
+            found[:, :n].reshape(x.shape), -found[:, n:].reshape(*x.shape[:-1], m)
+        )
+
+    def _states(self, name: str, given: Numbers) -> Floats:
+        x = np.asarray(given, dtype=float)
+        n = len(self._equations.q)
+        if x.ndim == 0 or x.shape[-1] != n:
+            names = ", ".join(self._equations.q)
+            text = f"{name} has the shape {x.shape}: the last number must be {n}"
+            raise ValueError(f"{text}, one for each of {names}")
+        return x
+
+    def _solved(self, t: Floats, q: Floats, v: Floats, count: int) -> Floats:
+        """Solve M q'' - A^T lambda = f, A q'' = b for (q'', -lambda) (count, n + m)."""
+        from lagsim.language.evaluate import evaluate_rows
+
+        e = self._equations
+        n, m = len(e.q), len(e.rows)
+        values: dict[str, float | Floats] = {**self._numbers, "t": t}
+        values |= dict(zip(e.q, q.T, strict=True))
+        values |= dict(zip(e.velocities, v.T, strict=True))
+        numbers = iter(evaluate_rows(e.graph, self._nodes, values, count))
+        K, right = np.zeros((count, n + m, n + m)), np.zeros((count, n + m))
+        for (i, j), _ in self._entries:
+            K[:, i, j] = next(numbers)
+        for i in range(n):
+            right[:, i] = next(numbers)
+        for r, i, _ in self._slopes:
+            K[:, n + r, i] = K[:, i, n + r] = next(numbers)
+        for r in range(m):
+            right[:, n + r] = next(numbers)
+        found = np.full_like(right, np.nan)
+        for k in np.flatnonzero(np.isfinite(K).all((1, 2)) & np.isfinite(right).all(1)):
+            found[k] = _solution(K[k], right[k], n)
+        return found
+
+    def __repr__(self) -> str:
+        from lagsim.outputs.notebook import block, listed
+
+        lines = [("takes", "t, q, q_dot"), ("gives", "q''"),
+                 ("q", listed(self._equations.q))]  # fmt: skip
+        return block(f"Accelerations of {self._name}", lines)
+
+
+def _solution(K: Floats, right: Floats, n: int) -> Floats:
+    """Solve M q'' + A^T x = f, A q'' = b; the smallest x where rows are dependent.
+
+    nan where q'' does not follow from them, as without inertia. Coordinates are scaled
+    by their inertia, then rows of A by what that leaves of them.
+    """
+    inertia = np.abs(np.diag(K)[:n])
+    moved = np.abs(K[n:, :n])
+    inertia = np.where(inertia > 0.0, inertia, np.max(inertia, initial=0.0) or 1.0)
+    coordinates = 1.0 / np.sqrt(inertia)
+    sizes = np.max(moved * coordinates, axis=1, initial=0.0)
+    scale = np.append(coordinates, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
+    scaled = scale[:, None] * K * scale
+    found, _, rank, _ = np.linalg.lstsq(scaled, scale * right, rcond=DEPENDENT)
+    if rank < len(K):
+        independent = np.linalg.svd(scaled[n:, :n], compute_uv=False) > DEPENDENT
+        if rank < n + np.count_nonzero(independent):
+            return np.full_like(right, np.nan)
+    return np.asarray(scale * found)
 
 
 class Model(Read):
@@ -56,7 +203,7 @@ class Model(Read):
         InputError
             Where there is no such name, or its value cannot be used.
         """
-        from lagsim.api.words import in_python, number_or_text
+        from lagsim.api.arguments import in_python, number_or_text
 
         given = {**(parameters or {}), **(initial or {}), **values}
         for name, value in given.items():
@@ -78,8 +225,6 @@ class Model(Read):
         LagsimError
             Where the accelerations depend on what happened before: with contacts, say.
         """
-        from lagsim.api.accelerations import Accelerations
-
         return Accelerations(self)
 
     def __repr__(self) -> str:
@@ -146,3 +291,23 @@ def model_of(source: Read | str | Path) -> Model:
 
 def _unit(text: str, unit: str, form: str = "{}") -> str:
     return f"{text} {form.format(unit)}" if unit else text
+
+
+def load(source: str | Path, **values: float | str) -> Model:
+    """Read a model.
+
+    Parameters
+    ----------
+    source
+        A path, or the text of a model file: a string with a line break in it.
+    **values
+        Numbers, or expressions, instead of those of parameters or of start values, see
+        `Model.bind`.
+
+    Raises
+    ------
+    InputError
+        With every fault, each with file, line, column, code, text and hint.
+    """
+    model = model_of(source)
+    return model.bind(**values) if values else model

@@ -1,25 +1,168 @@
-"""What a run gives: its motion as arrays, and what people read of it."""
+"""The result of a run: its motion as arrays, estimated error, pictures, animation."""
 
 from __future__ import annotations
 
 import contextlib
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
+
+from lagsim.run.error import ErrorBar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.figure import Figure
 
-    from lagsim.api.estimates import Error
-    from lagsim.api.films import Animation
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution, Event
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.spectrum import Spectrum
+
+
+class Error(ErrorBar):
+    """The estimated error of a run, from its difference to a repeat.
+
+    Attributes
+    ----------
+    relative : float
+        The largest error, as a part of the coordinate's range.
+    horizon : float or None
+        From this time on the error is too large for a forecast.
+    coordinates : dict
+        Of each coordinate its largest error, `largest` in its unit and `relative`, and
+        when.
+    method, rtol
+        Of the repeat.
+    times, errors : ndarray, shapes (k,) and (k, n)
+        The errors of all coordinates, in their units, at the times compared.
+    """
+
+    units: Mapping[str, str]
+    model: str
+
+    @classmethod
+    def of(cls, bar: ErrorBar, model: str, units: Mapping[str, str]) -> Error:
+        """Give an estimate with the names and units of its model."""
+        new = cls(*bar)
+        new.model, new.units = model, units
+        return new
+
+    def _summary(self) -> list[tuple[str, str]]:
+        from lagsim.outputs.notebook import listed
+
+        tight = "" if self.rtol is None else f" at rtol {self.rtol:.2g}"
+        found = self.coordinates
+        worst = sorted(found, key=lambda name: -found[name].relative)
+        each = [f"{q} {self._in_unit(q)} at t = {found[q].time:.4g}" for q in worst]
+        ends = "none before the end"
+        if self.horizon is not None:
+            ends = f"no forecast past t = {self.horizon:.6g}"
+        return [
+            ("error", f"about {self.relative:.1g} of a coordinate's range"),
+            ("largest", listed(each)),
+            ("horizon", ends),
+            ("from", f"a repeat by {self.method}{tight}"),
+        ]
+
+    def _in_unit(self, name: str) -> str:
+        number = f"{self.coordinates[name].largest:.2g}"
+        return f"{number} {self.units.get(name, '')}".rstrip()
+
+    def __repr__(self) -> str:
+        from lagsim.outputs.notebook import block
+
+        return block(f"Error of {self.model}", self._summary())
+
+    def _repr_html_(self) -> str:
+        from lagsim.outputs.notebook import heading, picture, table
+        from lagsim.outputs.sheet import content
+
+        title = f"Error of {self.model}"
+        drawn = picture(content(self.plot(), "png"), title)
+        return "\n".join([heading(title), table(self._summary()), drawn])
+
+    def plot(self) -> Figure:
+        """Draw the error of each coordinate against time; nothing is shown."""
+        from lagsim.outputs.figure import Column, figure
+        from lagsim.outputs.letters import Letters, raised
+
+        letters = Letters(self.names)
+        columns = [
+            Column(letters.name(q), raised(self.units.get(q, "")), errors)
+            for q, errors in zip(self.names, np.abs(self.errors).T, strict=True)
+        ]
+        title = f"{self.model}: estimated errors"
+        found = figure(title, Column("t", "s", self.times), columns)
+        for axes in found.axes:
+            axes.set_yscale("log", nonpositive="mask")
+            axes.minorticks_off()
+        return found
+
+
+# Pixels of an animation: tall enough for a scene, its panel and the controls.
+HEIGHT = 640
+
+
+class Animation:
+    """A page that plays a motion; a notebook shows it at the end of a cell.
+
+    Attributes
+    ----------
+    html : str
+        The page: one file that needs nothing else.
+    """
+
+    def __init__(self, html: str, name: str, height: int = HEIGHT) -> None:
+        self.html, self._name, self._height = html, name, height
+
+    def write(self, path: str | Path) -> None:
+        """Write the page to a file, to open it in a browser."""
+        Path(path).write_text(self.html, encoding="utf-8")
+
+    def __repr__(self) -> str:
+        return f"<Animation of {self._name}: {len(self.html) / 1000:.0f} kB of HTML>"
+
+    def _repr_html_(self) -> str:
+        style = f"width: 100%; height: {self._height}px; border: 0"
+        return (
+            f'<iframe title="{escape(self._name)}" style="{style}" '
+            f'sandbox="allow-scripts allow-downloads" srcdoc="{escape(self.html)}">'
+            "</iframe>"
+        )
+
+
+def rows_at(made: Attempt, times: Floats) -> Floats:
+    """Give the rows (times, columns) of a run at any times of it.
+
+    The run is repeated with the same steps, up to the last of the times. What a method
+    gives between its steps is then what it gives for a row.
+
+    Raises
+    ------
+    ValueError
+        Where a time lies outside the run.
+    """
+    from lagsim.run.interrupt import Interrupt
+    from lagsim.run.observers.moments import Moments
+
+    first, last = made.trajectory.start, made.trajectory.end
+    outside = ~((times >= first) & (times <= last))
+    if outside.any():
+        text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
+        raise ValueError(f"{text} from {first!r} to {last!r}")
+    different, places = np.unique(times, return_inverse=True)
+    session, interrupt = made.session, Interrupt()
+    moments = Moments(different, len(session.system.columns.names), interrupt)
+    if len(different):
+        asked = session.asking(moments=tuple(different.tolist()))
+        asked.run([moments], interrupt=interrupt)
+    return moments.rows[places.ravel()]
 
 
 class Result:
@@ -64,8 +207,6 @@ class Result:
     @cached_property
     def error(self) -> Error | None:
         """The estimated error; None where there is no estimate."""
-        from lagsim.api.estimates import Error
-
         bar = self._made.bar
         return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
 
@@ -112,8 +253,6 @@ class Result:
             Where a time lies outside the run.
         """
         import numpy as np
-
-        from lagsim.api.moments import rows_at
 
         times = np.asarray(t, dtype=float)
         rows = rows_at(self._made, times.ravel())
@@ -183,7 +322,6 @@ class Result:
         ValueError
             Where the model has nothing to draw.
         """
-        from lagsim.api.films import Animation
         from lagsim.outputs.animation import NAME, nothing_to_draw
 
         for caution in nothing_to_draw(self._made.session.case.equations.model):
@@ -302,7 +440,7 @@ class Result:
         OSError
             Where there is no room; then the folder is as it was.
         """
-        from lagsim.api.words import one_of
+        from lagsim.api.arguments import one_of
         from lagsim.outputs import Format
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST, open_results

@@ -183,8 +183,8 @@ def sweep(
         Where the model has faults, or a name, a value or an option cannot be had. A run
         that cannot begin or finish is a row with its outcome and its reason.
     """
+    from lagsim.api.arguments import given, in_python, lists, one_of
     from lagsim.api.models import model_of
-    from lagsim.api.words import given, in_python, lists, one_of
     from lagsim.run.session import wanted
     from lagsim.studies.attempts import ErrorBars
     from lagsim.studies.sweep.grid import grid_of

@@ -5,16 +5,47 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import platform
 import re
 import sys
+import time
 from typing import TYPE_CHECKING, Any
 
-from lagsim.cli._streams import complain, width_of
+from lagsim.cli._streams import annotate_problem, complain, width_of
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
+
+
+# Has lagsim print what a report of a bug holds as well.
+TRACEBACK = "--traceback"
+
+
+def kept(told: str) -> Path | None:
+    """Write a report of a bug to a file of the user's cache; None without room."""
+    from lagsim.native.link.cache import folder
+    from lagsim.outputs.manifest import versions
+    from lagsim.version import __version__
+
+    where = folder("reports")
+    if where is None:
+        return None
+    known = ", ".join(f"{name} {version}" for name, version in versions().items())
+    text = (
+        f"lagsim {__version__}; {known}; {platform.platform()}\n"
+        f"{' '.join(map(repr, sys.argv[1:]))}\n\n{told}"
+    )
+    now = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+    path = where / f"lagsim-{now}-{os.getpid()}-{time.monotonic_ns() % 10**6:06}.txt"
+    try:
+        with path.open("x", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    except OSError:
+        return None
+    return path
 
 
 # Exit codes of what is no fault of the input.
@@ -58,7 +89,6 @@ def faults_shown(
             documents.append(document(error.equations, error.examined))
     except LagsimError as error:
         code.append(error.exit_code)
-        from lagsim.cli._github import annotate_problem
 
         problems = [Problem(error.code, str(error)).whole]
         if isinstance(error, InputError):
@@ -145,7 +175,6 @@ def unforeseen() -> int:
     if starved:
         complain(f"lagsim: {starved} [{number('starved')}]")
         return STARVED
-    from lagsim.cli._reporting import TRACEBACK, kept
 
     path, asked = kept(told), TRACEBACK in sys.argv
     if asked or path is None:

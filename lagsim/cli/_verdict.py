@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
-from lagsim.cli._github import ERROR, WARNING, annotate
 from lagsim.cli._shared import coloured, counted, table
+from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
 
 if TYPE_CHECKING:

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from lagsim.cli._faults import faults_shown, plain
-from lagsim.cli._github import ERROR, annotate
 from lagsim.cli._shared import (
     AsJson,
     coloured,
     counted,
     show_json,
 )
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import put_file, put_picture, writing
 from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, listing
 from lagsim.codes import failure, number

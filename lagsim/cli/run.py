@@ -24,7 +24,7 @@ from lagsim.cli._shared import (
     show_json,
 )
 from lagsim.cli._signals import is_watched
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import (
     Later,
     ask_for_room,
@@ -42,7 +42,7 @@ from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
-from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.attempts import Attempts, ErrorBars
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -302,7 +302,6 @@ class Job:
     ) -> int:
         from lagsim.outputs.results import MANIFEST
         from lagsim.outputs.units import of_table
-        from lagsim.studies.attempts import Attempts
 
         columns, interrupt = session.system.columns.of_table, self.interrupt
         units = of_table(session.case.equations, columns)
@@ -363,7 +362,6 @@ class Job:
         cautions = document["warnings"]
         if not (self.strict and cautions):
             return 0
-        from lagsim.cli._github import ERROR, annotate
 
         model = found.session.case.equations.model
         told = refused(model.name, [caution["code"] for caution in cautions])

@@ -37,7 +37,7 @@ from lagsim.cli.run import (
     Step,
     given,
 )
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.studies.attempts import ErrorBars
 
 if TYPE_CHECKING:
@@ -55,7 +55,6 @@ REASON = 160
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
     """Give what may be swept of the model that stands before it."""
-    from lagsim.errors import LagsimError
     from lagsim.model.reader import read_file
 
     try:

@@ -12,6 +12,7 @@ from lagsim.errors import InputError, Place, Problem
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+
 T = TypeVar("T")
 _OPTION = re.compile(r"--([a-z-]+) ")
 
