@@ -53,6 +53,8 @@ OTHER_STARTS = 16
 AROUND = 1.0
 # A whole turn of an angle.
 TURN = 2.0 * math.pi
+# Whether a dense M (n, n) is positive takes n**3 / DECOMPOSED operations.
+DECOMPOSED = 2000.0
 # The rows that share in a least residual: their distances, against the largest.
 SHARES = 1e-6
 
@@ -73,6 +75,7 @@ class Solver:
 
     def metric(self, free: Sequence[int]) -> Floats:
         """Give the metric of least change on the values `free`: M as it was stated."""
+        self.point.g.count(len(free) ** 3 / DECOMPOSED)
         M = self.point.mass(*self.stated, free)
         return metric_of(M, range(len(free)))
 

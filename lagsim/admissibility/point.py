@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 # Of a value that was found as a double root.
 HALF = 2.0**-26
+# A step of m dense equations for k values takes m * k * min(m, k) / STEP operations.
+STEP = 350.0
 
 
 class Point:
@@ -314,6 +316,8 @@ class AtState(Relations):
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         """Give r (m,) and dr/dx (m, k)."""
+        m, k = len(self.targets), len(self.free)
+        self.point.g.count(m * k * min(m, k) / STEP)
         r, entries = self.sparse(x)
         J = np.zeros((len(r), len(self.free)))
         J[entries.i, entries.j] = entries.values

@@ -107,11 +107,12 @@ class Graph:
 
     def _too_much(self) -> InputError:
         text = (
-            f"deriving the equations takes more than {self._work:,.0f} operations, the "
-            "limit for a file of this size; its longest expression stands here"
+            f"deriving and examining the equations takes more than {self._work:,.0f} "
+            "operations, the limit for a file of this size; its longest expression "
+            "stands here"
         )
         hint = "fewer factors in one product, power or nested call take fewer; so do "
-        hint += "fewer constraints"
+        hint += "fewer constraints, and a start that meets them"
         return InputError([Problem("too-large", text, self.place, hint)])
 
     def count(self, work: float) -> None:
