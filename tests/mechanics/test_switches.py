@@ -25,38 +25,6 @@ def switches_of(text):
     return g, node, find_switches(g, [node], MOVING)
 
 
-def discrete_texts(text):
-    g, _, switches = switches_of(text)
-    return [expression_text(g, mode.discrete) for mode in switches.modes]
-
-
-@pytest.mark.parametrize(
-    ("text", "discrete"),
-    [
-        ("if(t < 1, x, 2)", ["t < 1"]),
-        ("x*abs(t - 1)", ["sign(t - 1)"]),
-        ("sign(t) + abs(t)", ["sign(t)"]),
-        ("heaviside(t - p) + floor(t) + ceil(t/p)",
-         ["heaviside(t - p)", "floor(t)", "ceil(t/p)"]),
-        ("min(t, p)", ["t <= p"]),
-        ("max(x, max(t, p))", ["t >= p"]),
-        # Conditions are taken apart where their parts differ in kind, only there.
-        ("if(t < 1 and t > p or t > 3, 1, 0)", ["t < 1 and t > p or t > 3"]),
-        ("if(t < 1 and x > 0, 1, 0)", ["t < 1"]),
-        ("if(x > 0 or not (t < 1 and t > p), 1, 0)", ["not (t < 1 and t > p)"]),
-        # A switch that only decides a time switch is not needed by the frozen form.
-        ("sign(sin(t) - if(t < 1, 0, 1))", ["sign(sin(t) - if(t < 1, 0, 1))"]),
-        ("if(t < 1, if(t < p, 1, 2), floor(t))", ["t < 1", "t < p", "floor(t)"]),
-        # In what decides a state switch it is.
-        ("sign(x - floor(t))", ["floor(t)"]),
-        ("if(p > 1, x, t) + abs(p) + max(p, 2)", []),
-        ("sin(t)*x", []),
-    ],
-)  # fmt: skip
-def test_finds_the_time_switches(text, discrete):
-    assert sorted(discrete_texts(text)) == sorted(discrete)
-
-
 @pytest.mark.parametrize(
     ("text", "shown"),
     [
@@ -85,20 +53,6 @@ def test_the_limit_in_the_derivative_of_a_power_is_no_switch():
     assert not found.modes
     assert not found.state
     assert found.freeze(slopes) == slopes
-
-
-def test_an_expression_without_switches_is_left_alone():
-    _, node, switches = switches_of("x^2*sin(t)/(1 + p)")
-    assert switches.modes == ()
-    assert switches.freeze([node]) == [node]
-
-
-def test_equal_discrete_functions_share_a_mode():
-    g = Graph()
-    node = parse("abs(t - 2)*x + max(t, p)").build(g, g.variable)
-    slope = gradient(g, node, [g.variable("t")])
-    found = find_switches(g, [node, *slope], MOVING)
-    assert [m.variable for m in found.modes] == ["mode.0", "mode.1"]
 
 
 TEXTS = [

@@ -173,7 +173,7 @@ def left_by(z: Any) -> Any:
     Most of the row that is set aside.
     """
     size = 1e-3 * np.sum(np.abs(z[:N])) + np.sum(np.abs(z[N:] - 0.1)) / 500
-    found = size * (1.0 + np.cos(3.0 * np.arange(2 * ROWS)))
+    found = size * (1.0 + np.sin(3.0 * np.arange(2 * ROWS)))
     found[[1, ROWS + 1]] = 3.0 * size
     return found
 

@@ -216,13 +216,3 @@ def test_what_is_not_ignorable(change, to):
     assert change in TOP
     equations = derive(read(TOP.replace(change, to), "model.yaml"))
     assert "phi" not in [equations.q[c] for c in ignorable(equations)]
-
-
-def test_one_coordinate_is_never_ignored():
-    text = """
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
-initial: {x: 0, y: 1, x_dot: 1}
-simulation: {duration: 1}
-"""
-    assert len(ignorable(derive(read(text, "model.yaml")))) == 1

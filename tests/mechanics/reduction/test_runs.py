@@ -45,47 +45,6 @@ def test_all_columns_agree(model, formulation, loops):
         assert off < 1e-10, name
 
 
-def random_scene(seed):
-    """Give a scene with two relations that give a coordinate, and one that moves."""
-    random = np.random.default_rng(seed)
-    names = ["p", "q", "r", "s", "w"]
-    random.shuffle(names)
-    a, b, c, d, e = names
-    k = [round(x, 3) for x in random.uniform(0.3, 2.0, 14)]
-    kinetic = " + ".join(
-        f"{k[i]}*(1 + {k[i + 1]}*sin({names[i - 1]})^2)*{name}_dot^2"
-        for i, name in enumerate(names)
-    )
-    return f"""
-coordinates: {{{", ".join(f"{name}: {{}}" for name in sorted(names))}}}
-energy:
-  kinetic: {kinetic} + 0.1*{a}_dot*{d}_dot*cos({b})
-  potential: {k[6]}*{a}^2 + {k[7]}*{b}^2*{c} + cos({d}) + {k[8]}*({e} - {a})^2
-  dissipation: {k[9]}*0.05*{c}_dot^2
-forces: {{{d}: "{k[10]}*0.2*sin(2*t)"}}
-constraints:
-  first: "{k[11]}*{a} = {k[12]}*0.3*sin({b})*{c} + 0.1*sin(t)"
-  second: "{d} - {k[13]}*{b} = 0.2*{a}^2"
-initial: {{{a}: {{guess: 0}}, {b}: 0.3, {c}: -0.4, {d}: {{guess: 0}}, {e}: 0.1,
-  {a}_dot: {{guess: 0}}, {b}_dot: 0.5, {d}_dot: {{guess: 0}}, {e}_dot: -0.2}}
-simulation: {{duration: 2, output_step: 0.05, until: "{a} = 0.123"}}
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
-def test_random_scenes_agree(seed):
-    text = random_scene(seed)
-    full = run(text, formulation="full", rtol="1e-13")
-    reduced = run(text, formulation="elimination", rtol="1e-13")
-    assert len(reduced.plan.reduction.eliminated) == 2
-    assert reduced.trajectory.outcome is full.trajectory.outcome
-    # `until` is found on another dense output, at slightly another time.
-    assert reduced.trajectory.end == pytest.approx(full.trajectory.end, abs=1e-10)
-    for name, off in differences(reduced, full).items():
-        assert off < 1e-10, name
-
-
 def test_eliminated_constraints_hold_to_the_last_digit():
     found = run("elastic-pendulum-curve")
     assert found.plan.formulation == "elimination"
