@@ -8,7 +8,7 @@ import math
 import numpy as np
 from scipy.special import ellipj, ellipk
 
-OSCILLATOR = """
+_OSCILLATOR = """
 coordinates: {{x: {{}}}}
 energy: {{kinetic: x_dot^2/2, potential: x^2/2}}
 {forces}
@@ -16,20 +16,20 @@ initial: {{x: {x}, x_dot: {v}}}
 {simulation}
 """
 # Length and gravity 1, let go at rest: in its angle, and on a rod.
-PENDULUM = """
+_PENDULUM = """
 coordinates: {{a: {{}}}}
 energy: {{kinetic: a_dot^2/2, potential: -cos(a)}}
 initial: {{a: {amplitude}}}
 {simulation}
 """
-HELD = """
+_HELD = """
 coordinates: {{x: {{}}, y: {{}}}}
 energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: y}}
 constraints: {{rod: x^2 + y^2 = 1}}
 initial: {{x: sin({amplitude}), y: -cos({amplitude})}}
 {simulation}
 """
-FALL = """
+_FALL = """
 parameters: {{g: 9.81, h: 2.5}}
 coordinates: {{y: {{}}}}
 energy: {{kinetic: y_dot^2/2, potential: g*y}}
@@ -37,19 +37,67 @@ initial: {{y: {y}, y_dot: {v}}}
 simulation: {{duration: {duration}, output_step: 0.1, until: "{until}"{more}}}
 """
 
+# Named scenes of commands.
+PENDULUM = """\
+parameters: {l: 1, g: 9.8}
+coordinates: {theta: {unit: rad}}
+energy: {kinetic: l^2*theta_dot^2/2, potential: -g*l*cos(theta)}
+initial: {theta: 1}
+simulation: {duration: 2, output_step: 0.1}
+"""
+
+# The notes' elastic pendulum on a curve; `START` is its start.
+CURVE = """\
+parameters: {l: 1, g: 9.8, K: 25.6, M: 1}
+coordinates: {theta: {unit: rad}, u: {unit: m}}
+definitions: {x: (l + u)*sin(theta), y: -(l + u)*cos(theta)}
+energy:
+  kinetic: M*(x_dot^2 + y_dot^2)/2
+  potential: M*g*(l + y) + K*u^2/2
+constraints: {path: u = l - l*theta^2}
+initial: {theta: 1, u: START}
+simulation: {duration: 1, output_step: 0.05}
+"""
+ON_THE_CURVE = CURVE.replace("START", "l - l*theta^2")
+CAPTION = CURVE.replace("START", "l")
+
+# Falls into the centre at t = pi/(2 sqrt 2) = 1.1107.
+FALL = """\
+coordinates: {r: {unit: m}}
+energy: {kinetic: r_dot^2/2, potential: -1/r}
+initial: {r: 1}
+simulation: {duration: 2, output_step: 0.01}
+"""
+
+CONTACT = """\
+coordinates: {x: , y: }
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.8*y}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+initial: {x: 0, y: 1}
+simulation: {duration: 1}
+"""
+
+# For how long, it does not say.
+TIMELESS = CONTACT.replace("simulation: {duration: 1}\n", "")
+
+# Longer than anyone waits.
+ENDLESS = PENDULUM.replace(
+    "duration: 2, output_step: 0.1", "duration: 1e7, output_step: 1"
+)
+
 
 def oscillator(simulation=None, *, x=1, v=0, force=None):
     """x'' = -x: x cos(t) + v sin(t)."""
     forces = f'forces: {{x: "{force}"}}' if force else ""
-    return OSCILLATOR.format(simulation=line(simulation), x=x, v=v, forces=forces)
+    return _OSCILLATOR.format(simulation=line(simulation), x=x, v=v, forces=forces)
 
 
 def pendulum(amplitude=1, simulation=None):
-    return PENDULUM.format(amplitude=amplitude, simulation=line(simulation))
+    return _PENDULUM.format(amplitude=amplitude, simulation=line(simulation))
 
 
 def held_pendulum(amplitude=1, simulation=None):
-    return HELD.format(amplitude=amplitude, simulation=line(simulation))
+    return _HELD.format(amplitude=amplitude, simulation=line(simulation))
 
 
 def line(simulation):
@@ -84,7 +132,7 @@ def quarter(amplitude):
 
 
 def fall(until, *, y="h", v=0, duration=5, more=""):
-    return FALL.format(until=until, y=y, v=v, duration=duration, more=more)
+    return _FALL.format(until=until, y=y, v=v, duration=duration, more=more)
 
 
 def expected_times(start, end, step):

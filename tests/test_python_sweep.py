@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import lagsim
-from tests.cli._scenes import FALL, PENDULUM
 from tests.cli.conftest import lagsim as command  # noqa: F401
+from tests.small_scenes import FALL, PENDULUM
 
 
 def test_columns_are_those_of_single_runs(capsys):

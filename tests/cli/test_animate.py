@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lagsim.outputs.animation import recorded
 from tests.cli._results import manifest, names
-from tests.cli._scenes import FALL, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
 
 PAGE = "animation.html"
 

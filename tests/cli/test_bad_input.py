@@ -10,8 +10,8 @@ import pytest
 
 from lagsim.codes import errors
 from tests.cli._results import table
-from tests.cli._scenes import ON_THE_CURVE, PENDULUM
 from tests.patience import PATIENCE
+from tests.small_scenes import ON_THE_CURVE, PENDULUM
 
 KEYS = [
     "file", "line", "column", "length", "source", "code", "number", "text", "expected",

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.cli._scenes import CAPTION, FALL, PENDULUM, TIMELESS
+from tests.small_scenes import CAPTION, FALL, PENDULUM, TIMELESS
 
 HEADER = (
     "method,formulation,setting,value,seconds,evaluations,error,error_lambda,"

@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from tests.cli._scenes import CAPTION, CONTACT, CURVE, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CAPTION, CONTACT, CURVE, ON_THE_CURVE, PENDULUM
 from tests.support import MODELS
 
 NONHOLONOMIC = """\

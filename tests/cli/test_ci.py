@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests.cli._results import manifest, names
-from tests.cli._scenes import CAPTION, PENDULUM
+from tests.small_scenes import CAPTION, PENDULUM
 
 # `zeta` is used nowhere, which is a warning.
 WARNED = PENDULUM.replace("g: 9.8}", "g: 9.8, zeta: 3}")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli._scenes import ON_THE_CURVE
+from tests.small_scenes import ON_THE_CURVE
 
 HEAD = "t,x,x_dot,x_ddot,kinetic,energy"
 ROWS = [

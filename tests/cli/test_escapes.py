@@ -11,7 +11,7 @@ import pytest
 
 from lagsim.cli import main
 from lagsim.errors import Place, Problem, visible
-from tests.cli._scenes import PENDULUM
+from tests.small_scenes import PENDULUM
 
 # What terminals act on: colours, a title, another order of letters, blanks of no width.
 HOSTILE = "\x1b[31mred\x1b]0;title\x07\x9b1m\u202egnp\u2066\u200b\rover\x7f"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli._scenes import ON_THE_CURVE, PENDULUM
+from tests.small_scenes import ON_THE_CURVE, PENDULUM
 
 TOP = """\
 coordinates: {phi: {}, r: {}}

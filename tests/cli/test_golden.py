@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli._scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 from tests.outputs.drawn import noted
+from tests.small_scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
 
 @pytest.fixture

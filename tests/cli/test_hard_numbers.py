@@ -10,7 +10,7 @@ import pytest
 from lagsim.cli import _faults
 from lagsim.errors import InputError
 from lagsim.native.link import cache, engine
-from tests.cli._scenes import PENDULUM
+from tests.small_scenes import PENDULUM
 
 FREE = """\
 coordinates: {x: {}, y: {}}

@@ -10,9 +10,9 @@ import pytest
 
 import lagsim as house
 from lagsim.outputs.animation import recorded
-from tests.cli._scenes import ON_THE_CURVE, PENDULUM
 from tests.outputs.browser import needs_browser, shown
 from tests.outputs.drawn import noted
+from tests.small_scenes import ON_THE_CURVE, PENDULUM
 
 # Its angle: x = cos t, y = sin t; it has no scene, and its rates are no columns.
 ROUND = """\

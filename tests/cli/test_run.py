@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
 from tests.support import MODELS
 
 COMMAND = [sys.executable, "-m", "lagsim"]

@@ -16,8 +16,8 @@ import pytest
 from lagsim.outputs.results import Results
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import CAPTION, ENDLESS, FALL, PENDULUM
 from tests.patience import PATIENCE, finished
+from tests.small_scenes import CAPTION, ENDLESS, FALL, PENDULUM
 
 COMMAND = [sys.executable, "-m", "lagsim"]
 pytestmark = pytest.mark.usefixtures("heeded_signals")

@@ -10,7 +10,7 @@ import pytest
 
 from lagsim.run import recorder
 from tests.cli._results import manifest, names
-from tests.cli._scenes import CONTACT, ON_THE_CURVE
+from tests.small_scenes import CONTACT, ON_THE_CURVE
 
 COLUMNS = [
     "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",

@@ -13,8 +13,8 @@ import pytest
 
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
 from tests.patience import PATIENCE, finished
+from tests.small_scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
 from tests.support import ROOT
 
 

@@ -20,8 +20,8 @@ from lagsim.plan import making
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
 from lagsim.run.observers.ledger import Ledger
 from tests.cli._results import manifest, names
-from tests.cli._scenes import ENDLESS, PENDULUM
 from tests.patience import finished
+from tests.small_scenes import ENDLESS, PENDULUM
 
 pytestmark = [
     pytest.mark.usefixtures("heeded_signals"),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.cli._scenes import CAPTION, CONTACT, TIMELESS
+from tests.small_scenes import CAPTION, CONTACT, TIMELESS
 
 OSCILLATOR = """\
 parameters: {k: 4}

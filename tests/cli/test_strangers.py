@@ -14,8 +14,8 @@ import pytest
 from lagsim.native.link import cache
 from lagsim.outputs.results import is_own
 from tests.cli._results import manifest, names
-from tests.cli._scenes import CONTACT, PENDULUM
 from tests.patience import PATIENCE
+from tests.small_scenes import CONTACT, PENDULUM
 from tests.support import ROOT
 
 pytestmark = pytest.mark.skipif(

@@ -22,8 +22,8 @@ from lagsim.run.observers.ledger import Ledger
 from lagsim.run.system import System
 from lagsim.studies.sweep.journal import NAME
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM
 from tests.patience import PATIENCE, finished
+from tests.small_scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
 SPRING = """\

@@ -11,7 +11,7 @@ from lagsim.notes import Caution
 from lagsim.outputs import plots, results
 from lagsim.outputs.attempted import attempted
 from tests.cli._results import manifest, names, table
-from tests.cli._scenes import ON_THE_CURVE, PENDULUM
+from tests.small_scenes import ON_THE_CURVE, PENDULUM
 
 DRAWN = ["constraint_forces.png", "energy.png", "trajectory.png"]
 

@@ -14,7 +14,7 @@ import pytest
 
 from lagsim.cli import COMMANDS
 from tests.cli._results import names
-from tests.cli._scenes import CAPTION, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CAPTION, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
 COMMAND = f"{sys.executable} -m lagsim"

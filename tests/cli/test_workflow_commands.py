@@ -14,7 +14,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lagsim.cli._streams import harmless
-from tests.cli._scenes import PENDULUM
+from tests.small_scenes import PENDULUM
 
 COMMAND = "::set-output name=x::planted"
 # What .NET's TrimStart takes away.

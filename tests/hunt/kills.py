@@ -22,7 +22,7 @@ from typing import Any
 
 from lagsim.cli import main
 from lagsim.studies.golden.storing import load
-from tests.cli._scenes import PENDULUM
+from tests.small_scenes import PENDULUM
 
 TOUCHING = ("open", "write", "replace", "rename", "fsync", "unlink", "link", "mkdir")
 OTHER = PENDULUM.replace("l: 1", "l: 2")

@@ -15,8 +15,8 @@ from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.grid import parsed
 from lagsim.studies.sweep.runs import Runs, Work
 from lagsim.studies.sweep.sweeping import Found, packed, sweep
-from tests.cli._scenes import FALL, ON_THE_CURVE, PENDULUM
 from tests.outputs.drawn import noted
+from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
 
 
 def found(text, *arguments, ends=False):

@@ -12,7 +12,7 @@ from lagsim.studies.sweep.grid import parsed
 from lagsim.studies.sweep.machines import machines
 from lagsim.studies.sweep.runs import Work
 from lagsim.studies.sweep.sweeping import Found, packed, sweep
-from tests.cli._scenes import PENDULUM
+from tests.small_scenes import PENDULUM
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask`")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
