@@ -9,7 +9,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 416
 LINES = 76_600
-LINES_OF_TESTS = 61_900
+LINES_OF_TESTS = 60_800
 
 
 def lines(folder):

@@ -54,7 +54,15 @@ PictureForm = Annotated[
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print one JSON document on stdout.")
 ]
+Quiet = Annotated[
+    bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]
+
+
+def output_folder(text: str) -> Any:
+    """Give the option `-o DIR`, with its help."""
+    return typer.Option("-o", "--output", metavar="DIR", help=text)
 
 
 def _show_version(asked: bool) -> None:

@@ -13,10 +13,12 @@ from lagsim.cli._shared import (
     AsJson,
     Picture,
     PictureForm,
+    Quiet,
     Sets,
     assignments,
     coloured,
     counted,
+    output_folder,
     show_json,
     table,
 )
@@ -54,12 +56,8 @@ def command(
     ],
     folder: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            help="Output folder; default results/NAME/bench; DIR/NAME for several "
-            "models.",
+        output_folder(
+            "Output folder; default results/NAME/bench; DIR/NAME for several models."
         ),
     ] = None,
     sets: Sets = None,
@@ -90,9 +88,7 @@ def command(
     ] = None,
     form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Compare the methods: error against computing time."""
     documents: list[Any] = []

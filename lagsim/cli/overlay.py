@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import counted
+from lagsim.cli._shared import Quiet, counted
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_picture
 from lagsim.errors import InputError, Problem
@@ -45,9 +45,7 @@ def command(
             metavar="A,B", help="Columns of the picture; default the coordinates."
         ),
     ] = None,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Draw several results in one picture, and play them on one page."""
     with faults_shown() as code:

@@ -17,9 +17,11 @@ from lagsim.cli._shared import (
     Jobs,
     Picture,
     PictureForm,
+    Quiet,
     Sets,
     Strict,
     assignments,
+    output_folder,
     refused,
     show_json,
 )
@@ -127,11 +129,8 @@ def command(
     ],
     folder: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            help="Output folder; default results/NAME; DIR/NAME for several models.",
+        output_folder(
+            "Output folder; default results/NAME; DIR/NAME for several models."
         ),
     ] = None,
     jobs: Jobs = None,
@@ -161,9 +160,7 @@ def command(
         bool, typer.Option("--resume", help="Continue an interrupted run.")
     ] = False,
     as_json: AsJson = False,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-    ] = False,
+    quiet: Quiet = False,
     strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""

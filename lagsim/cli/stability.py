@@ -15,10 +15,12 @@ from lagsim.cli._shared import (
     ModelPath,
     Picture,
     PictureForm,
+    Quiet,
     Sets,
     assignments,
     coloured,
     counted,
+    output_folder,
     show_json,
     table,
 )
@@ -39,13 +41,7 @@ if TYPE_CHECKING:
 def command(
     model: ModelPath,
     folder: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            help="Output folder; default results/NAME/stability.",
-        ),
+        Path | None, output_folder("Output folder; default results/NAME/stability.")
     ] = None,
     sets: Sets = None,
     methods: Annotated[
@@ -69,9 +65,7 @@ def command(
     ] = None,
     form: PictureForm = Picture.PNG,
     as_json: AsJson = False,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Map where each method is stable and where it fails."""
     documents: list[Any] = []

@@ -15,10 +15,12 @@ from lagsim.cli._shared import (
     AsJson,
     Jobs,
     ModelPath,
+    Quiet,
     Sets,
     assignments,
     coloured,
     counted,
+    output_folder,
     show_json,
     table,
 )
@@ -77,13 +79,7 @@ def command(
         ),
     ],
     folder: Annotated[
-        Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="DIR",
-            help="Output folder; default results/NAME/sweep.",
-        ),
+        Path | None, output_folder("Output folder; default results/NAME/sweep.")
     ] = None,
     jobs: Jobs = None,
     keep: Annotated[
@@ -120,9 +116,7 @@ def command(
     error_bar: ErrorBar = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
-    quiet: Annotated[
-        bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-    ] = False,
+    quiet: Quiet = False,
 ) -> int:
     """Run a model at all combinations of parameter values."""
     options = given(
