@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lagsim.studies.alarms.jumps import Energy
 from tests.studies.alarms.alarmed import cautions
 from tests.support import run
 
@@ -104,3 +105,13 @@ def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
     assert code == "energy-gained"
     [text] = told(found)
     assert "besides jumps of its expression" in text
+
+
+def test_the_sides_of_an_angle_are_those_of_its_cut():
+    found = run(SCENE.format(k=1, X=0, potential="atan2(y, x)"), duration="0.1")
+    energy = Energy(found.equations, found.equations.energy)
+    above, below = np.array([[0, -1, s, 0, 0] for s in (1e-3, -1e-3)])
+    right = np.array([0, 1, 1e-3, 0, 0])
+    assert energy.jump(above, below, 1e-9) == pytest.approx(-2.0 * np.pi, abs=3e-3)
+    assert energy.jump(below, above, 1e-9) == pytest.approx(2.0 * np.pi, abs=3e-3)
+    assert energy.jump(above, right, 1e-9) == 0.0
