@@ -272,6 +272,18 @@ def test_a_constraint_whose_position_jumps_ends_the_run():
     assert list(found["t"]) == [0.0, 0.5, 1.0]
 
 
+def test_an_impact_at_an_output_time_has_two_rows_there():
+    found = run("""
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+constraints: {wall: {relation: x >= 0, restitution: 0.5}}
+initial: {x: 1, x_dot: -2}
+simulation: {duration: 1, output_step: 0.25}
+""")
+    assert list(found["t"]) == [0.0, 0.25, 0.5, 0.5, 0.75, 1.0]
+    assert list(found["x_dot"]) == [-2.0, -2.0, -2.0, 1.0, 1.0, 1.0]
+
+
 def test_breaks_are_found_as_the_run_goes():
     # Ten million of them: finding all before the run would take minutes.
     text = oscillator("duration: 1000, output_step: 1", x=0, force="floor(1e4*t)")

@@ -9,6 +9,7 @@ import re
 import pytest
 
 from lagsim.run.trajectory import Outcome
+from tests.small_scenes import held_pendulum
 from tests.support import run
 
 SCENE = """
@@ -107,6 +108,13 @@ def test_too_many_steps_are_counted():
     assert f"too many steps ({found.statistics.steps}) at t = " in found.reason
     x = state_of(found.reason)[1]["x"]
     assert x == pytest.approx(math.cos(found.end), rel=1e-5)
+
+
+def test_a_step_past_all_constraints_is_told_with_its_state():
+    text = held_pendulum(2, "duration: 20, method: rk4, step: 4")
+    reason = run(text).trajectory.reason
+    where = "at t = 0.0 (x = 0.909297, y = 0.416147, x_dot = 0, y_dot = 0)"
+    assert reason.startswith(f"the constraints could not be satisfied {where}: ")
 
 
 @pytest.mark.slow

@@ -135,6 +135,21 @@ def test_error_follows_the_tolerance(text):
     assert all(1.3 < ratio < 2.4 for ratio in ratios)
 
 
+def test_rows_within_steps_of_dop853_are_polynomials_of_their_order():
+    """x = t^7, however loose the tolerance; its rate goes to the sixth power."""
+    found = run("""
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: 42*t^5}
+initial: {x: 0}
+simulation: {duration: 1, output_step: 1/64, method: dop853, rtol: 1e-2}
+""")
+    t = found["t"]
+    assert found.trajectory.statistics.steps < 32
+    assert np.max(np.abs(found["x"] - t**7)) < 1e-14
+    assert np.max(np.abs(found["x_dot"] - 7 * t**6)) < 1e-13
+
+
 FREE = """
 parameters: {l: 1, g: 9.8, K: 25.6}
 coordinates: {theta: {}, u: {}}
