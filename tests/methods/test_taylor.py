@@ -123,6 +123,25 @@ def test_breaks_in_time(force, after):
     assert [event.kind for event in found.trajectory.events] == ["switch"]
 
 
+SCALED = """
+parameters: {{g: 9.8*{unit}, k: 25.6, l: {unit}}}
+coordinates: {{theta: {{}}, u: {{}}}}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + k*u^2/2
+initial: {{theta: 1, u: 0}}
+simulation: {{duration: 10, output_step: 0.1, method: {method}}}
+"""
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
+def test_a_megametre_is_not_another_scene(method):
+    found = run(SCALED.format(unit=2.0**20, method=method))
+    expected = run(SCALED.format(unit=1.0, method=method))
+    # A power of two changes no bit of what is computed, the tolerances included.
+    assert np.array_equal(found["theta"], expected["theta"])
+
+
 def test_until():
     found = run(PENDULUM.replace("rtol: RTOL", 'until: "a <= 0"'))
     assert found["t"][-1] == pytest.approx(quarter(2.0), abs=1e-11)
