@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from lagsim.errors import InputError
 from lagsim.methods import exponential
+from lagsim.methods.parts.matrix_exponential import balance, norm
 from tests.support import run
 
 ROUNDING = 2.0**-52
@@ -59,6 +60,19 @@ def test_free_fall_is_singular():
     t = found["t"]
     assert np.max(np.abs(found["x"] - (1 + 5 * t - 4.9 * t * t))) < 430 * 10 * ROUNDING
     assert found["work"][-1] == pytest.approx(-9.8 * (found["x"][-1] - 1), rel=1e-14)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e9])
+def test_what_falls_freely_does_not_enter_the_norm(unit):
+    # (x1, x2, v1, v2, 1): x1'' = -9.8, x2'' = -100 x2, times in so many seconds. The
+    # norm sets the number of parts of an interpolation: 10 is the rate that there is.
+    a = np.zeros((5, 5))
+    a[0, 2] = a[1, 3] = 1.0
+    a[2, 4], a[3, 1] = -9.8 * unit**2, -100.0 * unit**2
+    before, d = a.copy(), np.empty(5)
+    balance(5, a.reshape(-1), d)
+    assert np.array_equal(a * d[:, None] / d, before)
+    assert norm(5, 5, a.reshape(-1)) <= 2 * 10 * unit
 
 
 def test_a_stiff_spring_at_any_step():

@@ -21,6 +21,8 @@ FORM_TERMS = 20
 SWEEPS = 64
 # Beyond, or if not finite, nothing is balanced.
 LARGEST = 1e300
+# Of the norm, where nothing that acts back has one.
+NEGLIGIBLE = 2.0**-100
 
 
 def norm(m: int, columns: int, a: Floats) -> float:
@@ -51,6 +53,7 @@ def balance(m: int, a: Floats, d: Floats) -> None:
                 if factor != 1.0:
                     changed = True
                     rescale(m, a, d, i, factor)
+    isolate(m, a, d)
     largest = norm(m, m - 1, a)
     last = 0.0
     for i in range(m):
@@ -61,14 +64,54 @@ def balance(m: int, a: Floats, d: Floats) -> None:
     rescale(m, a, d, m - 1, factor)
 
 
-def balancing(m: int, a: Floats, i: int) -> float:
-    """Give the power of two that column i is to be multiplied by, row i divided."""
-    column = 0.0
-    row = 0.0
+def isolate(m: int, a: Floats, d: Floats) -> None:
+    """Scale what nothing depends on, or what depends on nothing, below the rest.
+
+    The coordinate and the rate of a body in free fall, say: their scales are free, and
+    the rates of the motion are those of the rest. Parlett and Reinsch permute them out.
+    """
+    largest = coupled_norm(m, a)
+    largest = max(largest, NEGLIGIBLE * norm(m, m - 1, a))
+    for i in range(m - 1):
+        row = off_diagonal(m, a, i, m, 1)
+        column = off_diagonal(m, a, i, 1, m)
+        factor = 1.0
+        if column == 0.0 and row < LARGEST:
+            while row > largest * factor:
+                factor = 2.0 * factor
+        elif row == 0.0 and column < LARGEST:
+            while column * factor > largest:
+                factor = 0.5 * factor
+        if factor != 1.0:
+            rescale(m, a, d, i, factor)
+
+
+def coupled_norm(m: int, a: Floats) -> float:
+    """Give the norm of what depends on something and on which something depends."""
+    largest = 0.0
+    for j in range(m - 1):
+        if off_diagonal(m, a, j, m, 1) > 0.0:
+            column = abs(a[j * m + j])
+            for i in range(m - 1):
+                if i != j and off_diagonal(m, a, i, 1, m) > 0.0:
+                    column += abs(a[i * m + j])
+            largest = max(largest, column)
+    return largest
+
+
+def off_diagonal(m: int, a: Floats, i: int, by_row: int, by_column: int) -> float:
+    """Give the sum of sizes of row i (m, 1) or column i (1, m) without the diagonal."""
+    total = 0.0
     for j in range(m - 1):
         if j != i:
-            column += abs(a[j * m + i])
-            row += abs(a[i * m + j])
+            total += abs(a[i * by_row + j * by_column])
+    return total
+
+
+def balancing(m: int, a: Floats, i: int) -> float:
+    """Give the power of two that column i is to be multiplied by, row i divided."""
+    column = off_diagonal(m, a, i, 1, m)
+    row = off_diagonal(m, a, i, m, 1)
     if column == 0.0 or row == 0.0 or not column + row < LARGEST:
         return 1.0
     before = column + row
