@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from lagsim.errors import InputError
 from lagsim.methods import exponential
-from lagsim.methods.parts.matrix_exponential import balance, norm
+from lagsim.methods.exponential import balance, norm
 from tests.support import run
 
 ROUNDING = 2.0**-52
