@@ -124,7 +124,9 @@ def test_too_many_steps():
     trajectory = found.trajectory
     assert trajectory.outcome is Outcome.TOO_MANY_STEPS
     assert trajectory.statistics.steps == 100
-    assert "100" in trajectory.reason
+    x = f"{found['x'][-1]:.6g}"
+    where = f"too many steps (100) at t = {trajectory.end!r} (x = {x}, x_dot = "
+    assert trajectory.reason.startswith(where)
     assert "faster" in trajectory.reason
     assert found["t"][-1] == trajectory.end < 1000.0
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e-9
