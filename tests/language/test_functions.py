@@ -174,22 +174,6 @@ def test_the_second_slope_of_a_line_whose_exponent_varies() -> None:
     assert evaluate(g, bend, {"x": 0.0, "y": 1.0}) == [0.0]
 
 
-@pytest.mark.parametrize("exponent", [-3, -2.5, -1, -0.5, 0.5, 1, 2, 2.5, 3, 7, 0.3])
-def test_derivative_of_a_power(exponent: float) -> None:
-    g = Graph()
-    x = g.variable("x")
-    node = g.call("pow", x, g.constant(exponent))
-    slope = gradient(g, node, [x])[0]
-    for point in (0.3, 1.0, 4.0, -0.7, -2.0):
-        whole = float(exponent).is_integer()
-        expected = exponent * point ** (exponent - 1) if point > 0 or whole else None
-        found = evaluate(g, [slope], {"x": point})[0]
-        if expected is None:
-            assert math.isnan(found)
-        else:
-            assert found == pytest.approx(expected, rel=1e-14)
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_sympy_twin(name: str) -> None:
     g = Graph()

@@ -73,12 +73,16 @@ ROOMS = {
     "model": Room("model/**/*.py", ("tests/model",), 0.35),
     "mechanics": Room("mechanics/**/*.py", (
         "tests/mechanics", "tests/solve", "tests/studies/bench/test_stability.py",
+        "tests/run/test_works.py", "tests/run/events/test_breaks.py",
     ), 0.5),
     "admissibility": Room("admissibility/**/*.py", ("tests/admissibility",), 0.4),
     "show": Room("show/**/*.py", ("tests/show",), 0.35),
     "native": Room("native/**/*.py", ("tests/native", "tests/solve"), 0.35),
     "methods": Room("methods/**/*.py", ("tests/methods",), 0.5),
-    "solve": Room("solve/**/*.py", ("tests/solve", "tests/mechanics"), 0.35),
+    "solve": Room("solve/**/*.py", (
+        "tests/solve", "tests/mechanics",
+        "tests/scenes/contact/test_friction.py", "tests/scenes/contact/test_laws.py",
+    ), 0.35),
     "plan": Room(
         "plan/**/*.py", ("tests/plan", "tests/cli/test_formulations.py"), 0.5
     ),
