@@ -193,7 +193,8 @@ _WORD = re.compile(r"\w+")
 # What stands at these is no expression.
 _TEXTS = ("name", "description", "source", "title", "unit")
 
-UNIT = described("Plain text; numbers are not scaled by it.", PLAIN)
+_ONE_LINE = {**PLAIN, "pattern": r"^[^\n]*$"}
+UNIT = described("Plain text; numbers are not scaled by it.", _ONE_LINE)
 DESCRIPTION = described("Plain text.", PLAIN)
 COORDINATE_KEYS = {"unit": UNIT, "description": DESCRIPTION}
 COORDINATES = {**naming(keyed(COORDINATE_KEYS)), "minProperties": 1}
