@@ -6,6 +6,7 @@ LAGSIM_TEST_PATIENCE : 1; every timeout of a test is so many times longer.
 LAGSIM_TEST_COMMIT : nothing; with one the cases that are quick change with it.
 LAGSIM_TEST_SLICE : nothing; `slow=4,nightly=100` keeps one in four of the slow tests
     and one in a hundred of the nightly ones, others with each commit.
+LAGSIM_TEST_CASES : nothing; with `all` all cases of quick tests are quick.
 LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
 """
 
@@ -56,9 +57,10 @@ os.environ.setdefault("PYTHONFAULTHANDLER", "1")
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
+    every = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
     cases = collections.Counter(map(_family, items))
     for item in items:
-        many = cases[_family(item)] >= MANY_CASES
+        many = cases[_family(item)] >= MANY_CASES and not every
         if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
             item.add_marker(pytest.mark.slow)
         _have_patience(item, float(config.getini("timeout")))

@@ -45,8 +45,13 @@ def _enum(data, rule, _schema):
         yield f"{data!r} is none of {rule}"
 
 
+def _matches(pattern, text):
+    """Tell as JavaScript does, whose `$` matches before no last line break."""
+    return re.search(pattern.replace("$", r"\Z"), text)
+
+
 def _pattern(data, rule, _schema):
-    if isinstance(data, str) and not re.search(rule, data):
+    if isinstance(data, str) and not _matches(rule, data):
         yield f"{data!r} does not match {rule}"
 
 
@@ -69,7 +74,7 @@ def _properties(data, rule, _schema):
 def _pattern_properties(data, rule, _schema):
     for pattern, inner in rule.items():
         for name in data if isinstance(data, dict) else ():
-            if re.search(pattern, name):
+            if _matches(pattern, name):
                 yield from faults(data[name], inner, name)
 
 
@@ -77,7 +82,7 @@ def _additional(data, rule, schema):
     patterns = schema.get("patternProperties", {})
     for name in data if isinstance(data, dict) else ():
         known = name in schema.get("properties", {})
-        if not known and not any(re.search(p, name) for p in patterns):
+        if not known and not any(_matches(p, name) for p in patterns):
             yield from faults(data[name], rule, name)
 
 

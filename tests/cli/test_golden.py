@@ -90,8 +90,9 @@ def test_the_picture_says_what_differs_in_units(lagsim, stored, write):
     with noted() as drawing:
         assert lagsim("golden", stored, "--plots", "plots").code == 1
     said = drawing.written()
-    assert said[0] == "pendulum differs from its golden"
-    assert re.fullmatch(r"\d of \d columns differ, first .+ at t = 0 s", said[1])
+    assert "pendulum differs from its golden" in said
+    first = re.compile(r"\d of \d columns differ, first .+ at t = 0 s")
+    assert any(map(first.fullmatch, said))
     assert "parameter `g` is 9.9, in the golden 9.8" in said
     assert not any("…" in text for text in said)
     sides = [panel.labels[1] for panel in drawing.panels]

@@ -178,5 +178,5 @@ def test_many_runs_are_told_by_what_was_swept(lagsim, write):
         with noted() as drawing:
             assert lagsim("overlay", *runs, "-o", "o.png").code == 0
         assert wanted in drawing.written()
-        assert drawing.written()[0] == "pendulum"
+        assert "pendulum" in drawing.written()
         assert not any("…" in text for text in drawing.written())
