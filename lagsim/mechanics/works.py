@@ -58,16 +58,18 @@ class Work(NamedTuple):
 def works_of(e: Energetic, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     """Give the works of equations that have none yet, for the generalized forces Q."""
     g, model = e.graph, e.model
-    moved = [row for row in e.rows if row.transport != g.zero]
-    acts = bool(model.forces) or model.dissipation is not None
-    acts = acts or bool(moved or e.laws) or dL_dt != g.zero
-    if not (acts or any(may_strike(g, row) for row in e.rows)):
-        return ()
+    acts = bool(model.forces) or model.dissipation is not None or dL_dt != g.zero
+    acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
+    acts = acts or any(may_strike(g, row) for row in e.rows)
+    # L may depend on time in each group and not as a whole: seen from a moving frame.
+    timed = "t" in g.depends([model.lagrangian])
     found = groups(e)
-    if len(found) > 1:
-        several = _of_groups(e, Q, dL_dt, found)
+    if len(found) > 1 and (acts or timed):
+        several = _of_groups(e, Q, timed, found)
         if several:
             return several
+    if not acts:
+        return ()
     everything = list(range(len(e.q)))
     return (Work(WORK, frozenset(e.q), _power(e, Q, dL_dt, everything), e.energy),)
 
@@ -79,19 +81,19 @@ def may_strike(g: Graph, row: Row) -> bool:
 
 
 def _of_groups(
-    e: Energetic, Q: Sequence[int], dL_dt: int, found: Sequence[list[int]]
+    e: Energetic, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
     """Give the work of each group that has some; nothing where L is no sum."""
     g = e.graph
     energies, _ = shared(e, found, e.energy)
-    timed, left = [g.zero] * len(found), g.zero
-    if dL_dt != g.zero:
+    rates, left = [g.zero] * len(found), g.zero
+    if timed:
         parts, rest = shared(e, found, e.model.lagrangian)
-        *timed, left = (
+        *rates, left = (
             gradient(g, part, [g.variable("t")])[0] for part in (*parts, rest)
         )
     made: list[Work] = []
-    for group, energy, late in zip(found, energies, timed, strict=True):
+    for group, energy, late in zip(found, energies, rates, strict=True):
         own = {names[j] for names in (e.q, e.velocities) for j in group}
         others = {*e.q, *e.velocities} - own
         power = _power(e, Q, late, group)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.methods import names
 from tests.support import run
 
@@ -92,3 +93,22 @@ simulation: {duration: 2, output_step: 0.01}
     balance = (found["p_dot"] ** 2 + found["s_dot"] ** 2) / 2
     balance = balance + (found["p"] - found["s"]) ** 2 / 2 - found["work"]
     assert np.ptp(balance) < 1e-9
+
+
+@pytest.mark.parametrize("held", ["", "constraints: {c: x = 5*t}"])
+def test_powers_of_a_moving_frame_that_cancel(held):
+    # Two bodies fall against each other, seen from a floor that moves: dL/dt of one is
+    # that of the other with the other sign, and 0 in all.
+    text = f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: ((x_dot - 5)^2 + (y_dot - 5)^2)/2, potential: (y - 5*t) - (x - 5*t)}}
+initial: {{x: 0, x_dot: 5, y: 0, y_dot: 5}}
+{held}
+simulation: {{duration: 2, output_step: 0.1}}
+"""
+    result = lagsim.simulate(lagsim.load(text))
+    assert result.complete, result.reason
+    assert not result.warnings
+    t = result.t
+    assert result["y"] == pytest.approx(5 * t - t**2 / 2, abs=1e-12)
+    assert result["x"] == pytest.approx(5 * t + (0 if held else t**2 / 2), abs=1e-12)
