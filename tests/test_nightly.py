@@ -32,6 +32,8 @@ FUZZED = {
         "test_substituting_is_evaluating_at_the_new_value",
     ),
 }  # fmt: skip
+# Errors of the double pendulum grow tenfold in 2 s: in 20 s none keeps nine digits.
+SHORTER = {"double-pendulum": 5}
 CASES = [(module, name) for module, names in FUZZED.items() for name in names]
 
 
@@ -59,7 +61,12 @@ def test_long_fuzzing(module, name, record_property):
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
 def test_every_chart(name, lagsim):  # noqa: F811
-    model = MODELS / f"{name}.yaml"
+    text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
+    if name in SHORTER:
+        text, one = re.subn(r"duration: \S+", f"duration: {SHORTER[name]}", text)
+        assert one == 1
+    model = Path(f"{name}.yaml")
+    model.write_text(text, encoding="utf-8")
     row = read_file(str(model)).settings().output_step
     # Bounded by the work asked for, not by the seconds of a clock.
     few = ("--tolerances", "1e-6:1e-13", "--steps", f"{4 * row!r}:{row!r}")
