@@ -28,10 +28,8 @@ from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
-from lagsim.studies.bench.document import document, read_document
 from lagsim.studies.bench.reference import NoReferenceError
-from lagsim.studies.bench.wanted import Wish
-from lagsim.studies.bench.work_precision import measure
+from lagsim.studies.bench.work_precision import Wish, document, measure, read_document
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 GOAL = 2.0

@@ -85,7 +85,7 @@ def own_ball(**options):
     from lagsim.model.reader import read_file
     from lagsim.run.observers import Keep
     from lagsim.run.session import open_case
-    from lagsim.studies.moved import on_grid
+    from lagsim.studies.comparison import on_grid
 
     texts = {"duration": str(DURATION), "output_step": str(DURATION / ROWS)}
     model = read_file(str(MODELS / "bouncing-ball.yaml"), options=texts)

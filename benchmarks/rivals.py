@@ -119,7 +119,7 @@ class Scene:
 
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case
-        from lagsim.studies.bench.solutions import state_sizes
+        from lagsim.studies.bench.reference import state_sizes
         from lagsim.studies.bench.solving import Own, Patience
 
         self.case, self.method, self.patience = case, method, Patience(60.0)
@@ -311,7 +311,7 @@ def columns_seconds(scene):
 
 def document(results, others):
     """Give what was measured, on what and when: all that page and chart say."""
-    from lagsim.studies.bench.machine import machine, today
+    from lagsim.studies.experiment import machine, today
     from lagsim.version import __version__
 
     packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae", "mujoco")

@@ -13,7 +13,7 @@ from lagsim.outputs.sheet import (
     in_house_style,
     wrapped,
 )
-from lagsim.studies.bench.cost_panel import (
+from lagsim.studies.bench.chart import (
     BESIDE,
     WORST,
     Cost,
@@ -23,7 +23,7 @@ from lagsim.studies.bench.cost_panel import (
     look_of,
     seen,
 )
-from lagsim.studies.bench.machine import stamp
+from lagsim.studies.experiment import stamp
 
 WIDTH, RIGHT, TOP = 7.6, 0.15, 0.98
 # Names beside each other; the rest stand below.

@@ -326,7 +326,7 @@ class Result:
 
         for caution in nothing_to_draw(self._made.session.case.equations.model):
             raise ValueError(caution.text)
-        from lagsim.studies.beside import beside
+        from lagsim.studies.drawing import beside
 
         page = dict(beside(self._made, None, self._frames()))[NAME]
         if not isinstance(page, bytes):
@@ -393,7 +393,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         from lagsim.outputs.notebook import heading, picture, table
-        from lagsim.studies.beside import beside
+        from lagsim.studies.drawing import beside
 
         drawn = dict(beside(self._made, self._thinned()))["trajectory.png"]
         parts = [heading(self._name), table(self._summary())]
@@ -445,7 +445,7 @@ class Result:
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST, open_results
         from lagsim.outputs.table import table_writer
-        from lagsim.studies.beside import beside
+        from lagsim.studies.drawing import beside
 
         known = [x.value for x in Format]
         made, form = self._made, Format(one_of("table", table, known))

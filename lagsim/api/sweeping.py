@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from lagsim.api.models import Model
-    from lagsim.studies.sweep.sweeping import Found
+    from lagsim.studies.sweep.runs import Found
 
 
 class Sweep:
@@ -29,7 +29,7 @@ class Sweep:
     """
 
     def __init__(self, found: Found) -> None:
-        from lagsim.studies.sweep.document import cells, document, header
+        from lagsim.studies.sweep.sweeping import cells, document, header
 
         self._found = found
         self.columns: tuple[str, ...] = tuple(header(found))
@@ -76,10 +76,12 @@ class Sweep:
         """
         from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import open_results
-        from lagsim.studies.sweep.document import MANIFEST, document, files
+        from lagsim.studies.sweep.sweeping import MANIFEST, document, made_of
 
         with open_results(Path(folder), MANIFEST) as results:
-            undrawn = [c.record for c in results.fill(files(self._found, plots=plots))]
+            undrawn = [
+                c.record for c in results.fill(made_of(self._found, plots=plots))
+            ]
             record = document(self._found, [*results.names, MANIFEST])
             more = {"warnings": undrawn} if undrawn else {}
             results.commit(encode(record | more))
@@ -100,7 +102,7 @@ class Sweep:
         KeyError
             Where there is no such column.
         """
-        from lagsim.studies.sweep.figures import sweep_figure
+        from lagsim.studies.sweep.chart import sweep_figure
 
         shown = columns or [f"{c.name}.end" for c in self._found.model.coordinates]
         return sweep_figure(self._found, {name: self[name] for name in shown})
@@ -188,8 +190,7 @@ def sweep(
     from lagsim.run.session import wanted
     from lagsim.studies.attempts import ErrorBars
     from lagsim.studies.sweep.grid import grid_of
-    from lagsim.studies.sweep.runs import Work
-    from lagsim.studies.sweep.sweeping import Found, packed
+    from lagsim.studies.sweep.runs import Found, Work, packed
     from lagsim.studies.sweep.sweeping import sweep as make
     from lagsim.studies.workers import cores
 

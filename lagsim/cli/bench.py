@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
-    from lagsim.studies.bench.wanted import Wish
-    from lagsim.studies.bench.work_precision import WorkPrecision
+    from lagsim.studies.bench.work_precision import Wish, WorkPrecision
 
 
 # Exit codes above it are those of signals.
@@ -136,7 +135,7 @@ class _Job:
         model = read_file(path, overrides)
         case = open_case(model, wanted(model, "bench"))
         from lagsim.outputs.results import open_results
-        from lagsim.studies.bench.document import MANIFEST
+        from lagsim.studies.bench.work_precision import MANIFEST
 
         folder = self.folder or Path("results") / model.name / "bench"
         with open_results(folder, MANIFEST) as results:
@@ -144,9 +143,8 @@ class _Job:
 
     def _measure(self, case: Case, wish: Wish, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.document import document, files
         from lagsim.studies.bench.solving import GivenUpError
-        from lagsim.studies.bench.work_precision import measure
+        from lagsim.studies.bench.work_precision import document, files, measure
 
         interrupt = Interrupt()
         with interrupt.noted():
@@ -167,8 +165,12 @@ class _Job:
         """Draw again what was measured."""
         from lagsim.outputs.results import open_results
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.document import MANIFEST, files, read_document
-        from lagsim.studies.bench.wanted import Wish
+        from lagsim.studies.bench.work_precision import (
+            MANIFEST,
+            Wish,
+            files,
+            read_document,
+        )
 
         if overrides or wish != Wish(wish.methods):
             text = f"{path} holds finished measurements: only --methods can be chosen"
@@ -191,7 +193,7 @@ class _Job:
         interrupt: Interrupt,
     ) -> None:
         """Write everything; the chart shows these rows."""
-        from lagsim.studies.bench.document import table as rows_table
+        from lagsim.studies.bench.work_precision import table as rows_table
 
         def drawn() -> bytes:
             from lagsim.studies.bench.chart import chart
@@ -218,7 +220,7 @@ def _wish(
     ------
     InputError
     """
-    from lagsim.studies.bench.wanted import BUDGET, TOLERANCES, Wish
+    from lagsim.studies.bench.work_precision import BUDGET, TOLERANCES, Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -237,9 +239,9 @@ def _wish(
 
 
 def _unknown(wanted: tuple[str, ...]) -> list[Problem]:
-    from lagsim.studies.bench.scipy_solvers import NAMES
+    from lagsim.studies.bench.solving import SCIPY
 
-    known = [*names(), *NAMES]
+    known = [*names(), *SCIPY]
     hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
     return [
         Problem("unknown-method", f"there is no method `{name}`", hint=hint)

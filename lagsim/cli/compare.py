@@ -24,7 +24,8 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison import Comparison, Deviation, Table
+    from lagsim.studies.comparison import Comparison, Deviation
+    from lagsim.studies.tables import Table
 
 # So many columns are listed for a person.
 LISTED = 10
@@ -107,7 +108,8 @@ def _compared(
 ) -> _Found:
     from concurrent.futures import ThreadPoolExecutor
 
-    from lagsim.studies.comparison import compare, read_results
+    from lagsim.studies.comparison import compare
+    from lagsim.studies.tables import read_results
 
     # NumPy and SciPy let two threads read at the same time, for the most part.
     with ThreadPoolExecutor(2) as pool:
@@ -115,7 +117,7 @@ def _compared(
         one, two = (table.result() for table in tables)
     found = _Found(one, two, compare(one, two, *tolerances))
     if plot is not None:
-        from lagsim.studies.comparison.picture import picture
+        from lagsim.studies.comparison_chart import picture
 
         title = f"{found.golden.name} and {found.new.name}"
         draw = partial(picture, title, one, two, found.comparison)

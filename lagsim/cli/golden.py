@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.junit import Outcome
     from lagsim.run.session import Case
-    from lagsim.studies.golden.judging import Judgement
-    from lagsim.studies.golden.measuring import Golden
+    from lagsim.studies.golden import Golden
+    from lagsim.studies.golden_files import Judgement
 
 SUITE = "lagsim golden"
 
@@ -95,7 +95,7 @@ class _Wanted(NamedTuple):
 
 def _wanted(path: str, folder: Path | None) -> _Wanted:
     from lagsim.model.reader import read_file
-    from lagsim.studies.golden.storing import folder_of
+    from lagsim.studies.golden_files import folder_of
 
     folder = folder or folder_of(path)
     try:
@@ -173,21 +173,21 @@ class _Job:
     def _judged(self, model: Model, folder: Path) -> tuple[int, tuple[str, str, str]]:
         """Give the exit code, and what `Outcome` says of why."""
         from lagsim.run.session import open_case, wanted
-        from lagsim.studies.golden.storing import load
+        from lagsim.studies.golden_files import load
 
         settings = wanted(model, "golden")
         stored = None if self.update else load(folder, model.name)
         case = open_case(model, settings)
         if stored is None:
             return self._store(case, folder)
-        from lagsim.studies.golden.judging import judge, run
+        from lagsim.studies.golden_files import judge, run
 
         motion = run(case, stored)
         judgement = judge(case, motion, stored)
         found = document(model, judgement, stored.golden)
         lines = report(judgement)
         if not judgement.passed and self.plots is not None:
-            from lagsim.studies.golden.picture import picture
+            from lagsim.studies.golden_files import picture
 
             path = self.plots / f"{model.name}.png"
             draw = partial(picture, case, motion, stored, judgement)
@@ -206,8 +206,8 @@ class _Job:
         return 1, ("failure", DIFFERS, "\n".join([text, *lines]))
 
     def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
-        from lagsim.studies.golden.measuring import measure
-        from lagsim.studies.golden.storing import store
+        from lagsim.studies.golden import measure
+        from lagsim.studies.golden_files import store
 
         model = case.equations.model
         golden, base = measure(case)

@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
     from lagsim.run.session import Session
-    from lagsim.studies.artist import Draw
     from lagsim.studies.attempts import Attempt
+    from lagsim.studies.drawing import Draw
     from lagsim.studies.restart import Restart
 
 
@@ -253,7 +253,7 @@ class Job:
             model = read(text, file, overrides, options)
         aside: Any = contextlib.nullcontext()
         if self.plots and is_watched():
-            from lagsim.studies.artist import artist
+            from lagsim.studies.drawing import artist
 
             aside = artist(model)
         with aside as self._draw:
@@ -315,7 +315,7 @@ class Job:
             lost = finish(writer, results, self.table)
             full = lost or found.fault
             if not full and session.lists_events:
-                from lagsim.studies.beside import events
+                from lagsim.studies.drawing import events
 
                 full = filled(results, events(found))
             cautions = found.cautions()
@@ -325,7 +325,7 @@ class Job:
             if results.folder == RESULTS / document["model"]["name"]:
                 tell_of_replaced(results, document)
             if not full and (self.plots or self.animate):
-                from lagsim.studies.beside import drawings
+                from lagsim.studies.drawing import drawings
 
                 form = (self.plots or Picture.PNG).value
                 more = drawings(found, found.thin, found.frames, form, self._draw)

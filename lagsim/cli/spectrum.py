@@ -81,8 +81,8 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     """
     from difflib import get_close_matches
 
-    from lagsim.studies.comparison import read_results
     from lagsim.studies.spectrum import spectrum
+    from lagsim.studies.tables import read_results
 
     table = read_results(result)
     for remark in table.remarks:

@@ -34,8 +34,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.outputs.results import Results
     from lagsim.run.session import Case
-    from lagsim.studies.bench.scope import Wish
-    from lagsim.studies.bench.stability import Border, Stability
+    from lagsim.studies.bench.stability import Border, Stability, Wish
 
 
 def command(
@@ -108,8 +107,7 @@ class _Job:
         self._check_parameter(model)
         usual = open_case(model, settings)
         from lagsim.outputs.results import open_results
-        from lagsim.studies.bench.scope import methods_for
-        from lagsim.studies.bench.stability_document import MANIFEST
+        from lagsim.studies.bench.stability import MANIFEST, methods_for
 
         methods_for(usual, self.wish)
 
@@ -138,8 +136,7 @@ class _Job:
 
     def _measure(self, case: Any, model: Model, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench import stability_document as written
-        from lagsim.studies.bench.stability import measure
+        from lagsim.studies.bench import stability
 
         def drawn() -> bytes:
             from lagsim.studies.bench.stability_chart import chart
@@ -148,13 +145,15 @@ class _Job:
 
         interrupt, name = Interrupt(), self.wish.name
         picture = f"stability.{self.form}"
-        files = [written.TABLE, picture, written.MANIFEST]
+        files = [stability.TABLE, picture, stability.MANIFEST]
         with interrupt.noted():
             with progress_bar("stability", quiet=self.quiet) as progress:
-                found = measure(case, self.wish, interrupt=interrupt, progress=progress)
+                found = stability.measure(
+                    case, self.wish, interrupt=interrupt, progress=progress
+                )
             content = commit_with_chart(
-                results, written.document(found, self.wish, files),
-                {written.TABLE: written.table(found.cells, name)},
+                results, stability.document(found, self.wish, files),
+                {stability.TABLE: stability.table(found.cells, name)},
                 picture, drawn, interrupt,
             )  # fmt: skip
         self.documents.append(content)
@@ -172,7 +171,7 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     InputError
     """
     from lagsim.methods import method_problems
-    from lagsim.studies.bench.scope import Wish
+    from lagsim.studies.bench.stability import Wish
 
     problems: list[Problem] = []
     wanted = None
@@ -247,7 +246,7 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _borders(found: Stability) -> list[str]:
     """Give the borders of each method, in h and in the fastest period."""
-    from lagsim.studies.bench.stability_document import fastest_period
+    from lagsim.studies.bench.stability import fastest_period
 
     if not found.borders:
         return []

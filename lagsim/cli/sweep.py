@@ -47,8 +47,8 @@ if TYPE_CHECKING:
 
     from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.sweep.journal import Journal
-    from lagsim.studies.sweep.sweeping import Found
+    from lagsim.studies.sweep.runs import Found
+    from lagsim.studies.sweep.sweeping import Journal
     from lagsim.studies.workers import Hired
 
 # So many letters of a reason are told; the table has all of it.
@@ -164,10 +164,9 @@ class _Job:
         from lagsim.model.reader import read_file
         from lagsim.outputs.results import open_results
         from lagsim.run.session import wanted
-        from lagsim.studies.sweep.document import MANIFEST
         from lagsim.studies.sweep.grid import parsed
-        from lagsim.studies.sweep.runs import Work
-        from lagsim.studies.sweep.sweeping import Found, packed
+        from lagsim.studies.sweep.runs import Found, Work, packed
+        from lagsim.studies.sweep.sweeping import MANIFEST
 
         model = read_file(path, overrides)
         hint = "add it, or give --duration"
@@ -195,13 +194,12 @@ class _Job:
 
     def _sweep(self, found: Found, results: Results) -> int:
         from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.sweep import journal
-        from lagsim.studies.sweep.document import identity
+        from lagsim.studies.sweep.sweeping import JOURNAL, Journal, identity
 
         if self.resume and (code := self._known(found, results.folder)) is not None:
             return code
         interrupt = Interrupt()
-        rows = journal.Journal(results.folder / journal.NAME, identity(found))
+        rows = Journal(results.folder / JOURNAL, identity(found))
         try:
             with interrupt.noted(), contextlib.closing(rows):
                 try:
@@ -227,15 +225,14 @@ class _Job:
     def _known(self, found: Found, folder: Path) -> int | None:
         """Give the exit code of a sweep that has come to its end before."""
         from lagsim.files import content
-        from lagsim.studies.sweep import journal
-        from lagsim.studies.sweep.document import MANIFEST, mark
+        from lagsim.studies.sweep.sweeping import JOURNAL, MANIFEST, mark
 
         try:
             there = json.loads(content(folder / MANIFEST))
         except (OSError, ValueError):
             return None
         other = not isinstance(there, dict) or there.get("identity") != mark(found)
-        if other or (folder / journal.NAME).exists():
+        if other or (folder / JOURNAL).exists():
             return None
         if self.as_json:
             self.documents.append(there)
@@ -252,7 +249,7 @@ class _Job:
             hired: Hired = processes
             most = self.jobs or cores()
             if self.dask is not None:
-                from lagsim.studies.sweep.machines import machines
+                from lagsim.studies.workers import machines
 
                 hired, there = stack.enter_context(machines(self.dask))
                 most = self.jobs or there
@@ -264,10 +261,10 @@ class _Job:
 
     def _finish(self, found: Found, results: Results) -> int:
         """Write what was found, and tell it; give the exit code."""
-        from lagsim.studies.sweep import document
+        from lagsim.studies.sweep.sweeping import MANIFEST, document, made_of
 
-        files, undrawn = sorted_out(document.files(found, plots=self.plots))
-        content = document.document(found, [*files, document.MANIFEST]) | undrawn
+        files, undrawn = sorted_out(made_of(found, plots=self.plots))
+        content = document(found, [*files, MANIFEST]) | undrawn
         commit(results, content, files)
         missing = found.grid.runs - content["complete"]
         if missing:

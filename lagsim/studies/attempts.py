@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Doubt
-    from lagsim.studies.alarms.groups import Balance, Whole
+    from lagsim.studies.balances import Balance, Whole
     from lagsim.studies.error_bar import Allowance
 
     # Takes a run, and by their names its `relay` and `session`.
@@ -79,7 +79,7 @@ class Account:
     @cached_property
     def balances(self) -> Sequence[Balance | Whole]:
         """Of each group of coordinates and of the whole, when all rows are there."""
-        from lagsim.studies.alarms.groups import accounts
+        from lagsim.studies.balances import accounts
 
         equations, plan = self.session.case.equations, self.session.plan
         return list(accounts(equations, plan, self.ledger, self.witness))
@@ -130,7 +130,7 @@ class Attempt(NamedTuple):
         known = own.ledger, own.witness, own.balances
         found = alarms(self.session, self.trajectory, *known, self.bar)
         if own.gaps.found:
-            from lagsim.studies.alarms.gaps import about_gaps
+            from lagsim.studies.alarms import about_gaps
 
             found.append(about_gaps(own.gaps.found))
         if self.frames is not None:
@@ -208,7 +208,7 @@ class Attempts:
     def _judged(self, attempt: Attempt, doubt: Doubt | None) -> Attempt:
         """Give an attempt after the verdict; rows end where constraints part."""
         if doubt is not None and doubt.parts and doubt.refutes:
-            from lagsim.studies.alarms.verdict import up_to
+            from lagsim.studies.alarms import up_to
 
             attempt = self._made(up_to(attempt.session, doubt.time), attempt.bar)
         return _judged(attempt, doubt)

@@ -19,14 +19,14 @@ from lagsim.outputs import animation
 from lagsim.outputs.animation.film import page_units
 from lagsim.outputs.animation.tables import film_of_columns
 from lagsim.outputs.results import MANIFEST
-from lagsim.studies.comparison.reading import of_another_run, read_results
+from lagsim.studies.tables import of_another_run, read_results
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from lagsim.outputs.sheet import Sheet
-    from lagsim.studies.comparison.reading import Table
+    from lagsim.studies.tables import Table
 
 # Columns that are shown where none are named, and parameters that a name tells.
 MOST_COLUMNS, MOST_NAMED = 4, 2

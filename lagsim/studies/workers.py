@@ -1,4 +1,4 @@
-"""Pieces of work, handed one by one to processes.
+"""Pieces of work, handed one by one to processes of this machine or of others.
 
 A process has one piece at a time, so it is known what one that dies had. It goes when
 its parent goes, however that ends, and leaves signals to it: when the parent closes the
@@ -24,11 +24,13 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     wait,
 )
+from functools import partial
 from multiprocessing import connection
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from lagsim import files
+from lagsim.errors import InputError, Problem
 from lagsim.run.interrupt import Interrupt, noting
 
 if TYPE_CHECKING:
@@ -227,3 +229,39 @@ class _Shift(Generic[Piece, Found]):
                 self.lost.append((number, piece))
                 return
             self._out[future] = number, piece
+
+
+@contextlib.contextmanager
+def machines(address: str) -> Iterator[tuple[Hired, int]]:
+    """Give who works for the scheduler at an address, and at how many runs at a time.
+
+    Raises
+    ------
+    InputError
+        Where Dask is not there, or nobody answers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        text = "--dask needs dask.distributed, which is not installed"
+        raise InputError(
+            [Problem("usage", text, hint="pip install 'lagsim[dask]'")]
+        ) from None
+    try:
+        client = Client(address)
+    except (OSError, ValueError) as error:
+        text = f"there is no Dask scheduler at {address}: {error}"
+        hint = "`dask scheduler` prints its address, such as tcp://10.0.0.5:8786"
+        raise InputError([Problem("usage", text, hint=hint)]) from None
+
+    @contextlib.contextmanager
+    def hired(most: int) -> Iterator[Crew]:
+        executor = client.get_executor(pure=False)
+        yield Crew(executor, most, partial(executor.shutdown, wait=False))
+
+    with client:
+        cores = sum(client.ncores().values())
+        if not cores:
+            text = f"the Dask scheduler at {address} has no workers"
+            raise InputError([Problem("usage", text, hint="begin some: `dask worker`")])
+        yield hired, cores

@@ -108,7 +108,7 @@ def test_a_parquet_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeyp
 
 
 def test_a_line_of_a_table_has_a_size(lagsim, tmp_path, monkeypatch):
-    from lagsim.studies.comparison import reading
+    from lagsim.studies import tables as reading
 
     monkeypatch.setattr(reading, "LONGEST_LINE", 2000)
     monkeypatch.setattr(reading, "BLOCK", 1000)

@@ -20,7 +20,7 @@ import pytest
 from lagsim.cli.sweep import _names as completed
 from lagsim.run.observers.ledger import Ledger
 from lagsim.run.system import System
-from lagsim.studies.sweep.journal import NAME
+from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import manifest, names, table
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lagsim as python
-from lagsim.studies.comparison import read_results
+from lagsim.studies.tables import read_results
 from tests.cli._results import manifest, names, table
 
 MODEL = """

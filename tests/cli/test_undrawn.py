@@ -122,7 +122,7 @@ def test_a_sweep_keeps_its_rows(lagsim, write, monkeypatch):
 
 
 def test_a_comparison_keeps_its_verdict(lagsim, write, monkeypatch):
-    monkeypatch.setattr("lagsim.studies.comparison.picture.picture", broken)
+    monkeypatch.setattr("lagsim.studies.comparison_chart.picture", broken)
     write(PENDULUM)
     for way in ("one", "two"):
         assert lagsim("run", "model.yaml", "-o", way, "--no-plots").code == 0

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
-from lagsim.studies.golden.judging import judge, run
-from lagsim.studies.golden.storing import load
+from lagsim.studies.golden_files import judge, load, run
 from tests.support import MODELS, ROOT
 
 GOLDENS = ROOT / "tests" / "golden"

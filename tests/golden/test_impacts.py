@@ -9,10 +9,8 @@ import pytest
 
 from lagsim.model.model import Settings
 from lagsim.model.reader import read
-from lagsim.studies.golden.judging import judge, run
-from lagsim.studies.golden.measuring import measure
-from lagsim.studies.golden.motion import Sparse, befores, paired
-from lagsim.studies.golden.storing import Stored
+from lagsim.studies.golden import Sparse, befores, measure, paired
+from lagsim.studies.golden_files import Stored, judge, run
 from tests.golden.scenes import judged, scene_of, stored
 from tests.scenes.contact import scenes
 from tests.support import MODELS

@@ -10,10 +10,8 @@ import pytest
 
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.sincos import BOTH, LANES, NAME, VECTOR
-from lagsim.studies.golden.judging import judge, run
-from lagsim.studies.golden.measuring import measure
-from lagsim.studies.golden.motion import motion_of
-from lagsim.studies.golden.storing import Stored
+from lagsim.studies.golden import measure, motion_of
+from lagsim.studies.golden_files import Stored, judge, run
 from tests.golden.scenes import SHIPPED, judged, scene, told
 
 # What a library of functions may round otherwise; roots, `floor` and the like are exact

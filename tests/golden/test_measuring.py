@@ -12,11 +12,14 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
-from lagsim.studies.golden import measuring
-from lagsim.studies.golden.judging import judge
-from lagsim.studies.golden.measuring import measure, rounded_up
-from lagsim.studies.golden.motion import _asked, motion_of, perturbed
-from lagsim.studies.golden.storing import Stored, certain, document, load
+from lagsim.studies.golden import (
+    _asked,
+    measure,
+    motion_of,
+    perturbed,
+    rounded_up,
+)
+from lagsim.studies.golden_files import Stored, certain, document, judge, load
 from tests.golden.scenes import replaced, scene, scene_of
 
 PENDULUM = """
@@ -55,7 +58,7 @@ def measured(pendulum, monkeypatch):
                 values = base.rows[:, base.columns.index(column)] + off(t)
                 yield kind, replaced(base, column, values)
 
-        monkeypatch.setattr(measuring, "variants", variants)
+        monkeypatch.setattr("lagsim.studies.golden.variants", variants)
         return measure(pendulum)
 
     return measured
@@ -142,7 +145,7 @@ def test_momenta_and_residuals_are_bounded_too(monkeypatch):
         ("elastic-pendulum-curve", {"energy", "residual_path"}),
         ("forced-oscillator", {"energy - work"}),
     ):
-        monkeypatch.setattr(measuring, "variants", lambda *_: [])
+        monkeypatch.setattr("lagsim.studies.golden.variants", lambda *_: [])
         golden, base = measure(scene(name))
         assert set(golden.invariants) == keeps
         for kept, invariant in golden.invariants.items():
@@ -171,7 +174,7 @@ def test_rows_beside_events_are_left_out(measured, monkeypatch):
         told = base.trajectory._replace(events=(event, end))
         return replace(base, trajectory=told)
 
-    monkeypatch.setattr("lagsim.studies.golden.measuring.motion_of", with_events)
+    monkeypatch.setattr("lagsim.studies.golden.motion_of", with_events)
     golden, _ = measured()
     times = golden.rows[:, 0]
     assert not np.any(np.abs(times - 5.0) < 1e-6)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
-from lagsim.studies.comparison.reading import read_table
+from lagsim.studies.tables import read_table
 
 AWKWARD = [
     0.0, -0.0, 0.1, 1 / 3, 1e-5, 1e-7, 123456789012345680.0, 1e16, 1e22, 1e300,
@@ -120,7 +120,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
-from lagsim.studies.comparison.reading import read_table
+from lagsim.studies.tables import read_table
 blocks, path = int(sys.argv[1]), Path(sys.argv[2])
 writer = TableWriter(path, [f"c{k}" for k in range(15)])
 block = np.random.default_rng(1).standard_normal((2000, 15))

@@ -12,7 +12,7 @@ from lagsim.native.link import ahead
 from lagsim.outputs import plots
 from lagsim.outputs.letters import letters_of
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.studies.artist import Order, artist, drawn
+from lagsim.studies.drawing import Order, artist, drawn
 from tests.support import MODELS, ready
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from lagsim.model.model import Settings
 from lagsim.notes import Event
-from lagsim.studies.moved import moved, on_grid, within
+from lagsim.studies.comparison import moved, on_grid, within
 
 
 def impacts(*times, constraint="floor"):

@@ -1,36 +1,247 @@
 """work_precision.png: time and evaluations against the error they bought.
 
-Drawn from work_precision.json alone, so that it can be drawn again.
+Drawn from work_precision.json alone, so that it can be drawn again. At most a dozen
+curves are shown, those that matter, cheapest first.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
+from collections import defaultdict
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.outputs.sheet import EDGE, LINE, Sheet, in_house_style, wrapped
-from lagsim.studies.bench.cost_panel import (
-    BESIDE,
-    CHOSEN,
-    FLOOR,
-    FRONT,
-    WORST,
-    Cost,
-    cost_panel,
-    error_scale,
-    look_of,
-    names_beside,
-    room_beside,
-    seen,
+from lagsim.methods import names
+from lagsim.outputs.curves import LOST, curve, point
+from lagsim.outputs.scale import Scale, log_scale
+from lagsim.outputs.sheet import (
+    DIM,
+    EDGE,
+    LINE,
+    PENS,
+    SAMPLE,
+    SMALL,
+    Pen,
+    Place,
+    Sheet,
+    in_house_style,
+    mark,
+    text_width,
+    wrapped,
 )
-from lagsim.studies.bench.machine import stamp
-from lagsim.studies.bench.shown import Key, Row, Shown, shown
+from lagsim.studies.bench.solving import PREFIX, SCIPY
+from lagsim.studies.experiment import stamp
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from lagsim.run.observers.thinning import Array
+
+MOST = 12
+# Of them at most so many of scipy's, where there are others.
+OF_SCIPY = 2
+# A point that is further off than this costs what it does for no digits.
+AN_ANSWER = 0.1
+
+# Rows that leave the constraints: no answer that `auto` might give.
+DRIFT = "drift"
+
+# A row of work_precision.json.
+Row = dict[str, Any]
+# Method and formulation.
+Key = tuple[str, str]
+
+
+class Shown(NamedTuple):
+    """Curves by method and formulation; of those left out, how many times costlier."""
+
+    curves: dict[Key, list[Row]]
+    left_out: dict[Key, float]
+
+
+def shown(rows: Sequence[Row], worst: float) -> Shown:
+    """Choose among the rows of work_precision.json that have an error up to `worst`.
+
+    First come the curves that `auto` takes, then those on the front, then of each
+    method the formulation that comes closest to it, two of scipy's among them, then
+    other formulations; of them first those that stay on the constraints. They are given
+    cheapest first.
+    """
+    curves: dict[Key, list[Row]] = defaultdict(list)
+    for row in rows:
+        if row["error"] is not None and row["error"] <= worst:
+            curves[row["method"], row["formulation"]].append(row)
+    times = {key: _times(entries, rows) for key, entries in curves.items()}
+    ranked = sorted(times, key=lambda key: times[key])
+    taken = list(_in_turn(ranked, curves))[:MOST]
+    return Shown(
+        {key: curves[key] for key in ranked if key in taken},
+        {key: times[key] for key in ranked if key not in taken},
+    )
+
+
+def _in_turn(ranked: list[Key], curves: Mapping[Key, list[Row]]) -> Iterator[Key]:
+    """Give curves by how much a chart would miss them."""
+    best = [key for key in ranked if any(row["chosen"] for row in curves[key])]
+    ranked = sorted(ranked, key=lambda key: key[1] == DRIFT)
+    best += [
+        key
+        for key in ranked
+        if key not in best and any(row["front_seconds"] for row in curves[key])
+    ]
+    first: list[Key] = []
+    for key in ranked:
+        if key not in best and key[0] not in {method for method, _ in (*best, *first)}:
+            first.append(key)
+    scipy = [key for key in first if key[0].startswith(PREFIX)]
+    own = [key for key in first if key not in scipy]
+    room = max(0, MOST - len(best) - min(len(scipy), OF_SCIPY))
+    yield from (*best, *own[:room], *scipy[:OF_SCIPY], *own[room:])
+    later = [key for key in ranked if key not in {*best, *first}]
+    yield from (*later, *scipy[OF_SCIPY:])
+
+
+def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
+    """Give how many times a curve costs what the front does, on the average."""
+    front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
+    found = []
+    for row in entries:
+        beside = [cost for error, cost in front if error <= row["error"]]
+        if beside and row["error"] <= AN_ANSWER:
+            found.append(math.log(row["seconds"] / min(beside)))
+    return math.exp(sum(found) / len(found)) if found else math.inf
+
+
+# An error above this is no answer; one below that is 0.
+WORST, LEAST = 3.0, 1e-18
+
+CHOSEN = mark("o", 8.0, fill="none")
+FRONT: Pen = {"color": "#F0E442", "linewidth": 6.0}
+FLOOR: Pen = {"color": "#888888", "dashes": (3.0, 2.0), "linewidth": 0.8}
+
+# Colour and dashes say the method: in each round of colours they meet others. The mark
+# says the round, a row, and the formulation, a column.
+MARKERS = (("o", "D", "P", "<"), ("s", "^", "X", ">"), ("v", "p", "h", "*"))
+SHIFT = 2
+FORMULATIONS = {"ignorable": 1, "elimination": 1, "baumgarte": 2, "drift": 3}
+SCIPY_MARKERS = ("x", "+", "1", "2", "3")
+GREY = "#777777"
+
+# Inches: what stands left of a panel, and from one name to the next beside it.
+BESIDE, NEXT = 0.8, 0.19
+ORDER = "cheapest first"
+
+
+class Look(NamedTuple):
+    """How a curve is drawn: its line, and the mark of its points."""
+
+    line: Pen
+    mark: Pen
+
+    @property
+    def sample(self) -> Pen:
+        """Both, as a legend shows them."""
+        return self.mark | {"linestyle": "-", "markevery": [1]} | self.line
+
+
+class Cost(NamedTuple):
+    """A curve: errors, what they cost, and which of its points have a ring."""
+
+    name: str
+    look: Look
+    errors: Array
+    costs: Array
+    ringed: Sequence[bool] = ()
+
+
+def look_of(method: str, formulation: str = "none") -> Look:
+    """Give how a method looks: the same in every chart, and no two alike."""
+    if method in SCIPY:
+        line: Pen = {"color": GREY, "linewidth": 0.7}
+        return Look(line, mark(SCIPY_MARKERS[SCIPY.index(method)], 4.5, GREY))
+    turn, colour = divmod(names().index(method), len(PENS))
+    return look(colour, turn, FORMULATIONS.get(formulation, 0))
+
+
+def look(colour: int, turn: int = 0, kind: int = 0) -> Look:
+    """Give the look of a colour of the house, in a round, of a kind."""
+    pen = PENS[(colour + SHIFT * turn) % len(PENS)] | {"color": PENS[colour]["color"]}
+    return Look(pen, mark(MARKERS[turn][kind], 3.6, pen["color"]))
+
+
+def seen(errors: Iterable[float]) -> Array:
+    """Give errors as they are drawn: none is 0 on logarithms."""
+    return np.fromiter((max(error, LEAST) for error in errors), float)
+
+
+def error_scale(curves: Sequence[Cost], floor: float) -> Scale:
+    """Give the scale that holds all errors, and at the left what cannot be told."""
+    known = np.concatenate([*(c.errors for c in curves), seen([floor]), [0.1]])
+    return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
+
+
+def cost_panel(
+    sheet: Sheet,
+    place: Place,
+    across: Scale,
+    curves: Sequence[Cost],
+    of: str,
+    *,
+    floor: float,
+    below: bool = True,
+    front: tuple[Array, Array] | None = None,
+) -> None:
+    """Draw curves of cost against error; errors below `floor` are not known."""
+    costs = [c.costs for c in curves if len(c.costs)]
+    up = log_scale(*costs, margin=0.05, least=0.08)
+    name = "← more accurate      error against range"
+    axes = sheet.panel(
+        place, across, up, below=(name if below else " ", ""),
+        side=(f"← faster      {of}", ""), ticks=(9, 7), reach=BESIDE - 0.2,
+    )  # fmt: skip
+    if floor > across.low:
+        axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
+        axes.axvline(floor, **FLOOR)
+    if front is not None:
+        curve(axes, *front, FRONT)
+    for c in curves:
+        curve(axes, c.errors, c.costs, c.look.line)
+        for x, y in zip(c.errors, c.costs, strict=True):
+            if across.low <= x <= across.high:
+                point(axes, x, y, c.look.mark)
+        for x, y, ringed in zip(c.errors, c.costs, c.ringed, strict=False):
+            if ringed:
+                point(axes, x, y, CHOSEN)
+    left, top, _, height = place
+    # Numbers keep away from the corner where both axes begin.
+    corner: dict[str, Any] = {"ha": "right", "bold": True, "color": DIM}
+    sheet.text(left - 0.2, top + height + 0.17, "↙ better", size=SMALL, **corner)
+
+
+def names_beside(
+    sheet: Sheet, x: float, y: float, curves: Sequence[Cost], room: float
+) -> None:
+    """Name curves below each other, each by a piece of its line and its mark.
+
+    They come in the order of what they cost.
+    """
+    if not curves:
+        return
+    sheet.text(x, y, ORDER, size=SMALL, color=DIM)
+    y += NEXT
+    sheet.legend(x, y, [(c.name, c.look.sample) for c in curves], room, NEXT)
+
+
+def room_beside(curves: Sequence[Cost], most: float) -> float:
+    """Give the room that names take, in inches, up to so much."""
+    if not curves:
+        return 0.0
+    names = SAMPLE + max(text_width(c.name, SMALL) for c in curves)
+    return min(most, max(names, text_width(ORDER, SMALL)) + 0.02)
+
 
 # Inches: the sheet, its margins, the panels and what is between them; names beside.
 WIDTH, TOP, HEIGHT, GAP, BELOW = 7.6, 0.62, 3.0, 0.42, 0.5

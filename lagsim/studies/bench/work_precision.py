@@ -1,28 +1,192 @@
-"""Work-precision: what each method costs for the error it makes, on one scene."""
+"""Work-precision: what each method costs for the error it makes, on one scene.
+
+First which solvers are run and at which settings, then the runs, then what
+work_precision.csv and work_precision.json say of them.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+import orjson
+
+from lagsim.errors import InputError, Problem
+from lagsim.files import content as content_of
+from lagsim.methods import names
+from lagsim.outputs.manifest import versions
+from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers.ledger import Ledger
-from lagsim.studies.bench.front import pareto
-from lagsim.studies.bench.reference import make_reference
-from lagsim.studies.bench.shown import DRIFT
-from lagsim.studies.bench.solving import GivenUpError, Patience, least
-from lagsim.studies.bench.wanted import Auto, curves_of, decades
+from lagsim.studies.bench.chart import DRIFT
+from lagsim.studies.bench.reference import index_one, make_reference, state_sizes
+from lagsim.studies.bench.solving import (
+    SCIPY,
+    GivenUpError,
+    Own,
+    Patience,
+    Scipy,
+    asking,
+    formulations,
+    least,
+    scipy_refusal,
+)
+from lagsim.studies.experiment import machine, today
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from lagsim.model.model import Model, Settings
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Solved
-    from lagsim.studies.bench.wanted import Curve, Refused, Wish
+    from lagsim.studies.bench.solving import Solved, Solver
+
+    Point = tuple[float, float]
+
+
+def pareto(points: Sequence[Point]) -> list[int]:
+    """Give the points that no other one beats in error and cost, by falling error.
+
+    Of points that are equal in both the first counts.
+    """
+    order = sorted(range(len(points)), key=lambda k: (points[k], k))
+    found = []
+    cheapest = math.inf
+    for k in order:
+        if points[k][1] < cheapest:
+            found.append(k)
+            cheapest = points[k][1]
+    return found[::-1]
+
+
+TOLERANCES = (1e-3, 1e-13)
+# Fixed steps begin at so many rows, and are halved this often at most.
+LARGEST_STEP = 16
+MOST_HALVINGS = 20
+# Seconds for everything.
+BUDGET = 180.0
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked for.
+
+    Attributes
+    ----------
+    methods
+        Only these, ours or `scipy:NAME`; None for all.
+    tolerances, steps
+        Loosest and tightest; steps None for a choice from the scene.
+    budget
+        Seconds for everything.
+    """
+
+    methods: tuple[str, ...] | None = None
+    tolerances: tuple[float, float] = TOLERANCES
+    steps: tuple[float, float] | None = None
+    budget: float = BUDGET
+
+    def wants(self, name: str) -> bool:
+        """Tell whether a method is asked for."""
+        return self.methods is None or name in self.methods
+
+
+class Curve(NamedTuple):
+    """A solver and the settings it is to be swept over."""
+
+    solver: Solver
+    values: list[float]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Method and formulation."""
+        return self.solver.method, self.solver.formulation
+
+
+class Refused(NamedTuple):
+    """A method, in a formulation, that does not apply; `auto` stands for all."""
+
+    method: str
+    formulation: str
+    reason: str
+
+
+class Auto:
+    """What `auto` takes at each tolerance."""
+
+    def __init__(self, case: Case, tolerances: Sequence[float]) -> None:
+        self.case = case
+        self.tolerances = tolerances
+        self.chosen: dict[tuple[str, str], dict[float, float]] = defaultdict(dict)
+        for rtol in tolerances:
+            plan = asking(case, rtol=rtol).plan()
+            value = plan.rtol if plan.step is None else plan.step
+            assert value is not None
+            self.chosen[plan.method, plan.formulation][value] = rtol
+        self._solvers: dict[tuple[str, str], Own] = {}
+
+    def solver(self, curve: tuple[str, str], value: float) -> Own | None:
+        """Give what `auto` makes of the scene, where that is this; None elsewhere."""
+        rtol = self.chosen.get(curve, {}).get(value)
+        if rtol is None:
+            return None
+        if curve not in self._solvers:
+            self._solvers[curve] = Own(self.case, "auto", "auto", rtol)
+        return self._solvers[curve]
+
+
+def decades(between: tuple[float, float]) -> list[float]:
+    """Give tolerances from the first to the second, both included, ten times apart.
+
+    About ten times, where the ends are not powers of ten from each other.
+    """
+    first, last = (math.log10(x) for x in between)
+    count = round(abs(last - first))
+    return [float(f"{10**x:.6g}") for x in np.linspace(first, last, count + 1)]
+
+
+def halvings(between: tuple[float, float]) -> list[float]:
+    """Give steps from the first down to the second, each half the one before."""
+    first, last = between
+    count = max(0, math.floor(math.log2(first / last) + 1e-9))
+    return [first / 2**k for k in range(count + 1)]
+
+
+def curves_of(
+    case: Case, wish: Wish, reference: Reference, auto: Auto, refused: list[Refused]
+) -> Iterator[Curve]:
+    """Give everything that applies; what does not goes to `refused`."""
+    tolerances = decades(wish.tolerances)
+    largest = LARGEST_STEP * case.settings.output_step
+    largest = min(largest, case.settings.duration / 2)
+    steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
+    for name in names():
+        if not wish.wants(name):
+            continue
+        solvers, reasons = formulations(case, name)
+        refused += [Refused(name, *why) for why in reasons.items()]
+        for own in solvers:
+            values = tolerances if own.setting == "rtol" else steps
+            more = auto.chosen.get((own.method, own.formulation), {})
+            yield Curve(own, sorted({*values, *more}, reverse=True))
+    wanted = [name for name in SCIPY if wish.wants(name)]
+    if not wanted:
+        return
+    own = index_one(case)
+    if refusal := scipy_refusal(own):
+        refused += [Refused(name, "auto", refusal) for name in wanted]
+        return
+    rows = reference.rows
+    sizes = state_sizes(own, rows)
+    for name in wanted:
+        yield Curve(Scipy(own, name, rows[:, 0], sizes), tolerances)
+
 
 # A solve may last this long, and what `auto` takes for the tightest may take this many
 # times: past it, a curve has left the picture.
@@ -294,3 +458,118 @@ class _Sweep:
         ledger = Ledger(self.reference.columns)
         ledger.add(rows)
         return error, of_lambda, ledger.energy_drift, ledger.constraint_residual
+
+
+TABLE = "work_precision.csv"
+MANIFEST = "work_precision.json"
+
+COLUMNS = (
+    "method", "formulation", "setting", "value", "seconds", "evaluations", "error",
+    "error_lambda", "energy_drift", "constraint_residual", "outcome", "chosen",
+)  # fmt: skip
+
+
+# Without these no chart can be drawn.
+NEEDED = (
+    "lagsim", "versions", "machine", "date", "model", "end", "reference", "refused",
+    "rows",
+)  # fmt: skip
+
+
+def files(form: str) -> list[str]:
+    """Give the files, with the chart as PNG, SVG or PDF in the middle."""
+    return [TABLE, f"work_precision.{form}", MANIFEST]
+
+
+def table(rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """Give the content of work_precision.csv; the rows are those of the JSON."""
+    return table_of(COLUMNS, ([row[name] for name in COLUMNS] for row in rows))
+
+
+def read_document(path: str) -> dict[str, Any]:
+    """Give what `bench` has measured and kept in work_precision.json.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        found = orjson.loads(content_of(path))
+    except OSError as error:
+        why = f"{path} cannot be read: {error.strerror}"
+        raise InputError([Problem("unreadable", why)]) from None
+    except ValueError as error:
+        raise InputError([Problem("not-json", f"{path}: {error}")]) from None
+    missing = [key for key in NEEDED if not isinstance(found, dict) or key not in found]
+    if missing:
+        why = (
+            f"{path} is not a document of `lagsim bench`, or an older one: "
+            f"`{missing[0]}` is "
+        )
+        hint = "measure again: lagsim bench MODEL"
+        raise InputError([Problem("not-a-bench", f"{why}missing", hint=hint)])
+    return dict(found)
+
+
+def document(
+    model: Model, settings: Settings, found: WorkPrecision, files: Sequence[str]
+) -> dict[str, Any]:
+    """Give the content of work_precision.json; keys are only ever added."""
+    fronts = {of: set(found.front(of)) for of in ("seconds", "evaluations")}
+    rows = []
+    for k, entry in enumerate(found.entries):
+        row = {name: getattr(entry, name) for name in COLUMNS}
+        row["reason"] = entry.reason
+        row |= {f"front_{of}": k in front for of, front in fronts.items()}
+        rows.append(row)
+    curves = [
+        {"method": method, "formulation": formulation, "compile_seconds": seconds}
+        for (method, formulation), seconds in found.compile_seconds.items()
+    ]
+    return {
+        "lagsim": __version__,
+        "versions": versions() | {"scipy": _scipy_version()},
+        "machine": machine(),
+        "date": today(),
+        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "parameters": {p.name: p.value for p in model.parameters},
+        "start": settings.start,
+        "end": settings.end,
+        "output_step": settings.output_step,
+        "complete": not found.interrupted,
+        "budget": {"seconds": found.budget, "spent": found.seconds},
+        "reference": _reference(found.reference),
+        "curves": curves,
+        "refused": [refused._asdict() for refused in found.refused],
+        "rows": rows,
+        "files": list(files),
+    }
+
+
+def _reference(reference: Reference) -> dict[str, Any]:
+    named = [*reference.state, *reference.multipliers]
+    return {
+        "made": reference.made,
+        "verified": reference.verified,
+        "trust": reference.trust,
+        "floor": reference.floor,
+        "horizon": reference.horizon,
+        "rows": len(reference.rows),
+        "known_rows": reference.known,
+        "agreement": {
+            reference.columns[c]: float(reference.agreement[c]) for c in named
+        },
+        "scales": {
+            reference.columns[c]: float(reference.scales[c])
+            for c in named
+            if np.isfinite(reference.scales[c])
+        },
+    }
+
+
+def _scipy_version() -> str:
+    if "scipy" in sys.modules:
+        return str(sys.modules["scipy"].__version__)
+    from importlib.metadata import version
+
+    return version("scipy")

@@ -4,39 +4,241 @@ A piece knows all that it needs, so that it may be done anywhere. What a process
 compiled serves all pieces that it gets. What comes of a run are the numbers that a run
 alone gives; where values need other functions (another method suits them, say), the
 model is taken from its beginning once more, and what that gives serves others, too.
+
+Where the ends of runs are all that is asked for, many are made at a time: starts and
+values of a whole piece are looked at together, the runs are calls of the kernel in one
+memory. What is not plain in any of this is made as a run by itself, which gives the
+same numbers: a start that needs a closer look, a run that comes to anything but its
+end, energy that is not kept, a scene that `run.ensemble` refuses.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
 import pickle
 import zlib
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.errors import InputError
+from lagsim.admissibility.inertia import clear_starts, needs_no_solve
+from lagsim.errors import InputError, LagsimError
 from lagsim.mechanics.equations import derive
+from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs.units import of_table
-from lagsim.run.observers.extremes import Extremes
+from lagsim.run.ensemble import Ensemble, refusal
+from lagsim.run.observers.extremes import Extremes, Followed
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.system.columns import Columns
+from lagsim.run.system.sleepers import names_in_exponents
 from lagsim.run.trajectory import Outcome
+from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempts, ErrorBars
-from lagsim.studies.sweep.ends import EndsOfRuns
+from lagsim.studies.drawing import beside
 from lagsim.studies.sweep.grid import Grid, bound, value_of
-from lagsim.studies.sweep.kept import written
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Mapping
+    from collections.abc import Generator, Iterator, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model
+    from lagsim.run.ensemble import Ends
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.attempts import Attempt
+
+# A run whose energy less work ends so far from where it began, as a part of what is in
+# play at both ends, is looked at by its rows: a tenth of what raises a doubt there.
+KEPT = 0.1
+TOLD = ("energy", "work", "kinetic", "potential")
+
+
+class Values(NamedTuple):
+    """What the runs of a piece differ in.
+
+    Attributes
+    ----------
+    parameters : dict of str to ndarray (runs,)
+    starts : ndarray, shape (runs, 2 n)
+        Positions, then velocities.
+    swept : ndarray, shape (runs, axes)
+    """
+
+    parameters: dict[str, Floats]
+    starts: Floats
+    swept: Floats
+
+
+class EndsOfRuns:
+    """Makes ends for the runs of a session's form.
+
+    Attributes
+    ----------
+    refusal : str
+        Why each is made by itself; "" where none needs it.
+    """
+
+    def __init__(
+        self, session: Session, grid: Grid, options: Mapping[str, str]
+    ) -> None:
+        self.session, self.grid, self.options = session, grid, options
+        self.refusal = refusal(session) or self._refusal()
+        if not self.refusal:
+            self._ensemble = Ensemble(session)
+
+    def _refusal(self) -> str:
+        equations = self.session.case.equations
+        if not needs_no_solve(equations):
+            return "start values are solved for by the constraints"
+        names = {axis.name for axis in self.grid.axes}
+        self._follow = equations.model.rests_on(names) or any(
+            axis.says(names) for axis in self.grid.axes
+        )
+        powers = names_in_exponents(equations, ())
+        if powers and (self._follow or not powers.isdisjoint(names)):
+            return "a swept value is in an exponent"
+        return ""
+
+    def made(
+        self, numbers: Sequence[int], interrupt: Interrupt
+    ) -> tuple[Values, Flags, Ends] | None:
+        """Give values of runs, which of them have ended plainly, and their ends.
+
+        None where an end is asked for.
+        """
+        values = self._followed(numbers) if self._follow else self._plain(numbers)
+        clear = self._clear(values)
+        ends = self._ensemble.ends(values.parameters, values.starts, interrupt)
+        if ends is None:
+            return None
+        clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
+        return values, clear, ends
+
+    def _plain(self, numbers: Sequence[int]) -> Values:
+        """Give values that nothing else follows."""
+        case, grid = self.session.case, self.grid
+        start = np.concatenate([case.start.q, case.start.v])
+        starts = np.repeat(start[None], len(numbers), 0)
+        names = (*case.equations.q, *case.equations.velocities)
+        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in grid.axes])
+        parameters, swept = {}, []
+        for axis, place in zip(grid.axes, places, strict=True):
+            values = np.array(axis.values)[place]
+            swept.append(values)
+            if axis.starts:
+                starts[:, names.index(axis.name)] = values
+            else:
+                parameters[axis.name] = values
+        return Values(parameters, starts, np.array(swept).T)
+
+    def _followed(self, numbers: Sequence[int]) -> Values:
+        """Give values as each run by itself binds them; nan for what cannot be had."""
+        case, grid = self.session.case, self.grid
+        equations = case.equations
+        n = len(equations.q)
+        names = [p.name for p in equations.model.parameters]
+        found = np.full((len(numbers), len(names)), np.nan)
+        starts = np.full((len(numbers), 2 * n), np.nan)
+        swept = np.full((len(numbers), len(grid.axes)), np.nan)
+        for k, number in enumerate(numbers):
+            model = self._bound(grid.texts(number))
+            if model is not None:
+                found[k] = [p.value for p in model.parameters]
+                starts[k] = [x.value for x in model.initial[: 2 * n]]
+                swept[k] = [value_of(model, axis.name) for axis in grid.axes]
+        return Values(dict(zip(names, found.T, strict=True)), starts, swept)
+
+    def _bound(self, texts: Mapping[str, str]) -> Model | None:
+        """Give the model of a run; None where it cannot be had, or asks otherwise."""
+        case = self.session.case
+        try:
+            model = bound(case.equations.model, texts)
+            settings = wanted(model, "sweep", self.options)
+        except LagsimError:
+            return None
+        return model if settings == case.settings else None
+
+    def _clear(self, values: Values) -> Flags:
+        case = self.session.case
+        equations, runs = case.equations, len(values.starts)
+        known: dict[str, float | Floats] = {"t": case.settings.start}
+        known |= {p.name: p.value for p in equations.model.parameters}
+        known |= values.parameters
+        names = (*equations.q, *equations.velocities)
+        moved = np.any(values.starts != values.starts[:1], axis=0)
+        for name, column, differ in zip(names, values.starts.T, moved, strict=True):
+            known[name] = column if differ else float(column[0])
+        given: Flags = np.all(np.isfinite(values.starts), axis=1)
+        return given & clear_starts(equations, known, runs)
+
+    def _keeps_energy(self, ends: Ends) -> Flags:
+        """Tell whose energy less work has not moved, by its first and last row."""
+        names = self.session.system.columns.names
+        begun, ended = (
+            {x: rows[:, names.index(x)] for x in TOLD if x in names}
+            for rows in (ends.begun, ends.ended)
+        )
+        moved = {x: np.abs(ended[x] - begun[x]) for x in ended}
+        drift = ended["energy"] - begun["energy"]
+        if "work" in ended:
+            drift -= ended["work"] - begun["work"]
+        play = np.maximum.reduce(
+            [*moved.values(), np.abs(ended.get("kinetic", ended["energy"]))]
+        )
+        kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
+        return kept
+
+
+def written(
+    session: Session,
+    folder: Path,
+    extremes: Extremes,
+    interrupt: Interrupt,
+    error_bars: ErrorBars,
+    *,
+    plots: bool,
+) -> Attempt:
+    """Make a run, and write its results.
+
+    Raises
+    ------
+    InputError
+        Where the folder cannot be used.
+    OSError
+        Where there is no room.
+    """
+    from lagsim.outputs import Format
+    from lagsim.outputs.manifest import encode
+    from lagsim.outputs.results import MANIFEST, open_results
+    from lagsim.outputs.table import table_writer
+    from lagsim.outputs.units import of_table
+
+    clock = Clock()
+    units = of_table(session.case.equations, session.system.columns.of_table)
+    with open_results(folder) as results:
+        path = results.part(Format.CSV.file)
+        with contextlib.closing(
+            table_writer(Format.CSV, path, units, show_units=False)
+        ) as writer:
+            attempts = Attempts(
+                Followed(writer, extremes), interrupt, clock, error_bars=error_bars,
+                thinned=plots,
+            )  # fmt: skip
+            found = attempts.best(session)
+            if found.fault is not None:
+                raise found.fault
+            writer.finish()
+        undrawn = list(results.fill(beside(found, found.thin, found.frames)))
+        clock.lap("output")
+        files = [*results.names, MANIFEST]
+        record = found.record([*found.cautions(), *undrawn], clock.timings, files)
+        results.commit(encode(record | {"sha256": results.digests()}))
+    return found
+
 
 # So many ways of compiling a model are kept; the one longest out of use goes.
 MOST_FORMS = 16
@@ -48,6 +250,11 @@ COLLECTED = 50
 DONE = Outcome.DONE.word
 INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
 NOTHING = np.empty((3, 0))
+
+
+def packed(model: Model) -> bytes:
+    """Give a model as it goes to other processes."""
+    return pickle.dumps(model)
 
 
 class Work(NamedTuple):
@@ -96,6 +303,40 @@ class Row(NamedTuple):
     reason: str
     numbers: Floats
     form: int
+
+
+@dataclass(slots=True)
+class Found:
+    """A sweep, and what is known of it so far.
+
+    Attributes
+    ----------
+    rows : dict of int to Row
+        By the number of the run.
+    columns : tuple of str
+        Of the runs' tables.
+    units : dict of str to str
+        Of the columns, where something was run.
+    seconds : float
+        What it took this time.
+    """
+
+    model: Model
+    work: Work
+    rows: dict[int, Row] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
+    units: dict[str, str] = field(default_factory=dict)
+    seconds: float = 0.0
+
+    @property
+    def grid(self) -> Grid:
+        """What is swept."""
+        return self.work.grid
+
+    @property
+    def missing(self) -> list[int]:
+        """The numbers of the runs that are still to be made."""
+        return [k for k in range(self.grid.runs) if k not in self.rows]
 
 
 def rows_of(piece: Piece, interrupt: Interrupt) -> list[tuple[int, Row]]:

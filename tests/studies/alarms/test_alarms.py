@@ -9,7 +9,7 @@ import pytest
 
 import lagsim
 import lagsim.codes
-from lagsim.studies.alarms import Witness
+from lagsim.run.observers.witness import Witness
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.studies.alarms.alarmed import cautions, codes
 from tests.support import MODELS, ROOT, run

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.studies.alarms.jumps import Energy
+from lagsim.studies.balances import Energy
 from tests.studies.alarms.alarmed import cautions
 from tests.support import run
 

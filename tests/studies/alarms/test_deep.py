@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.run.observers.ledger import Ledger
 from lagsim.run.observers.witness import Witness
-from lagsim.studies.alarms.rows import about_constraints
+from lagsim.studies.alarms import about_constraints
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
 

@@ -7,9 +7,9 @@ import pytest
 
 import lagsim
 from lagsim.run.observers.ledger import Ledger
-from lagsim.studies.alarms import Witness
-from lagsim.studies.alarms.groups import balances
+from lagsim.run.observers.witness import Witness
 from lagsim.studies.attempts import Account
+from lagsim.studies.balances import balances
 from tests.studies.alarms.test_doubt import bump, doubt, spoilt
 from tests.support import run
 

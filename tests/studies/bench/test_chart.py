@@ -9,11 +9,9 @@ import math
 import pytest
 
 from lagsim.methods import names
-from lagsim.studies.bench.chart import chart
-from lagsim.studies.bench.cost_panel import look_of
-from lagsim.studies.bench.machine import stamp
-from lagsim.studies.bench.scipy_solvers import NAMES as SCIPY
-from lagsim.studies.bench.shown import MOST, shown
+from lagsim.studies.bench.chart import MOST, chart, look_of, shown
+from lagsim.studies.bench.solving import SCIPY
+from lagsim.studies.experiment import stamp
 from tests.outputs.drawn import assert_legible, drawn
 
 FRONT_SECONDS = 1e-3

@@ -12,10 +12,9 @@ from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.run.session import open_case
 from lagsim.studies.bench.reference import Reference
-from lagsim.studies.bench.scope import Wish as Scope
-from lagsim.studies.bench.scope import methods_for
-from lagsim.studies.bench.wanted import Wish
-from lagsim.studies.bench.work_precision import measure
+from lagsim.studies.bench.stability import Wish as Scope
+from lagsim.studies.bench.stability import methods_for
+from lagsim.studies.bench.work_precision import Wish, measure
 from tests.scenes.contact import scenes
 
 STOP = scenes.oscillator("x >= -0.5", 0.8, duration=6, output_step=0.05)

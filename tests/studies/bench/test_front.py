@@ -8,7 +8,7 @@ import random
 import pytest
 
 from benchmarks.measure import cost_at
-from lagsim.studies.bench.front import pareto
+from lagsim.studies.bench.work_precision import pareto
 
 
 def beaten(point, others):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.rivals_chart import LOOKS, chart
-from lagsim.studies.bench.machine import stamp
+from lagsim.studies.experiment import stamp
 from tests.outputs.drawn import assert_legible, drawn
 
 

@@ -16,10 +16,9 @@ from lagsim.methods import method
 from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.borders import predicted
-from lagsim.studies.bench.scope import Wish
-from lagsim.studies.bench.stability import measure
+from lagsim.studies.bench.stability import Wish, measure
 from lagsim.studies.bench.trial import Subject
+from lagsim.studies.step_bounds import predicted
 from tests.small_scenes import oscillator
 from tests.support import MODELS
 

@@ -11,8 +11,7 @@ from matplotlib.colors import to_rgb
 from lagsim.methods import method, names
 from lagsim.model.reader import read
 from lagsim.run.session import open_case
-from lagsim.studies.bench.scope import Wish
-from lagsim.studies.bench.stability import measure
+from lagsim.studies.bench.stability import Wish, measure
 from lagsim.studies.bench.stability_chart import VERDICT_COLOURS, chart
 from lagsim.studies.bench.trial import VERDICTS
 from tests.outputs.drawn import assert_legible, drawn

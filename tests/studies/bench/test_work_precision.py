@@ -11,11 +11,15 @@ import pytest
 from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.reference import _compared, make_reference
-from lagsim.studies.bench.solutions import Solution
+from lagsim.studies.bench.reference import Solution, _compared, make_reference
 from lagsim.studies.bench.solving import GivenUpError, Own, Patience
-from lagsim.studies.bench.wanted import Wish, decades, halvings
-from lagsim.studies.bench.work_precision import OF_REFERENCE, measure
+from lagsim.studies.bench.work_precision import (
+    OF_REFERENCE,
+    Wish,
+    decades,
+    halvings,
+    measure,
+)
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.studies.comparison import reading
-from lagsim.studies.comparison.reading import read_table
+from lagsim.studies import tables as reading
+from lagsim.studies.tables import read_table
 
 # Values whose texts have every form: signs, exponents, no point, no digits before it.
 FORMS = (

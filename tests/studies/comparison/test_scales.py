@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.studies.comparison.matching import match
-from lagsim.studies.comparison.scales import kind, scales
+from lagsim.studies.comparison import kind, match, scales
 
 COLUMNS = (
     "t", "x", "y", "x_dot", "y_dot", "x_ddot", "y_ddot", "tension", "kinetic",

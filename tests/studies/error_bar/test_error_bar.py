@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from lagsim.model.reader import read, read_file
-from lagsim.run.error import ErrorBar
+from lagsim.run.error import TIMES, ErrorBar
+from lagsim.run.observers.checkpoints import MOST_ROWS
 from lagsim.run.session import open_case
-from lagsim.studies import error_bar
-from lagsim.studies.error_bar import Checkpoints, repeat
-from lagsim.studies.error_bar.means import LOOSER
+from lagsim.studies.error_bar import LOOSER, Checkpoints, repeat
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import pendulum, swing
 from tests.support import MODELS
@@ -53,7 +52,7 @@ def test_estimate_of_a_pendulum(options):
     assert bar.horizon is None
     times, reached = zip(*bar.growth, strict=True)
     assert times[-1] == 60.0
-    assert len(times) == error_bar.TIMES
+    assert len(times) == TIMES
     assert list(reached) == sorted(reached)
 
 
@@ -129,7 +128,7 @@ simulation: {duration: 200, output_step: 0.5}
 
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
-    monkeypatch.setattr(error_bar, "BUDGET", 1e4)
+    monkeypatch.setattr("lagsim.studies.error_bar.BUDGET", 1e4)
     _, refused = barred(model)
     assert "operations" in refused
     _, asked = barred(model, always=True)
@@ -154,8 +153,8 @@ def test_checkpoints_are_few_and_evenly_spaced():
     rows = np.arange(100_000.0)[:, None] * [1.0, 2.0, 0.0]
     for block in np.array_split(rows, 77):
         kept.add(block)
-    assert len(kept.rows) <= error_bar.MOST_ROWS
-    assert len(kept.rows) > error_bar.MOST_ROWS / 3
+    assert len(kept.rows) <= MOST_ROWS
+    assert len(kept.rows) > MOST_ROWS / 3
     assert set(np.diff(kept.rows[:, 0])) == {float(kept.stride)}
     assert (kept.low[0], kept.high[0]) == (0.0, 199_998.0)
 

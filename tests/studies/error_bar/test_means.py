@@ -11,9 +11,8 @@ from lagsim.model.reader import read
 from lagsim.run.error import ErrorBar, Failed
 from lagsim.run.session import open_case
 from lagsim.studies import error_bar
-from lagsim.studies.alarms.rows import about_error
-from lagsim.studies.error_bar import Checkpoints, Repeat, by_other_means, repeat
-from lagsim.studies.error_bar.means import LOOSER
+from lagsim.studies.alarms import about_error
+from lagsim.studies.error_bar import LOOSER, Checkpoints, Repeat, by_other_means, repeat
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.studies.error_bar.test_error_bar import PENDULUM, shipped
 

@@ -13,8 +13,8 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Runs, Work
-from lagsim.studies.sweep.sweeping import Found, packed, sweep
+from lagsim.studies.sweep.runs import Found, Runs, Work, packed
+from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import noted
 from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
 

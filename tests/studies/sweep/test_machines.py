@@ -7,11 +7,10 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.document import table
 from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.machines import machines
-from lagsim.studies.sweep.runs import Work
-from lagsim.studies.sweep.sweeping import Found, packed, sweep
+from lagsim.studies.sweep.runs import Found, Work, packed
+from lagsim.studies.sweep.sweeping import sweep, table
+from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
 
 distributed = pytest.importorskip("distributed", reason="the extra `dask`")

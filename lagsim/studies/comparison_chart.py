@@ -1,4 +1,7 @@
-"""A picture of the worst columns: golden and new, and their difference in its band."""
+"""What differs: the worst columns of two tables, or of a run and its golden.
+
+At the left both, at the right the size of their difference in the band of its bound.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,8 @@ from lagsim.run.observers.thinning import Thinning
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison.judging import Comparison, Deviation
-    from lagsim.studies.comparison.reading import Table
+    from lagsim.studies.comparison import Comparison, Deviation
+    from lagsim.studies.tables import Table
 
 # So many columns are shown.
 MOST = 4

@@ -1,9 +1,25 @@
-"""What the rows of a run show: constraints, energy, and how far they can be trusted."""
+"""What to know about a run besides its result, and whether it is an answer.
+
+An alarm is a `Caution`: a stable code, and a text that names the part of the scene and
+what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
+`unresolved-switch`, `coordinate-singularity`, and `step-at-stability-bound` of methods
+that choose their steps); the others are raised here, from what the rows have shown:
+inputs that have no effect, constraints that are not satisfied, energy that nothing
+explains, the horizon of a forecast, and steps (`step_bounds`). docs/failing.md says of
+each code what it means.
+
+What energy - work and the constraints are off by is an error that the run itself shows.
+An adaptive method is to be off by no more than its error estimate explains. Where it is
+by far, or where a repeat by other means comes to another motion, the run is in doubt:
+it is repeated by other means, and where these fail, too, the rows are no answer.
+(Chaotic motions part from any repeat and keep their energy: the horizon is reported,
+and that is all.)
+"""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,14 +28,16 @@ from lagsim.mechanics.laws import Kind
 from lagsim.methods import method
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
+from lagsim.run.observers.witness import Witness
 from lagsim.run.observers.witness import gained as grown
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.alarms.groups import account_of, worth
+from lagsim.studies.balances import account_of, worth
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from lagsim.admissibility.report import StartReport
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -28,9 +46,58 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.ledger import Ledger
-    from lagsim.run.observers.witness import Witness
+    from lagsim.run.overflow import Gap
+    from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.alarms.groups import Balance, Whole
+    from lagsim.studies.balances import Balance, Whole
+
+
+def about_inputs(
+    examined: StartReport, settings: Settings, plan: Plan
+) -> list[Caution]:
+    """Say what the file or the options asked for and the run does otherwise."""
+    found = []
+    if examined.changes:
+        moved = ", ".join(
+            f"{name} from {old!r} to {new!r}"
+            for name, (old, new) in examined.changes.items()
+        )
+        text = f"the run starts from the nearest exact state: {moved}"
+        found.append(Caution("start-changed", text))
+    if plan.step is None and settings.step is not None:
+        text = f"`step` has no effect: {plan.method} chooses its steps"
+        found.append(Caution("step-unused", text))
+    if settings.spectral_radius is not None and plan.method != "generalized-alpha":
+        text = f"`spectral_radius` has no effect: {plan.method} has no such parameter"
+        found.append(Caution("spectral-radius-unused", text))
+    if plan.rtol is None and (settings.rtol, settings.atol) != (None, None):
+        text = f"tolerances have no effect: {plan.method} takes fixed steps"
+        found.append(Caution("tolerance-unused", text))
+    if plan.formulation != "baumgarte" and settings.gain is not None:
+        text = f"`gain` has no effect: the formulation is {plan.formulation}"
+        found.append(Caution("gain-unused", text))
+    return found
+
+
+# So many columns are named one by one; the others are counted.
+MOST = 12
+
+
+def about_gaps(found: Mapping[str, Gap]) -> Caution:
+    """Name them, in the order of the table, with the first value and its time."""
+    named = list(found.items())
+    told = [
+        f"`{name}` is {gap.value} at t = {gap.time:.9g}"
+        + (f", the first of {gap.rows} rows" if gap.rows > 1 else "")
+        for name, gap in named[:MOST]
+    ]
+    text = f"not all values of the table are finite: {'; '.join(told)}"
+    if len(named) > MOST:
+        text += f"; and {len(named) - MOST} more columns"
+    if "energy" in found or "work" in found:
+        text += "; so the energy drift is not known"
+    return Caution("column-not-finite", text)
+
 
 # Rows meet the constraints to rounding; what is off by more than this part is not met.
 HELD = 1e-6
@@ -89,7 +156,7 @@ def _drift(
         row = account.worst_row
         if part > UNEXPLAINED or row is None:
             continue
-        from lagsim.studies.alarms.jumps import jumps
+        from lagsim.studies.balances import jumps
 
         state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(equations.q)])
         rounded = BOTH * worth(equations, account.energy, row, state)
@@ -314,7 +381,7 @@ def _gained(
         return []
     if abs(gained) <= rounding(equations, account, witness):
         return []
-    from lagsim.studies.alarms.jumps import besides_jumps
+    from lagsim.studies.balances import besides_jumps
 
     since = account.since(UNEXPLAINED * in_play)
     rest = besides_jumps(equations, account)
@@ -356,3 +423,203 @@ def _how(settings: Settings, plan: Plan) -> str:
     if settings.method != "auto":
         return f"{how}, or `--method auto`, keeps"
     return f"{how} keeps"
+
+
+# And by more than this part of the energy in play; the default tolerance leaves 1e-9.
+LEAST = 1e-6
+# Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
+# is not that of the motion.
+ACCURATE = 1e6
+# What an exact method counts as.
+EXACT_RTOL = 1e-12
+# A repeat has come to another motion where it is off by that part of a range, and by so
+# many tolerances.
+PARTED = 1e-3
+TOLERANCES = 1e4
+# Formulations that let constraints, and with them the energy, go.
+LOOSE = ("baumgarte", "drift")
+
+
+class Doubt(NamedTuple):
+    """Why the rows of a run may be no answer, and from which time on.
+
+    `refutes` where they cannot be one; else another run has to tell. `parts` where a
+    constraint is not met.
+    """
+
+    text: str
+    time: float
+    refutes: bool
+    parts: bool = False
+
+
+# A row stands no earlier than this part of a row's spacing before its time.
+SAME_ROW = 1e-6
+
+
+def up_to(session: Session, time: float) -> Session:
+    """Give a session that ends with the last row before a time."""
+    settings = session.case.settings
+    start, step = settings.start, settings.output_step
+    last = math.ceil((time - start) / step - SAME_ROW) - 1
+    end = min(start + max(last, SAME_ROW) * step, settings.end)
+    return session._replace(case=session.case.asking(end=end))
+
+
+def doubt_about(
+    session: Session,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    balances: Sequence[Balance | Whole],
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Give why a run that came to its end is in doubt, if it is."""
+    plan, equations = session.plan, session.case.equations
+    judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
+    if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
+        return None
+    return (
+        _about_constraints(equations, session.case.examined.state, ledger, witness)
+        or _about_energy(equations, plan, balances, witness, bar)
+        or _about_repeat(plan, bar)
+    )
+
+
+def _about_constraints(
+    equations: Equations, start: Instant, ledger: Ledger, witness: Witness
+) -> Doubt | None:
+    found = not_held(equations, start, ledger, witness)
+    if found is None:
+        return None
+    name, worst = found
+    text = f"constraint `{name}` is off by {worst:.2g} of its scale"
+    since = ledger.constraint_since(name, HELD)
+    return None if since is None else Doubt(text, since, refutes=True, parts=True)
+
+
+def _about_energy(
+    equations: Equations,
+    plan: Plan,
+    each: Sequence[Balance | Whole],
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Hold drifts against what the errors of the state are worth in energy.
+
+    Of the whole, and of each group that touches no other.
+    """
+    for balance in each:
+        found = _off(equations, plan, balance, witness, bar)
+        if found is not None:
+            return found
+    return None
+
+
+def _off(
+    equations: Equations,
+    plan: Plan,
+    balance: Balance | Whole,
+    witness: Witness,
+    bar: ErrorBar | str,
+) -> Doubt | None:
+    """Tell why one account is in doubt, if it is."""
+    drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
+    if not LEAST * in_play < drift < math.inf or row is None:
+        return None
+    from lagsim.studies.balances import jumps
+
+    text = (
+        f"{account_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
+    )
+    explained = _explained(equations, plan, balance, row, bar)
+    wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
+    rounded = rounding(equations, balance, witness)
+    bound = max(min(FAR * explained, wrong), rounded, LEAST * in_play)
+    since = balance.since(bound)
+    if not drift > bound or since is None or jumps(equations, balance):
+        return None
+    if drift > FAR * explained:
+        text += f", and the estimated error explains {explained / in_play:.1g}"
+    return Doubt(text, since, refutes=True)
+
+
+def _explained(
+    equations: Equations,
+    plan: Plan,
+    balance: Balance | Whole,
+    row: Floats,
+    bar: ErrorBar | str,
+) -> float:
+    """Give what the errors of a row make of its energy - work; inf: not known."""
+    if isinstance(bar, str) or bar.rates is None:
+        return math.inf
+    # Up to the row that was compared next.
+    until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
+    errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
+    part = float(np.max(bar.parts[:until], initial=0.0))
+    part += FAR * (plan.rtol or EXACT_RTOL)
+    return worth(equations, balance.energy, row, errors) + part * balance.work_range
+
+
+def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
+    """Look for a time from which a repeat shows another motion."""
+    if isinstance(bar, str):
+        return None
+    if bar.parted:
+        return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
+    rtol = plan.tolerance
+    lost = bar.lost
+    if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
+        return None
+    off = int(np.argmax(lost > TOLERANCES * rtol))
+    text = f"a repeat by {bar.method} gives another motion"
+    return Doubt(text, float(bar.times[off]), refutes=False)
+
+
+# Methods with nothing to look for: they notice on the way, or are exact.
+SEE_FOR_THEMSELVES = ("dop853", "exponential")
+# Steps that follow the motion are not shorter than this, in parts of 1/rate of the
+# fastest that is to be seen (a series takes 0.5 to 1.5).
+FOLLOWS = 0.05
+
+
+def alarms(
+    session: Session,
+    trajectory: Trajectory,
+    ledger: Ledger,
+    witness: Witness,
+    balances: Sequence[Balance | Whole],
+    bar: ErrorBar | str,
+) -> list[Caution]:
+    """Give all that there is to know about a run, in the order of its stages."""
+    case, plan = session.case, session.plan
+    equations, examined, settings = case.equations, case.examined, case.settings
+    return [
+        *examined.warnings,
+        *about_inputs(examined, settings, plan),
+        *trajectory.warnings,
+        *_about_steps(equations, plan, trajectory, witness),
+        *about_energy(equations, settings, plan, trajectory, balances, witness),
+        *about_constraints(
+            equations, examined.state, plan, ledger, witness, trajectory
+        ),
+        *about_error(bar, equations, plan, balances, witness),
+    ]
+
+
+def _about_steps(
+    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
+) -> list[Caution]:
+    """Ask for the eigenvalues of the scene, where there may be something to tell."""
+    steps = trajectory.statistics.steps
+    chosen = plan.step is None and plan.formulation != "baumgarte"
+    if not steps or (chosen and plan.method in SEE_FOR_THEMSELVES):
+        return []
+    if chosen and math.isfinite(method(plan.method).IMAGINARY_LIMIT):
+        h = (trajectory.end - trajectory.start) / steps
+        if h * witness.fastest_rate > FOLLOWS:
+            return []
+    from lagsim.studies.step_bounds import about_steps
+
+    return about_steps(equations, plan, trajectory, witness)

@@ -1,4 +1,4 @@
-"""What a time was measured on, when, and with what."""
+"""What all experiments share: what their numbers depend on, as records have it."""
 
 from __future__ import annotations
 

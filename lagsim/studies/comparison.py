@@ -1,0 +1,431 @@
+"""Two runs of one motion: what belongs together, how far it is apart, and the verdict.
+
+Rows belong together that have the same time; at an impact two rows share a time, and go
+together in their order, before and after. Where velocities jump, or forces, two runs
+are apart by the whole jump from the one's time to the other's, however close these are:
+that is no error of what jumps, but of when, and the positions know it.
+
+The scale of a column is its range, but no less than a nominal size of its kind: what is
+constant, or should be zero, has no range but its rounding errors. The kinds are told by
+the names of the columns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lagsim.run.observers.checkpoints import numbers
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.model.model import Settings
+    from lagsim.notes import Event
+    from lagsim.studies.tables import Table
+
+IMPACT = "impact"
+
+
+def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
+    """Give when the same happened in both runs (k, 2).
+
+    The same is of one kind, to one constraint, and nearest either way: what only one
+    run has met with has no partner.
+    """
+    mine, theirs = _by_what(events), _by_what(others)
+    pairs = [
+        partners(times, theirs[what]) for what, times in mine.items() if what in theirs
+    ]
+    return np.concatenate(pairs) if pairs else np.empty((0, 2))
+
+
+def within(t: Floats, pairs: Floats) -> Flags:
+    """Tell which times lie from one of a pair (k, 2) to the other."""
+    found = np.zeros(len(t), bool)
+    for pair in pairs:
+        found |= (np.min(pair) <= t) & (t <= np.max(pair))
+    return found
+
+
+def on_grid(rows: Floats, settings: Settings) -> Floats:
+    """Give the rows at output times, and the last: one each, that after an impact."""
+    places = numbers(rows[:, 0], settings.start, settings.output_step)
+    kept = (places >= 0) & np.append(places[1:] != places[:-1], [True])
+    kept[-1:] = True
+    return np.asarray(rows[kept])
+
+
+def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
+    found: dict[tuple[str | None, ...], list[float]] = {}
+    for e in events:
+        found.setdefault((e.kind, e.constraint, e.switch), []).append(e.time)
+    return {what: np.unique(times) for what, times in found.items()}
+
+
+def partners(mine: Floats, theirs: Floats) -> Floats:
+    """Give those of two runs' times (k, 2) that are nearest to each other."""
+    if not (len(mine) and len(theirs)):
+        return np.empty((0, 2))
+    there, back = nearest(mine, theirs), nearest(theirs, mine)
+    mutual = back[there] == np.arange(len(mine))
+    return np.column_stack([mine[mutual], theirs[there[mutual]]])
+
+
+def nearest(times: Floats, among: Floats) -> Floats:
+    """Give the number of the nearest for each time (k,)."""
+    middles = (among[1:] + among[:-1]) / 2.0
+    return np.asarray(np.searchsorted(middles, times))
+
+
+ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
+# A range below this part of the size is that of rounding errors: pictures draw it flat
+# there, too.
+NOISE = 1e-9
+# A column counts as no narrower than this part of the widest of its kind and unit, so
+# that a coordinate that should stay zero is not measured by its noise.
+SHARE = 1e-3
+
+
+def kind(column: str, columns: Collection[str]) -> str:
+    """Tell what a column holds."""
+    for prefix in ("lambda_", "Qc_", "residual_"):
+        if column.startswith(prefix):
+            return prefix[:-1]
+    if column in ENERGIES:
+        return "energy"
+    if column == "t":
+        return "t"
+    for level, ending in enumerate(("_ddot", "_dot", "")):
+        stem = column.removesuffix(ending) if column.endswith(ending) else ""
+        if stem and {stem, f"{stem}_dot", f"{stem}_ddot"} <= set(columns):
+            return ("acceleration", "velocity", "position")[level]
+    return "definition"
+
+
+def scales(
+    columns: Sequence[str], data: Floats, units: Mapping[str, str] | None = None
+) -> Floats:
+    """Give the scale of each column (columns,).
+
+    - positions, velocities, accelerations, definitions, multipliers and constraint
+      forces: the range, or the size where they do not vary; no less than SHARE of the
+      widest of the kind (and unit, where units are known);
+    - energies and work: the range, or that of the kinetic energy;
+    - residuals: the largest coordinate, since they are to be compared with zero.
+
+    Parameters
+    ----------
+    data : ndarray, shape (columns, rows)
+    """
+    low, high = _extremes(data)
+    size = np.maximum(np.abs(low), np.abs(high))
+    ranges = high - low
+    wide = np.where(ranges > NOISE * size, ranges, size)
+    present = frozenset(columns)
+    kinds = [kind(column, present) for column in columns]
+    groups = [
+        (k, (units or {}).get(c, "")) for k, c in zip(kinds, columns, strict=True)
+    ]
+    found = wide.copy()
+    for k, group in enumerate(groups):
+        if kinds[k] not in ("t", "definition") or group[1]:
+            alike = [i for i, other in enumerate(groups) if other == group]
+            found[k] = max(found[k], SHARE * np.max(wide[alike]))
+    moving = _moving(columns, wide)
+    largest = max(
+        (size[k] for k, what in enumerate(kinds) if what == "position"), default=0.0
+    )
+    for k, what in enumerate(kinds):
+        if what == "energy":
+            found[k] = max(ranges[k], moving) or wide[k]
+        elif what == "residual":
+            found[k] = max(ranges[k], largest)
+    return found
+
+
+def _moving(columns: Sequence[str], wide: Floats) -> float:
+    """Give the range of the kinetic energy, or of what stands for it."""
+    for name in ("kinetic", "lagrangian"):
+        if name in columns:
+            return float(wide[columns.index(name)])
+    return 0.0
+
+
+def _extremes(data: Floats) -> tuple[Floats, Floats]:
+    """Give the least and the greatest finite value of each column; 0 without any."""
+    low, high = np.zeros(len(data)), np.zeros(len(data))
+    for k, values in enumerate(data):
+        finite = values if np.isfinite(values).all() else values[np.isfinite(values)]
+        if len(finite):
+            low[k], high[k] = finite.min(), finite.max()
+    return low, high
+
+
+Ints: TypeAlias = NDArray[np.intp]
+
+# Times are the same if they differ by no more than this part of the rows' spacing: an
+# event is located to the tolerance of the run, and its time is compared besides.
+SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Matched:
+    """Numbers of rows that belong together, and times that have no partner.
+
+    Attributes
+    ----------
+    golden, new : ndarray of int, shape (k,)
+    missing, extra : ndarray
+        Times of one table alone.
+    """
+
+    golden: Ints
+    new: Ints
+    missing: Floats
+    extra: Floats
+
+
+def match(golden: Floats, new: Floats, tolerance: float = 0.0) -> Matched:
+    """Match rows by their times.
+
+    Parameters
+    ----------
+    golden, new : ndarray
+        The times.
+    tolerance
+        Between times that are the same, if more than SAME of the spacing.
+    """
+    near = max(SAME * _spacing(golden), min(tolerance, 0.25 * _spacing(golden)))
+    if len(golden) == len(new) and bool(np.all(np.abs(golden - new) <= near)):
+        every = np.arange(len(golden))
+        return Matched(every, every, golden[:0], new[:0])
+    mine, theirs = (np.argsort(t, kind="stable") for t in (golden, new))
+    g, n = golden[mine], new[theirs]
+    wanted = np.searchsorted(n, g - near) + _turns(g, near)
+    there = np.minimum(wanted, len(n) - 1)
+    same = (wanted < len(n)) & (np.abs(n[there] - g) <= near)
+    alone = np.ones(len(n), bool)
+    alone[there[same]] = False
+    return Matched(mine[same], theirs[there[same]], g[~same], n[alone])
+
+
+def _spacing(t: Floats) -> float:
+    steps = np.diff(t)
+    steps = steps[steps > 0.0]
+    return float(np.median(steps)) if len(steps) else 0.0
+
+
+def _turns(t: Floats, near: float) -> Ints:
+    """Give for each row how many before it share its time."""
+    turns = np.zeros(len(t), dtype=np.intp)
+    for k in np.flatnonzero(np.diff(t) <= near) + 1:  # few: only impacts
+        turns[k] = turns[k - 1] + 1
+    return turns
+
+
+# Cells that are compared at once: some 10 MB of working memory.
+CELLS = 1 << 18
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """The worst cell of a column.
+
+    Attributes
+    ----------
+    tolerance : float
+        What it may differ by there.
+    ratio : float
+        How bad the cell is: the difference over the tolerance, or over the column's
+        scale where the tolerance is one unit in the last place; inf for nan.
+    first : float or None
+        The first time at which the column fails.
+    cells : int
+        How many of its cells fail.
+    """
+
+    column: str
+    t: float
+    golden: float
+    new: float
+    difference: float
+    tolerance: float
+    ratio: float
+    first: float | None
+    cells: int
+
+    @property
+    def passed(self) -> bool:
+        """Whether every cell is within its tolerance."""
+        return self.cells == 0
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """What a comparison found.
+
+    Attributes
+    ----------
+    worst : tuple of Deviation
+        One for each column of both tables, the worst first.
+    missing, extra : tuple of str
+        Columns that only the golden table has, or only the new one.
+    rows : Matched
+    bound : callable
+        (column, golden, new) -> what values (rows,) of the column may differ by.
+    """
+
+    worst: tuple[Deviation, ...]
+    missing: tuple[str, ...]
+    extra: tuple[str, ...]
+    rows: Matched
+    bound: Callable[[str, Floats, Floats], Floats]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the tables are the same, as far as they have to be."""
+        same_times = not len(self.rows.missing) and not len(self.rows.extra)
+        return same_times and not self.missing and all(d.passed for d in self.worst)
+
+    @property
+    def first(self) -> Deviation | None:
+        """The column that fails first in time."""
+        failed = [d for d in self.worst if d.first is not None]
+        return min(failed, key=lambda d: (d.first, -d.ratio), default=None)
+
+
+def compare(
+    golden: Table, new: Table, rtol: float | None = None, atol: float | None = None
+) -> Comparison:
+    """Compare two tables: |difference| <= atol + rtol * scale of the column.
+
+    Parameters
+    ----------
+    rtol
+        None forgives one unit in the last place of either value.
+    atol
+        0 where it is not given. With rtol = atol = 0 values pass that are equal bit by
+        bit.
+    """
+    sizes = scales(golden.columns, golden.data, golden.units)
+    absolute = atol or 0.0
+    exact = rtol == 0.0 and absolute == 0.0
+    bounds = {
+        column: absolute + (rtol or 0.0) * size
+        for column, size in zip(golden.columns, sizes.tolist(), strict=True)
+    }
+    rows = match(golden.t, new.t, bounds["t"])
+    common = [c for c in golden.columns if c in new.columns]
+
+    def allowed(column: str, g: Floats, n: Floats) -> Floats:
+        bound = bounds[column]
+        if rtol is None:
+            with np.errstate(invalid="ignore", over="ignore"):
+                units = np.spacing(np.maximum(np.abs(g), np.abs(n)))
+            return np.asarray(bound + units)
+        return np.full(len(g), bound)
+
+    known = dict(zip(golden.columns, sizes.tolist(), strict=True))
+    found = [
+        _deviation(
+            c, golden, new, rows, allowed,
+            size=known[c] if rtol is None else None, exact=exact,
+        )
+        for c in common
+    ]  # fmt: skip
+    return Comparison(
+        worst=ordered(found),
+        missing=tuple(c for c in golden.columns if c not in new.columns),
+        extra=tuple(c for c in new.columns if c not in golden.columns),
+        rows=rows,
+        bound=allowed,
+    )
+
+
+def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
+    """Give the worst first, those that pass last."""
+    return tuple(sorted(found, key=lambda d: (d.passed, -d.ratio)))
+
+
+def _deviation(
+    column: str,
+    golden: Table,
+    new: Table,
+    rows: Matched,
+    allowed: Callable[[str, Floats, Floats], Floats],
+    *,
+    size: float | None,
+    exact: bool,
+) -> Deviation:
+    t, g, n = golden.t, golden[column], new[column]
+    aligned = rows.golden is rows.new
+    parts = []
+    for k in range(0, len(rows.golden), CELLS):
+        mine = slice(k, k + CELLS) if aligned else rows.golden[k : k + CELLS]
+        theirs = slice(k, k + CELLS) if aligned else rows.new[k : k + CELLS]
+        old, now = g[mine], n[theirs]
+        bound = allowed(column, old, now)
+        parts.append(
+            deviations(column, t[mine], old, now, bound, size=size, exact=exact)
+        )
+    return (
+        _joined(parts)
+        if parts
+        else Deviation(column, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, None, 0)
+    )
+
+
+def deviations(
+    column: str,
+    t: Floats,
+    golden: Floats,
+    new: Floats,
+    bound: Floats,
+    *,
+    size: float | None = None,
+    exact: bool = False,
+) -> Deviation:
+    """Compare the values of a column (rows,), which are some.
+
+    Parameters
+    ----------
+    bound : ndarray, shape (rows,)
+        What each may differ by.
+    size
+        The worst is the largest difference, against this, and not against the bound.
+    exact
+        Tell 0 from -0.
+    """
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        difference = np.abs(new - golden)
+        difference[golden == new] = 0.0  # inf, too
+        wrong = ~(difference <= bound)
+        if exact:
+            wrong |= np.signbit(golden) != np.signbit(new)
+        ratio = difference / (bound if size is None else size)
+    ratio[difference == 0.0] = 0.0
+    ratio[np.isnan(ratio)] = math.inf
+    if wrong.any():
+        ratio[~wrong] = -1.0
+    k = int(np.argmax(ratio))
+    failed = np.flatnonzero(wrong)
+    return Deviation(
+        column, float(t[k]), float(golden[k]), float(new[k]), float(difference[k]),
+        float(bound[k]), float(ratio[k]),
+        float(t[failed[0]]) if len(failed) else None, len(failed),
+    )  # fmt: skip
+
+
+def _joined(parts: Sequence[Deviation]) -> Deviation:
+    """Give the worst of several stretches of a column."""
+    worst = ordered(parts)[0]
+    times = [d.first for d in parts if d.first is not None]
+    return replace(
+        worst, first=min(times, default=None), cells=sum(d.cells for d in parts)
+    )
