@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from lagsim.outputs.letters import mathtext
 from lagsim.outputs.sheet import (
     DIM,
     EDGE,
@@ -57,7 +58,7 @@ class Column(NamedTuple):
     @property
     def label(self) -> str:
         """What stands at its axis."""
-        return f"{self.name} ({self.unit})" if self.unit else self.name
+        return mathtext(f"{self.name} ({self.unit})" if self.unit else self.name)
 
 
 class Picture(Figure):
@@ -120,8 +121,8 @@ def spectrum_figure(
         for number, (frequency, amplitude) in enumerate(peaks, 1)
     ]
     axes.text(
-        0.99, 0.98, "\n".join(lines), transform=axes.transAxes, size=SMALL, ha="right",
-        va="top", multialignment="left",
+        0.99, 0.98, mathtext("\n".join(lines)), transform=axes.transAxes, size=SMALL,
+        ha="right", va="top", multialignment="left",
         bbox={"facecolor": "white", "edgecolor": "none"},
     )  # fmt: skip
     _headed(found, title, f"spectrum of {up.name.removeprefix('amplitude of ')}")
@@ -158,8 +159,8 @@ def _headed(found: Figure, title: str, subject: str = "") -> None:
     assert isinstance(engine, ConstrainedLayoutEngine)
     engine.set(rect=(0.0, 0.0, 1.0, 1.0 - TITLE / high))
     level = 1.0 - LINE_OF_TITLE / high
-    found.text(edge, level, title, size=HEADING, weight="bold")
-    found.text(1.0 - edge, level, subject, ha="right", size=NORMAL, color=DIM)
+    found.text(edge, level, mathtext(title), size=HEADING, weight="bold")
+    found.text(1.0 - edge, level, mathtext(subject), ha="right", size=NORMAL, color=DIM)
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
@@ -175,7 +176,7 @@ def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
 
 def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     for column, pen in zip(group, PENS, strict=False):
-        axes.plot(against.values, column.values, label=column.name, **pen)
+        axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
     axes.grid(color=FAINT, linewidth=0.4)
     axes.spines[:].set(color=DIM, linewidth=0.6)
     axes.tick_params(length=0.0, labelsize=SMALL)
@@ -184,7 +185,7 @@ def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     if len(group) == 1:
         axes.set_ylabel(group[0].label, size=NORMAL)
         return
-    axes.set_ylabel(group[0].unit, size=NORMAL)
+    axes.set_ylabel(mathtext(group[0].unit), size=NORMAL)
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(group), frameon=False,
         fontsize=SMALL, borderaxespad=0.2,

@@ -1,11 +1,15 @@
-"""Names as pictures write them: Greek letters, subscripts, dots; the rest as it is."""
+"""Names as pictures write them: Greek letters, subscripts, dots; the rest as it is.
+
+A subscript that Unicode has no letters for stands between two marks until a text is
+drawn: `mathtext` gives what matplotlib typesets, `plain` what is read without it.
+"""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
 
-from lagsim.show.names import Name, UnicodeNames
+from lagsim.show.names import GREEK, Name, UnicodeNames
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -15,33 +19,57 @@ if TYPE_CHECKING:
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 RATES = {"_dot": 1, "_ddot": 2}
 # Columns that go with a name: constraint forces, multipliers and what they miss.
-PREFIXES = {"Qc_": "Qc_", "lambda_": "λ_", "residual_": "residual_"}
+PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
+
+# Around a subscript; no name has them, and of other texts they are taken out.
+BELOW, END = "\x0e", "\x0f"
+_DIGITS = str.maketrans("₀₁₂₃₄₅₆₇₈₉", "0123456789")
+_SUBSCRIPT = re.compile(f"{BELOW}([\\w,.]*){END}")
+_MARKS = re.compile(f"[{BELOW}{END}]")
+_DOTTED = re.compile("(\\w+)([\u0307\u0308])")
+_COMMANDS = {"\u0307": "dot", "\u0308": "ddot"}
+# What is not drawn well without a formula.
+_FORMULA = re.compile(f"{BELOW}|\\w\\w[\u0307\u0308]")
 
 _POWER = re.compile(r"(?:\^|\*\*)(-?\d+)")
 # A name that stands alone or in an expression, and is no function.
 _NAME = re.compile(r"[^\W\d]\w*(?!\w|\s*\()")
 
 
+class PictureNames(UnicodeNames):
+    """Names with all that follows `_` as a subscript: `x_left`, `omega_1`."""
+
+    def split(self, name: str) -> tuple[str, str]:
+        """Give the letter or word, and its subscript."""
+        base, below = super().split(name)
+        digits, _, rest = below.partition("_")
+        if not rest:
+            return base, below
+        parts = [digits.translate(_DIGITS)] if digits else []
+        parts += [GREEK.get(part, part) for part in rest.split("_") if part]
+        return base, f"{BELOW}{','.join(parts)}{END}"
+
+    def joined(self, base: str, below: str, order: int) -> str:
+        """Put dots over a letter or word."""
+        return base + ("", *_COMMANDS)[order] + below
+
+
 class Letters:
     """How the names of one model are written; those that come first look best."""
 
     def __init__(self, names: Iterable[str] = ()) -> None:
-        self._typeset = UnicodeNames(names)
+        self._typeset = PictureNames(names)
 
     def name(self, name: str) -> str:
-        """Give a name, or a column's: θ̇ for `theta_dot`, `Qc_θ` for `Qc_theta`."""
+        """Give a name, or a column's: θ̇ for `theta_dot`, Qc with θ for `Qc_theta`."""
         for prefix, written in PREFIXES.items():
             if name.startswith(prefix):
-                return written + self.name(name.removeprefix(prefix))
+                rest = self.name(name.removeprefix(prefix)).translate(_DIGITS)
+                below = _SUBSCRIPT.sub(r",\1", rest)
+                return f"{written}{BELOW}{below}{END}"
         for ending, order in RATES.items():
             if name.endswith(ending):
-                base = self.name(name.removesuffix(ending))
-                # Over a word, dots would stand above its first letter.
-                letter = base.rstrip("₀₁₂₃₄₅₆₇₈₉")
-                if len(letter) == 1:
-                    mark = "\u0307" if order == 1 else "\u0308"
-                    return letter + mark + base[1:]
-                return base + ending
+                return self._typeset.show(Name(name.removesuffix(ending), order))
         head, point, rest = name.partition(".")
         if point:
             return f"{head}.{'.'.join(self.name(part) for part in rest.split('.'))}"
@@ -56,6 +84,29 @@ def letters_of(model: Model) -> Letters:
     """Give how a model's names are written."""
     names = [c.name for c in model.coordinates]
     return Letters([*names, *(d.name for d in model.definitions)])
+
+
+def mathtext(text: str) -> str:
+    """Give a text as matplotlib's mathtext has it; a `$` of its own is no formula."""
+    shown = text.replace("$", r"\$")
+    if _FORMULA.search(text):
+        shown = _SUBSCRIPT.sub(_below, shown)
+        shown = _DOTTED.sub(_dotted, shown)
+    return _MARKS.sub("", shown)
+
+
+def _below(found: re.Match[str]) -> str:
+    letters = found[1].replace("_", r"\_")
+    return rf"$_\mathrm{{{letters}}}$"
+
+
+def _dotted(found: re.Match[str]) -> str:
+    return rf"$\{_COMMANDS[found[2]]}{{\mathrm{{{found[1]}}}}}$"
+
+
+def plain(text: str) -> str:
+    """Give a text that may be cut anywhere: λ_c for λ with c as its subscript."""
+    return text.replace(BELOW, "_").replace(END, "")
 
 
 def raised(unit: str) -> str:

@@ -8,9 +8,15 @@ import numpy as np
 
 from lagsim.outputs.curves import dotted, inches, path, series
 from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import Scale, extent, log_scale, value_scale, with_one_power
+from lagsim.outputs.scale import (
+    Scale,
+    extent,
+    log_scale,
+    spread_scale,
+    value_scale,
+    with_one_power,
+)
 from lagsim.outputs.sheet import INK, PENS, WIDTH, mark
-from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import tell
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from lagsim.outputs.attempted import attempted
 from lagsim.outputs.curves import series
 from lagsim.outputs.plot_panel import PlotPanel
 from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
-from lagsim.outputs.scale import NOISE, noise_scale, power_of_ten
+from lagsim.outputs.scale import NOISE, noise_scale, power_of_ten, spread_scale
 from lagsim.outputs.scene_panel import ScenePanel
 from lagsim.outputs.sheet import (
     BLACK,
@@ -23,7 +23,6 @@ from lagsim.outputs.sheet import (
     Sheet,
     in_house_style,
 )
-from lagsim.outputs.spread import spread_scale
 from lagsim.outputs.time_panels import (
     IMPULSE,
     MOST_PANELS,

@@ -18,10 +18,12 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeAlias, TypeVar
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
+from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
 
+from lagsim.outputs.letters import BELOW, END, mathtext, plain
 from lagsim.outputs.scale import label
 
 if TYPE_CHECKING:
@@ -84,9 +86,9 @@ def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
 
 
 HOUSE: dict[Any, Any] = {
-    "font.family": FONT, "font.size": NORMAL, "text.parse_math": False,
-    "axes.axisbelow": True, "grid.color": FAINT,
-    "grid.linewidth": 0.4, "axes.edgecolor": DIM, "axes.linewidth": 0.6,
+    "font.family": FONT, "font.size": NORMAL, "axes.axisbelow": True,
+    "grid.color": FAINT, "grid.linewidth": 0.4,
+    "axes.edgecolor": DIM, "axes.linewidth": 0.6,
     "axes.titlelocation": "left", "axes.titlesize": SMALL, "axes.titley": 1.0,
     "axes.titlepad": 0.06 * 72,
     "xtick.labelsize": SMALL, "ytick.labelsize": SMALL,
@@ -98,9 +100,9 @@ HOUSE: dict[Any, Any] = {
     "legend.columnspacing": GAP * 72 / SMALL, "svg.hashsalt": "lagsim",
 }  # fmt: skip
 _KINDS = (
-    "text.", "font.", "lines.", "path.", "agg.", "figure.", "patch.", "axes.", "grid.",
-    "xtick.", "ytick.", "markers.", "contour.", "pcolor", "svg.", "pdf.", "legend.",
-    "savefig.",
+    "text.", "mathtext.", "font.", "lines.", "path.", "agg.", "figure.", "patch.",
+    "axes.", "grid.", "xtick.", "ytick.", "markers.", "contour.", "pcolor", "svg.",
+    "pdf.", "legend.", "savefig.",
 )  # fmt: skip
 # No file tells a date, a version or who made it: the same rows give the same bytes.
 NOBODY = {
@@ -150,17 +152,20 @@ def text_width(text: str, size: float = NORMAL, *, bold: bool = False) -> float:
     """Return the width of a text in inches."""
     weight = "bold" if bold else "normal"
     font = FontProperties(family=FONT, size=size, weight=weight)
+    shown = mathtext(text)
     measured = _ruler().get_text_width_height_descent(  # type: ignore[no-untyped-call]
-        text, font, ismath=False
+        shown, font, ismath=is_math_text(shown)
     )
     return float(measured[0]) / DPI
 
 
 def fitted(text: str, room: float, size: float = NORMAL, *, bold: bool = False) -> str:
     """Return the text, its middle left out until it is at most `room` inches wide."""
-    text = "".join(c if c.isprintable() else " " for c in text)
+    shown = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
+    if text_width(shown, size, bold=bold) <= room:
+        return shown
+    text = shown = plain(shown)
     keep = len(text)
-    shown = text
     while (width := text_width(shown, size, bold=bold)) > room and keep > 1:
         keep = max(1, min(keep - 1, int(keep * room / width)))
         # Names differ at the end more often than in the middle.
@@ -234,11 +239,12 @@ class Sheet:
         room: float = math.inf,
         **more: Any,
     ) -> None:
-        """Write plain text, cut to `room` inches: nothing in it is ever typeset."""
+        """Write text, cut to `room` inches; of it names of `Letters` are typeset."""
         shown = fitted(text, room, size, bold=bold)
         weight = "bold" if bold else "normal"
         at, inches = (x, self.height - y), self.figure.dpi_scale_trans
-        self.figure.text(*at, shown, size=size, weight=weight, transform=inches, **more)
+        look = {"size": size, "weight": weight, "transform": inches, **more}
+        self.figure.text(*at, mathtext(shown), **look)
 
     def heading(self, title: str, subject: str) -> None:
         """Write a title at the left and what is shown at the right."""
@@ -286,7 +292,7 @@ class Sheet:
         # Where there is no pen there is no line.
         pens = [pen or {"linestyle": "none"} for _, pen in entries]
         self.figure.legend(
-            [Line2D([], [], **pen) for pen in pens], names,
+            [Line2D([], [], **pen) for pen in pens], [mathtext(name) for name in names],
             loc="upper left", ncols=1 if down else len(names),
             labelspacing=max(0.0, down * 72 / SMALL - 1.0),
             bbox_to_anchor=(x, self.height - y + ASCENT * SMALL / 72),
@@ -351,4 +357,4 @@ class Sheet:
 
 
 def _label(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
-    return fitted(label(axis, *named), room, size) if named[0] else ""
+    return mathtext(fitted(label(axis, *named), room, size)) if named[0] else ""

@@ -9,7 +9,7 @@ import numpy as np
 
 from lagsim.outputs.curves import series, stems
 from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import extent, read_off, value_scale
+from lagsim.outputs.scale import extent, read_off, spread_scale, value_scale
 from lagsim.outputs.sheet import (
     DIM,
     EDGE,
@@ -20,7 +20,6 @@ from lagsim.outputs.sheet import (
     Sheet,
     text_width,
 )
-from lagsim.outputs.spread import spread_scale
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -170,9 +170,9 @@ def artist(model: Model) -> Iterator[Draw]:
 
 
 def _ready() -> None:
-    from lagsim.outputs import lean_matplotlib
+    from lagsim.outputs import bare_matplotlib
 
-    lean_matplotlib.load()
+    bare_matplotlib.without_docstrings()
     import lagsim.outputs.plots  # noqa: F401
 
 

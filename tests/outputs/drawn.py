@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
@@ -113,8 +114,9 @@ def noted():
         if self.get_visible() and self.get_text().strip():
             place = self.get_transform().transform(self.get_position())
             drawing.texts.append(SimpleNamespace(
-                said=self.get_text(), box=self.get_window_extent(renderer).frozen(),
-                place=place, typeset=self.get_parse_math() or self.get_usetex(),
+                said=self.get_text().replace(r"\$", "$"), place=place,
+                box=self.get_window_extent(renderer).frozen(),
+                typeset=is_math_text(self.get_text()) or self.get_usetex(),
             ))  # fmt: skip
 
     def line(self, renderer):

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.letters import BELOW, END, Letters, mathtext, plain, raised
 
 DOT, TWO_DOTS = "\u0307", "\u0308"
+
+
+def below(text):
+    """Mark as subscripts what stands in brackets."""
+    return text.replace("[", BELOW).replace("]", END)
 
 
 @pytest.mark.parametrize(
@@ -21,16 +28,21 @@ DOT, TWO_DOTS = "\u0307", "\u0308"
         ("phi12", "φ₁₂"),
         ("x", "x"),
         ("x_dot", "x" + DOT),
-        # Dots above a word would stand above its first letter.
-        ("speed_dot", "speed_dot"),
-        ("Qc_theta", "Qc_θ"),
-        ("lambda_path", "λ_path"),
+        ("x_left", "x[left]"),
+        ("x_left_dot", f"x{DOT}[left]"),
+        ("omega_1_tip_beta", "ω[1,tip,β]"),
+        ("speed_dot", f"speed{DOT}"),
+        ("Qc_theta", "Qc[θ]"),
+        ("Qc_x_left", "Qc[x,left]"),
+        ("lambda_path", "λ[path]"),
+        ("lambda_c12", "λ[c12]"),
+        ("residual_b_x", "residual[b,x]"),
         ("friction.floor.1", "friction.floor.1"),
         ("thetas", "thetas"),
     ],
 )
 def test_names(name, written):
-    assert Letters().name(name) == written
+    assert Letters().name(name) == below(written)
 
 
 def test_names_that_would_look_alike_stay_apart():
@@ -40,8 +52,8 @@ def test_names_that_would_look_alike_stay_apart():
 
 def test_names_in_expressions_but_no_functions():
     text = "beta*sin(alpha_dot) + beta(2) - lambda_c^2"
-    expected = f"β*sin(α{DOT}) + beta(2) - λ_c^2"
-    assert Letters().text(text) == expected
+    expected = f"β*sin(α{DOT}) + beta(2) - λ[c]^2"
+    assert Letters().text(text) == below(expected)
 
 
 @pytest.mark.parametrize(
@@ -50,3 +62,26 @@ def test_names_in_expressions_but_no_functions():
 )
 def test_powers_of_units_are_raised(unit, written):
     assert raised(unit) == written
+
+
+@pytest.mark.parametrize(
+    ("text", "drawn"),
+    [
+        ("x_left 10%, θ₁ (m)", "x_left 10%, θ₁ (m)"),
+        (f"x{DOT}₁ for 3 $", f"x{DOT}₁ for 3 \\$"),
+        ("λ[b,x] (N)", r"λ$_\mathrm{b,x}$ (N)"),
+        (f"x{DOT}[left]", r"$\dot{\mathrm{x}}$$_\mathrm{left}$"),
+        (f"speed{TWO_DOTS} $", r"$\ddot{\mathrm{speed}}$ \$"),
+        # Of a title, which may hold what it likes.
+        ("[$x{a}] $x$ [", r"\$x{a} \$x\$ "),
+    ],
+)
+def test_only_names_are_formulas(text, drawn):
+    assert mathtext(below(text)) == drawn
+    figure = Figure()
+    figure.text(0, 0, drawn)
+    FigureCanvasAgg(figure).draw()
+
+
+def test_what_is_cut_has_no_subscripts():
+    assert plain(below("λ[b,x] (N)")) == "λ_b,x (N)"

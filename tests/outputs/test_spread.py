@@ -7,8 +7,7 @@ import pytest
 
 from lagsim.model.model import Scene
 from lagsim.outputs import plots
-from lagsim.outputs.scale import read_off
-from lagsim.outputs.spread import spread_scale
+from lagsim.outputs.scale import read_off, spread_scale
 from tests.outputs.drawn import drawn
 from tests.outputs.test_plots import record
 

@@ -7,7 +7,9 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
+from lagsim.outputs.sheet import content
 from lagsim.studies.spectrum import EVEN, LEAST_ROWS, spectrum
+from tests.outputs.drawn import noted
 
 STEP = 0.02
 SINES = {1.2345: 1.5, 4.444: 0.2, 2.718: 1e-3}
@@ -55,6 +57,16 @@ def test_peaks_are_no_nearer_than_they_are_told_apart():
         assert len(places) > 1
         assert np.diff(places).min() >= found.resolution
         assert found.peaks[0].amplitude == max(p.amplitude for p in found.peaks)
+
+
+def test_its_powers_of_ten_are_typeset():
+    with noted() as drawing:
+        content(spectrum(*rows(), "x_left", "m").plot("$t"), "png")
+    said = {text.said: text.typeset for text in drawing.texts}
+    assert all(typeset for text, typeset in said.items() if "10^" in text)
+    assert said["$\\mathdefault{10^{-2}}$"]
+    assert said["spectrum of x$_\\mathrm{left}$"]
+    assert not said["$t"]
 
 
 def test_a_column_that_stays_has_no_peaks():
