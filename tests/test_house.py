@@ -7,8 +7,8 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 381
-LINES = 76_100
+FILES = 345
+LINES = 75_600
 LINES_OF_TESTS = 60_800
 
 

@@ -262,7 +262,7 @@ def about_reactions(equations: Equations) -> Iterator[Caution]:
     """Say which reactions are 0 because nothing is written with their definitions."""
     if not equations.model.output.reactions:
         return
-    from lagsim.mechanics.reactions import reactions
+    from lagsim.mechanics.equations import reactions
 
     for name, node in reactions(equations).items():
         if node == equations.graph.zero:

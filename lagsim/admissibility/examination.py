@@ -32,7 +32,7 @@ from lagsim.admissibility.unilateral import (
 )
 from lagsim.admissibility.verdict import Verdict, judge, judge_starts
 from lagsim.language.derivatives import slopes
-from lagsim.mechanics.instant import Instant
+from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:

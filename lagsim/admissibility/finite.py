@@ -8,8 +8,8 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
-from lagsim.mechanics.laws import Kind
-from lagsim.mechanics.switches.text import expression_text
+from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:

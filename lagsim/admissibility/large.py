@@ -72,7 +72,7 @@ def is_positive(point: Point, q: Floats, v: Floats) -> bool:
 def _is_positive_along(point: Point, chains: Chains, q: Floats, v: Floats) -> bool:
     """Tell it by the pivots of M, against its diagonal."""
     from lagsim.language.sparse import Meter
-    from lagsim.mechanics.articulated import Articulated
+    from lagsim.mechanics.chains import Articulated
 
     pivots = Articulated(point.g, chains, Meter()).pivots
     own = point.array([pivots[k][0] for k in range(point.n)], q, v)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.mechanics.instant import Instant
+from lagsim.mechanics.equations import Instant
 
 if TYPE_CHECKING:
     from lagsim.admissibility.dependence import Dependence, ThinSet

@@ -24,8 +24,8 @@ from lagsim.admissibility.verdict import (
     measured,
 )
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
-from lagsim.mechanics.laws import Kind
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
@@ -34,9 +34,8 @@ if TYPE_CHECKING:
     from lagsim.admissibility.report import RankReport
     from lagsim.admissibility.verdict import Residual
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.constraints import Law, Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.laws import Law
 
 
 _ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)

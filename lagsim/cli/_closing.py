@@ -31,7 +31,7 @@ PATIENCE_SECONDS = 1.0
 
 def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     """Give the closing lines of the run that `document`, its run.json, records."""
-    from lagsim.mechanics.laws import Kind
+    from lagsim.mechanics.constraints import Kind
 
     colour = "32" if document["complete"] else "31"
     head = (

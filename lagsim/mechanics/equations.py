@@ -4,30 +4,152 @@
 
 with M = d2L/dq'2 and f = dL/dq - d/dt(dL/dq') at q'' = 0, plus the generalized forces.
 For lhs = rhs the constraint function is lhs - rhs; this sign of lambda holds all over.
-Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
-eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15.
+
+Reactions are found by virtual separation: with x taken for a coordinate of its own,
+held by the constraint x = r(q, t), the equation of x is
+
+    d/dt dL/dx' - dL/dx = Q_x + sum_c lambda_c dg_c/dx + R_x,
+
+and the motion, which is known, gives R_x: nothing is solved. R_x is the multiplier of
+x - r = 0, the force on all that is written with x.
+
+Sources: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
+eqs 47 and 61; Arnold, Mathematical Methods of Classical Mechanics, sections 12 and 15;
+C. Lanczos, The Variational Principles of Mechanics, section III.5.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
+from graphlib import TopologicalSorter
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import gradient, tangent
-from lagsim.mechanics.constraints import Flow, Row, constraint_row
-from lagsim.mechanics.laws import Law, laws_of
+from lagsim import limits
+from lagsim.errors import InputError, Problem
+from lagsim.language.derivatives import gradient, rate_of, tangent
+from lagsim.language.rounding import addends
+from lagsim.language.sparse import SparseVector
+from lagsim.language.trigonometry import fewer_terms
+from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
+from lagsim.mechanics.constraints import Flow, Law, Row, constraint_row, laws_of
+from lagsim.mechanics.groups import works_of
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
-    from lagsim.language.sparse import SparseVector
-    from lagsim.mechanics.articulated import ChainedMass
     from lagsim.mechanics.chains import Chains
-    from lagsim.mechanics.works import Work
+    from lagsim.mechanics.groups import Work
     from lagsim.model.model import Model
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """A time and the state there. q, v : (n,)."""
+
+    t: float
+    q: Floats
+    v: Floats
+
+
+def mass_matrix(
+    g: Graph, momenta: Sequence[int], rates: Sequence[int]
+) -> tuple[SparseVector, ...]:
+    """Give d momenta / d rates: for each rate one sweep over what depends on it.
+
+    Raises
+    ------
+    InputError
+        Where there are too many.
+    """
+    n = len(rates)
+    rows_of: dict[int, list[int]] = {}
+    for i, momentum in enumerate(momenta):
+        rows_of.setdefault(momentum, []).append(i)
+    M: list[dict[int, int]] = [{} for _ in range(n)]
+    below = _below(g, momenta, rates)
+    for j, v in enumerate(rates):
+        moving = {v: g.one}
+        for node in below[j]:
+            moving[node] = rate_of(g, node, moving)
+        for node in moving.keys() & rows_of.keys():
+            for i in rows_of[node]:
+                if i >= j:
+                    M[i][j] = M[j][i] = moving[node]
+    return tuple(SparseVector(g, n, row) for row in M)
+
+
+def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
+    """Give for each rate what depends on it, in order of evaluation."""
+    below: list[list[int]] = [[] for _ in rates]
+    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
+    cone = [node for node in g.cone(momenta) if g.args[node]]
+    for node in cone:
+        mask = 0
+        for a in g.args[node]:
+            mask |= dependence.get(a, 0)
+        dependence[node] = mask
+    _refuse_full(sum(dependence.get(p, 0).bit_count() for p in momenta))
+    for node in cone:
+        mask = dependence[node]
+        while mask:
+            j = (mask & -mask).bit_length() - 1
+            below[j].append(node)
+            mask &= mask - 1
+    return below
+
+
+def _refuse_full(entries: int) -> None:
+    if entries > limits.INERTIAS:
+        text = (
+            f"the mass matrix has {entries:,} entries that are not 0, and the limit is "
+            f"{limits.INERTIAS:,}"
+        )
+        hint = "fewer velocities in one product or square of the energies couple less"
+        raise InputError([Problem("too-large", text, None, hint)])
+
+
+def in_fewer_terms(
+    g: Graph,
+    model: Model,
+    flow: Flow,
+    M: tuple[SparseVector, ...],
+    f: list[int],
+    convective: Sequence[int],
+    Q: Sequence[int],
+) -> tuple[tuple[SparseVector, ...], list[int]]:
+    """Give M and f with inertia as textbooks write it, where that is shorter.
+
+    What potentials and forces give stays as it is: differences that are small stand
+    there, and nothing may be multiplied out of them.
+    """
+    T, V = model.kinetic, model.potential
+    if T is None or V is None or flow.velocities & g.depends([V]):
+        return M, f
+    n = len(f)
+    inertial = [
+        g.call("sub", a, c)
+        for a, c in zip(gradient(g, T, flow.positions), convective, strict=True)
+    ]
+    entries = [(i, j) for i, row in enumerate(M) for j in row.entries if i <= j]
+    moving = {*(c.name for c in model.coordinates), *flow.velocities, "t"}
+    before = [*(M[i][j] for i, j in entries), *inertial]
+    after = fewer_terms(g, before, moving)
+    if after == before:
+        return M, f
+    rows: list[dict[int, int]] = [{} for _ in range(n)]
+    for (i, j), node in zip(entries, after, strict=False):
+        rows[i][j] = rows[j][i] = node
+    forces = [
+        g.call("add", g.call("sub", a, b), c)
+        for a, b, c in zip(
+            after[len(entries) :], gradient(g, V, flow.positions), Q, strict=True
+        )
+    ]
+    return tuple(SparseVector(g, n, row) for row in rows), forces
 
 
 # The column, and the variable, of the integral of L.
@@ -251,9 +373,6 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     chained
         M may stay in the chains that bodies hang in, where these take fewer operations.
     """
-    from lagsim.mechanics.mass import mass_matrix
-    from lagsim.mechanics.works import works_of
-
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
@@ -265,21 +384,17 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
-        from lagsim.mechanics import articulated, bias  # of many links
-
-        chains = articulated.shorter_chains(g, model.lagrangian, rates, velocities)
+        chains = shorter_chains(g, model.lagrangian, rates, velocities)
     entries = partial(mass_matrix, g, momenta, rates)
-    M = articulated.ChainedMass(g, chains, entries) if chains else entries()
+    M = ChainedMass(g, chains, entries) if chains else entries()
     Q = generalized_forces(g, model, flow)
     if chains:
-        pushes = bias.inertial_forces(model, flow)
+        pushes = inertial_forces(model, flow)
     else:
         convective = tangent(g, momenta, flow.forward)
         pushes = [g.call("sub", a, c) for a, c in zip(dL_dq, convective, strict=True)]
     f = [g.call("add", a, force) for a, force in zip(pushes, Q, strict=True)]
     if isinstance(M, tuple) and _turns(g, model):
-        from lagsim.mechanics.inertia import in_fewer_terms
-
         M, f = in_fewer_terms(g, model, flow, M, f, convective, Q)
     plain = [c for c in model.constraints if c.always]
     rows = tuple(constraint_row(g, c.name, c.relation.node, flow) for c in plain)
@@ -355,3 +470,60 @@ def _energy(
                 return g.call("add", model.kinetic, model.potential), True
     moved = g.product_sum(zip(rates, momenta, strict=True))
     return g.call("sub", moved, model.lagrangian), False
+
+
+def pushes(e: Equations) -> list[int]:
+    """Give how large the terms are that each force, and each other rate, sums."""
+    g = e.graph
+    rates = (*e.f, *e.quadrature_rates)
+    unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
+    return [
+        g.sum(g.call("abs", n) for n in addends(g, rate) if n not in unsolved)
+        for rate in rates
+    ]
+
+
+def reactions(e: Equations) -> dict[str, int]:
+    """Give R_x of each definition that `output.reactions` names.
+
+    Each with nothing but itself separated, as nodes of the state, q'' and lambda.
+    """
+    g = e.graph
+    separated, expressions = e.model.separated()
+    apart = derive(separated)
+    own = dict(zip(apart.q, apart.motion_residuals(), strict=False))
+    # All are separated at once: what is written with x through another definition
+    # rests on x by the force that holds that one.
+    users = {
+        name: [
+            other for other, node in expressions.items() if name in g.depends([node])
+        ]
+        for name in expressions
+    }
+    held: dict[str, int] = {}
+    for name in TopologicalSorter(users).static_order():
+        x = g.variable(name)
+        rest = (
+            (held[other], gradient(g, expressions[other], [x])[0])
+            for other in users[name]
+        )
+        held[name] = g.call("add", own[name], g.product_sum(rest))
+    nodes = g.substitute((held[name] for name in expressions), _motion(e))
+    return dict(zip(expressions, nodes, strict=True))
+
+
+def _motion(e: Equations) -> dict[int, int]:
+    """Give what the separated definitions and their rates are along the motion."""
+    g = e.graph
+    seed = {g.variable("t"): g.one}
+    for q in e.q:
+        seed[g.variable(q)] = g.variable(f"{q}_dot")
+        seed[g.variable(f"{q}_dot")] = g.variable(f"{q}_ddot")
+    found = {d.name: d.node for d in e.model.definitions}
+    names = e.model.output.reactions
+    new: dict[int, int] = {}
+    nodes = [found[name] for name in names]
+    for order in ("", "_dot", "_ddot"):
+        new |= dict(zip((g.variable(n + order) for n in names), nodes, strict=True))
+        nodes = tangent(g, nodes, seed)
+    return new

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.eigenmodes import eigenmodes
+from lagsim.mechanics.linearisation import eigenmodes
 from lagsim.mechanics.structure import structure
 
 if TYPE_CHECKING:

@@ -9,6 +9,11 @@ keeps fill small, and what depends on parameters alone is later computed only on
 (`straight_line`). What is too long to compile runs from a tape (`tapes`): a chain of
 n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
 is for all else.
+
+Rows are combined first, (1/2) of 2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2): a number
+that all of a row has in common is taken out, and where rows agree in all coordinates
+that they share (bodies that meet in one joint), each is taken from the next: S then has
+fewer entries. Both are exact.
 """
 
 from __future__ import annotations
@@ -18,18 +23,120 @@ from collections import Counter
 from dataclasses import replace
 from functools import cached_property
 from heapq import heapify, heappop, heappush
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.collected import Collected
 from lagsim.language.sparse import Meter, fill, minimum_degree, squares
+from lagsim.mechanics.chains import Articulated
+from lagsim.mechanics.tensions import accelerations
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping, Sequence
+    from collections.abc import Callable, Container, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.articulated import Articulated
-    from lagsim.mechanics.combined import Combined
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
+
+
+Vector = dict[int, int]  # index -> node
+
+
+class Combined(NamedTuple):
+    """A combination of rows.
+
+    Attributes
+    ----------
+    weights : dict
+        Which, and how often: index of a row -> number.
+    A : dict
+        Index of a coordinate -> node.
+    b : int
+    """
+
+    weights: dict[int, float]
+    A: dict[int, int]
+    b: int
+
+
+def shortest(
+    x: Collected, rows: Sequence[Row], forward: Callable[[dict[int, int]], Vector]
+) -> list[Combined]:
+    """Give the rows that S takes fewest operations for; `forward` gives Z of one."""
+    plain = shared_out(x, rows)
+    others = differences(x, rows, plain)
+    if others == plain:
+        return plain
+    return min(plain, others, key=lambda found: fill([forward(r.A) for r in found]))
+
+
+def shared_out(x: Collected, rows: Sequence[Row]) -> list[Combined]:
+    """Give rows without common numbers, one for each of `rows`."""
+    return [_of(x, rows, {i: 1.0 / _content(x, row)}) for i, row in enumerate(rows)]
+
+
+def differences(
+    x: Collected, rows: Sequence[Row], found: Sequence[Combined]
+) -> list[Combined]:
+    """Give `found` with rows taken from others that they agree with."""
+    holders: dict[tuple[int, int], int] = {}  # coordinate and entry -> row that has it
+    differing: list[Combined] = []
+    for k, row in enumerate(found):
+        near = {holders[entry] for entry in row.A.items() if entry in holders}
+        weights = row.weights
+        for i in sorted(near, reverse=True):
+            other = found[i]
+            if all(other.A[j] == row.A[j] for j in row.A.keys() & other.A.keys()):
+                weights = _less(differing[i].weights[i], other, row)
+                break
+        holders |= dict.fromkeys(row.A.items(), k)
+        new = row if len(weights) == 1 else _of(x, rows, weights)
+        differing.append(new)
+    return differing
+
+
+def _less(sign: float, one: Combined, other: Combined) -> dict[int, float]:
+    """Give the weights of one - other, or of other - one if `sign` is negative.
+
+    So what is left of `one` has the sign that it has in the row of its own.
+    """
+    one, other = (one, other) if sign > 0 else (other, one)
+    return one.weights | {i: -w for i, w in other.weights.items()}
+
+
+def _of(x: Collected, rows: Sequence[Row], weights: Mapping[int, float]) -> Combined:
+    g = x.g
+    entries: dict[int, list[tuple[int, int]]] = {}
+    b = []
+    for i, weight in weights.items():
+        w = g.constant(weight)
+        for j, node in rows[i].A.entries.items():
+            entries.setdefault(j, []).append((w, node))
+        b += [(w, sign, n) for sign, n in x.addends(rows[i].b)]
+    A = {j: x.sum(terms) for j, terms in sorted(entries.items())}
+    return Combined(
+        dict(weights), {j: n for j, n in A.items() if n != g.zero}, x.sum(b)
+    )
+
+
+def _content(x: Collected, row: Row) -> float:
+    """Give the size of the number that most entries of a row are multiples of."""
+    found = Counter[float]()
+    for node in row.A.entries.values():
+        still, core = x.parts(node)
+        if core != x.g.one:
+            found[abs(_number(x, still))] += 1
+    return found.most_common(1)[0][0] if found else 1.0
+
+
+def _number(x: Collected, still: int) -> float:
+    g = x.g
+    if g.ops[still] == "neg":
+        return -_number(x, g.args[still][0])
+    if g.ops[still] == "mul":
+        still = g.args[still][0]
+    value = g.value(still)
+    return value or 1.0
+
 
 # Straight-line code of a few thousand operations compiles in well under a second;
 # beyond that a full M is for loops (measured: an n-link pendulum past n of about 16)
@@ -37,8 +144,6 @@ if TYPE_CHECKING:
 BUDGET = 3000
 # A multiplication of a sparse elimination costs as much as these of a dense one.
 WORTH = 4
-
-Vector = dict[int, int]  # index -> node; what is absent is zero
 
 
 def affordable(n: int, m: int) -> int:
@@ -163,8 +268,6 @@ def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articul
     """Give L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
-        from lagsim.mechanics.articulated import Articulated  # of many links
-
         return Articulated(g, equations.chains, meter)
     given, x = equations.mass_entries, collected_along(equations)
     entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
@@ -197,8 +300,6 @@ class Elimination:
         self.mass = factored_mass(e, self.meter)
         self.rows: list[Combined] = []
         if e.rows:
-            from lagsim.mechanics.combined import shortest
-
             self.rows = shortest(self.collected, e.rows, self.mass.forward)
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
@@ -267,8 +368,6 @@ class Elimination:
         below = g.cone([equations.model.lagrangian])
         if not any(g.ops[node] in ("sin", "cos") for node in below):
             return before
-        from lagsim.mechanics.tensions import accelerations  # of what turns
-
         found, moving = accelerations(equations), equations.moving
         if found is None or g.cost(found, moving) >= g.cost(before, moving):
             return before

@@ -1,15 +1,28 @@
 """Accelerations of masses on massless links, by the forces in the links.
 
-What has no inertia hands forces on: of the forces F on two sums that have an angle
-theta without inertia in common, c F = torque leaves one unknown, along the link (see
-`joints`). With the laws of `newton`, in which C u'' = drift holds the sums together,
+With the sums of `chains` as velocities of their own beside q', where L has constant
+masses, Newton's law of what is squared in L, each mass by itself, is
+
+    M_u u'' = force_u + what holds u to the others,    s_k'' = sum c_ki u_i'' + drift_k
+
+Joints without inertia hand forces on. Of the forces F on sums in which velocities v
+without inertia stand, c_v F = 0 for each v leaves E with c_v E = 0: along the link,
+where there is one sum more than velocities; nothing, where there are as many. What
+moves v alone is N_v with c_v N_v = 1, across E and the c of all others. So
 
     u'' = (force + C^T F) / m,    F = E x + N torque,    c E = 0,    c N = 1,
-    E^T C u'' = E^T drift,    theta'' = N^T (C u'' - drift),
+    E^T C u'' = E^T drift,    theta'' = N^T (C u'' - drift).
 
 M is never made, and S x = r for the tensions x is a sum of squares of what pulls at
-each mass: see `squares`. Of equal links in the plane it is the tridiagonal matrix of
-textbooks, 2 on the diagonal and -cos(a_k - a_k+1) beside it.
+each mass, x^T S x = sum over u of w_u (sum over t of p_tu x_t)^2. What meets in the
+same x is a group, and as long as an x_t stands in one group alone, Lagrange's identity
+
+    |p_i|^2 |p_t|^2 - (p_i p_t)^2 = sum over u < v of (p_iu p_tv - p_iv p_tu)^2
+
+gives what eliminating it leaves as sums of positive terms: nothing cancels. Of equal
+links in the plane S is the tridiagonal matrix of textbooks, 2 on the diagonal and
+-cos(a_k - a_k+1) beside it.
+
 Source: A. Fijany, I. Sharf and G. M. T. D'Eleuterio, IEEE Transactions on Robotics and
 Automation 11 (1995) 389: the constraint force algorithm.
 """
@@ -18,25 +31,457 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from heapq import heapify, heappop, heappush
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.derivatives import rate_of, slopes
+from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
-from lagsim.language.normal_form import normal_form
+from lagsim.language.normal_form import common_factor, normal_form
 from lagsim.language.trigonometry import fewer_terms
-from lagsim.mechanics.joints import Joints, joints
-from lagsim.mechanics.newton import Newton, newton
-from lagsim.mechanics.squares import Squares, groups, weighted
+from lagsim.mechanics.chains import chains, rates_of_places
+from lagsim.mechanics.constraints import Flow
+from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.chains import Chains
     from lagsim.mechanics.equations import Equations
+
+
+Vector = dict[int, int]  # unknown -> node; what is absent is zero
+
+
+class Newton(NamedTuple):
+    """The law of each unknown: velocities 0 to n - 1, and the sums.
+
+    Attributes
+    ----------
+    sums : dict
+        Sum k: its factor of each unknown in it.
+    masses, forces : dict
+        Of each unknown that has one.
+    drifts : dict
+        Of each sum: its rate where all unknowns keep theirs.
+    """
+
+    sums: dict[int, Vector]
+    masses: Vector
+    forces: Vector
+    drifts: Vector
+
+
+def newton(e: Equations) -> Newton | None:
+    """Give the laws; None where masses move, couple, or are of no positions."""
+    g, model = e.graph, e.model
+    if e.q != tuple(c.name for c in model.coordinates):
+        return None  # reduced
+    flow = Flow(g, e.q, e.velocities)
+    moving = (*e.q, "t")
+    found = chains(g, model.lagrangian, flow.rates, flow.velocities, moving)
+    if found is None:
+        return None
+    places = rates_of_places(model, flow)
+    apart = _Apart(g, flow, found, places)
+    forces, dissipation = model.forces, model.dissipation
+    nodes = [model.lagrangian, *(force.direction for force in forces)]
+    nodes += [] if dissipation is None else [dissipation]
+    lagrangian, *directions = g.substitute(nodes, apart.new)
+
+    slope = slopes(g, lagrangian, apart.variables)
+    masses = apart.by(slope, rates=True)
+    for u, momentum in masses.items():
+        mass = slopes(g, momentum, apart.variables)
+        variable = apart.rates[u]
+        if mass.keys() != {variable} or g.depends([mass[variable]]) & apart.moving:
+            return None
+        masses[u] = mass[variable]
+    if any(k not in apart.places for k in apart.sums.keys() & masses.keys()):
+        return None
+    total = apart.by(slope, rates=False)
+    levels = [force.level is not Level.POSITION for force in forces]
+    works = [force.node for force in forces]
+    if dissipation is not None:
+        levels, works = [*levels, True], [*works, g.constant(-1.0)]
+    for direction, by_rates, work in zip(directions, levels, works, strict=True):
+        levers = apart.by(slopes(g, direction, apart.variables), rates=by_rates)
+        for u, lever in levers.items():
+            term = g.call("mul", work, lever)
+            total[u] = g.call("add", total.get(u, g.zero), term)
+    back = {v: old for old, v in apart.new.items() if v in apart.variables}
+    written = g.substitute(total.values(), back)
+    total = {u: node for u, node in zip(total, written, strict=True) if node != g.zero}
+    sums = dict(enumerate(found.sums, found.size))
+    return Newton(sums, masses, total, _drifts(g, flow, apart.sums))
+
+
+class _Apart:
+    """Variables in place of the sums and their positions.
+
+    Attributes
+    ----------
+    sums : dict
+        Sum -> its node.
+    new : dict
+        The nodes that are variables here.
+    rates, places : dict
+        Unknown -> the variable of it, and of what it is the rate of.
+    """
+
+    def __init__(
+        self, g: Graph, flow: Flow, found: Chains, places: dict[int, int]
+    ) -> None:
+        self.g = g
+        self.sums = dict(enumerate(found.rates, found.size))
+        self.rates = dict(enumerate(flow.rates))
+        self.places = dict(enumerate(flow.positions))
+        self.new: dict[int, int] = {}
+        for k, rate in self.sums.items():
+            self.rates[k] = self.new[rate] = g.variable(f"rate.{k}")
+            place = places.get(rate)
+            back = places.get(g.call("neg", rate))
+            if place is None and back is not None:
+                place = g.call("neg", back)  # (-x)^2 is written as x^2
+            if place is not None:
+                self._place(k, place)
+        known = [*self.rates.values(), *self.places.values(), g.variable("t")]
+        self.variables = frozenset(known)
+        self.moving = g.depends(known)
+
+    def _place(self, k: int, place: int) -> None:
+        g = self.g
+        self.places[k] = self.new[place] = g.variable(f"place.{k}")
+        if g.ops[place] == "neg":  # a + (-b) is written as a - b
+            self.new.setdefault(g.args[place][0], g.call("neg", self.places[k]))
+
+    def by(self, found: dict[int, int], *, rates: bool) -> Vector:
+        """Give what is found by variable by unknown."""
+        variables = self.rates if rates else self.places
+        return {u: found[v] for u, v in variables.items() if v in found}
+
+
+def _drifts(g: Graph, flow: Flow, sums: dict[int, int]) -> Vector:
+    """Give the rate of each sum where velocities, and the sums in it, keep theirs."""
+    of = {node: k for k, node in sums.items()}
+    moving = dict(flow.forward)
+    drifts: Vector = {}
+    for n in g.cone(of):
+        if n in moving or not any(a in moving for a in g.args[n]):
+            continue
+        rate = rate_of(g, n, moving)
+        if n in of:
+            drifts[of[n]] = rate
+        else:
+            moving[n] = rate
+    return drifts
+
+
+# How many velocities without inertia may stand together in how many sums: along lines,
+# in a plane and in space; on rigid links, or with what these may stretch by.
+KINDS = {(1, 1), (1, 2), (2, 2), (2, 3), (3, 3)}
+
+
+class Turn(NamedTuple):
+    """A velocity without inertia.
+
+    Attributes
+    ----------
+    factors : dict
+        Its factor in each sum, over `length`.
+    across : dict
+        N, times `length` and `factors` times this.
+    length : int
+        What the factors have in common.
+    """
+
+    velocity: int
+    factors: Vector
+    across: Vector
+    length: int
+
+
+class Joints(NamedTuple):
+    """E of the links; the velocities; and what does not move of lengths, by sum."""
+
+    along: list[Vector]
+    turns: list[Turn]
+    lengths: Vector
+
+
+def joints(
+    g: Graph, held: Newton, free: Collection[int], moving: frozenset[str]
+) -> Joints | None:
+    """Give the joints; None where there are others than of KINDS."""
+    moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
+    found, places = Joints([], [], {}), {u: j for j, u in enumerate(free)}
+    sets = DisjointSets(len(places))
+    sums_of: dict[int, list[int]] = {u: [] for u in free}
+    for k, form in held.sums.items():
+        massless = [i for i in form if i not in held.masses]
+        if k not in held.masses or any(i not in places for i in massless):
+            return None
+        if any(form[i] in moved for i in form if i in held.masses):
+            return None  # of little inertia, it would take digits
+        for i in massless:
+            sums_of[i].append(k)
+            sets.merge(places[massless[0]], places[i])
+        if not massless:
+            found.along.append({k: g.one})
+    names = list(places)
+    for group in sets.sets():
+        velocities = sorted(names[j] for j in group)
+        sums = sorted({k for u in velocities for k in sums_of[u]})
+        if not _join(g, found, held, velocities, sums, moving):
+            return None
+    return found
+
+
+def _join(
+    g: Graph,
+    found: Joints,
+    held: Newton,
+    velocities: Sequence[int],
+    sums: Sequence[int],
+    moving: frozenset[str],
+) -> bool:
+    """Add a joint of `velocities` that stand in `sums`, if it is of a known kind."""
+    kind = len(velocities), len(sums)
+    if kind not in KINDS:
+        return False
+    rows, lengths = [], []
+    for u in velocities:
+        factors = [held.sums[k].get(u, g.zero) for k in sums]
+        length, rest = common_factor(g, factors)
+        lengths.append(length)
+        rows.append(rest)
+    along: list[int] = []
+    if kind[0] == 1:
+        across = rows
+        along = _normal(g, rows[0]) if kind == (1, 2) else []
+    elif kind == (2, 2):
+        across = [_normal(g, rows[1]), _normal(g, rows[0])]
+    else:
+        third = rows[2] if kind == (3, 3) else _across(g, rows[0], rows[1], moving)
+        along = third if kind == (2, 3) else []
+        pairs = ((rows[1], third), (third, rows[0]), (rows[0], rows[1]))
+        across = [_across(g, a, b, moving) for a, b in pairs[: kind[0]]]
+    if along:
+        found.along.append(dict(zip(sums, along, strict=True)))
+    for u, row, turned, length in zip(velocities, rows, across, lengths, strict=True):
+        both = [dict(zip(sums, x, strict=True)) for x in (row, turned)]
+        found.turns.append(Turn(u, both[0], both[1], length))
+    still = [x for x in lengths if not g.depends([x]) & moving]
+    if still:
+        found.lengths.update(dict.fromkeys(sums, still[0]))
+    return True
+
+
+def _normal(g: Graph, a: Sequence[int]) -> list[int]:
+    return [g.call("neg", a[1]), a[0]]
+
+
+def _across(
+    g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
+) -> list[int]:
+    """Give the cross product, without what all its components have in common."""
+    product = [
+        g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
+        for i, j in ((1, 2), (2, 0), (0, 1))
+    ]
+    return common_factor(g, fewer_terms(g, product, moving))[1]
+
+
+Pair = tuple[int, int]
+
+
+class Group(NamedTuple):
+    """The squares in which the same x stand.
+
+    Attributes
+    ----------
+    norms : dict
+        i -> |p_i|^2.
+    dots : dict
+        (i, j), i < j -> p_i p_j.
+    areas : dict
+        (i, j), i < j -> for each u < v: w_u w_v, and p_iu p_jv - p_iv p_ju.
+    """
+
+    norms: Vector
+    dots: dict[Pair, int]
+    areas: dict[Pair, list[Pair]]
+
+    @property
+    def nodes(self) -> list[int]:
+        """All but weights."""
+        areas = (area for found in self.areas.values() for _, area in found)
+        return [*self.norms.values(), *self.dots.values(), *areas]
+
+    def written(self, new: Mapping[int, int]) -> Group:
+        """Give the same with other nodes."""
+        return Group(
+            {i: new[n] for i, n in self.norms.items()},
+            {key: new[n] for key, n in self.dots.items()},
+            {key: [(w, new[n]) for w, n in x] for key, x in self.areas.items()},
+        )
+
+
+def groups(g: Graph, parts: Mapping[int, Vector], weights: Vector) -> list[Group]:
+    """Give the groups of p, t -> u -> p_tu, and w, u -> w_u."""
+    members: dict[int, list[int]] = {}
+    for t in sorted(parts):
+        for u in parts[t]:
+            members.setdefault(u, []).append(t)
+    alike: dict[tuple[int, ...], list[int]] = {}
+    for u, met in members.items():
+        alike.setdefault(tuple(met), []).append(u)
+    found = []
+    for those, us in alike.items():
+        p = {t: {u: parts[t][u] for u in us} for t in those}
+        pairs = list(combinations(those, 2))
+        norms = {i: weighted(g, p[i], p[i], weights) for i in those}
+        dots = {(i, j): weighted(g, p[i], p[j], weights) for i, j in pairs}
+        areas = {(i, j): _areas(g, p[i], p[j], weights) for i, j in pairs}
+        found.append(Group(norms, dots, areas))
+    return found
+
+
+def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
+    """Give the sum of w a b over what both have."""
+    terms = (
+        (weights[u], g.call("mul", a, other[u])) for u, a in one.items() if u in other
+    )
+    return g.product_sum(terms)
+
+
+def _areas(g: Graph, one: Vector, other: Vector, weights: Vector) -> list[Pair]:
+    found = []
+    for u, v in combinations(one, 2):
+        weight = g.call("mul", weights[u], weights[v])
+        terms = (g.call("mul", one[x], other[y]) for x, y in ((u, v), (v, u)))
+        found.append((weight, g.call("sub", *terms)))
+    return found
+
+
+class Squares:
+    """S, eliminated in minimum-degree order."""
+
+    def __init__(self, g: Graph, found: list[Group]) -> None:
+        self.g = g
+        members = {i for group in found for i in group.norms}
+        self._groups = dict(enumerate(found))
+        # The diagonal and the entries that are in no group (any more).
+        self._own = dict.fromkeys(members, g.zero)
+        self._rows: dict[int, Vector] = {i: {} for i in members}
+        self._in: dict[int, set[int]] = {i: set() for i in members}
+        for k, group in enumerate(found):
+            if len(group.norms) == 1:
+                self._dissolve(k)
+            else:
+                for i in group.norms:
+                    self._in[i].add(k)
+        self.columns: dict[int, Vector] = {}
+        self.pivots: Vector = {}
+        self._depths = dict.fromkeys(members, 0)
+        queue = [self._key(t) for t in members]
+        heapify(queue)
+        while queue:
+            key = heappop(queue)
+            t = key[-1]
+            if t in self.pivots or key != self._key(t):
+                continue  # out of date: another entry has its degree
+            self._eliminate(t)
+            for i in self.columns[t]:
+                self._depths[i] = max(self._depths[i], self._depths[t] + 1)
+                heappush(queue, self._key(i))
+
+    def _key(self, t: int) -> tuple[int, int, int]:
+        """Rank what may come next: few neighbours, then what waits for little."""
+        met = set(self._rows[t]).union(*(self._groups[k].norms for k in self._in[t]))
+        return len(met), self._depths[t], t
+
+    def _add(self, i: int, j: int, term: int) -> None:
+        g = self.g
+        if i == j:
+            self._own[i] = g.call("add", self._own[i], term)
+        else:
+            node = g.call("add", self._rows[i].get(j, g.zero), term)
+            self._rows[i][j] = self._rows[j][i] = node
+
+    def _dissolve(self, k: int) -> None:
+        """Make entries of a group."""
+        group = self._groups.pop(k)
+        for i, norm in group.norms.items():
+            self._in[i].discard(k)
+            self._add(i, i, norm)
+        for (i, j), product in group.dots.items():
+            self._add(i, j, product)
+
+    def _eliminate(self, t: int) -> None:
+        g = self.g
+        if len(self._in[t]) == 1 and not self._rows[t]:
+            [k] = self._in[t]
+            row, pivot, left = self._freed(t, k)
+        else:
+            for k in sorted(self._in[t]):
+                self._dissolve(k)
+            row, pivot, left = self._rows[t], self._own[t], {}
+            for i in row:
+                del self._rows[i][t]
+        self.pivots[t] = pivot
+        column = {i: g.call("div", node, pivot) for i, node in row.items()}
+        self.columns[t] = column
+        for i, j in combinations(sorted(row), 2):
+            self._add(i, j, g.call("neg", g.call("mul", column[i], row[j])))
+        for i in row:
+            if i in left:
+                self._add(i, i, g.call("div", left[i], pivot))
+            else:
+                self._add(i, i, g.call("neg", g.call("mul", column[i], row[i])))
+
+    def _freed(self, t: int, k: int) -> tuple[Vector, int, Vector]:
+        """Give row, pivot, and pivot times what is left, of t in group k alone."""
+        g, group, own = self.g, self._groups.pop(k), self._own[t]
+        pivot = g.call("add", own, group.norms[t])
+        row, left = {}, {}
+        for i, norm in group.norms.items():
+            self._in[i].discard(k)
+            if i == t:
+                continue
+            row[i] = group.dots[min(i, t), max(i, t)]
+            squares = (
+                (w, g.call("mul", area, area))
+                for w, area in group.areas[min(i, t), max(i, t)]
+            )
+            rest = g.call("mul", own, norm)
+            left[i] = g.call("add", rest, g.product_sum(squares))
+        for (i, j), product in group.dots.items():
+            if t not in (i, j):
+                self._add(i, j, product)
+        return row, pivot, left
+
+    def solve(self, right: Mapping[int, int]) -> Vector:
+        """Give x; what is absent is zero."""
+        g, z, x = self.g, dict(right), Vector()
+        for t, column in self.columns.items():
+            for i, entry in column.items():
+                term = g.call("mul", entry, z.get(t, g.zero))
+                z[i] = g.call("sub", z.get(i, g.zero), term)
+        for t in reversed(self.columns):
+            value = g.call("div", z.get(t, g.zero), self.pivots[t])
+            for i, entry in self.columns[t].items():
+                term = g.call("mul", entry, x.get(i, g.zero))
+                value = g.call("sub", value, term)
+            if value != g.zero:
+                x[t] = value
+        return x
+
 
 # Of a few operations: what numbers in a file may differ by.
 ROUNDED = 8 * UNIT_ROUNDOFF
-
-Vector = dict[int, int]  # unknown, sum or link -> node; what is absent is zero
 
 
 def accelerations(e: Equations) -> list[int] | None:

@@ -29,9 +29,8 @@ from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.instant import Instant
-from lagsim.mechanics.reduction import Reduction
-from lagsim.mechanics.reduction.ignorable import ignorable
+from lagsim.mechanics.equations import Instant
+from lagsim.mechanics.reduction import Reduction, ignorable
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
 
@@ -345,7 +344,7 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
-    from lagsim.mechanics.reduction.elimination import pairs  # with constraints only
+    from lagsim.mechanics.reduction import pairs  # with constraints only
 
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:

@@ -23,8 +23,7 @@ from lagsim.language.rounding import addends
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
 
 # How many states around the start are looked at, and how far away they are, against the
 # distance over which a relation changes.

@@ -7,12 +7,7 @@ from typing import TYPE_CHECKING
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.ldl import (
-    BUDGET,
-    Elimination,
-    affordable,
-    dense_operations,
-)
+from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.methods import method
 from lagsim.notes import Choice
 from lagsim.plan.newton import newton_of
@@ -22,8 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.admissibility.report import Start
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
 
 # Loops of so many multiplications take a millisecond: that is no reason to do without
 # their QR decomposition.

@@ -15,8 +15,8 @@ from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import SparseVector, TooLongError
+from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.groups import coordinates_of, groups, shares
-from lagsim.mechanics.instant import Instant
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Instant
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.plan.subsystems import Subsystem

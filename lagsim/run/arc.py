@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
@@ -103,7 +102,7 @@ class Arc(NamedTuple):
     def pushes(self) -> Floats:
         """What each term of their forces, and laws, could do to coordinates (n,).
 
-        Accelerations: at the end of the last step, see `mechanics.pushes`.
+        Accelerations: at the end of the last step, see `mechanics.equations`.
         """
         n, p = self.system.n, self.system.p
         own = self.state.parts[:n]

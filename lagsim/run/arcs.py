@@ -35,8 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc

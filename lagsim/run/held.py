@@ -1,6 +1,6 @@
 """How far what rests would go if nothing held it, by what pushes it along a motion.
 
-See `mechanics.pushes`. A coordinate that moves no farther than the rounding of its
+See `mechanics.equations`. A coordinate that moves no farther than the rounding of its
 forces could take it is at rest.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.rounding import BALANCED, roundings
-from lagsim.mechanics.pushes import pushes
+from lagsim.mechanics.equations import pushes
 from lagsim.run.system.coupling import in_groups, joined
 
 if TYPE_CHECKING:

@@ -222,7 +222,7 @@ def _fastest(arc: Arc) -> Fast | None:
     J = _jacobian(arc)
     if not np.all(np.isfinite(J)):
         return None
-    from lagsim.mechanics.eigenmodes import eigenmodes, weighted  # few come here
+    from lagsim.mechanics.linearisation import eigenmodes, weighted  # few come here
 
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     modes = eigenmodes(whole, _fast)

@@ -13,8 +13,7 @@ import sympy as sp
 from lagsim import limits
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.mechanics.constraints import Flow, constraint_row
-from lagsim.mechanics.equations import generalized_forces
-from lagsim.mechanics.mass import mass_matrix
+from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
 from lagsim.show.content import Condition, Content, Force, Line

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
-from lagsim.mechanics.laws import Kind
+from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.report import StartReport
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar

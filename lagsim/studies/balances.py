@@ -1,7 +1,7 @@
 """Energy - work of each group of coordinates that touch no other: none hides another's.
 
 Where the energy is a sum over groups, each has a balance: its energy less the work that
-is done on it, see `mechanics.works`. Values come from the rows that the witness has
+is done on it, see `mechanics.groups`. Values come from the rows that the witness has
 kept.
 
 A jump of a potential makes no impulse: that the energy is then another is no error. But

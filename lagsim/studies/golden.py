@@ -14,9 +14,9 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate, evaluate_with_error
-from lagsim.mechanics.instant import Instant
-from lagsim.mechanics.laws import Kind
-from lagsim.mechanics.reduction.ignorable import MOMENTUM, conserved, momentum_of
+from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.equations import Instant
+from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.checkpoints import numbers

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.eigenmodes import eigenmodes, weighted
-from lagsim.mechanics.linearisation import Linearisation
+from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
 from lagsim.methods import method
 from lagsim.notes import Caution
 

@@ -10,8 +10,8 @@ import pytest
 import sympy as sp
 
 from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Equations, derive
-from lagsim.mechanics.laws import Kind
 from lagsim.model.reader import read
 from tests.sympy_oracle import expression
 

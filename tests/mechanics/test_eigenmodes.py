@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.mechanics.eigenmodes import eigenmodes, weighted
+from lagsim.mechanics.linearisation import eigenmodes, weighted
 
 # Two oscillators apart: x'' = -w^2 x - 2 d w x' with damping ratios d.
 RATES, DAMPING = (3.0, 40.0), (0.02, 0.5)

@@ -8,12 +8,8 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.mechanics.switches import (
-    find_switches,
-    prevailing,
-    surfaces,
-)
-from lagsim.mechanics.switches.text import expression_text
+from lagsim.mechanics.surfaces import expression_text, surfaces
+from lagsim.mechanics.switches import find_switches, prevailing
 from lagsim.run.events.breaks import break_times
 
 MOVING = ("x", "x_dot")

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.mechanics.instant import Instant
+from lagsim.mechanics.equations import Instant
 from lagsim.methods import kahan_li6, kahan_li8, method
 from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at

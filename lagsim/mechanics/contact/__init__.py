@@ -10,11 +10,10 @@ Linear algebra on the Delassus matrix of the rows that could act: no graph, no s
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """
 
-from lagsim.mechanics.contact.closed import Closed, Mode
+from lagsim.mechanics.contact.complementarity import Closed, Mode, least_norm
 from lagsim.mechanics.contact.delassus import Delassus, delassus
 from lagsim.mechanics.contact.impacts import Impact, impact
 from lagsim.mechanics.contact.modes import Modes, modes
-from lagsim.mechanics.contact.redundant import least_norm
 
 __all__ = [
     "Closed",

@@ -18,13 +18,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.mechanics.contact.problem import Problem, Role, Solution
-from lagsim.mechanics.contact.solving import SOLVED, solve
-from lagsim.mechanics.laws import Kind
+from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.contact.complementarity import (
+    SOLVED,
+    Problem,
+    Role,
+    Solution,
+    solve,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.contact.closed import Closed
+    from lagsim.mechanics.contact.complementarity import Closed
 
 # Contacts whose Delassus entry is smaller than this part do not act on each other.
 APART = 1e-12

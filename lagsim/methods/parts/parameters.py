@@ -27,8 +27,8 @@ KEPT = (
     "law_floor",
 )  # fmt: skip
 
-# Kinds of laws, see `mechanics.laws`, and their modes: out of force, an equality, a
-# force that is given, and one that holds because others do.
+# Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
+# equality, a force that is given, and one that holds because others do.
 CONTACT = 0.0
 FREEWHEEL = 1.0
 SLIP = 2.0

@@ -36,7 +36,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import tangent
-from lagsim.mechanics.switches import prevailing, surfaces
+from lagsim.mechanics.surfaces import surfaces
+from lagsim.mechanics.switches import prevailing
 from lagsim.run.events.cells import CROSSED, GROWTH, HIDDEN, OPEN, Cell, Division
 from lagsim.run.events.crossings import Values, first_change, newton
 
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.switches import Surface
+    from lagsim.mechanics.surfaces import Surface
 
 NEIGHBOURS = 4  # units in the last place within which two breaks are one
 

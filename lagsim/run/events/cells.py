@@ -22,13 +22,13 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import STEPS
 from lagsim.language.interval_rules import RULES
 from lagsim.language.intervals import SLACK, Flags, Floats, Interval, interval, point
-from lagsim.mechanics.switches import joined_conditions
+from lagsim.mechanics.surfaces import joined_conditions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.switches import Surface
+    from lagsim.mechanics.surfaces import Surface
 
 Codes = npt.NDArray[np.int8]
 

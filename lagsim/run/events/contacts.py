@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.errors import InputError, Problem
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact
-from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event

@@ -19,7 +19,7 @@ import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
-from lagsim.mechanics.switches.text import expression_text
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution

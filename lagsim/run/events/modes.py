@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.switches import Side
+    from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
 
 # A state this close to a surface, against the size of its terms, is on it.
@@ -27,7 +27,7 @@ ASIDE = 1e-3
 
 
 class Rows(NamedTuple):
-    """What surfaces do at a state, as `kkt.sliding.surface_rows` gives it."""
+    """What surfaces do at a state, as `solve.sliding.surface_rows` gives it."""
 
     residuals: Floats
     rates: Floats

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.rounding import BALANCED
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
-from lagsim.mechanics.laws import Kind
 from lagsim.methods.parts import parameters as kept
 from lagsim.run.arc import MOMENTS
 

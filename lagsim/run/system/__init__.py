@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.instant import Instant
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Model
     from lagsim.native.graph.keys import Functions
     from lagsim.native.graph.straight_line import Code

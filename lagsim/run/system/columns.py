@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import ACTION
-from lagsim.mechanics.laws import Kind
 from lagsim.mechanics.ldl import without_rows
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def _optional(equations: Equations) -> dict[str, int]:
     if e.model.output.action:
         nodes[ACTION] = g.variable(ACTION)
     if e.model.output.reactions:
-        from lagsim.mechanics.reactions import reactions
+        from lagsim.mechanics.equations import reactions
 
         nodes.update((f"reaction.{name}", node) for name, node in reactions(e).items())
     return nodes

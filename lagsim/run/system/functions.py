@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.rounding import roundings
 from lagsim.mechanics.constraints import Flow
-from lagsim.mechanics.equations import generalized_forces
-from lagsim.mechanics.pushes import pushes
-from lagsim.mechanics.works import may_strike
+from lagsim.mechanics.equations import generalized_forces, pushes
+from lagsim.mechanics.groups import may_strike
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.coupling import coupled
 from lagsim.solve.series import motion_rates
@@ -45,7 +44,7 @@ def functions(
 ) -> dict[str, list[int]]:
     """Give all functions of a system for a method that `needs` more than y'.
 
-    With `switching`, y' and the rows come from what `kkt.sliding` makes of `field`.
+    With `switching`, y' and the rows come from what `solve.sliding` makes of `field`.
     """
     g = equations.graph
     diagonal = equations.inertias
@@ -144,7 +143,7 @@ def _solved(
 
 
 def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Give what the loops of `kkt.dense` begin with."""
+    """Give what the loops of `solve.dense` begin with."""
     e = equations
     found = {
         "dynamics": _dynamics(e),
@@ -217,7 +216,7 @@ def _part(k: int) -> float:
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
-    """Give what rounding does to the accelerations, as `kkt.dense.rounding` does."""
+    """Give what rounding does to the accelerations, as `solve.dense.rounding` does."""
     g, n = e.graph, len(e.q)
     loads = _loads(e)
     forces = [
@@ -295,7 +294,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Give what `kkt.jacobian` begins with; or the entries of Newton's matrix."""
+    """Give what `solve.jacobian` begins with; or the entries of Newton's matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import tangent
-from lagsim.mechanics.laws import Kind
+from lagsim.mechanics.constraints import Kind
 from lagsim.methods.parts import parameters as kept
 
 if TYPE_CHECKING:

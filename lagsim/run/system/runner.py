@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Law
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.laws import Law
     from lagsim.methods.parts.parameters import Parameters
     from lagsim.methods.parts.state import State
     from lagsim.plan.plan import Plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.mechanics.laws import Kind
+from lagsim.mechanics.constraints import Kind
 from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.run.system.laws import CODES
 

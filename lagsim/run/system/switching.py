@@ -9,7 +9,8 @@ from lagsim.mechanics.constraints import scale_of
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.switches import Side, Switches
+    from lagsim.mechanics.surfaces import Side
+    from lagsim.mechanics.switches import Switches
 
 
 def on_velocities(equations: Equations, side: Side) -> bool:
@@ -19,7 +20,7 @@ def on_velocities(equations: Equations, side: Side) -> bool:
 
 
 class SurfaceFunctions(NamedTuple):
-    """What is compiled of the surfaces, see `kkt.sliding`.
+    """What is compiled of the surfaces, see `solve.sliding`.
 
     Attributes
     ----------

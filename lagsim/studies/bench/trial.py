@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.instant import Instant
+from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep

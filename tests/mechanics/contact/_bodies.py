@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
-from lagsim.mechanics.laws import Kind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

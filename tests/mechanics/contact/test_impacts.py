@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, impact
-from lagsim.mechanics.laws import Kind
 from tests.mechanics.contact._bodies import CONTACT, SLIP, closed, none
 
 # A few operations on numbers near 1.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Mode, modes
-from lagsim.mechanics.laws import Kind
 from tests.mechanics.contact._bodies import CONTACT, SLIP, G, closed, none
 
 OFF, HELD, DRIVEN, IMPLIED = Mode

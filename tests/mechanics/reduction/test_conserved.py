@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.reduction.ignorable import conserved
+from lagsim.mechanics.reduction import conserved
 from lagsim.model.reader import read
 from tests.scenes.contact.motions import contact, scene
 

@@ -13,8 +13,7 @@ from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination
-from lagsim.mechanics.reduction.elimination import pairs
-from lagsim.mechanics.reduction.ignorable import ignorable
+from lagsim.mechanics.reduction import ignorable, pairs
 from lagsim.model.reader import read
 from lagsim.plan.formulation import formulate
 from tests.support import case_of

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lagsim.mechanics.instant import Instant
+from lagsim.mechanics.equations import Instant
 from lagsim.methods import method, names
 from lagsim.run.observers import Keep
 from tests.methods.test_registry import refusal_of

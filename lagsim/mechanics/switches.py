@@ -11,6 +11,17 @@ decides a switch (the condition of `if`, the argument of `abs`, ...) may depend 
 
 Conditions joined by `and`, `or`, `not` are taken apart as far as their parts differ in
 kind: in `if(t < 1 and x > 0, ...)`, `t < 1` is a time switch.
+
+`if(x > 0, -x^1.5, (-x)^1.5)` is written with roots that each have a value on their own
+side alone. A stage past the surface would take the one where there is none: there the
+expression counts as written.
+
+Under -c |v|^p sign(v) with 0 < p < 1 a body comes to rest in a finite time, and while
+another force grows slowly from 0 it moves at (F/c)^(1/p), that is hardly, at a rate of
+decay that has no bound. No step is short enough for that. So the root is taken of no
+less than a floor far below the tolerance: within it the force is that of dry friction
+of the size c floor^p, under which the motion sticks, slips and is located as under any
+other. The velocity is off by no more than the floor. A cube root is a switch for this.
 """
 
 from __future__ import annotations
@@ -20,14 +31,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
-from lagsim.language.functions import JOINING, OPERATIONS, STEPS
-from lagsim.mechanics.switches.branches import with_values
-from lagsim.mechanics.switches.roots import ROOTS, Roots
-from lagsim.mechanics.switches.shown import Shown
-from lagsim.mechanics.switches.surfaces import (
+from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
+from lagsim.language.graph import remembered
+from lagsim.mechanics.surfaces import (
     WHOLE,
     Side,
+    between,
+    expression_text,
     oriented,
+    share,
     stepped,
     surfaces,
 )
@@ -36,6 +48,289 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.mechanics.equations import Equations
+
+
+def with_values(
+    g: Graph, n: int, args: Sequence[int], as_written: Callable[[], int]
+) -> int:
+    """Give `if` n on frozen `args`; as written where the branch has no value.
+
+    Parameters
+    ----------
+    as_written
+        Gives it frozen by time alone.
+    """
+    condition, *branches = args
+    decides = g.depends([g.args[n][0]])
+    inside = [_has_value(g, branch, decides) for branch in branches]
+    if inside == [None, None]:
+        return g.call("if", *args)
+    plain = as_written()
+    if g.ops[plain] != "if" or g.args[plain][0] == condition:
+        return g.call("if", *args)
+    apart = [
+        branch if there is None else g.call("if", there, branch, plain)
+        for there, branch in zip(inside, branches, strict=True)
+    ]
+    return g.call("if", condition, *apart)
+
+
+def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
+    """Give the condition that all roots and logarithms of a branch have a value.
+
+    Of those that hang on what decides the branch; nested branches look after their own.
+    """
+    found = None
+    seen: set[int] = set()
+    stack = [branch]
+    while stack:
+        n = stack.pop()
+        if n in seen or g.ops[n] == "if":
+            continue
+        seen.add(n)
+        stack += g.args[n]
+        operation = OPERATIONS.get(g.ops[n])
+        if operation is None or operation.domain is None:
+            continue
+        inside = operation.domain(g, g.args[n])
+        if inside is not None and decides & g.depends([g.args[n][0]]):
+            found = inside if found is None else g.call("and", found, inside)
+    return found
+
+
+# What has no derivatives at 0.
+ROOTS = ("pow", "sqrt", "cbrt")
+
+
+class Roots(NamedTuple):
+    """Which roots have a floor.
+
+    Attributes
+    ----------
+    floors
+        The expression of a surface -> the name of its floor.
+    """
+
+    graph: Graph
+    floors: Mapping[int, str]
+
+    @classmethod
+    def among(
+        cls,
+        g: Graph,
+        nodes: Iterable[int],
+        sides: Sequence[Side],
+        speeds: Collection[str],
+    ) -> Roots:
+        """Find the roots below `nodes` of what decides `sides` in velocities."""
+        fast = g.dependent([s.node for s in sides], speeds)
+        names = {
+            s.node: f"floor.{k}"
+            for k, s in enumerate(sides)
+            if s.node in fast and not s.whole
+        }
+        possible = cls(g, names)
+        cone = g.cone(nodes) if names else []
+        used = {possible._of(n) for n in cone}
+        return cls(g, {n: name for n, name in names.items() if name in used})
+
+    def told(self, sides: Sequence[Side]) -> tuple[Side, ...]:
+        """Give the sides with their floors."""
+        return tuple(s._replace(floor=self.floors.get(s.node, "")) for s in sides)
+
+    def _of(self, n: int) -> str:
+        found = self.floor(n)
+        return found[0] if found else ""
+
+    def floor(self, n: int) -> tuple[str, float] | None:
+        """Give the floor of a root or power, and by what it is to be multiplied."""
+        g = self.graph
+        if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):
+            return None
+        node, factor = self._inside(g.args[n][0])
+        return (self.floors[node], factor) if node in self.floors else None
+
+    def _smooth(self, n: int) -> bool:
+        """Tell whether a power is no root, nor the slope of one."""
+        g = self.graph
+        exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
+        return exponent is not None and (exponent > 1.0 or exponent % 1.0 == 0.0)
+
+    def _inside(self, n: int) -> tuple[int, float]:
+        """Give what decides whether a root is at 0, and its factor."""
+        g, factor = self.graph, 1.0
+        while n not in self.floors:
+            op, args = g.ops[n], g.args[n]
+            moving = [a for a in args[op == "if" :] if g.value(a) is None]
+            opposite = g.call("neg", n)
+            if op in ("abs", "neg") or (op in CHOOSING and len(moving) == 1):
+                n = moving[0]
+            elif op == "mul" and (c := g.value(args[0])):
+                n, factor = args[1], factor * abs(c)
+            elif op == "div" and (c := g.value(args[1])):
+                n, factor = args[0], factor / abs(c)
+            elif op == "sub" and opposite in self.floors:
+                n = opposite
+            else:
+                break
+        return n, factor
+
+    def floored(self, n: int, x: int) -> int:
+        """Give what root or power `n` is taken of: x, not less than its floor."""
+        g = self.graph
+        found = self.floor(n)
+        if found is None or g.value(x) is not None:
+            return x
+        name, factor = found
+        least = g.call("mul", g.constant(factor), g.variable(name))
+        if g.ops[n] == "pow" and g.value(exponent := g.args[n][1]) is None:
+            least = g.call("if", g.call("lt", exponent, g.one), least, g.zero)
+        return g.call("if", g.call("gt", x, least), x, least)
+
+
+# What is linear in each of its arguments, or in each branch and in the condition.
+LINEAR = ("mul", "if")
+SUMS = ("add", "sub", "neg")
+
+
+class Shown:
+    """Replaces steps by what they are worth while the motion slides."""
+
+    def __init__(
+        self,
+        g: Graph,
+        sides: Sequence[Side],
+        sides_of: Mapping[int, tuple[int, int]],
+        roots: Roots,
+    ) -> None:
+        self.g, self.roots = g, roots
+        self.sides_of = sides_of
+        half, less = g.constant(0.5), g.constant(-0.5)
+        modes = {g.variable(s.variable): g.variable(s.sliding) for s in sides}
+        self.slides = {v: g.call("gt", m, half) for v, m in modes.items()}
+        self.level = {v: g.call("lt", m, less) for v, m in modes.items()}
+        self.whole = frozenset(g.variable(s.variable) for s in sides if s.whole)
+        self.done: dict[int, int] = {}
+        self.shares: dict[int, int] = {}  # of the conditions that may be between
+        self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
+
+    def nodes(self, nodes: list[int]) -> list[int]:
+        """Give `nodes` as shown."""
+        g = self.g
+        if not self.slides:
+            return nodes
+        for n in g.cone(nodes):
+            args = tuple(self.done[a] for a in g.args[n])
+            same = n if args == g.args[n] else g.call(g.ops[n], *args)
+            self.done[n] = self._between(n, same, args)
+            self._combine(n)
+        return [self.done[n] for n in nodes]
+
+    def _between(self, n: int, same: int, args: tuple[int, ...]) -> int:
+        g, op = self.g, self.g.ops[n]
+        if self.roots.floor(n) is not None:
+            return self._root(n, args)
+        side = self.sides_of.get(n)
+        if side is not None:
+            slides, level = self.slides[side[0]], self.level[side[0]]
+            kept = stepped(g, op, *side)
+            if op in STEPS:
+                same = g.call("if", level, kept, same)
+                return g.call("if", slides, between(g, op, *side), same)
+            kept = g.call("and", level, kept)
+            same = g.call("or", kept, g.call("and", g.call("not", level), same))
+            whole = g.call("if", same, g.one, g.zero)
+            self.shares[n] = g.call("if", slides, share(g, op, *side), whole)
+        elif op in JOINING and any(a in self.shares for a in g.args[n]):
+            self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
+        elif op == "if" and g.args[n][0] in self.shares:
+            part = self.shares[g.args[n][0]]
+            more = g.call("mul", part, g.call("sub", args[1], args[2]))
+            mixed = g.call("add", args[2], more)
+            low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
+            return g.call("if", g.call("ge", part, g.one), args[1], low)
+        return same
+
+    def _combine(self, n: int) -> None:
+        """Let what is not linear in a side be the combination of both sides, as forces.
+
+        A branch of a branch, a product of two steps. Of whole numbers a side is left.
+        """
+        g, op = self.g, self.g.ops[n]
+        below = [self.on[a] for a in g.args[n]]
+        own = self.sides_of.get(n)
+        self.on[n] = frozenset().union(*below, {own[0]} if own else ())
+        if own or not self.on[n] or self.roots.floor(n) is not None:
+            return
+        if op in SUMS:
+            return
+        row = OPERATIONS[op]
+        if row.condition and n not in self.shares:
+            self.shares[n] = g.call("if", self.done[n], g.one, g.zero)
+        found = self.shares if row.condition else self.done
+        most = 1 if op in LINEAR or op in JOINING else 0
+        for v in self.on[n] - self.whole:
+            if sum(v in one for one in below) > most:
+                found[n] = self._mixed(found[n], v)
+
+    def _mixed(self, n: int, v: int) -> int:
+        g, half = self.g, self.g.constant(0.5)
+        low, high = (
+            g.substitute([n], {v: side})[0] for side in (g.constant(-1.0), g.one)
+        )
+        part = g.call("add", half, g.call("mul", half, v))
+        more = g.call("mul", part, g.call("sub", high, low))
+        return g.call("if", self.slides[v], g.call("add", low, more), n)
+
+    def _root(self, n: int, args: tuple[int, ...]) -> int:
+        """Give a root with its floor, which is 0 unless the motion slides."""
+        g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
+        if g.ops[inner] in CHOOSING:
+            return self._apart(n, inner, args)
+        if op != "cbrt":
+            return g.call(op, self.roots.floored(n, args[0]), *args[1:])
+        size = self.roots.floored(n, g.call("abs", args[0]))
+        kept = g.call("sign", args[0])
+        side = self.sides_of.get(g.call("sign", inner))
+        if side is not None:
+            kept = g.call("if", self.slides[side[0]], between(g, "sign", *side), kept)
+        return g.call("mul", kept, g.call("cbrt", size))
+
+    def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
+        """Give a root of what has two branches, as the combination of their roots."""
+        g, op = self.g, self.g.ops[inner]
+        condition, *branches = g.args[inner]
+        if op != "if":
+            branches = list(g.args[inner])
+            condition = g.call(OPERATIONS[op].decided_by, *branches)
+        roots = [
+            g.call(g.ops[n], self.roots.floored(n, self.done[x]), *args[1:])
+            for x in branches
+        ]
+        side = self.sides_of.get(condition)
+        plain = g.call(g.ops[n], args[0], *args[1:])
+        if side is None:
+            return plain
+        more = g.call("sub", *roots)
+        more = g.call("mul", share(g, g.ops[condition], *side), more)
+        mixed = g.call("add", roots[1], more)
+        return g.call("if", self.slides[side[0]], mixed, plain)
+
+    def _share(self, condition: int) -> int:
+        g = self.g
+        if condition in self.shares:
+            return self.shares[condition]
+        return g.call("if", self.done[condition], g.one, g.zero)
+
+    def _joined(self, op: str, parts: list[int]) -> int:
+        g = self.g
+        if op == "and":
+            return g.call("mul", *parts)
+        missing = [g.call("sub", g.one, part) for part in parts]
+        if op == "not":
+            return missing[0]
+        return g.call("sub", g.one, g.call("mul", *missing))
 
 
 class Mode(NamedTuple):
@@ -271,10 +566,8 @@ def find_switches(
         Those of the expressions that decide the motion: their state switches get
         sides.
     speeds
-        The names of velocities: roots of these are switches, see `roots`.
+        The names of velocities: roots of these are switches, see `Roots`.
     """
-    from lagsim.mechanics.switches.text import expression_text
-
     finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
     numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}
@@ -395,3 +688,32 @@ def _is_guard(g: Graph, n: int) -> bool:
         and g.ops[g.args[size][0]] == "pow"
         and g.args[size][0] in g.args[product]
     )
+
+
+def model_switches(equations: Equations, *, located: bool = True) -> Switches:
+    """Find the switches of the equations of motion.
+
+    Those of the state that only stand in outputs or in an energy without a slope make
+    no difference to the motion. Those of time alone count where others are not located.
+    """
+    e = equations
+    dynamics = [*e.mass_nodes, *e.f, *e.quadrature_rates]
+    for law in e.laws:
+        dynamics += [law.bound, law.static]
+        dynamics += [] if law.when is None else [law.when]
+    for row in (*e.rows, *(law.row for law in e.laws)):
+        dynamics += [
+            row.residual,
+            row.rate,
+            *row.A.entries.values(),
+            row.b,
+            row.transport,
+        ]
+    state = [*e.q, *e.velocities]
+    works = (x.name for x in e.works)
+    moving = (*state, *works, *e.accelerations, *e.multipliers)
+    sided = tuple(dynamics) if located else ()
+    return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities)
+
+
+_found = remembered(find_switches)

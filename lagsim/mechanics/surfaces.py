@@ -11,10 +11,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.functions import JOINING, STEPS
+from lagsim.language.functions import JOINING, OPERATIONS, STEPS
+from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
+
 
 WHOLE = ("floor", "ceil")
 
@@ -147,3 +149,33 @@ def share(g: Graph, op: str, side: int, sign: int) -> int:
     """
     half = g.constant(0.5 if (op in ("gt", "ge", "heaviside")) == (sign > 0) else -0.5)
     return g.call("add", g.constant(0.5), g.call("mul", half, side))
+
+
+def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
+    """Give expressions for a message, roughly as written; `...` where they are deep."""
+    return ", ".join(_text(g, n, depth)[1] for n in nodes)
+
+
+def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
+    """Give the binding power and the text; `depth` bounds the recursion."""
+    op, args = g.ops[n], g.args[n]
+    if op in (VARIABLE, TRUTH):
+        return 9, str(g.payload(n))
+    if op == CONSTANT:
+        x = g.value(n)
+        assert x is not None
+        return (9 if x >= 0.0 else 7), f"{x:.12g}"
+    if depth == 0:
+        return 9, "..."
+    row = OPERATIONS[op]
+    if row.sign:
+        power, sign = row.binds, row.sign
+        parts = [_text(g, a, depth - 1) for a in args]
+        # The right operand of -, / and comparisons, and the base of ^, bind tighter.
+        least = [power + (op == "pow"), power + (op in ("sub", "div"))][-len(parts) :]
+        shown = [
+            f"({text})" if p < q else text
+            for (p, text), q in zip(parts, least, strict=True)
+        ]
+        return power, sign + shown[0] if row.arity == 1 else sign.join(shown)
+    return 9, f"{op}({expression_text(g, *args, depth=depth - 1)})"

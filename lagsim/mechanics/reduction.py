@@ -1,0 +1,638 @@
+"""Fewer equations for the same motion: what is left out is recovered for the rows.
+
+A holonomic constraint a q_e + r(q, t) = 0 with a constant a gives q_e = Q(q, t) of the
+others; another one may be of that kind only after that. In all, q_E = Q(q, t) of those
+left, q_E' = J q' + Q_t and q_E'' = J q'' + c. With B = (1, J) the full q'' is
+B q'' + (0, c), and the equations left are
+
+    B^T M B q'' = B^T (f - M (0, c)) + (A B)^T lambda,      A B q'' = b - A (0, c)
+
+Rows E of the full ones give the multipliers: A_EE^T lambda_E = M q'' - f - A^T lambda.
+
+An ignorable coordinate c, in which neither L nor the constraints stand, and on which no
+force acts, keeps its momentum p = dL/dq_c'. Its velocity follows from that, its
+acceleration from row c of M q'' = f, and what is left is solved without it:
+
+    (M - M_c M_cc^-1 M_c^T) q'' = f - M_c M_cc^-1 f_c + A^T lambda
+
+Sources: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, section
+VII.1 (state-space form); H. Goldstein, Classical Mechanics, 2nd ed., section 8-3
+(Routh's procedure).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.sparse import Meter, SparseVector
+from lagsim.mechanics.constraints import Flow
+from lagsim.mechanics.equations import Quadrature
+from lagsim.mechanics.ldl import Factorisation
+from lagsim.model.model import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.model.model import Model
+
+
+def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
+    """Give the same equations with variables replaced in every expression."""
+    g = e.graph
+    nodes = [*e.mass_entries.values(), *e.f, *e.momenta, e.energy, e.kinetic_form]
+    nodes += [node for x in e.works for node in (x.rate, x.energy)]
+    nodes += [node for x in e.quadratures for node in (x.rate, x.mass)]
+    for row in e.rows:
+        nodes += [*row.A.entries.values(), row.residual, row.rate, row.b]
+        nodes += [row.transport, row.residual_scale, row.rate_scale]
+    found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
+
+    def replaced(x: SparseVector) -> SparseVector:
+        return SparseVector(g, len(x), {j: found[a] for j, a in x.entries.items()})
+
+    return replace(
+        e,
+        model=_dynamics(g, e.model, new),
+        M=tuple(map(replaced, e.M)),
+        f=tuple(found[x] for x in e.f),
+        rows=tuple(
+            row._replace(
+                A=replaced(row.A),
+                residual=found[row.residual],
+                rate=found[row.rate],
+                b=found[row.b],
+                transport=found[row.transport],
+                residual_scale=found[row.residual_scale],
+                rate_scale=found[row.rate_scale],
+            )
+            for row in e.rows
+        ),
+        momenta=tuple(found[x] for x in e.momenta),
+        energy=found[e.energy],
+        kinetic_form=found[e.kinetic_form],
+        works=tuple(
+            x._replace(rate=found[x.rate], energy=found[x.energy]) for x in e.works
+        ),
+        quadratures=tuple(
+            x._replace(rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
+        ),
+    )
+
+
+def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
+    """Replace variables in `until`, and in what methods that discretise L take."""
+    forces, until = model.forces, model.until
+    loss = [] if model.dissipation is None else [model.dissipation]
+    nodes = [model.lagrangian, *loss]
+    nodes += [node for force in forces for node in (force.node, force.direction)]
+    nodes += [until.node] if until else []
+    found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
+    return replace(
+        model,
+        lagrangian=found[model.lagrangian],
+        dissipation=found[loss[0]] if loss else None,
+        forces=tuple(
+            x._replace(node=found[x.node], direction=found[x.direction]) for x in forces
+        ),
+        until=until._replace(node=found[until.node]) if until else None,
+    )
+
+
+def of_those_left(
+    e: Equations,
+    left: Sequence[int],
+    M: Mapping[tuple[int, int], int],
+    f: Sequence[int],
+    momenta: Sequence[int],
+) -> Equations:
+    """Give the equations of the coordinates left."""
+    rows: dict[int, dict[int, int]] = {i: {} for i in left}
+    for (i, j), node in M.items():
+        if i in rows:
+            rows[i][j] = node
+    return replace(
+        e,
+        q=tuple(e.q[j] for j in left),
+        velocities=tuple(e.velocities[j] for j in left),
+        M=tuple(vector(e.graph, left, rows[i]) for i in left),
+        f=tuple(f[j] for j in left),
+        momenta=tuple(momenta[j] for j in left),
+    )
+
+
+def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseVector:
+    """Give a vector over the coordinates left; `entries` has their old numbers."""
+    place = {j: i for i, j in enumerate(left)}
+    kept = {place[j]: node for j, node in entries.items() if j in place}
+    return SparseVector(g, len(left), kept)
+
+
+def plus(g: Graph, node: int, x: int, y: int) -> int:
+    """Give node + x y."""
+    return g.call("add", node, g.call("mul", x, y))
+
+
+def minus(g: Graph, node: int, x: int, y: int) -> int:
+    """Give node - x y."""
+    return g.call("sub", node, g.call("mul", x, y))
+
+
+# A coordinate is given by a constraint only if it does not move much more, in the
+# metric of M, than those that it is expressed by: their errors are its own.
+STEEPEST = 1e3
+
+
+class Pair(NamedTuple):
+    """A constraint and the coordinate it gives: indices, and the expression."""
+
+    row: int
+    coordinate: int
+    value: int
+
+
+def pairs(e: Equations, values: Mapping[str, float], sizes: Floats) -> list[Pair]:
+    """Find what can be eliminated, one after the other, sparse constraints first.
+
+    Parameters
+    ----------
+    values
+        Of all variables at the start. Whether a factor is zero depends on them.
+    sizes : (n,)
+        The square roots of the diagonal of M, or what stands in their place.
+    """
+    return _Search(e, values, sizes).run()
+
+
+class _Search:
+    def __init__(
+        self, e: Equations, values: Mapping[str, float], sizes: Floats
+    ) -> None:
+        self.e, self.g, self.values, self.sizes = e, e.graph, values, sizes
+        self.flow = Flow(e.graph, e.q, e.velocities)
+        self.moving = frozenset((*e.q, *e.velocities, "t"))
+        self.mass = Counter(j for row in e.M for j in row.entries)
+        self.A = {k: row.A.entries for k, row in enumerate(e.rows)}
+        self.residuals = {
+            k: row.residual for k, row in enumerate(e.rows) if usable(e.graph, row)
+        }
+        self.slopes = {k: self._candidates(k) for k in self.residuals}
+
+    def run(self) -> list[Pair]:
+        found: list[Pair] = []
+        while len(found) < len(self.e.q) - 1:  # one coordinate is always left
+            best = self._best()
+            if best is None:
+                break
+            found.append(self._solve(*best))
+        return found
+
+    def _candidates(self, k: int) -> dict[int, float]:
+        """Give the coordinates that row k gives, and how steep it is in each."""
+        A = self.A[k]
+        numbers = evaluate(self.g, A.values(), self.values)
+        steep = {c: abs(x) / self.sizes[c] for c, x in zip(A, numbers, strict=True)}
+        most = max(steep.values(), default=0.0)
+        return {
+            c: steepness / most
+            for c, steepness in steep.items()
+            if steepness * STEEPEST > most
+            and math.isfinite(most)
+            and not self.g.depends([A[c]]) & self.moving
+        }
+
+    def _best(self) -> tuple[int, int] | None:
+        """Give the row and the coordinate that make the least fill."""
+        held = Counter(c for A in self.A.values() for c in A)
+        keys = [
+            # What stands in one relation only leaves the others as they are.
+            (
+                held[c],
+                (len(self.A[k]) - 1) * (held[c] + self.mass[c] - 2),
+                -steepness,
+                k,
+                c,
+            )
+            for k, steep in self.slopes.items()
+            for c, steepness in steep.items()
+        ]
+        return min(keys)[3:] if keys else None
+
+    def _solve(self, k: int, c: int) -> Pair:
+        """Take row k for coordinate c, and c out of the other rows."""
+        g = self.g
+        q = g.variable(self.e.q[c])
+        rest = g.substitute([self.residuals.pop(k)], {q: g.zero})[0]
+        value = g.call("neg", g.call("div", rest, self.A[k][c]))
+        del self.A[k], self.slopes[k]
+        for other in [i for i, A in self.A.items() if c in A]:
+            if other not in self.residuals:
+                continue
+            [found] = g.substitute([self.residuals[other]], {q: value})
+            self.residuals[other] = found
+            self.A[other] = self.flow.gradient(g, found, by_rates=False).entries
+            self.slopes[other] = self._candidates(other)
+        return Pair(k, c, value)
+
+
+def usable(g: Graph, row: Row) -> bool:
+    """Tell whether a row may give a coordinate: it is holonomic, without switches.
+
+    Where the rate of a relation jumps, all velocities do: that is an impact.
+    """
+    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone([row.residual]))
+    switches = any(x is not None and (x.switch or x.condition) for x in rows)
+    return row.holonomic and not switches
+
+
+def eliminated(e: Equations, found: Sequence[Pair]) -> tuple[Equations, dict[int, int]]:
+    """Give the equations without the pairs, and what stands for their variables."""
+    g = e.graph
+    gone = {pair.coordinate for pair in found}
+    left = [j for j in range(len(e.q)) if j not in gone]
+    flow = Flow(g, [e.q[j] for j in left], [e.velocities[j] for j in left])
+    given: dict[int, int] = {}
+    for pair in reversed(found):
+        [value] = g.substitute([pair.value], given)
+        given[g.variable(e.q[pair.coordinate])] = value
+    ends = [given[g.variable(e.q[pair.coordinate])] for pair in found]
+    rates = tangent(g, ends, flow.forward)
+    numbers = [pair.coordinate for pair in found]
+    bends = dict(zip(numbers, tangent(g, rates, flow.forward), strict=True))
+    J = {
+        c: {
+            left[i]: x for i, x in flow.gradient(g, end, by_rates=False).entries.items()
+        }
+        for c, end in zip(numbers, ends, strict=True)
+    }
+    given |= {
+        g.variable(e.velocities[c]): rate
+        for c, rate in zip(numbers, rates, strict=True)
+    }
+    full = substituted(e, given)
+    accelerations = dict(bends)
+    for c, along in J.items():
+        for j, slope in along.items():
+            moved = g.variable(f"{e.q[j]}_ddot")
+            accelerations[c] = plus(g, accelerations[c], slope, moved)
+    recovered = given | {
+        g.variable(f"{e.q[c]}_ddot"): node for c, node in accelerations.items()
+    }
+    recovered |= _multipliers(full, found, accelerations)
+    powers = g.substitute(full.powers, recovered)
+    works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
+    reduced = replace(_projected(full, left, J, bends), works=tuple(works))
+    used = {pair.row for pair in found}
+    rows = [
+        _row(g, row, left, J, bends) for k, row in enumerate(full.rows) if k not in used
+    ]
+    return replace(reduced, rows=tuple(rows)), recovered
+
+
+def _projected(
+    full: Equations,
+    left: Sequence[int],
+    J: Mapping[int, Mapping[int, int]],
+    bends: Mapping[int, int],
+) -> Equations:
+    """Give B^T M B, B^T (f - M (0, c)) and the momenta, for the coordinates left."""
+    g = full.graph
+    f, momenta = list(full.f), list(full.momenta)
+    M = {
+        (i, j): x
+        for (i, j), x in full.mass_entries.items()
+        if i not in J and j not in J
+    }
+    for c in J:
+        for j, x in full.M[c].entries.items():
+            f[j] = minus(g, f[j], x, bends[c])
+    for c, along in J.items():
+        across = {j: x for j, x in full.M[c].entries.items() if j not in J}
+        _add_products(g, M, across, along)
+        for d in sorted(full.M[c].entries.keys() & J.keys()):
+            for j, slope in J[d].items():
+                across[j] = plus(g, across.get(j, g.zero), full.M[c][d], slope)
+        _add_products(g, M, along, across)
+        for i, slope in along.items():
+            f[i] = plus(g, f[i], f[c], slope)
+            momenta[i] = plus(g, momenta[i], momenta[c], slope)
+    moved = {full.q[i] for along in J.values() for i in along}
+    full = replace(full, unforced=full.unforced - moved)
+    return of_those_left(full, left, M, f, momenta)
+
+
+def _add_products(
+    g: Graph,
+    M: dict[tuple[int, int], int],
+    x: Mapping[int, int],
+    y: Mapping[int, int],
+) -> None:
+    """Add x y^T to the lower triangle of M, and what stands there to the upper one."""
+    for i, a in x.items():
+        for j, b in y.items():
+            if j <= i:
+                M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
+
+
+def _row(
+    g: Graph,
+    row: Row,
+    left: Sequence[int],
+    J: Mapping[int, Mapping[int, int]],
+    bends: Mapping[int, int],
+) -> Row:
+    """Give A B and b - A (0, c) of a row that is left."""
+    A, b = dict(row.A.entries), row.b
+    for c in sorted(A.keys() & J.keys()):
+        factor = A.pop(c)
+        b = minus(g, b, factor, bends[c])
+        for j, slope in J[c].items():
+            A[j] = plus(g, A.get(j, g.zero), factor, slope)
+    return row._replace(A=vector(g, left, A), b=b)
+
+
+def _multipliers(
+    full: Equations, found: Sequence[Pair], accelerations: Mapping[int, int]
+) -> dict[int, int]:
+    """Solve A_EE^T lambda_E = M q'' - f - A^T lambda."""
+    g = full.graph
+    right, columns = {}, {}
+    for pair in found:
+        c = pair.coordinate
+        node = g.call("neg", full.f[c])
+        for j, entry in full.M[c].entries.items():
+            moved = accelerations.get(j, g.variable(f"{full.q[j]}_ddot"))
+            node = plus(g, node, entry, moved)
+        right[c] = node
+        columns[c] = {k: row.A[c] for k, row in enumerate(full.rows)}
+    used = {pair.row for pair in found}
+    for k, row in enumerate(full.rows):
+        if k not in used:
+            lam = g.variable(f"lambda_{row.name}")
+            for c, column in columns.items():
+                right[c] = minus(g, right[c], column[k], lam)
+    solved = _solved(g, found, columns, right)
+    return {g.variable(f"lambda_{full.rows[k].name}"): x for k, x in solved.items()}
+
+
+def _solved(
+    g: Graph,
+    found: Sequence[Pair],
+    columns: dict[int, dict[int, int]],
+    right: dict[int, int],
+) -> dict[int, int]:
+    """Give x_k with sum of columns[c][k] x_k = right[c], the pairs as pivots."""
+    for at, pair in enumerate(found):
+        pivots = columns[pair.coordinate]
+        for c in (p.coordinate for p in found[at + 1 :]):
+            factor = columns[c][pair.row]
+            if factor == g.zero:
+                continue
+            share = g.call("div", factor, pivots[pair.row])
+            right[c] = minus(g, right[c], share, right[pair.coordinate])
+            for later in (p.row for p in found[at + 1 :]):
+                columns[c][later] = minus(g, columns[c][later], share, pivots[later])
+    x: dict[int, int] = {}
+    for pair in reversed(found):
+        node = right[pair.coordinate]
+        for k, value in x.items():
+            node = minus(g, node, columns[pair.coordinate][k], value)
+        x[pair.row] = g.call("div", node, columns[pair.coordinate][pair.row])
+    return x
+
+
+# The momentum of a coordinate becomes a parameter, or a column, of this name.
+MOMENTUM = "momentum."
+
+
+def momentum_of(coordinate: str) -> str:
+    """Give the name of the parameter that the momentum of a coordinate becomes."""
+    return MOMENTUM + coordinate
+
+
+def conserved(equations: Equations) -> list[int]:
+    """Give the coordinates whose momentum is kept, as far as the graph shows it."""
+    e, g = equations, equations.graph
+    nodes = [*e.mass_nodes, *e.f, e.energy, *e.momenta]
+    nodes += e.powers
+    rows = [*e.rows, *(law.row for law in e.laws)]
+    for row in rows:
+        nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
+    nodes += [bound for law in e.laws for bound in (law.bound, law.static)]
+    seen = g.depends(nodes)
+    inertias = e.inertias
+    held = {c for row in rows for c in row.A.entries}
+    return [
+        c
+        for c, name in enumerate(e.q)
+        if name in e.unforced
+        and name not in seen
+        and c not in held
+        and inertias[c] != g.zero
+    ]
+
+
+def ignorable(equations: Equations) -> list[int]:
+    """Give the coordinates that the motion of the others can do without.
+
+    At least one other coordinate is left. None where the action is integrated, which
+    needs all velocities.
+    """
+    e, g = equations, equations.graph
+    free = [] if e.quadratures else conserved(e)
+    among = frozenset(e.velocities[c] for c in free)
+    if g.depends([e.M[c][d] for c in free for d in free]) & among:
+        return []
+    return free if len(free) < len(e.q) else free[1:]
+
+
+def ignored(
+    e: Equations, coordinates: Sequence[int], limit: float
+) -> tuple[Equations, dict[int, int]]:
+    """Give the equations without `coordinates`, and what stands for their rates.
+
+    Raises
+    ------
+    TooLongError
+        Where solving for these takes more than `limit` multiplications.
+    """
+    g = e.graph
+    left = [j for j in range(len(e.q)) if j not in coordinates]
+    speeds = [g.variable(e.velocities[c]) for c in coordinates]
+    at_rest = g.substitute(
+        [e.momenta[c] for c in coordinates], dict.fromkeys(speeds, g.zero)
+    )
+    momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
+    right = enumerate(map(partial(g.call, "sub"), momenta, at_rest))
+    solved = _factored(e, coordinates, limit).solve(dict(right))
+    rates = [solved.get(k, g.zero) for k in range(len(coordinates))]
+    new = dict(zip(speeds, rates, strict=True))
+    full = substituted(e, new)
+    factors = _factored(full, coordinates, limit)
+    Z = {
+        j: factors.forward({k: full.M[c][j] for k, c in enumerate(coordinates)})
+        for j in left
+        if any(j in full.M[c].entries for c in coordinates)
+    }
+    force = factors.forward({k: full.f[c] for k, c in enumerate(coordinates)})
+    M = dict(full.mass_entries)
+    f = list(full.f)
+    for i, z in Z.items():
+        f[i] = _less(factors, f[i], z, force)
+        for j, other in Z.items():
+            if j <= i:
+                entry = M.get((i, j), g.zero)
+                M[i, j] = M[j, i] = _less(factors, entry, z, other)
+    bends = factors.solve(
+        {k: _less_inertia(full, c, left) for k, c in enumerate(coordinates)}
+    )
+    recovered = new | {
+        g.variable(f"{e.q[c]}_ddot"): bends.get(k, g.zero)
+        for k, c in enumerate(coordinates)
+    }
+    quadratures = tuple(
+        Quadrature(e.q[c], rate, full.M[c][c])
+        for c, rate in zip(coordinates, rates, strict=True)
+    )
+    reduced = of_those_left(full, left, M, f, full.momenta)
+    rows = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
+    return replace(reduced, rows=tuple(rows), quadratures=quadratures), recovered
+
+
+def _factored(e: Equations, coordinates: Sequence[int], limit: float) -> Factorisation:
+    entries = {
+        (i, j): e.M[c][d]
+        for i, c in enumerate(coordinates)
+        for j, d in enumerate(coordinates)
+        if d in e.M[c].entries
+    }
+    return Factorisation(e.graph, len(coordinates), entries, Meter(limit))
+
+
+def _less(
+    factors: Factorisation, node: int, z: Mapping[int, int], other: Mapping[int, int]
+) -> int:
+    """Give node - z^T D^-1 other."""
+    g = factors.g
+    for k in sorted(z.keys() & other.keys()):
+        part = g.call("mul", g.call("mul", z[k], factors.inverse[k]), other[k])
+        node = g.call("sub", node, part)
+    return node
+
+
+def _less_inertia(e: Equations, c: int, left: Sequence[int]) -> int:
+    """Give f of row c less M q'' of the coordinates left."""
+    node = e.f[c]
+    for j in left:
+        acceleration = e.graph.variable(f"{e.q[j]}_ddot")
+        node = minus(e.graph, node, e.M[c][j], acceleration)
+    return node
+
+
+class Reduction(NamedTuple):
+    """The equations that are integrated, and what they leave out.
+
+    Attributes
+    ----------
+    equations : Equations
+        On the graph of the full ones.
+    recovered : dict of int to int
+        Variables that are left out (q_e, its rates, its multiplier) -> expressions of
+        those that are integrated, their accelerations and multipliers.
+    eliminated : tuple of (str, str)
+        Coordinates, and the constraints that give them.
+    ignored : tuple of str
+        The ignorable coordinates.
+    momenta : dict of str to int
+        The parameter that each of their momenta is -> its node in the full state.
+    """
+
+    equations: Equations
+    recovered: Mapping[int, int] = {}
+    eliminated: tuple[tuple[str, str], ...] = ()
+    ignored: tuple[str, ...] = ()
+    momenta: Mapping[str, int] = {}
+
+    def eliminate(self, found: Sequence[Pair]) -> Reduction:
+        """Express coordinates by the others; of `pairs`."""
+        e = self.equations
+        equations, recovered = eliminated(e, found)
+        names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
+        return self._followed_by(equations, recovered)._replace(eliminated=tuple(names))
+
+    def ignore(
+        self, coordinates: Sequence[int], start: Instant, limit: float = math.inf
+    ) -> Reduction:
+        """Integrate `coordinates`, which are `ignorable`, by quadrature.
+
+        Of the full equations only: first of all.
+
+        Raises
+        ------
+        TooLongError
+            Where solving for them takes more than `limit` multiplications.
+        """
+        e = self.equations
+        momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
+        equations, recovered = ignored(e, coordinates, limit)
+        reduction = self._followed_by(equations, recovered)._replace(
+            ignored=tuple(e.q[c] for c in coordinates),
+            momenta=momenta,
+        )
+        model = equations.model
+        added = tuple(Parameter(*x) for x in reduction.constants(start).items())
+        model = replace(model, parameters=(*model.parameters, *added))
+        return reduction._replace(equations=replace(equations, model=model))
+
+    def kept(self, full: Floats) -> Floats:
+        """Give the values (n,) of the coordinates left, or of their rates."""
+        if len(full) == len(self.equations.q):
+            return full
+        names = (c.name for c in self.equations.model.coordinates)
+        places = {name: k for k, name in enumerate(names)}
+        return full[[places[name] for name in self.equations.q]]
+
+    def constants(self, start: Instant) -> dict[str, float]:
+        """Give the values of the momenta at a full start."""
+        if not self.momenta:
+            return {}
+        model = self.equations.model
+        values = {p.name: p.value for p in model.parameters} | {"t": start.t}
+        for k, c in enumerate(model.coordinates):
+            values[c.name] = float(start.q[k])
+            values[f"{c.name}_dot"] = float(start.v[k])
+        found = evaluate(model.graph, list(self.momenta.values()), values)
+        return dict(zip(self.momenta, found, strict=True))
+
+    def state(self, start: Instant, size: int) -> Floats:
+        """Give y (size,) at a full start: q, q', the quadratures; all else from 0."""
+        e, n = self.equations, len(self.equations.q)
+        y = np.zeros(size)
+        y[:n], y[n : 2 * n] = self.kept(start.q), self.kept(start.v)
+        if e.quadratures:
+            first = 2 * n + len(e.works)
+            names = (c.name for c in e.model.coordinates)
+            values = dict(zip(names, start.q, strict=True))
+            for k, x in enumerate(e.quadratures, first):
+                y[k] = values.get(x.name, 0.0)
+        return y
+
+    def _followed_by(
+        self, equations: Equations, recovered: Mapping[int, int]
+    ) -> Reduction:
+        g = equations.graph
+        earlier = g.substitute(self.recovered.values(), recovered)
+        whole = dict(zip(self.recovered, earlier, strict=True)) | dict(recovered)
+        return self._replace(equations=equations, recovered=whole)
