@@ -59,6 +59,8 @@ os.environ.setdefault("PYTHONFAULTHANDLER", "1")
 def pytest_collection_modifyitems(config, items):
     every = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
     cases = collections.Counter(map(_family, items))
+    if missing := sorted(name for item in items for name in _missing(item)):
+        raise pytest.UsageError("no such fixture: " + ", ".join(missing))
     for item in items:
         many = cases[_family(item)] >= MANY_CASES and not every
         if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
@@ -69,6 +71,12 @@ def pytest_collection_modifyitems(config, items):
     if gone:
         config.hook.pytest_deselected(items=gone)
         items[:] = kept
+
+
+def _missing(item):
+    """Give what a test asks for and nobody gives: of slow and nightly tests, too."""
+    given = {"request", *item._fixtureinfo.name2fixturedefs}
+    return [f"{name} of {item.nodeid}" for name in {*item.fixturenames} - given]
 
 
 def _family(item):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import os
+import importlib
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,9 @@ NAMED = re.compile(rf"(\w+)(?:, \w+)* = .*{CLOCK}")
 IMPATIENT = re.compile(
     r"(?:timeout[= ]*|process_time\(\) - \w+ < |alarm\()[1-9.](?!.*PATIENCE)"
 )
+
+# An import of ours within a function, or for types alone.
+INNER = re.compile(r"(?m)^ +from ((?:lagsim|tests)[\w.]*) import (\([^)]*\)|.*)")
 
 
 def test_a_slice_is_the_same_at_every_place_and_about_its_part():
@@ -86,18 +90,21 @@ def pytest_of(folder, text, *options, **environment):
     )  # fmt: skip
 
 
-@pytest.mark.slow
-def test_every_marker_collects():
-    # All of them, also where this run is a slice itself.
-    whole = {k: v for k, v in os.environ.items() if not k.startswith("LAGSIM_TEST_")}
-    done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "0", "-q", "--collect-only",
-         "-p", "no:cacheprovider", "-m", "slow or nightly", "tests"],
-        cwd=ROOT, capture_output=True, text=True, timeout=250 * PATIENCE, env=whole,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr
-    for one in ("test_very_many_cases", "test_long_fuzzing", "test_kills"):
-        assert one in done.stdout
+def test_imports_within_functions_find_what_they_name():
+    # What stands at the head of a test file is imported as all are collected.
+    for path, text in sources():
+        for source, names in INNER.findall(text):
+            module = importlib.import_module(source)
+            for name in re.findall(r"(\w+)(?: as \w+)?", names):
+                there = hasattr(module, name) or find_spec(f"{source}.{name}")
+                assert there, f"{path}: {name} of {source}"
+
+
+def test_a_slow_test_without_its_fixture_fails_a_quick_run(tmp_path):
+    text = "import pytest\n@pytest.mark.slow\ndef test_a(nowhere): pass\n"
+    done = pytest_of(tmp_path, f"{text}def test_b(): pass\n")
+    assert done.returncode != 0
+    assert "nowhere of test_one.py::test_a" in done.stdout + done.stderr
 
 
 SKIPS = "import pytest\n@pytest.mark.skip(reason='none')\ndef test_a(): pass\n"
