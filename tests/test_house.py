@@ -9,7 +9,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 345
 LINES = 75_600
-LINES_OF_TESTS = 60_800
+LINES_OF_TESTS = 60_500
 
 
 def lines(folder):

@@ -82,6 +82,7 @@ def test_a_constraint_is_met_between_rows():
     assert np.abs(energy + 8).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_beside_an_impact_each_side_has_its_own_motion():
     # From 0.45 at t = -1: it strikes at -1 + 0.3 with -3, and leaves with 1.5.
     result = run(BALL)

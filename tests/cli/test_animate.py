@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from lagsim.outputs.animation import recorded
 from tests.cli._results import manifest, names
 from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
@@ -38,6 +40,7 @@ def test_nothing_to_draw_is_said(lagsim, write):
     assert caution["code"] == "nothing-to-draw"
 
 
+@pytest.mark.slow
 def test_a_run_that_fails_shows_how_far_it_came(lagsim, write, tmp_path):
     text = FALL + "scene: {points: {mass: [r, 0]}}\n"
     told = lagsim("run", write(text), "--no-plots", "--animate", "-o", "results")

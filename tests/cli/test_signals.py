@@ -201,6 +201,7 @@ print(ends)
 """
 
 
+@pytest.mark.slow
 def test_an_end_between_any_two_instructions_leaves_nothing(tmp_path):
     # By itself: the process of the tests has threads, and more to be traced.
     command = [sys.executable, "-c", ENDS, str(tmp_path)]

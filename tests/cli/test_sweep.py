@@ -169,6 +169,7 @@ def test_restitution_follows_its_parameter(lagsim, write):
         assert_is_single(rows_of("out")[k], "single")
 
 
+@pytest.mark.slow
 def test_what_changes_the_form_is_compiled_for_it(lagsim, write):
     model = write(POWER)
     called = lagsim("sweep", model, "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1)

@@ -209,6 +209,7 @@ def test_an_iteration_that_fails_ends_the_run_with_advice(name):
     assert "smaller step" in trajectory.reason
 
 
+@pytest.mark.slow
 def test_radau_shortens_the_step_instead():
     # x'' = 2 x exp(x^2) blows up in finite time: the step shrinks until none is left.
     found = run(JUMPING.replace("METHOD", "radau"))

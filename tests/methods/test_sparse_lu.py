@@ -104,9 +104,8 @@ def slopes(found):
     return sparse.jacobian(n, values) if sparse else values.reshape(-1, 2 * n)[:n]
 
 
-@pytest.mark.parametrize(
-    "text", [CONSTRAINED, pytest.param(stiff_chain(9), marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("text", [CONSTRAINED, stiff_chain(9)])
 def test_the_steps_are_those_of_full_matrices(monkeypatch, text):
     monkeypatch.setattr(module, "SLOWER", 1e-3)
     sparse = run(text)

@@ -71,6 +71,7 @@ def dense_weights(x):
     return value, size
 
 
+@pytest.mark.slow
 def test_the_dense_output_meets_all_conditions_of_order_7():
     # A polynomial of degree 7 in x that is right at 8 points is right everywhere.
     weights = Weights(A)

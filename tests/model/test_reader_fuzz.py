@@ -80,7 +80,7 @@ def test_random_pieces(pieces):
     check("".join(pieces))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.text(max_size=40))
 def test_random_expressions(text):
     problems("definitions:\n  a: |\n    x\n", overrides={"k": text})

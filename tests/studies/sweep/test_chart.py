@@ -95,6 +95,7 @@ def test_ends_alone_have_no_greatest():
         assert any("at the end" in text for text in seen.written())
 
 
+@pytest.mark.slow
 def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
     """Each takes megabytes, and commands collect no garbage unasked."""
     model = read(PENDULUM, "m.yaml", {}, {"duration": "0.1"})
