@@ -265,7 +265,7 @@ class Model(Read):
 
 
 def model_of(source: Read | str | Path) -> Model:
-    """Give a model from what may be said for one: itself, a path or a text.
+    """Give a model from what may denote one: itself, a path or a text.
 
     Raises
     ------

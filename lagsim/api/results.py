@@ -371,7 +371,7 @@ class Result:
 
         record, bar, unit = self.record, self.error, self.units["energy"]
         span = f"t = {record['start']:g} to {record['end']:.9g}"
-        ledger = "energy - work" if "work" in self.columns else "energy"
+        kept = "energy - work" if "work" in self.columns else "energy"
         error = "not estimated"
         if bar is not None:
             error = f"about {bar.relative:.1g} of a coordinate's range"
@@ -387,7 +387,7 @@ class Result:
             *([] if self.outcome == "done" else [("reason", self.reason)]),
             ("method", method),
             ("error", error),
-            ("drift", f"{drift} in {ledger}"),
+            ("drift", f"{drift} in {kept}"),
             *(("warning", caution.text) for caution in self.warnings),
         ]
 

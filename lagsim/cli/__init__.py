@@ -54,7 +54,7 @@ def entry() -> int:
     # What this one starts is to look for its modules where this one does, and not in
     # the working directory, which may be a stranger's.
     os.environ.setdefault("PYTHONSAFEPATH", "1")
-    # What is not a number is told in lagsim's words, with its place.
+    # What is not a number is reported in lagsim's words, with its place.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     # Loading and deriving make many objects and no garbage; looking through them again

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Kinds of events that are counted, in this order.
 COUNTED = ("impact", "contact", "release", "stick", "slip", "switch")
-# More names of constraints than this are told by their number.
+# More names of constraints than this are reported by their number.
 MOST_NAMES = 2
 # Runs that last longer than this show a progress bar on a terminal.
 PATIENCE_SECONDS = 1.0
@@ -58,11 +58,11 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     unit = document["columns"]["energy"]
     drift = document["energy_drift"]
     drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
-    ledger = "energy - work" if "work" in document["columns"] else "energy"
-    energy = f"{made.account.ledger.first_energy:.7g} {unit}".rstrip()
+    kept = "energy - work" if "work" in document["columns"] else "energy"
+    energy = f"{made.monitors.residuals.first_energy:.7g} {unit}".rstrip()
     start = f"(energy {energy} at the start)"
     rows.append(("error", _error(made.bar)))
-    rows.append(("energy drift", f"{drift} in {ledger} {start}"))
+    rows.append(("energy drift", f"{drift} in {kept} {start}"))
     if held:
         residual = document["constraint_residual"]
         rows.append(("residual", f"largest {residual:.2g} of its scale"))
@@ -146,7 +146,7 @@ def _duration(seconds: float) -> str:
 def progress_bar(
     label: str, *, quiet: bool
 ) -> Iterator[Callable[[float], None] | None]:
-    """Give what is to be called with the fraction done; None where nobody watches.
+    """Give what is to be called with the fraction done; None without a terminal.
 
     It ends where it stands: at 100 % if that was called with 1.
     """

@@ -160,7 +160,7 @@ _FILES = "too many files are open (ulimit -n)"
 
 
 def unforeseen() -> int:
-    """Tell of the exception that nobody has foreseen; give the exit code.
+    """Report an unforeseen exception; give the exit code.
 
     It is a bug, unless the system has no more to give.
     """

@@ -24,7 +24,6 @@ HEADS = ("model", "outcome", "end", "rows", "error", "drift", "seconds")
 # What a model is called that gave no run.json, by its exit code.
 REFUSED = {1: "inadmissible", 2: "unusable"}
 INTERRUPTED = 130
-DIED = "its process ended before it had a result: was it killed, or out of memory?"
 
 
 class Job(Protocol):
@@ -54,7 +53,7 @@ class Piece(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What came of a model: exit code, documents, what was said on stderr.
+    """What came of a model: exit code, documents, what was printed on stderr.
 
     Of `documents` the first is run.json, where the code is not one of REFUSED.
     """
@@ -182,7 +181,7 @@ class Batch:
         self._tell(known)
 
     def _tell(self, end: int) -> None:
-        """Say what the models before `end` said, each with its name, in their order."""
+        """Print what models before `end` have printed, each with its name, in order."""
         for k in range(self._told, end):
             if k in self.found and self.found[k].told:
                 told = textwrap.indent(self.found[k].told.rstrip("\n"), "  ")
@@ -223,7 +222,8 @@ def _lost(path: str, found: Done | Died) -> Done:
     """Give what is known of a model whose process died."""
     if isinstance(found, Done):
         return found
-    return Done(BUG, [errors_document([Problem("failed", DIED, hint=path)])], DIED)
+    died = Problem("failed", found.reason, hint=path)
+    return Done(BUG, [errors_document([died])], found.reason)
 
 
 def _twins(name: str, first: str, second: str) -> InputError:

@@ -78,7 +78,7 @@ def raised() -> Iterator[None]:
 
 
 def _told(raised: sys.UnraisableHookArgs) -> None:
-    """Tell of an exception that nobody gets; one of a signal comes again."""
+    """Report an exception that is not caught; one of a signal comes again."""
     if raised.exc_type not in (KeyboardInterrupt, Terminated):
         sys.__unraisablehook__(raised)
 

@@ -155,7 +155,7 @@ def full(error: OSError) -> int:
 
 
 def complain(text: str, *, again: bool = False) -> None:
-    """Print on stderr; where that cannot be written, nobody can be told."""
+    """Print on stderr; where that cannot be written, nothing can be reported."""
     with contextlib.suppress(OSError):
         print(shown(text, sys.stderr, again=again), file=sys.stderr, flush=True)
 
@@ -180,7 +180,7 @@ def annotate(
     level: str, text: str, file: str | None, line: int | None = None,
     column: int | None = None, number: str | None = None,
 ) -> None:  # fmt: skip
-    """Annotate a file; do nothing where nobody runs a workflow."""
+    """Annotate a file; do nothing outside a workflow."""
     if not on_github():
         return
     place = {"file": _within(file), "line": line, "col": column, "title": number}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
@@ -22,8 +22,7 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.cli._streams import say
-from lagsim.cli._writing import commit_with_chart
+from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 
@@ -31,13 +30,14 @@ from lagsim.methods import names
 MOST_NAMES = 4
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
+    from lagsim.cli._writing import Experiment
     from lagsim.model.model import Model
-    from lagsim.outputs.results import Results
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.session import Case
     from lagsim.studies.bench.work_precision import Wish, WorkPrecision
+
+    Progress = Callable[[float], None] | None
 
 
 # Exit codes above it are those of signals.
@@ -100,10 +100,15 @@ def command(
     codes += code
     for path in models if code[-1] == 0 else []:
         with faults_shown(faults if as_json else None, file=path) as code:
+            asked = _drawn_again if path.endswith(".json") else _measured
+            measure, usual = asked(path, overrides, wish, form.value)
             target = folder / Path(path).stem if folder and models[1:] else folder
-            job = _Job(target, form.value, as_json=as_json, quiet=quiet)
-            code.append(job.run(path, overrides, wish))
-            documents += job.documents
+            code.append(
+                experiment(
+                    measure, target or usual, "work_precision.json", documents,
+                    quiet=quiet, as_json=as_json,
+                )
+            )  # fmt: skip
         codes += code
         documents += [x for x in faults if "errors" not in x]  # inadmissible starts
         faults = [x for x in faults if "errors" in x]
@@ -115,97 +120,66 @@ def command(
     return max(codes)
 
 
-class _Job:
-    """One model, and the manners of the command."""
+def _measured(
+    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+) -> tuple[Experiment, Path]:
+    """Give what measures a model, and where that goes by default."""
+    from lagsim.model.reader import read_file
+    from lagsim.run.session import open_case, wanted
+    from lagsim.studies.bench.solving import GivenUpError
+    from lagsim.studies.bench.work_precision import document, files, measure
 
-    def __init__(
-        self, folder: Path | None, form: str, *, as_json: bool, quiet: bool
-    ) -> None:
-        self.folder, self.as_json, self.quiet = folder, as_json, quiet
-        self.form = form
-        self.documents: list[Any] = []
+    model = read_file(path, overrides)
+    case = open_case(model, wanted(model, "bench"))
 
-    def run(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
-        """Do it; give the exit code."""
-        if path.endswith(".json"):
-            return self._draw(path, overrides, wish)
-        from lagsim.model.reader import read_file
-        from lagsim.run.session import open_case, wanted
+    def measured(interrupt: Interrupt, progress: Progress) -> Measured | None:
+        try:
+            found = measure(case, wish, interrupt=interrupt, progress=progress)
+        except GivenUpError:
+            return None
+        content = document(model, case.settings, found, files(form))
+        summary = partial(_summary, model, found)
+        return _written(content, content["rows"], form, summary)
 
-        model = read_file(path, overrides)
-        case = open_case(model, wanted(model, "bench"))
-        from lagsim.outputs.results import open_results
-        from lagsim.studies.bench.work_precision import MANIFEST
+    return measured, Path("results") / model.name / "bench"
 
-        folder = self.folder or Path("results") / model.name / "bench"
-        with open_results(folder, MANIFEST) as results:
-            return self._measure(case, wish, results)
 
-    def _measure(self, case: Case, wish: Wish, results: Results) -> int:
-        from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.solving import GivenUpError
-        from lagsim.studies.bench.work_precision import document, files, measure
+def _drawn_again(
+    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+) -> tuple[Experiment, Path]:
+    """Give what draws again what was measured, and where that stands.
 
-        interrupt = Interrupt()
-        with interrupt.noted():
-            with progress_bar("bench", quiet=self.quiet) as progress:
-                try:
-                    found = measure(case, wish, interrupt=interrupt, progress=progress)
-                except GivenUpError:
-                    return 128 + (interrupt.signal or 0)
-            model = case.equations.model
-            content = document(model, case.settings, found, files(self.form))
-            self._commit(content, content["rows"], results, interrupt)
-        if not self.quiet and not self.as_json:
-            listed = ", ".join(self.documents[-1]["files"])
-            say(_summary(model, found, f"{results.folder}: {listed}"))
-        return 128 + interrupt.signal if interrupt.signal is not None else 0
+    Raises
+    ------
+    InputError
+    """
+    from lagsim.studies.bench.work_precision import Wish, files, read_document
 
-    def _draw(self, path: str, overrides: Mapping[str, str], wish: Wish) -> int:
-        """Draw again what was measured."""
-        from lagsim.outputs.results import open_results
-        from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench.work_precision import (
-            MANIFEST,
-            Wish,
-            files,
-            read_document,
-        )
+    if overrides or wish != Wish(wish.methods):
+        text = f"{path} holds finished measurements: only --methods can be chosen"
+        hint = "measure again: lagsim bench MODEL"
+        raise InputError([Problem("usage", text, hint=hint)])
+    content = read_document(path) | {"files": files(form)}
+    shown = [row for row in content["rows"] if wish.wants(row["method"])]
+    drawn = coloured("drawn", "32")
+    found = _written(content, shown, form, lambda listed: f"{drawn}: {listed}")
+    return lambda *_: found, Path(path).parent
 
-        if overrides or wish != Wish(wish.methods):
-            text = f"{path} holds finished measurements: only --methods can be chosen"
-            hint = "measure again: lagsim bench MODEL"
-            raise InputError([Problem("usage", text, hint=hint)])
-        content = read_document(path) | {"files": files(self.form)}
-        shown = [row for row in content["rows"] if wish.wants(row["method"])]
-        with open_results(self.folder or Path(path).parent, MANIFEST) as results:
-            self._commit(content, shown, results, Interrupt())
-        if not self.quiet and not self.as_json:
-            listed = ", ".join(content["files"])
-            say(f"{coloured('drawn', '32')}: {results.folder}: {listed}")
-        return 0
 
-    def _commit(
-        self,
-        content: dict[str, Any],
-        shown: Any,
-        results: Results,
-        interrupt: Interrupt,
-    ) -> None:
-        """Write everything; the chart shows these rows."""
-        from lagsim.studies.bench.work_precision import table as rows_table
+def _written(
+    content: dict[str, Any], shown: Any, form: str, summary: Callable[[str], str]
+) -> Measured:
+    """Give what is written of a document; the chart shows these rows."""
+    from lagsim.studies.bench.work_precision import table as rows_table
 
-        def drawn() -> bytes:
-            from lagsim.studies.bench.chart import chart
+    def draw() -> bytes:
+        from lagsim.studies.bench.chart import chart
 
-            return chart(content | {"rows": shown}, self.form)
+        return chart(content | {"rows": shown}, form)
 
-        table_name, chart_name, _ = content["files"]
-        document = commit_with_chart(
-            results, content, {table_name: rows_table(content["rows"])},
-            chart_name, drawn, interrupt,
-        )  # fmt: skip
-        self.documents.append(document)
+    table_name, chart_name, _ = content["files"]
+    rows = {table_name: rows_table(content["rows"])}
+    return Measured(content, rows, chart_name, draw, summary)
 
 
 def _wish(

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
+    aligned,
     coloured,
     counted,
     show_json,
@@ -24,7 +25,7 @@ from lagsim.errors import InputError, Problem
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison import Comparison, Deviation
+    from lagsim.studies.comparison import Comparison, Deviation, Verdict
     from lagsim.studies.tables import Table
 
 # So many columns are listed for a person.
@@ -93,11 +94,12 @@ def command(
     return code[-1]
 
 
-class _Found:
+class _Found(NamedTuple):
     """A comparison and what was compared."""
 
-    def __init__(self, golden: Table, new: Table, comparison: Comparison) -> None:
-        self.golden, self.new, self.comparison = golden, new, comparison
+    golden: Table
+    new: Table
+    comparison: Comparison
 
 
 def _compared(
@@ -162,37 +164,33 @@ def report(found: _Found) -> str:
     numbered = "" if passed else f" [{number(DIFFERS)}]"
     lines = [f"{verdict}: {what}{numbered}"]
     lines += [f"  {note}" for note in notes(found)]
-    first = comparison.first
-    if first is not None:
-        lines.append(
-            f"  the first to pass its bound: {first.column}, t = {first.first!r}"
-        )
-    failed = [d for d in comparison.worst if not d.passed]
-    listed = failed[:LISTED] if failed else comparison.worst[:3]
-    lines += ["  " + line for line in listing(listed)]
-    if len(failed) > LISTED:
-        lines.append(
-            f"  and {counted(len(failed) - LISTED, 'more column')} that differ"
-        )
+    if comparison.failed:
+        lines += differing(comparison)
+    else:
+        lines += ["  " + line for line in listing(comparison.worst[:3])]
+    more = len(comparison.failed) - LISTED
+    if more > 0:
+        lines.append(f"  and {counted(more, 'more column')} that differ")
     return "\n".join(lines)
+
+
+def differing(verdict: Verdict) -> list[str]:
+    """Give lines of what differs: the first column to do so, then the worst."""
+    first = verdict.first
+    assert first is not None
+    head = f"  the first to pass its bound: {first.column}, t = {first.first!r}"
+    return [head, *("  " + line for line in listing(verdict.failed[:LISTED]))]
 
 
 def notes(found: _Found) -> list[str]:
     """Tell of columns and times that only one table has, and of incomplete runs."""
-    comparison, rows = found.comparison, found.comparison.rows
+    comparison = found.comparison
     told = [*found.golden.remarks, *found.new.remarks]
     if comparison.missing:
         told.append(f"missing: {_few(comparison.missing)}")
     if comparison.extra:
         told.append(f"extra: {_few(comparison.extra)}")
-    for what, times in (
-        ("only golden has", rows.missing),
-        ("only new has", rows.extra),
-    ):
-        if len(times):
-            which = counted(len(times), "row")
-            told.append(f"{what} {which}, the first at t = {float(times[0])!r}")
-    return told
+    return [*told, *comparison.faults]
 
 
 def _few(names: Sequence[str], most: int = 8) -> str:
@@ -210,11 +208,7 @@ def listing(deviations: Sequence[Deviation]) -> list[str]:
         )
         for d in deviations
     ]  # fmt: skip
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    return aligned(rows, lefts=len(rows[0]), indent="").splitlines()
 
 
 def document(found: _Found) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -18,7 +19,7 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import put_file, put_picture, writing
-from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, listing
+from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, differing
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem
 
@@ -129,17 +130,17 @@ def _refuse_twins(wanted: Sequence[_Wanted]) -> None:
         raise InputError(problems)
 
 
+@dataclass
 class _Job:
-    """The manners of the command, and what it has found."""
+    """The options of the command, and what it has found."""
 
-    def __init__(
-        self, plots: Path | None, *, update: bool, as_json: bool, quiet: bool
-    ) -> None:
-        self.plots, self.update = plots, update
-        self.as_json, self.quiet = as_json, quiet
-        self.documents: list[Any] = []
-        self.faults: list[Any] = []
-        self.outcomes: list[Outcome] = []
+    plots: Path | None
+    update: bool
+    as_json: bool
+    quiet: bool
+    documents: list[Any] = field(default_factory=list)
+    faults: list[Any] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
 
     def run(self, wanted: _Wanted) -> int:
         """Do it for one model; give the exit code."""
@@ -253,8 +254,7 @@ def headline(model: Model, judgement: Judgement, golden: Golden) -> str:
 
 def worst(judgement: Judgement) -> str:
     """Say what differs, in a few words."""
-    failed = [d for d in judgement.worst if not d.passed]
-    said = [*judgement.faults]
+    failed, said = judgement.failed, [*judgement.faults]
     if judgement.missing:
         said.append(f"{counted(len(judgement.missing), 'column')} missing")
     if failed:
@@ -271,16 +271,9 @@ def report(judgement: Judgement) -> list[str]:
     columns = {"missing": judgement.missing, "extra": judgement.extra}
     lines += [f"  {what}: {', '.join(c)}" for what, c in columns.items() if c]
     lines += [f"  note: {note}" for note in judgement.notes]
-    failed = [d for d in judgement.worst if not d.passed]
-    if failed:
-        first = min(failed, key=lambda d: d.first or 0.0)
-        lines.append(
-            f"  the first to pass its bound: {first.column}, t = {first.first!r}"
-        )
-        lines += ["  " + line for line in listing(failed[:LISTED])]
-    if len(failed) > LISTED:
-        lines.append(f"  and {len(failed) - LISTED} more")
-    return lines
+    lines += differing(judgement) if judgement.failed else []
+    more = len(judgement.failed) - LISTED
+    return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
 def document(model: Model, judgement: Judgement, golden: Golden) -> dict[str, Any]:

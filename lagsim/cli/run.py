@@ -192,12 +192,12 @@ def command(
     return code[-1]
 
 
-# Where results go if nobody says where.
+# Where results go by default.
 RESULTS = Path("results")
 
 
 class Job:
-    """One run of one model, with its clock and its manners.
+    """One run of one model, with its clock and its options.
 
     Parameters
     ----------

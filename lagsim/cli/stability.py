@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
@@ -17,6 +17,7 @@ from lagsim.cli._shared import (
     PictureForm,
     Quiet,
     Sets,
+    aligned,
     assignments,
     coloured,
     counted,
@@ -24,15 +25,15 @@ from lagsim.cli._shared import (
     show_json,
     table,
 )
-from lagsim.cli._streams import say
-from lagsim.cli._writing import commit_with_chart
+from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from lagsim.cli._writing import Experiment
     from lagsim.model.model import Model
-    from lagsim.outputs.results import Results
+    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
     from lagsim.studies.bench.stability import Border, Stability, Wish
 
@@ -70,97 +71,74 @@ def command(
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         wish = _wish(methods, steps, vary)
-        job = _Job(
-            model, assignments(sets), wish, form.value, as_json=as_json, quiet=quiet
-        )
-        code.append(job.run(folder))
-        documents += job.documents
+        measure, usual = _measured(model, assignments(sets), wish, form.value)
+        code.append(
+            experiment(
+                measure, folder or usual, "stability.json", documents, quiet=quiet,
+                as_json=as_json,
+            )
+        )  # fmt: skip
     if as_json and documents:
         show_json(documents[0])
     return code[0]
 
 
-class _Job:
-    """One call of the command."""
+def _measured(
+    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+) -> tuple[Experiment, Path]:
+    """Give what measures a model, and where that goes by default.
 
-    def __init__(
-        self,
-        path: str,
-        overrides: Mapping[str, str],
-        wish: Wish,
-        form: str,
-        *,
-        as_json: bool,
-        quiet: bool,
-    ) -> None:
-        self.path, self.overrides, self.wish = path, overrides, wish
-        self.form, self.as_json, self.quiet = form, as_json, quiet
-        self.documents: list[Any] = []
+    Raises
+    ------
+    InputError, StartError
+    """
+    from lagsim.model.reader import read_file
+    from lagsim.run.session import StartError, open_case, wanted
+    from lagsim.studies.bench import stability
 
-    def run(self, folder: Path | None) -> int:
-        """Do it; give the exit code."""
-        from lagsim.model.reader import read_file
-        from lagsim.run.session import StartError, open_case, wanted
+    model = read_file(path, overrides)
+    settings = wanted(model, "stability")
+    name = wish.name
+    _check_parameter(model, name)
+    usual = open_case(model, settings)
+    stability.methods_for(usual, wish)
 
-        model = read_file(self.path, self.overrides)
-        settings = wanted(model, "stability")
-        self._check_parameter(model)
-        usual = open_case(model, settings)
-        from lagsim.outputs.results import open_results
-        from lagsim.studies.bench.stability import MANIFEST, methods_for
+    def case(value: float | None) -> Case:
+        if value is None:
+            return usual
+        assert name is not None
+        try:
+            return usual.bind({name: value})
+        except StartError:
+            problem = Problem("inadmissible", "the start is not admissible")
+            raise InputError([problem]) from None
 
-        methods_for(usual, self.wish)
+    def measured(interrupt: Interrupt, progress: Any) -> Measured:
+        found = stability.measure(case, wish, interrupt=interrupt, progress=progress)
 
-        def case(value: float | None) -> Case:
-            if value is None:
-                return usual
-            assert self.wish.name is not None
-            try:
-                return usual.bind({self.wish.name: value})
-            except StartError:
-                problem = Problem("inadmissible", "the start is not admissible")
-                raise InputError([problem]) from None
-
-        folder = folder or Path("results") / model.name / "stability"
-        with open_results(folder, MANIFEST) as results:
-            return self._measure(case, model, results)
-
-    def _check_parameter(self, model: Model) -> None:
-        name = self.wish.name
-        known = [p.name for p in model.parameters]
-        if name is None or name in known:
-            return
-        text = f"--vary {name}: the model has no such parameter"
-        hint = f"of {', '.join(known)}" if known else "it has no parameters"
-        raise InputError([Problem("unknown-parameter", text, hint=hint)])
-
-    def _measure(self, case: Any, model: Model, results: Results) -> int:
-        from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.bench import stability
-
-        def drawn() -> bytes:
+        def draw() -> bytes:
             from lagsim.studies.bench.stability_chart import chart
 
-            return chart(model.name, found, name, self.form)
+            return chart(model.name, found, name, form)
 
-        interrupt, name = Interrupt(), self.wish.name
-        picture = f"stability.{self.form}"
+        picture = f"stability.{form}"
         files = [stability.TABLE, picture, stability.MANIFEST]
-        with interrupt.noted():
-            with progress_bar("stability", quiet=self.quiet) as progress:
-                found = stability.measure(
-                    case, self.wish, interrupt=interrupt, progress=progress
-                )
-            content = commit_with_chart(
-                results, stability.document(found, self.wish, files),
-                {stability.TABLE: stability.table(found.cells, name)},
-                picture, drawn, interrupt,
-            )  # fmt: skip
-        self.documents.append(content)
-        if not self.quiet and not self.as_json:
-            say(_summary(model, found, name))
-            say(table([("files", f"{results.folder}: {', '.join(content['files'])}")]))
-        return 128 + interrupt.signal if interrupt.signal is not None else 0
+        return Measured(
+            stability.document(found, wish, files),
+            {stability.TABLE: stability.table(found.cells, name)},
+            picture, draw, partial(_summary, model, found, name),
+        )  # fmt: skip
+
+    return measured, Path("results") / model.name / "stability"
+
+
+def _check_parameter(model: Model, name: str | None) -> None:
+    known = [p.name for p in model.parameters]
+    if name is None or name in known:
+        return
+    text = f"--vary {name}: the model has no such parameter"
+    hint = f"of {', '.join(known)}" if known else "it has no parameters"
+    raise InputError([Problem("unknown-parameter", text, hint=hint)])
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
@@ -211,7 +189,7 @@ def _range(
     return min(first, last), max(first, last)
 
 
-def _summary(model: Model, found: Stability, varied: str | None) -> str:
+def _summary(model: Model, found: Stability, varied: str | None, files: str) -> str:
     """Give the closing lines."""
     state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
     count = len(found.methods) + len(found.adaptive)
@@ -231,17 +209,13 @@ def _summary(model: Model, found: Stability, varied: str | None) -> str:
     rows = [("" if k else "left out", text) for k, text in enumerate(texts)]
     rows += _eigenvalues(found)
     lines.append(table(rows))
-    lines += _modes(found)
+    lines += [*_modes(found), table([("files", files)])]
     return "\n".join(line for line in lines if line)
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Give rows in columns."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  " + "  ".join(f"{x:<{w}}" for x, w in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+    """Give rows in columns, all of which stand to the left."""
+    return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
 def _borders(found: Stability) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
     from lagsim.studies.sweep.sweeping import Journal
     from lagsim.studies.workers import Hired
 
-# So many letters of a reason are told; the table has all of it.
+# So many letters of a reason are shown; the table has all of it.
 REASON = 160
 
 
@@ -124,8 +125,10 @@ def command(
         gain=gain, spectral_radius=spectral_radius, duration=duration,
         output_step=output_step,
     )  # fmt: skip
-    job = _Job(folder, jobs, dask, plots=not no_plots, as_json=as_json, quiet=quiet)
-    job.keep, job.ends, job.resume = keep, ends, resume
+    job = _Job(
+        folder, jobs, dask, keep=keep, ends=ends, resume=resume, plots=not no_plots,
+        as_json=as_json, quiet=quiet,
+    )  # fmt: skip
     with faults_shown(job.documents if as_json else None, file=model) as code:
         code.append(job.run(model, values, assignments(sets), options, error_bar))
     for document in job.documents:
@@ -133,24 +136,20 @@ def command(
     return code[-1]
 
 
+@dataclass
 class _Job:
-    """The manners of the command."""
+    """The options of the command."""
 
-    keep = ends = resume = False
-
-    def __init__(
-        self,
-        folder: Path | None,
-        jobs: int | None,
-        dask: str | None,
-        *,
-        plots: bool,
-        as_json: bool,
-        quiet: bool,
-    ) -> None:
-        self.folder, self.jobs, self.dask = folder, jobs, dask
-        self.plots, self.as_json, self.quiet = plots, as_json, quiet
-        self.documents: list[Any] = []
+    folder: Path | None
+    jobs: int | None
+    dask: str | None
+    keep: bool
+    ends: bool
+    resume: bool
+    plots: bool
+    as_json: bool
+    quiet: bool
+    documents: list[Any] = field(default_factory=list)
 
     def run(
         self,

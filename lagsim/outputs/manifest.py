@@ -13,19 +13,30 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.model.model import Model
     from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers.residual_monitor import ResidualMonitor
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 
 PACKAGES = ("numpy", "llvmlite", "matplotlib")
 
 
+def head(model: Model) -> dict[str, Any]:
+    """Give what every record begins with: what made it, and of which model."""
+    return {
+        "lagsim": __version__,
+        "versions": versions(),
+        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "parameters": {p.name: p.value for p in model.parameters},
+    }
+
+
 def manifest(
     session: Session,
     trajectory: Trajectory,
-    ledger: Ledger,
+    residuals: ResidualMonitor,
     error_bar: ErrorBar | str,
     cautions: Sequence[Caution],
     timings: Mapping[str, float],
@@ -35,10 +46,7 @@ def manifest(
     model, plan = session.case.equations.model, session.plan
     counts = trajectory.statistics
     return {
-        "lagsim": __version__,
-        "versions": versions(),
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
-        "parameters": {p.name: p.value for p in model.parameters},
+        **head(model),
         "method": plan.method,
         "formulation": plan.formulation,
         "rtol": plan.rtol,
@@ -61,8 +69,8 @@ def manifest(
         "factorisations": counts.factorisations,
         "events": [e._asdict() for e in trajectory.events],
         "event_counts": dict(trajectory.event_counts),
-        "energy_drift": ledger.energy_drift,
-        "constraint_residual": ledger.constraint_residual,
+        "energy_drift": residuals.energy_drift,
+        "constraint_residual": residuals.constraint_residual,
         "error": _error(error_bar),
         "warnings": [c.record for c in cautions],
         "timings": dict(timings),

@@ -1,6 +1,6 @@
 """What to know about a run besides its result, and whether it is an answer.
 
-An alarm is a `Caution`: a stable code, and a text that names the part of the scene and
+An alarm is a `Caution`: a stable code, and a text that names the part of the model and
 what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
 `unresolved-switch`, `coordinate-singularity`, and `step-at-stability-bound` of methods
 that choose their steps); the others are raised here, from what the rows have shown:
@@ -28,33 +28,56 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
-from lagsim.run.observers.witness import Witness
-from lagsim.run.observers.witness import gained as grown
+from lagsim.run.observers.energy_monitor import EnergyMonitor
+from lagsim.run.observers.energy_monitor import gained as grown
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.balances import account_of, worth
+from lagsim.studies.balances import besides_jumps, jumps, label_of, worth
 from lagsim.studies.error_bar import beside
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.report import StartReport
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.ledger import Ledger
+    from lagsim.run.observers.residual_monitor import ResidualMonitor
     from lagsim.run.overflow import Gap
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.balances import Balance, Whole
 
 
-def about_inputs(
-    examined: StartReport, settings: Settings, plan: Plan
-) -> list[Caution]:
+class Evidence(NamedTuple):
+    """A run, what its rows have shown, and its estimated error, or why there is none.
+
+    `balances` are those of each group of coordinates, then that of the whole.
+    """
+
+    session: Session
+    trajectory: Trajectory
+    residuals: ResidualMonitor
+    monitor: EnergyMonitor
+    balances: Sequence[Balance | Whole]
+    bar: ErrorBar | str
+
+    @property
+    def equations(self) -> Equations:
+        """Of the model."""
+        return self.session.case.equations
+
+    @property
+    def plan(self) -> Plan:
+        """Of the run."""
+        return self.session.plan
+
+
+def about_inputs(run: Evidence) -> list[Caution]:
     """Say what the file or the options asked for and the run does otherwise."""
+    case, plan = run.session.case, run.plan
+    examined, settings = case.examined, case.settings
     found = []
     if examined.changes:
         moved = ", ".join(
@@ -98,7 +121,7 @@ def about_gaps(found: Mapping[str, Gap]) -> Caution:
     return Caution("column-not-finite", text)
 
 
-# Rows meet the constraints to rounding; what is off by more than this part is not met.
+# Rows satisfy constraints to rounding; what is off by more than this part does not.
 HELD = 1e-6
 # An unexplained change of the energy counts from this part of the energy in play on: an
 # amplitude off by half of it is about the width of a line in a picture, and what the
@@ -134,57 +157,45 @@ def _unknown(why: str, drift: str) -> list[Caution]:
     return [Caution("error-unknown", text)]
 
 
-def _drift(
-    equations: Equations,
-    plan: Plan,
-    each: Iterable[Balance | Whole],
-    witness: Witness,
-) -> str:
+def _drift(run: Evidence) -> str:
     """Say by how much an energy drifts that the tolerance should keep, or give "".
 
     By a method that chooses its steps, or makes no error of its own. What is more than
     `UNEXPLAINED` has a warning of its own.
     """
+    equations, plan = run.equations, run.plan
     if plan.rtol is None and math.isfinite(method(plan.method).ORDER):
         return ""
     least = max(DRIFTED, MANY * (plan.rtol or 0.0))
-    for account in sorted(each, key=_part, reverse=True):
-        part = _part(account)
+    for balance in sorted(run.balances, key=_part, reverse=True):
+        part = _part(balance)
         if not part > least:
             break
-        row = account.worst_row
+        row = balance.worst_row
         if part > UNEXPLAINED or row is None:
             continue
-        from lagsim.studies.balances import jumps
-
         state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(equations.q)])
-        rounded = BOTH * worth(equations, account.energy, row, state)
-        _, still = held_still(equations, witness, account.coordinates)
-        since = account.since(max(least * account.in_play, rounded, still))
-        if since is not None and not jumps(equations, account):
-            of = f"{account_of(account)} is off by {part:.2g} of the energy in play"
+        rounded = BOTH * worth(equations, balance.energy, row, state)
+        _, still = held_still(run, balance.coordinates)
+        since = balance.since(max(least * balance.in_play, rounded, still))
+        if since is not None and not jumps(equations, balance):
+            of = f"{label_of(balance)} is off by {part:.2g} of the energy in play"
             return f"{of} from t = {since:.6g} on"
     return ""
 
 
-def _part(account: Balance | Whole) -> float:
-    """Give by what part of the energy in play an account is off."""
-    return account.drift / (account.in_play or 1.0)
+def _part(balance: Balance | Whole) -> float:
+    """Give by what part of the energy in play a balance is off."""
+    return balance.drift / (balance.in_play or 1.0)
 
 
-def about_error(
-    bar: ErrorBar | str,
-    equations: Equations,
-    plan: Plan,
-    each: Iterable[Balance | Whole],
-    witness: Witness,
-) -> list[Caution]:
+def about_error(run: Evidence) -> list[Caution]:
     """Say from when on the rows are no forecast, and whether their end is one.
 
     And where their energy is off by more than the tolerance leaves, whatever the
-    estimated error says of it. each : the accounts of that.
+    estimated error says of it.
     """
-    drift = _drift(equations, plan, each, witness)
+    bar, plan, drift = run.bar, run.plan, _drift(run)
     if isinstance(bar, str):
         return _unknown(bar, drift)
     found = []
@@ -209,30 +220,26 @@ def about_error(
     return found
 
 
-def about_constraints(
-    equations: Equations,
-    start: Instant,
-    plan: Plan,
-    ledger: Ledger,
-    witness: Witness,
-    trajectory: Trajectory,
-) -> list[Caution]:
+def about_constraints(run: Evidence) -> list[Caution]:
     """Say so where rows do not meet the constraints: the motion is then no answer.
 
     A method that locates no impact leaves a contact as deep as the motion goes in its
     steps, and other constraints off by what they change in these: it promises no more.
     """
+    plan, trajectory = run.plan, run.trajectory
     coarse = None
     if plan.step is not None and not getattr(method(plan.method), "EVENTS", True):
         extents = trajectory.extents
-        speeds = [max(map(abs, extents.get(v, (0.0,)))) for v in equations.velocities]
+        speeds = [
+            max(map(abs, extents.get(v, (0.0,)))) for v in run.equations.velocities
+        ]
         coarse = LATE * plan.step, np.array(speeds)
-    found = not_held(equations, start, ledger, witness, coarse)
+    found = not_held(run, coarse)
     if found is None:
         return []
     name, worst = found
     if trajectory.outcome is Outcome.CONSTRAINT_JUMPS:
-        since = ledger.constraint_since(name, HELD)
+        since = run.residuals.constraint_since(name, HELD)
         length = trajectory.end - trajectory.start
         if since is not None and trajectory.end - since <= AT_END * length:
             return []  # the last row shows the jump that has ended the run
@@ -249,11 +256,7 @@ def about_constraints(
 
 
 def not_held(
-    equations: Equations,
-    start: Instant,
-    ledger: Ledger,
-    witness: Witness,
-    coarse: tuple[float, Floats] | None = None,
+    run: Evidence, coarse: tuple[float, Floats] | None = None
 ) -> tuple[str, float] | None:
     """Give the constraint that is off most, and the part of its scale; or None.
 
@@ -262,18 +265,15 @@ def not_held(
     Where all of its terms all but vanish they are no scale: what counts is by how much
     of their motion the coordinates would have to move to meet it.
     """
-    n = len(equations.q)
-    g = equations.graph
+    equations, start = run.equations, run.session.case.examined.state
+    n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
-    for name, residual, part, values in ledger.constraints_off(HELD):
+    for name, residual, part, values in run.residuals.constraints_off(HELD):
         if not math.isfinite(residual):
             return name, part
         row = equations.row(name)
-        moved = witness.ranges[1 : 1 + n]
+        moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
         seed = NEIGHBOURS * beside(equations, start, moved)
-        if not row.holonomic:
-            moved = witness.ranges[1 + n : 1 + 2 * n]
-            seed = NEIGHBOURS * beside(equations, start, moved)
         state = dict(zip(equations.q, values[1 : 1 + n].tolist(), strict=True))
         rates = values[1 + n : 1 + 2 * n].tolist()
         state |= dict(zip(equations.velocities, rates, strict=True))
@@ -288,7 +288,7 @@ def not_held(
                 left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
             if residual <= left:
                 continue
-        seed = seed + held_still(equations, witness, range(n))[0]
+        seed = seed + held_still(run, range(n))[0]
         if residual > HELD * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
@@ -299,7 +299,7 @@ def _changed(
 ) -> float:
     """Give by how much a constraint may be off at a row of a step that begins h before.
 
-    Its rate is met with positions and time of half a step before, and linearised.
+    Its rate is satisfied with positions and time of half a step before, and linearised.
     """
     g, n = equations.graph, len(equations.q)
     q, v, a = values[1 : 1 + 3 * n].reshape(3, n)
@@ -316,9 +316,7 @@ def _changed(
     return h * (abs(now) + off) if row.holonomic else off
 
 
-def held_still(
-    equations: Equations, witness: Witness, which: Sequence[int]
-) -> tuple[Floats, float]:
+def held_still(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     """Give how far (n,) rounding moves what is held, or balanced, and its energy.
 
     Of the coordinates of these numbers. What forces leave of it, where they
@@ -327,32 +325,25 @@ def held_still(
     """
     from lagsim.run.held import could_push
 
-    n = len(equations.q)
-    rows, span = witness.passed, float(witness.ranges[0])
-    found = could_push(equations, rows, which, span, witness.held)
-    rests = witness.ranges[1 : 1 + n] <= HIGHER * found.moved
+    n, monitor = len(run.equations.q), run.monitor
+    rows, span = monitor.passed, float(monitor.ranges[0])
+    found = could_push(run.equations, rows, which, span, monitor.held)
+    rests = monitor.ranges[1 : 1 + n] <= HIGHER * found.moved
     moved = np.where(rests, found.moved, 0.0)
     return moved, float(moved @ found.forces)
 
 
-def rounding(equations: Equations, account: Balance | Whole, witness: Witness) -> float:
-    """Give what the rounding of the worst row is worth in the energy of an account."""
-    row, own = account.worst_row, account.coordinates
+def rounding(run: Evidence, balance: Balance | Whole) -> float:
+    """Give what the rounding of the worst row is worth in the energy of a balance."""
+    row, own = balance.worst_row, balance.coordinates
     if row is None:
         return 0.0
-    state = np.abs(row[1 : 1 + 2 * len(equations.q)])
-    far = FAR * worth(equations, account.energy, row, UNIT_ROUNDOFF * state)
-    return max(far, held_still(equations, witness, own)[1])
+    state = np.abs(row[1 : 1 + 2 * len(run.equations.q)])
+    far = FAR * worth(run.equations, balance.energy, row, UNIT_ROUNDOFF * state)
+    return max(far, held_still(run, own)[1])
 
 
-def about_energy(
-    equations: Equations,
-    settings: Settings,
-    plan: Plan,
-    trajectory: Trajectory,
-    each: Sequence[Balance | Whole],
-    witness: Witness,
-) -> list[Caution]:
+def about_energy(run: Evidence) -> list[Caution]:
     """Say so where the energy drifts and no force explains it.
 
     Of each group of bodies that touches no other, or of the whole. The energy of a
@@ -360,30 +351,22 @@ def about_energy(
     gained on the whole counts, else the largest deviation.
     """
     found: list[Caution] = []
-    for account in each:
-        if account.names or not found:
-            found += _gained(equations, settings, plan, trajectory, account, witness)
+    for balance in run.balances:
+        if balance.names or not found:
+            found += _gained(run, balance)
     return found
 
 
-def _gained(
-    equations: Equations,
-    settings: Settings,
-    plan: Plan,
-    trajectory: Trajectory,
-    account: Balance | Whole,
-    witness: Witness,
-) -> list[Caution]:
-    in_play = account.in_play
-    gained = account.gained(farthest=plan.rtol is not None)
+def _gained(run: Evidence, balance: Balance | Whole) -> list[Caution]:
+    plan, settings = run.plan, run.session.case.settings
+    in_play = balance.in_play
+    gained = balance.gained(farthest=plan.rtol is not None)
     if not abs(gained) > UNEXPLAINED * in_play:
         return []
-    if abs(gained) <= rounding(equations, account, witness):
+    if abs(gained) <= rounding(run, balance):
         return []
-    from lagsim.studies.balances import besides_jumps
-
-    since = account.since(UNEXPLAINED * in_play)
-    rest = besides_jumps(equations, account)
+    since = balance.since(UNEXPLAINED * in_play)
+    rest = besides_jumps(run.equations, balance)
     if rest is not None:
         drifts = rest - rest[0]
         gained = grown(rest)
@@ -392,19 +375,19 @@ def _gained(
         if not abs(gained) > UNEXPLAINED * in_play:
             return []
         off = np.abs(drifts) > UNEXPLAINED * in_play
-        since = float(account.rows[np.argmax(off), 0])
-    when = witness.end if plan.rtol is None or since is None else since
+        since = float(balance.rows[np.argmax(off), 0])
+    when = run.monitor.end if plan.rtol is None or since is None else since
     way = "gained" if gained > 0.0 else "lost"
     part = abs(gained) / in_play
     reached = "by" if plan.rtol is None else "from"
-    of = f" of {', '.join(account.names)}" if account.names else ""
+    of = f" of {', '.join(balance.names)}" if balance.names else ""
     text = (
         f"the motion{of} has {way} energy that no force explains, {part:.2g} of the "
         f"energy in play {reached} t = {when:.6g}"
     )
     if rest is not None:
         text += ", besides jumps of its expression, which are no error"
-    elif trajectory.outcome.complete:
+    elif run.trajectory.outcome.complete:
         text += f": that is an error of {_whose(plan)}; {_how(settings, plan)} it"
     return [Caution(f"energy-{way}", text)]
 
@@ -439,11 +422,11 @@ TOLERANCES = 1e4
 LOOSE = ("baumgarte", "drift")
 
 
-class Doubt(NamedTuple):
+class Finding(NamedTuple):
     """Why the rows of a run may be no answer, and from which time on.
 
     `refutes` where they cannot be one; else another run has to tell. `parts` where a
-    constraint is not met.
+    constraint is not satisfied.
     """
 
     text: str
@@ -465,115 +448,79 @@ def up_to(session: Session, time: float) -> Session:
     return session._replace(case=session.case.asking(end=end))
 
 
-def doubt_about(
-    session: Session,
-    trajectory: Trajectory,
-    ledger: Ledger,
-    witness: Witness,
-    balances: Sequence[Balance | Whole],
-    bar: ErrorBar | str,
-) -> Doubt | None:
+def audit(run: Evidence) -> Finding | None:
     """Give why a run that came to its end is in doubt, if it is."""
-    plan, equations = session.plan, session.case.equations
+    plan = run.plan
     judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
-    if not judged or not trajectory.outcome.complete or plan.formulation in LOOSE:
+    if not judged or not run.trajectory.outcome.complete or plan.formulation in LOOSE:
         return None
+    drifts = (_off(run, balance) for balance in run.balances)
     return (
-        _about_constraints(equations, session.case.examined.state, ledger, witness)
-        or _about_energy(equations, plan, balances, witness, bar)
-        or _about_repeat(plan, bar)
+        _about_constraints(run)
+        or next((found for found in drifts if found is not None), None)
+        or _about_repeat(run)
     )
 
 
-def _about_constraints(
-    equations: Equations, start: Instant, ledger: Ledger, witness: Witness
-) -> Doubt | None:
-    found = not_held(equations, start, ledger, witness)
+def _about_constraints(run: Evidence) -> Finding | None:
+    found = not_held(run)
     if found is None:
         return None
     name, worst = found
     text = f"constraint `{name}` is off by {worst:.2g} of its scale"
-    since = ledger.constraint_since(name, HELD)
-    return None if since is None else Doubt(text, since, refutes=True, parts=True)
+    since = run.residuals.constraint_since(name, HELD)
+    return None if since is None else Finding(text, since, refutes=True, parts=True)
 
 
-def _about_energy(
-    equations: Equations,
-    plan: Plan,
-    each: Sequence[Balance | Whole],
-    witness: Witness,
-    bar: ErrorBar | str,
-) -> Doubt | None:
-    """Hold drifts against what the errors of the state are worth in energy.
+def _off(run: Evidence, balance: Balance | Whole) -> Finding | None:
+    """Hold a drift against what the errors of the state are worth in energy.
 
-    Of the whole, and of each group that touches no other.
+    Of the whole, or of a group that touches no other.
     """
-    for balance in each:
-        found = _off(equations, plan, balance, witness, bar)
-        if found is not None:
-            return found
-    return None
-
-
-def _off(
-    equations: Equations,
-    plan: Plan,
-    balance: Balance | Whole,
-    witness: Witness,
-    bar: ErrorBar | str,
-) -> Doubt | None:
-    """Tell why one account is in doubt, if it is."""
+    equations, plan = run.equations, run.plan
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
     if not LEAST * in_play < drift < math.inf or row is None:
         return None
-    from lagsim.studies.balances import jumps
-
-    text = (
-        f"{account_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
-    )
-    explained = _explained(equations, plan, balance, row, bar)
+    text = f"{label_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
+    explained = _explained(run, balance, row)
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
-    rounded = rounding(equations, balance, witness)
+    rounded = rounding(run, balance)
     bound = max(min(FAR * explained, wrong), rounded, LEAST * in_play)
     since = balance.since(bound)
     if not drift > bound or since is None or jumps(equations, balance):
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"
-    return Doubt(text, since, refutes=True)
+    return Finding(text, since, refutes=True)
 
 
-def _explained(
-    equations: Equations,
-    plan: Plan,
-    balance: Balance | Whole,
-    row: Floats,
-    bar: ErrorBar | str,
-) -> float:
+def _explained(run: Evidence, balance: Balance | Whole, row: Floats) -> float:
     """Give what the errors of a row make of its energy - work; inf: not known."""
+    bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
         return math.inf
     # Up to the row that was compared next.
     until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
     errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
     part = float(np.max(bar.parts[:until], initial=0.0))
-    part += FAR * (plan.rtol or EXACT_RTOL)
-    return worth(equations, balance.energy, row, errors) + part * balance.work_range
+    part += FAR * (run.plan.rtol or EXACT_RTOL)
+    return worth(run.equations, balance.energy, row, errors) + part * balance.work_range
 
 
-def _about_repeat(plan: Plan, bar: ErrorBar | str) -> Doubt | None:
+def _about_repeat(run: Evidence) -> Finding | None:
     """Look for a time from which a repeat shows another motion."""
+    bar = run.bar
     if isinstance(bar, str):
         return None
     if bar.parted:
-        return Doubt(bar.parted, float(bar.times[-1]), refutes=False)
-    rtol = plan.tolerance
+        return Finding(bar.parted, float(bar.times[-1]), refutes=False)
+    rtol = run.plan.tolerance
     lost = bar.lost
     if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
         return None
     off = int(np.argmax(lost > TOLERANCES * rtol))
     text = f"a repeat by {bar.method} gives another motion"
-    return Doubt(text, float(bar.times[off]), refutes=False)
+    return Finding(text, float(bar.times[off]), refutes=False)
 
 
 # Methods with nothing to look for: they notice on the way, or are exact.
@@ -583,42 +530,30 @@ SEE_FOR_THEMSELVES = ("dop853", "exponential")
 FOLLOWS = 0.05
 
 
-def alarms(
-    session: Session,
-    trajectory: Trajectory,
-    ledger: Ledger,
-    witness: Witness,
-    balances: Sequence[Balance | Whole],
-    bar: ErrorBar | str,
-) -> list[Caution]:
+def alarms(run: Evidence) -> list[Caution]:
     """Give all that there is to know about a run, in the order of its stages."""
-    case, plan = session.case, session.plan
-    equations, examined, settings = case.equations, case.examined, case.settings
     return [
-        *examined.warnings,
-        *about_inputs(examined, settings, plan),
-        *trajectory.warnings,
-        *_about_steps(equations, plan, trajectory, witness),
-        *about_energy(equations, settings, plan, trajectory, balances, witness),
-        *about_constraints(
-            equations, examined.state, plan, ledger, witness, trajectory
-        ),
-        *about_error(bar, equations, plan, balances, witness),
+        *run.session.case.examined.warnings,
+        *about_inputs(run),
+        *run.trajectory.warnings,
+        *_about_steps(run),
+        *about_energy(run),
+        *about_constraints(run),
+        *about_error(run),
     ]
 
 
-def _about_steps(
-    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
-) -> list[Caution]:
-    """Ask for the eigenvalues of the scene, where there may be something to tell."""
+def _about_steps(run: Evidence) -> list[Caution]:
+    """Ask for the eigenvalues of the model, where there may be something to tell."""
+    plan, trajectory, monitor = run.plan, run.trajectory, run.monitor
     steps = trajectory.statistics.steps
     chosen = plan.step is None and plan.formulation != "baumgarte"
     if not steps or (chosen and plan.method in SEE_FOR_THEMSELVES):
         return []
     if chosen and math.isfinite(method(plan.method).IMAGINARY_LIMIT):
         h = (trajectory.end - trajectory.start) / steps
-        if h * witness.fastest_rate > FOLLOWS:
+        if h * monitor.fastest_rate > FOLLOWS:
             return []
     from lagsim.studies.step_bounds import about_steps
 
-    return about_steps(equations, plan, trajectory, witness)
+    return about_steps(run.equations, plan, trajectory, monitor)

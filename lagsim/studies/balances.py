@@ -1,7 +1,7 @@
 """Energy - work of each group of coordinates that touch no other: none hides another's.
 
 Where the energy is a sum over groups, each has a balance: its energy less the work that
-is done on it, see `mechanics.groups`. Values come from the rows that the witness has
+is done on it, see `mechanics.groups`. Values come from the rows that the monitor has
 kept.
 
 A jump of a potential makes no impulse: that the energy is then another is no error. But
@@ -22,7 +22,7 @@ import numpy as np
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.groups import groups, shares
-from lagsim.run.observers.witness import gained
+from lagsim.run.observers.energy_monitor import gained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.plan.plan import Plan
-    from lagsim.run.observers.ledger import Ledger
-    from lagsim.run.observers.witness import Witness
+    from lagsim.run.observers.energy_monitor import EnergyMonitor
+    from lagsim.run.observers.residual_monitor import ResidualMonitor
 
 # Rows that are looked at, and operations for them, at most.
 MOST_ROWS = 512
@@ -103,74 +103,74 @@ class Whole(NamedTuple):
 
     coordinates: list[int]
     energy: int
-    ledger: Ledger
-    witness: Witness
+    residuals: ResidualMonitor
+    monitor: EnergyMonitor
     names: tuple[str, ...] = ()
 
     @property
     def drift(self) -> float:
         """The largest."""
-        return self.ledger.energy_drift
+        return self.residuals.energy_drift
 
     @property
     def in_play(self) -> float:
         """The energy in play."""
-        return self.witness.energy_in_play
+        return self.monitor.energy_in_play
 
     @property
     def work_range(self) -> float:
         """Of the work."""
-        return self.witness.work_range
+        return self.monitor.work_range
 
     @property
     def rows(self) -> Floats:
         """Time, coordinates and velocities (k, 1 + 2 n) of what is kept."""
-        return self.witness.passed
+        return self.monitor.passed
 
     @property
     def kept(self) -> Floats:
         """Energy - work (k,) of these rows."""
-        return self.witness.balance
+        return self.monitor.balance
 
     @property
     def worst_row(self) -> Floats | None:
         """Where the drift is largest."""
-        return self.ledger.worst_row
+        return self.residuals.worst_row
 
     def since(self, bound: float) -> float | None:
         """Give the first time at which energy - work is off by more than `bound`."""
-        return self.ledger.drift_since(bound)
+        return self.residuals.drift_since(bound)
 
     def gained(self, *, farthest: bool) -> float:
         """Give what has been gained in the end, or the deviation that is `farthest`."""
-        if farthest and math.isfinite(self.ledger.energy_gained):
-            return self.ledger.energy_gained
-        return self.witness.energy_gained
+        if farthest and math.isfinite(self.residuals.energy_gained):
+            return self.residuals.energy_gained
+        return self.monitor.energy_gained
 
 
-def accounts(
-    equations: Equations, plan: Plan, ledger: Ledger, witness: Witness
+def balances(
+    equations: Equations, plan: Plan, residuals: ResidualMonitor, monitor: EnergyMonitor
 ) -> Iterator[Balance | Whole]:
-    """Give the account of each group, then of the whole.
+    """Give the balance of each group, then of the whole.
 
     A tolerance that a person gave in absolute numbers is no measure of small groups.
     """
     if plan.atol is None:
-        yield from balances(equations, witness)
+        yield from group_balances(equations, monitor)
     everything = list(range(len(equations.q)))
-    yield Whole(everything, equations.energy, ledger, witness)
+    yield Whole(everything, equations.energy, residuals, monitor)
 
 
-def account_of(balance: Balance | Whole) -> str:
-    """Name an account."""
+def label_of(balance: Balance | Whole) -> str:
+    """Name a balance."""
     of = f" of {', '.join(balance.names)}" if balance.names else ""
     return f"energy - work{of}"
 
 
-def balances(equations: Equations, witness: Witness) -> list[Balance]:
+def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
     """Give what each group shows; nothing where there is one, or no sum over them."""
     e, g, n = equations, equations.graph, len(equations.q)
-    if n < 2 or len(witness.passed) < 2:
+    if n < 2 or len(monitor.passed) < 2:
         return []
     found = groups(e)
     if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):
@@ -183,17 +183,17 @@ def balances(equations: Equations, witness: Witness) -> list[Balance]:
         if g.depends(own) & {*e.q, *e.velocities} - within:
             return []
     most = min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes))))
-    stride = -(-len(witness.passed) // max(most, 2))
-    rows, worked = witness.passed[::stride], witness.worked[::stride]
+    stride = -(-len(monitor.passed) // max(most, 2))
+    rows, worked = monitor.passed[::stride], monitor.worked[::stride]
     moving = dict(zip(("t", *e.q, *e.velocities), rows.T, strict=True))
     fixed = {p.name: p.value for p in e.model.parameters}
     values = evaluate_rows(g, nodes, fixed | moving, len(rows))
     each, kinetic = values[: len(found)], values[len(found) :]
     fastest = [np.max(np.abs(x)) for x in kinetic]
-    for speeds in _between(e.velocities, moving, witness.extents):
+    for speeds in _between(e.velocities, moving, monitor.extents):
         more = evaluate_rows(g, forms, fixed | moving | speeds, len(rows))
         fastest = [np.fmax(a, np.max(b)) for a, b in zip(fastest, more, strict=True)]
-    rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - witness.balance[::stride]
+    rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - monitor.balance[::stride]
     # What stands in no group depends on time alone, and is in `work` as it is.
     timed = [k for k, work in enumerate(e.works) if not work.coordinates]
     rest += np.sum(worked[:, timed], axis=1)
@@ -257,42 +257,42 @@ MOST_ON_A_WAY = 8
 ALIKE = 1e-6
 
 
-def jumps(equations: Equations, account: Balance | Whole) -> bool:
-    """Tell whether the energy of an account jumps somewhere on the way."""
-    energy = Energy(equations, account.energy)
+def jumps(equations: Equations, balance: Balance | Whole) -> bool:
+    """Tell whether the energy of a balance jumps somewhere on the way."""
+    energy = Energy(equations, balance.energy)
     if not energy.switches:
         return False
     n = len(equations.q)
-    states, worst = account.rows, account.worst_row
+    states, worst = balance.rows, balance.worst_row
     if worst is not None:
         # A jump that is still there at the worst row lies on any way to it.
         states = np.vstack([worst[: 1 + 2 * n], states])
     sides = [energy.sides(state) for state in states]
     changes = [k for k in range(len(states) - 1) if sides[k] != sides[k + 1]]
-    least = ROUNDING * account.in_play
+    least = ROUNDING * balance.in_play
     chosen = changes[:: -(-len(changes) // MOST_WAYS) or 1]
     return any(energy.jump(states[k], states[k + 1], least) != 0.0 for k in chosen)
 
 
-def besides_jumps(equations: Equations, account: Balance | Whole) -> Floats | None:
+def besides_jumps(equations: Equations, balance: Balance | Whole) -> Floats | None:
     """Give energy - work (k,) of the rows that are kept, without jumps on the way.
 
     None where there are none.
     """
-    energy = Energy(equations, account.energy)
-    states, balance = account.rows, account.kept
+    energy = Energy(equations, balance.energy)
+    states, kept = balance.rows, balance.kept
     if not energy.switches or len(states) < 2:
         return None
-    least = ROUNDING * account.in_play
+    least = ROUNDING * balance.in_play
     jumped = np.array([energy.jump(a, b, least) for a, b in pairwise(states)])
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None
-    changes = np.diff(balance) - jumped
+    changes = np.diff(kept) - jumped
     size = float(np.max(sizes))
     if np.ptp(sizes) <= ALIKE * size < np.inf:
         changes -= size * np.round(changes / size)
-    rest = np.concatenate([[0.0], np.cumsum(changes)]) + balance[0]
+    rest = np.concatenate([[0.0], np.cumsum(changes)]) + kept[0]
     return np.asarray(rest)
 
 

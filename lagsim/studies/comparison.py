@@ -36,7 +36,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
     """Give when the same happened in both runs (k, 2).
 
     The same is of one kind, to one constraint, and nearest either way: what only one
-    run has met with has no partner.
+    run contains has no partner.
     """
     mine, theirs = _by_what(events), _by_what(others)
     pairs = [
@@ -150,7 +150,7 @@ def scales(
 
 
 def _moving(columns: Sequence[str], wide: Floats) -> float:
-    """Give the range of the kinetic energy, or of what stands for it."""
+    """Give the range of the kinetic energy, or of what replaces it."""
     for name in ("kinetic", "lagrangian"):
         if name in columns:
             return float(wide[columns.index(name)])
@@ -266,38 +266,54 @@ class Deviation:
         return self.cells == 0
 
 
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """What a comparison found.
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """Whether a run is the same as a golden one, as far as it has to be.
 
     Attributes
     ----------
     worst : tuple of Deviation
-        One for each column of both tables, the worst first.
+        One for each column of both (and each invariant), the worst first.
     missing, extra : tuple of str
-        Columns that only the golden table has, or only the new one.
-    rows : Matched
-    bound : callable
-        (column, golden, new) -> what values (rows,) of the column may differ by.
+        Columns that only the golden has, or only the new run.
+    faults : tuple of str
+        What else they differ in.
     """
 
     worst: tuple[Deviation, ...]
     missing: tuple[str, ...]
     extra: tuple[str, ...]
-    rows: Matched
-    bound: Callable[[str, Floats, Floats], Floats]
+    faults: tuple[str, ...]
+
+    @property
+    def failed(self) -> list[Deviation]:
+        """The columns that differ, the worst first."""
+        return [d for d in self.worst if not d.passed]
 
     @property
     def passed(self) -> bool:
-        """Whether the tables are the same, as far as they have to be."""
-        same_times = not len(self.rows.missing) and not len(self.rows.extra)
-        return same_times and not self.missing and all(d.passed for d in self.worst)
+        """Whether it is the same."""
+        return not (self.missing or self.faults or self.failed)
 
     @property
     def first(self) -> Deviation | None:
         """The column that fails first in time."""
         failed = [d for d in self.worst if d.first is not None]
         return min(failed, key=lambda d: (d.first, -d.ratio), default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison(Verdict):
+    """The verdict on two tables, whose rows belong together as `rows` says.
+
+    Attributes
+    ----------
+    bound : callable
+        (column, golden, new) -> what values (rows,) of the column may differ by.
+    """
+
+    rows: Matched
+    bound: Callable[[str, Floats, Floats], Floats]
 
 
 def compare(
@@ -343,6 +359,12 @@ def compare(
         worst=ordered(found),
         missing=tuple(c for c in golden.columns if c not in new.columns),
         extra=tuple(c for c in new.columns if c not in golden.columns),
+        faults=tuple(
+            f"only {which} has {len(t)} row{'s' * (len(t) > 1)}, the first at t = "
+            f"{float(t[0])!r}"
+            for which, t in (("golden", rows.missing), ("new", rows.extra))
+            if len(t)
+        ),
         rows=rows,
         bound=allowed,
     )

@@ -5,7 +5,6 @@ At the left both, at the right the size of their difference in the band of its b
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -30,7 +29,7 @@ from lagsim.run.observers.thinning import Thinning
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison import Comparison, Deviation
+    from lagsim.studies.comparison import Comparison, Deviation, Verdict
     from lagsim.studies.tables import Table
 
 # So many columns are shown.
@@ -71,20 +70,19 @@ def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
         )
         for d in shown(found.worst)
     ]
-    count, *first = told(found.worst, letters)
+    count, *first = told(found, letters)
     return drawn(count, title, curves, first)
 
 
-def told(worst: Sequence[Deviation], letters: Letters) -> list[str]:
-    """Say how many columns differ, and which is the first to do so."""
-    failed = [d for d in worst if not d.passed]
-    if not failed:
+def told(verdict: Verdict, letters: Letters) -> list[str]:
+    """Give how many columns differ, and which is the first to do so."""
+    first = verdict.first
+    if first is None:
         return ["no column differs"]
-    said = [f"{len(failed)} of {len(worst)} columns differ"]
-    first = min(failed, key=lambda d: math.inf if d.first is None else d.first)
-    if first.first is not None:
-        said.append(f"first {letters.name(first.column)} at t = {first.first:.4g} s")
-    return said
+    return [
+        f"{len(verdict.failed)} of {len(verdict.worst)} columns differ",
+        f"first {letters.name(first.column)} at t = {first.first:.4g} s",
+    ]
 
 
 def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:

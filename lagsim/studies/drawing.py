@@ -183,7 +183,7 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     with ahead.helped():
         for name, picture in drawn(Order(fields, model, is_sum)):
             if isinstance(picture, Caution):
-                # The first draws it again, and tells of it.
+                # The first draws it again, and reports it.
                 raise RuntimeError(picture.text)  # noqa: TRY004
             yield b"%b\n%b" % (name.encode(), picture)
 

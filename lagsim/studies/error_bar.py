@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 # it: its range counts as no less than this part of theirs.
 SEED = 1e-9
 # What moves by less than so many units in the last place of its own values, or of the
-# motion of what it is linked with, is at rest but for rounding: its error is told as a
+# motion of what it is linked with, is at rest but for rounding: its error is given as a
 # part of those, and is no horizon.
 RESOLVED = 64.0 * 2.0**-52
 # What moves by a million times its error does not rest.
@@ -109,7 +109,7 @@ def hardly_moving(
     """Give the numbers of coordinates that may rest but for rounding.
 
     All else moves by far more than its error, or than the millionth of what moves
-    beside it, and nobody has to ask what could push it.
+    beside it, and what could push it need not be asked.
     """
     slow = (found <= STILL * moving) | (errors > RESOLVED_BY * scales)
     return list(map(int, np.flatnonzero(slow)))
@@ -123,7 +123,7 @@ def is_at_rest(found: Floats, largest: Floats, held: Floats) -> bool:
 def scales_of(
     found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
-    """Give what errors are told as parts of, and below which there is no horizon (n,).
+    """Give what errors are given as parts of, and below which there is no horizon (n,).
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ SERIES_STEP = 2.0
 # Operations that a repeat may take without being asked for: about 2 s.
 BUDGET = 2e9
 # No repeat takes more than so many times the run, or so many operations: one that does
-# has met with something that the run has not.
+# has encountered something that the run has not.
 MOST_TIMES = 20.0
 ALWAYS = 2e8
 # All that judges a run takes no more than so many times the run, and so many operations
@@ -311,7 +311,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
 
 
 def _sees_all(system: System) -> bool:
-    """Tell whether nothing in a scene can hide from a series, whatever its steps.
+    """Tell whether nothing in a model can hide from a series, whatever its steps.
 
     Then other steps are other means enough, and no second method has to be linked.
     """
@@ -364,7 +364,7 @@ LEAST_ROWS = 64
 ALIKE = 1e-4
 
 
-class Account(Observer, Protocol):
+class Judge(Observer, Protocol):
     """What the rows of a repeat are judged by before it may accuse a run."""
 
     def fault(self, trajectory: Trajectory) -> str:
@@ -377,7 +377,7 @@ def repeat(
     checkpoints: Checkpoints,
     *,
     always: bool = False,
-    account: Callable[[Session], Account] | None = None,
+    judge: Callable[[Session], Judge] | None = None,
     allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
@@ -390,7 +390,7 @@ def repeat(
         Of the run.
     always
         Whatever it costs.
-    account
+    judge
         Gives what judges a repeat; one that fails says nothing, and another is made.
     allowance
         What is left for the judging of the run; by default as much as there ever is.
@@ -415,7 +415,7 @@ def repeat(
         way, again = _spaced(way, checkpoints)
         limits = (MOST_STEPS, 0.0) if always else (most, price.arc)
         way = way._replace(most_steps=limits[0], arc_steps=limits[1])
-        own = None if account is None else account(way)
+        own = None if judge is None else judge(way)
         repeated = way.run(
             [again, *([own] if own else [])], interrupt=interrupt, progress=progress
         )
@@ -446,7 +446,7 @@ def is_outlier(
     checkpoints: Checkpoints,
     bar: ErrorBar,
     *,
-    account: Callable[[Session], Account] | None = None,
+    judge: Callable[[Session], Judge] | None = None,
     allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
 ) -> bool:
@@ -465,7 +465,7 @@ def is_outlier(
     way = way._replace(plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
         most_steps=allowance.steps(price, system, trajectory), arc_steps=price.arc,
     )  # fmt: skip
-    own = None if account is None else account(way)
+    own = None if judge is None else judge(way)
     made = way.run([third, *([own] if own else [])], interrupt=interrupt)
     allowance.take(price, made)
     if own and own.fault(made):

@@ -20,7 +20,7 @@ from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.run.observers.checkpoints import numbers
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from lagsim.studies.comparison import kind, moved, nearest, partners, scales
 
 if TYPE_CHECKING:
@@ -164,9 +164,9 @@ def motion_of(case: Case, stride: int) -> Motion:
     """
     session = case.ready()
     names = session.system.columns.names
-    kept, ledger = Sparse(session.case.settings, stride), Ledger(names)
-    trajectory = session.run([kept, ledger])
-    scales = {f"residual_{name}": scale for name, scale in ledger.scales.items()}
+    kept, residuals = Sparse(session.case.settings, stride), ResidualMonitor(names)
+    trajectory = session.run([kept, residuals])
+    scales = {f"residual_{name}": scale for name, scale in residuals.scales.items()}
     table = session.system.columns.table
     rows = kept.table[:, :table]
     return Motion(names[:table], rows, scales, trajectory, session.plan)
@@ -195,7 +195,7 @@ def _asked(case: Case, plan: Plan) -> Iterator[tuple[str, Case]]:
         for kind, factor in factors:
             rtol = max(plan.rtol * factor, TIGHTEST)
             atol = None if plan.atol is None else plan.atol * factor
-            # With the method that such a run would take, where nobody has named one.
+            # With the method that such a run would take, where none is named.
             yield kind, case.asking(rtol=rtol, atol=atol)
     else:
         assert plan.step is not None
@@ -265,7 +265,7 @@ def _reached(t: Floats, times: Floats, reach: Floats) -> Flags:
     return found
 
 
-LEDGER = "energy - work"
+BALANCE = "energy - work"
 RESIDUAL = "residual_"
 
 
@@ -273,13 +273,13 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     """Give what should be constant, in the rows of a motion (rows,).
 
     That is the energy (less the work), each residual, and the momentum of each
-    coordinate that neither the Lagrangian nor a force nor a constraint knows. Of what
+    coordinate that is in neither the Lagrangian nor a force nor a constraint. Of what
     stays >= 0 it is what lies below.
     """
     column = {name: motion.rows[:, k] for k, name in enumerate(motion.columns)}
     found = {}
     if "work" in column:
-        found[LEDGER] = column["energy"] - column["work"]
+        found[BALANCE] = column["energy"] - column["work"]
     else:
         found["energy"] = column["energy"]
     found |= _residuals(equations, column)

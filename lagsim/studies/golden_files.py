@@ -18,7 +18,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.methods import method as method_named
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
-from lagsim.studies.comparison import Deviation, deviations, ordered
+from lagsim.studies.comparison import Deviation, Verdict, deviations, ordered
 from lagsim.studies.golden import (
     DIGITS,
     SAME_TIME,
@@ -206,36 +206,23 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """What was found.
+@dataclass(frozen=True, kw_only=True)
+class Judgement(Verdict):
+    """The verdict on a run.
 
     Attributes
     ----------
-    worst : tuple of Deviation
-        One for each column and invariant, the worst first.
-    missing, extra : tuple of str
-        Columns that are no longer there, or are new.
-    faults, notes : tuple of str
-        What else fails the run, and what is no failure.
+    notes : tuple of str
+        What has changed, and is no failure.
     changed : tuple of str
         Parameters and start values that are no longer those of the golden.
     place : Place, optional
         The line of the file that made the difference, as far as it is known.
     """
 
-    worst: tuple[Deviation, ...]
-    missing: tuple[str, ...]
-    extra: tuple[str, ...]
-    faults: tuple[str, ...]
     notes: tuple[str, ...]
     changed: tuple[str, ...] = ()
     place: Place | None = None
-
-    @property
-    def passed(self) -> bool:
-        """Whether the motion is still the same."""
-        return not (self.missing or self.faults) and all(d.passed for d in self.worst)
 
 
 def run(case: Case, stored: Stored) -> Motion:
@@ -424,6 +411,6 @@ def picture(case: Case, motion: Motion, stored: Stored, judgement: Judgement) ->
         constant = CONSTANT if name != deviation.column else ""
         named = f"{letters.name(name)}{constant}", of.get(name, "")
         curves.append(Curve(deviation, named, kept))
-    subject = ", ".join(told(judgement.worst, letters))
+    subject = ", ".join(told(judgement, letters))
     title = f"{model.name} differs from its golden"
     return drawn(title, subject, curves, judgement.changed)

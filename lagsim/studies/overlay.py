@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagsim.outputs.sheet import Sheet
     from lagsim.studies.tables import Table
 
-# Columns that are shown where none are named, and parameters that a name tells.
+# Columns that are shown where none are named, and parameters that a name shows.
 MOST_COLUMNS, MOST_NAMED = 4, 2
 # Models that a title names.
 MOST_MODELS = 3
@@ -138,7 +138,7 @@ def title(runs: Sequence[Shown]) -> str:
 
 
 def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
-    """Give what tells runs apart and its value in each, for the colours of many.
+    """Give what distinguishes runs and its value in each, for the colours of many.
 
     That is the one parameter that differs, or a start value of what is drawn, or the
     place in which a run is given.

@@ -1,8 +1,8 @@
-"""A run on its way, kept every few seconds, so that a killed one need not begin anew.
+"""A run on its way, kept every few seconds, so that a killed one need not begin again.
 
 Kept is the run as it stands between two calls of its kernels: arcs, sources, what was
 recorded and observed, and the memories of kernels. What follows from the model alone
-(equations, plan, compiled functions) is made anew, and told apart by its name. The rows
+(equations, plan, compiled functions) is regenerated, and referred to by name. The rows
 are those at the beginning of the table, known by their sha256. Where a run is in a way
 that is not kept (by another method than its plan's, say), what was kept before stays:
 the same steps are made again, to the same bits.
@@ -51,7 +51,7 @@ MOST_OF_THE_TIME = 0.05
 _KEY = "restart.key"
 _KEY_BYTES = 32
 _BLOCK = 1 << 20
-# What a run holds that is not made anew, by module.
+# What a run holds that is not regenerated, by module.
 _DECLARED = {
     "language.sparse": "SparseVector",
     "mechanics.constraints": "Kind Law Row",
@@ -82,9 +82,9 @@ _DECLARED = {
     "run.events.switching": "Switching",
     "run.events.times": "TimeBreaks",
     "run.fallback": "Fallback",
-    "run.observers.ledger": "Growth Ledger",
+    "run.observers.residual_monitor": "Growth ResidualMonitor",
     "run.observers.thinning": "_Envelope _Sample Thinning",
-    "run.observers.witness": "Witness",
+    "run.observers.energy_monitor": "EnergyMonitor",
     "run.overflow": "Gap Gaps",
     "run.recorder": "Recorder",
     "run.stiffness": "Fast Stiffness",
@@ -198,7 +198,7 @@ class Restart:
         began = time.monotonic()
         if began < self._due or self._key is None or self._kept.relay.fault is not None:
             return
-        # What is not kept now may be another time; a full disk is told by the table.
+        # What is not kept now may be later; a full disk is reported by the table.
         with contextlib.suppress(UndeclaredError, OSError):
             self._keep(run, self._key)
         ended = time.monotonic()
@@ -329,7 +329,7 @@ def _put_aside(path: Path, aside: Path, size: int, whole: bool) -> None:
 
 
 def _name(x: Any, names: Mapping[int, str]) -> Any:
-    """Give the name of what is made anew; None of what is not."""
+    """Give the name of what is regenerated; None of what is not."""
     name = names.get(id(x))
     if name is None and isinstance(x, Runner) and id(x.system) in names:
         return [names[id(x.system)], x.method.__name__.rpartition(".")[-1]]
@@ -337,7 +337,7 @@ def _name(x: Any, names: Mapping[int, str]) -> Any:
 
 
 def _given(name: Any, things: Mapping[str, Any]) -> Any:
-    """Give what is made anew, by its name."""
+    """Give what is regenerated, by its name."""
     if isinstance(name, str):
         return things[name]
     system, method = name

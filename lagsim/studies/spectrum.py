@@ -27,7 +27,7 @@ FINER = 4
 # Part of the spacing that a row may be off.
 EVEN = 1e-6
 LEAST_ROWS = 16
-# Peaks are told that are this part of the largest, and stand out by half their height.
+# Peaks are listed that are this part of the largest and stand out by half their height.
 LEAST_PEAK, STANDS_OUT = 1e-4, 0.5
 MOST_PEAKS = 8
 

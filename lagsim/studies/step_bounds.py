@@ -2,7 +2,7 @@
 
 A step h multiplies what a mode with eigenvalue L does by R(h L), R the method's
 stability function, and the motion itself by exp(h L). A run is held against the
-eigenvalues of its scene, linearised at its start and along the motion; explicit methods
+eigenvalues of its model, linearised at its start and along the motion; explicit methods
 that choose their steps see for themselves where stability holds them
 (`methods._stability`).
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear
     from lagsim.plan.plan import Plan
-    from lagsim.run.observers.witness import Witness
+    from lagsim.run.observers.energy_monitor import EnergyMonitor
     from lagsim.run.trajectory import Trajectory
 
     Amplification = Callable[[complex], float]
@@ -117,7 +117,7 @@ def predicted(
 # States that are looked at, and the most nodes evaluated for them: about 0.3 s.
 STATES = 12
 MOST_NODES = 300_000
-# Coordinates of larger scenes take longer than the answer is worth.
+# Coordinates of larger models take longer than the answer is worth.
 MOST_COORDINATES = 100
 # Past this part of the bound a step is close to it: Verlet's resonance of order three,
 # which spoils motion that is not linear, lies at sqrt(3)/2 of its bound.
@@ -129,7 +129,7 @@ OSCILLATING = 0.3
 # take this part of its energy within the run.
 EXCITED = 1e-4
 DAMPED = 0.1
-# A gain of baumgarte that many times faster than the scene is what steps follow.
+# A gain of baumgarte that many times faster than the model is what steps follow.
 FASTER = 30.0
 # With a step longer than this, in parts of 1/|eigenvalue|, no method resolves a motion
 # to its tolerance: DOP853 takes 1.5 at 1e-8, a series 1 at 1e-11 and 1.7 at 1e-14.
@@ -141,7 +141,7 @@ SLOW = 1e-3
 
 
 class Seen(NamedTuple):
-    """The scene linearised at one state of the motion.
+    """The model linearised at one state of the motion.
 
     Attributes
     ----------
@@ -159,9 +159,9 @@ class Seen(NamedTuple):
 
 
 def about_steps(
-    equations: Equations, plan: Plan, trajectory: Trajectory, witness: Witness
+    equations: Equations, plan: Plan, trajectory: Trajectory, monitor: EnergyMonitor
 ) -> list[Caution]:
-    """Hold the step of a run against the eigenvalues of its scene."""
+    """Hold the step of a run against the eigenvalues of its model."""
     if trajectory.choices:
         return []  # another method went on
     module = method(plan.method)
@@ -171,19 +171,19 @@ def about_steps(
     span = trajectory.end - trajectory.start
     h = span / steps if plan.step is None else plan.step
     if plan.formulation == "baumgarte":
-        return _penalty(module, h, plan, _seen(equations, witness, 1.0 / plan.gain))
-    seen = _seen(equations, witness, h)
+        return _penalty(module, h, plan, _seen(equations, monitor, 1.0 / plan.gain))
+    seen = _seen(equations, monitor, h)
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
         return _held(module, h, seen, equations) if steps > FEW else []
     found = [] if plan.step is None else _unstable(module, h, span, seen, equations)
-    return found or _damping(module, h, span, seen, equations, witness.energy_in_play)
+    return found or _damping(module, h, span, seen, equations, monitor.energy_in_play)
 
 
-def _seen(equations: Equations, witness: Witness, h: float) -> list[Seen]:
+def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
     linearisation = Linearisation(equations)
     most = min(STATES, MOST_NODES // max(1, linearisation.nodes))
     found = []
-    for t, q, v, a in witness.states(max(1, most)):
+    for t, q, v, a in monitor.states(max(1, most)):
         try:
             linear = linearisation.at(t, q, v)
             found.append(_analysed(t, linear, v, a, h))
@@ -209,7 +209,7 @@ def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
 def _penalty(
     module: ModuleType, h: float, plan: Plan, seen: list[Seen]
 ) -> list[Caution]:
-    """Say so where the gain of Baumgarte's formulation makes the scene stiff.
+    """Say so where the gain of Baumgarte's formulation makes the model stiff.
 
     It adds a double eigenvalue -gain for each constraint.
     """

@@ -134,7 +134,7 @@ def read_table(path: Path) -> Table:
 
 
 def unusable(name: str, why: str) -> InputError:
-    """Give what tells that a file cannot be compared."""
+    """Give the error of a file that cannot be compared."""
     return InputError([Problem("bad-table", f"{name}: {why}")])
 
 

@@ -47,7 +47,7 @@ Hired: TypeAlias = "Callable[[int], contextlib.AbstractContextManager[Crew]]"
 # drawn, its files synced; and where it keeps nothing, as while it is compiled.
 GRACE_SECONDS = 10.0
 LEAVE_SECONDS = 0.5
-# How often somebody looks whether the user wants an end.
+# How often an interrupt is looked for.
 GLANCE_SECONDS = 0.1
 
 # That of a process of workers: asked where the parent wants an end. The signal, where
@@ -58,6 +58,10 @@ _PROMPT = getattr(signal, "SIGUSR1", None)
 
 class Died:
     """What comes instead of a result where the process ended that was to give it."""
+
+    reason = (
+        "its process ended before it had a result: was it killed, or out of memory?"
+    )
 
 
 class Crew(NamedTuple):
@@ -79,7 +83,7 @@ class _Processes(ProcessPoolExecutor):
     """Processes that do not run the script again that this one is running.
 
     They look for work in lagsim alone; a script without `if __name__ == "__main__"`
-    would begin anew in each.
+    would begin again in each.
     """
 
     def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
@@ -154,7 +158,7 @@ def spread(
     """Do all pieces; give number and result of each as it is done.
 
     Where a process dies, and others with it, each piece that was under way is done
-    again by a process of its own: the one that dies once more is told as that. After an
+    again by a process of its own: the one that dies once more is reported so. After an
     interrupt no piece is begun, and those under way end in order.
 
     Parameters

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from lagsim.outputs.results import Results
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from tests.cli._results import manifest, names, table
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import CAPTION, ENDLESS, FALL, PENDULUM
@@ -62,8 +62,8 @@ def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, monkeypatch, 
             signal.raise_signal(kind)
         return taken(self, rows)
 
-    taken = Ledger.add
-    monkeypatch.setattr(Ledger, "add", add)
+    taken = ResidualMonitor.add
+    monkeypatch.setattr(ResidualMonitor, "add", add)
     before = signal.getsignal(kind)
     called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
     assert called.code == 128 + kind
@@ -133,8 +133,8 @@ def test_an_ignored_signal_stays_ignored(lagsim, write, monkeypatch):
             signal.raise_signal(signal.SIGTERM)
         return taken(self, rows)
 
-    taken = Ledger.add
-    monkeypatch.setattr(Ledger, "add", add)
+    taken = ResidualMonitor.add
+    monkeypatch.setattr(ResidualMonitor, "add", add)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
     assert called.code == 128 + signal.SIGTERM

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from tests.cli._results import manifest, names, table
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
@@ -110,9 +110,9 @@ def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, monkeypatch)
         self.columns = columns
         return begun(self, columns)
 
-    taken, begun = Ledger.add, Ledger.__init__
-    monkeypatch.setattr(Ledger, "add", add)
-    monkeypatch.setattr(Ledger, "__init__", begin)
+    taken, begun = ResidualMonitor.add, ResidualMonitor.__init__
+    monkeypatch.setattr(ResidualMonitor, "add", add)
+    monkeypatch.setattr(ResidualMonitor, "__init__", begin)
     called = lagsim("run", *three, "--no-plots", "-j", 1)
     assert called.code == 70
     assert "lagsim: RuntimeError: unforeseen [E901]\n" in called.err
@@ -132,8 +132,8 @@ def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
         signal.raise_signal(signal.SIGINT)
         return taken(self, rows)
 
-    taken = Ledger.add
-    monkeypatch.setattr(Ledger, "add", add)
+    taken = ResidualMonitor.add
+    monkeypatch.setattr(ResidualMonitor, "add", add)
     write(named("a", ENDLESS), "a.yaml"), write(named("b"), "b.yaml")
     called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1)
     assert called.code == 130

@@ -15,7 +15,7 @@ import pytest
 
 from lagsim.plan import making
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from tests.cli._results import manifest, names
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import ENDLESS, PENDULUM
@@ -80,7 +80,7 @@ def test_a_run_that_does_not_heed_the_first_ends_with_the_second(
         signal.raise_signal(kind)
         pytest.fail("it went on")
 
-    monkeypatch.setattr(Ledger, "add", stuck)
+    monkeypatch.setattr(ResidualMonitor, "add", stuck)
     called = lagsim("run", write(ENDLESS, "endless.yaml"), "-o", "out", "--no-plots")
     assert called.code == 128 + kind
     assert {name: Path("out", name).read_bytes() for name in names("out")} == before

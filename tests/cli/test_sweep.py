@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from lagsim.cli.sweep import _names as completed
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import manifest, names, table
@@ -272,7 +272,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(
         begun.append(self)
         return taken(self, columns)
 
-    begun, taken = [], Ledger.__init__
+    begun, taken = [], ResidualMonitor.__init__
     whole = ("sweep", write(SPRING), "K=20:30:8", *QUICK, "-j", 1)
     lagsim(*whole, "-o", "expected")
     interrupted(6, *whole, "-o", "out")
@@ -280,7 +280,7 @@ def test_an_interrupted_sweep_goes_on_where_it_was(
     assert (
         len((Path("out") / NAME).read_bytes().splitlines()) == 1 + 6
     )  # the last is whole
-    monkeypatch.setattr(Ledger, "__init__", begin)
+    monkeypatch.setattr(ResidualMonitor, "__init__", begin)
     assert lagsim(*whole, "-o", "out", "--resume").code == 0
     assert len(begun) == 2
     assert names("out") == ["sweep.csv", "sweep.json"]
@@ -312,9 +312,9 @@ def interrupted(lagsim, monkeypatch):
                 signal.raise_signal(signal.SIGINT)
             return taken(self, columns)
 
-        taken = Ledger.__init__
+        taken = ResidualMonitor.__init__
         with monkeypatch.context() as patched:
-            patched.setattr(Ledger, "__init__", begin)
+            patched.setattr(ResidualMonitor, "__init__", begin)
             called = lagsim(*sweep)
         assert called.code == 130
         assert "--resume continues from there" in called.err

@@ -11,7 +11,7 @@ import pytest
 
 from lagsim.outputs.manifest import encode, manifest, versions
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from tests.support import run
 
 BROKEN = """\
@@ -28,10 +28,10 @@ simulation: {duration: 2}
 
 def document_of(text, bar="not asked for"):
     done = run(text)
-    ledger = Ledger(done.system.columns.names)
-    ledger.add(done.rows)
+    residuals = ResidualMonitor(done.system.columns.names)
+    residuals.add(done.rows)
     return manifest(
-        done.session, done.trajectory, ledger, bar, [], {"read": 1.0},
+        done.session, done.trajectory, residuals, bar, [], {"read": 1.0},
         ["run.json"],
     )  # fmt: skip
 

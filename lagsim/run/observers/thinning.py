@@ -353,5 +353,5 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     series |= {name for name in columns if name.startswith(shown)}
     paths = {name for name in columns if name.startswith(("point.", "plot."))}
     paths |= {"t"} if paths else set()
-    ledger = {DRIFT: ("energy", "work")} if "work" in columns else {}
-    return Thinning(columns, series=series, paths=paths, differences=ledger)
+    balance = {DRIFT: ("energy", "work")} if "work" in columns else {}
+    return Thinning(columns, series=series, paths=paths, differences=balance)

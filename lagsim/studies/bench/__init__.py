@@ -1,1 +1,1 @@
-"""Looking at methods rather than at a scene: what each costs, and where it fails."""
+"""Looking at methods rather than at a model: what each costs, and where it fails."""

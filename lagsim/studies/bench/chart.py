@@ -32,7 +32,7 @@ from lagsim.outputs.sheet import (
     text_width,
     wrapped,
 )
-from lagsim.studies.bench.solving import PREFIX, SCIPY
+from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY
 from lagsim.studies.experiment import stamp
 
 if TYPE_CHECKING:
@@ -45,9 +45,6 @@ MOST = 12
 OF_SCIPY = 2
 # A point that is further off than this costs what it does for no digits.
 AN_ANSWER = 0.1
-
-# Rows that leave the constraints: no answer that `auto` might give.
-DRIFT = "drift"
 
 # A row of work_precision.json.
 Row = dict[str, Any]
@@ -178,7 +175,7 @@ def seen(errors: Iterable[float]) -> Array:
 
 
 def error_scale(curves: Sequence[Cost], floor: float) -> Scale:
-    """Give the scale that holds all errors, and at the left what cannot be told."""
+    """Give the scale that holds all errors, and at the left what cannot be resolved."""
     known = np.concatenate([*(c.errors for c in curves), seen([floor]), [0.1]])
     return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
 
-# The first of these that a scene lets through makes the reference ...
+# The first of these that a model lets through makes the reference ...
 FIRST = ("taylor", "dop853")
 # ... and the one of these that comes closest to it verifies it.
 SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
@@ -66,7 +66,7 @@ def tightest(case: Case, patience: Patience) -> Iterator[Solution]:
 
 
 def _able(case: Case, name: str) -> Own | None:
-    """Give a method that is there and can handle the scene."""
+    """Give a method that is there and can handle the model."""
     try:
         return Own(case, name)
     except InputError:
@@ -120,7 +120,7 @@ def state_sizes(own: Own, rows: Floats) -> Floats:
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
 ) -> Iterator[Solution]:
-    """Give the solution at the tightest tolerance that can be met, or for each step."""
+    """Give the solution at the tightest possible tolerance, or for each step."""
     left = iter(values)
     for value in left:
         try:
@@ -220,7 +220,7 @@ class Reference:
 
     @property
     def floor(self) -> float:
-        """Errors below this cannot be told."""
+        """Errors below this cannot be resolved."""
         return float(np.max(self.agreement[self.state]))
 
     @property
@@ -351,7 +351,7 @@ def _compared(
 
 
 def _known(apart: Floats) -> int:
-    """Give how many rows are known: all, where nothing better can be said."""
+    """Give how many rows are known: all, where nothing better is known."""
     count = len(apart)
     known = {}
     for level in LEVELS:

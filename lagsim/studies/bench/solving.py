@@ -1,7 +1,7 @@
-"""One solve of a scene, timed as users get it: rows and all, warm, least of several.
+"""One solve of a model, timed as users get it: rows and all, warm, least of several.
 
 By lagsim's own methods, and by scipy's solvers on the same compiled right-hand side.
-Those know nothing of constraints: they solve such scenes as the ordinary differential
+Those know nothing of constraints: they solve such models as the ordinary differential
 equation for q'' with lambda solved away (index 1), and drift. Their step is a Python
 call, which is what they cost who uses them; the right-hand side is not.
 """
@@ -37,7 +37,9 @@ REPEATING_SECONDS = 0.2
 MOST_REPEATS = 20
 
 FORMULATIONS = ("auto", "full", "ignorable")
-OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", "drift")
+# Rows that leave the constraints: no answer that `auto` might give.
+DRIFT = "drift"
+OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
 
 
 class GivenUpError(Exception):
@@ -105,7 +107,7 @@ class Solved:
 
 
 class Solver(Protocol):
-    """A method in a formulation, ready to solve a scene at any setting.
+    """A method in a formulation, ready to solve a model at any setting.
 
     Attributes
     ----------
@@ -151,7 +153,7 @@ class Own:
     Raises
     ------
     InputError
-        Where the method or the formulation cannot handle the scene.
+        Where the method or the formulation cannot handle the model.
     """
 
     def __init__(
@@ -253,7 +255,7 @@ LOOK = 64
 
 
 def scipy_refusal(own: Own) -> str:
-    """Say why scipy's solvers cannot handle the scene of `own`; "" if they can."""
+    """Say why scipy's solvers cannot handle the model of `own`; "" if they can."""
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the model's switches"
@@ -327,7 +329,7 @@ class Scipy:
         y = np.concatenate([start.q, start.v, work])
         f = Counted(self.own, patience.check)
         patience.begin()
-        # What becomes of values that are not finite is told by the outcome.
+        # What becomes of values that are not finite is reported by the outcome.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             began = time.perf_counter()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,13 +25,12 @@ from lagsim.mechanics.equilibrium import (
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
-from lagsim.outputs.manifest import versions
+from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.plan.integration import refusal
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.bench.trial import FAILS, KICK, SEED, Cell, Subject
 from lagsim.studies.step_bounds import predicted
-from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -64,7 +63,7 @@ SWITCHING = 100_000
 # The same of one in time, and those are counted: a long step takes in many of them.
 ARC = 1_000_000
 
-# Why there is no map of a scene with laws.
+# Why there is no map of a model with laws.
 UNSTEADY = (
     "the model has constraints that come and go: a stability limit belongs to one "
     "set of equations, and these change during the run"
@@ -81,7 +80,7 @@ class Wish:
     methods
         Only these; None for all that apply.
     steps
-        Smallest and largest; None for a choice from the scene.
+        Smallest and largest; None for a choice from the model.
     name, values
         Of the parameter that varies.
     strip, map
@@ -111,7 +110,7 @@ def methods_for(
     Raises
     ------
     InputError
-        Where one that was asked for cannot be looked at, or the scene has laws.
+        Where one that was asked for cannot be looked at, or the model has laws.
     """
     if case.equations.laws:
         raise InputError([Problem("no-stability", UNSTEADY, hint=INSTEAD)])
@@ -176,7 +175,7 @@ def usual_value(case: Case, name: str | None) -> float | None:
 def subjects_at_ends(
     case_at: CaseAt, values: list[float | None], interrupt: Interrupt | None
 ) -> Iterator[Subject]:
-    """Give the scene at both ends of the parameter's range, where it can be had."""
+    """Give the model at both ends of the parameter's range, where it can be had."""
     for value in (values[0], values[-1]):
         if value is not None:
             with contextlib.suppress(LagsimError):
@@ -262,12 +261,14 @@ class Rest:
     modes: tuple[Mode, ...]
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What is to be run.
+@dataclass
+class Stability:
+    """What is run of one model, and what has been found.
 
     Attributes
     ----------
+    methods, adaptive : tuple of str
+        Of fixed steps, and those that choose their steps.
     steps : list of float
         The steps of the cells.
     values : list of float or None
@@ -286,16 +287,10 @@ class _Asked:
     values: list[float | None]
     usual: float | None
     runs: dict[str, tuple[int, int]]
-
-
-@dataclass(frozen=True)
-class Stability(_Asked):
-    """Everything found out about one scene."""
-
     rest: Rest
-    cells: list[Cell]
-    borders: list[Border]
-    interrupted: bool
+    cells: list[Cell] = field(default_factory=list)
+    borders: list[Border] = field(default_factory=list)
+    interrupted: bool = False
 
     def of(self, method: str) -> list[Cell]:
         """Give the cells of a method, in order."""
@@ -309,12 +304,12 @@ def measure(
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Stability:
-    """Run a scene by each method over the range of steps; find the borders.
+    """Run a model by each method over the range of steps; find the borders.
 
     Parameters
     ----------
     case_at
-        Gives the scene at a value of the parameter; with None as the file has it.
+        Gives the model at a value of the parameter; with None as the file has it.
 
     Raises
     ------
@@ -322,24 +317,17 @@ def measure(
     """
     interrupt = interrupt or Interrupt()
     with interrupt.raised():  # there is nothing yet to be kept
-        asked = _asked(case_at, wish, interrupt)
-        rest = _rest(asked.subject)
-    fixed, values = asked.methods, asked.values
-    count = len(values) * len(fixed) * (len(asked.steps) + SEARCH)
-    count += len(values) * len(asked.adaptive)
-    work = _Work(asked, interrupt, progress, count)
+        found = _asked(case_at, wish, interrupt)
+    work = _Work(found, interrupt, progress)
     interrupt.cut(lambda: work.columns(case_at))
-    order = {name: k for k, name in enumerate((*fixed, *asked.adaptive))}
-    return Stability(
-        **vars(asked),
-        rest=rest,
-        cells=sorted(work.cells, key=lambda cell: order[cell.method]),
-        borders=sorted(work.borders, key=lambda border: order[border.method]),
-        interrupted=work.pressed,
-    )
+    order = [*found.methods, *found.adaptive]
+    found.cells.sort(key=lambda cell: order.index(cell.method))
+    found.borders.sort(key=lambda border: order.index(border.method))
+    found.interrupted = interrupt.asked
+    return found
 
 
-def _asked(case_at: CaseAt, wish: Wish, interrupt: Interrupt) -> _Asked:
+def _asked(case_at: CaseAt, wish: Wish, interrupt: Interrupt) -> Stability:
     """Find out what there is to be run."""
     case = case_at(None)
     subject = Subject(case, interrupt)
@@ -351,9 +339,9 @@ def _asked(case_at: CaseAt, wish: Wish, interrupt: Interrupt) -> _Asked:
     steps = steps_for(subjects, fixed, wish)
     count = len(values) * len(fixed) * (len(steps) + SEARCH)
     runs = {name: runs_for(subject, name, steps, count) for name in fixed}
-    return _Asked(
+    return Stability(
         subject, fixed, adaptive, refused, steps, values,
-        usual_value(case, wish.name), runs,
+        usual_value(case, wish.name), runs, _rest(subject),
     )  # fmt: skip
 
 
@@ -362,15 +350,13 @@ class _Work:
 
     def __init__(
         self,
-        asked: _Asked,
+        found: Stability,
         interrupt: Interrupt,
         progress: Callable[[float], None] | None,
-        total: int,
     ) -> None:
-        self.asked, self.interrupt, self.progress = asked, interrupt, progress
-        self.total, self.done = total, 0
-        self.cells: list[Cell] = []
-        self.borders: list[Border] = []
+        self.found, self.interrupt, self.progress = found, interrupt, progress
+        each = len(found.methods) * (len(found.steps) + SEARCH) + len(found.adaptive)
+        self.total, self.done = max(1, len(found.values) * each), 0
 
     @property
     def pressed(self) -> bool:
@@ -378,55 +364,54 @@ class _Work:
 
     def columns(self, case_at: CaseAt) -> None:
         """Run every method at every value of the parameter."""
-        for value in self.asked.values:
-            self._column(case_at, value)
-
-    def _column(self, case_at: CaseAt, value: float | None) -> None:
-        """Run every method at one value of the parameter."""
-        subject = self.asked.subject
-        if value is not None:
-            try:
-                subject = Subject(case_at(value), self.interrupt)
-            except LagsimError as fault:
-                self._without(value, fault)
-                return
-        for name in self.asked.methods:
+        for value in self.found.values:
             if self.pressed:
                 return
-            self._strip(subject, name, value)
-        for name in self.asked.adaptive:
-            if self.pressed:
-                return
-            cell = self._cell(subject, name, None, value)
-            self.cells += [] if self.pressed else [cell]
-            self._count(1)
+            subject = self.found.subject
+            if value is not None:
+                try:
+                    subject = Subject(case_at(value), self.interrupt)
+                except LagsimError as fault:
+                    self._without(value, fault)
+                    continue
+            for name in self.found.methods:
+                self._strip(subject, name, value)
+            for name in self.found.adaptive:
+                self._cells(subject, name, [None], value)
 
     def _without(self, value: float, fault: LagsimError) -> None:
-        reason = str(fault)
-        if isinstance(fault, InputError):
-            reason = fault.problems[0].text
-        for name in self.asked.methods:
-            self.cells += [
+        reason, found = _reason(fault), self.found
+        for name in found.methods:
+            found.borders.append(Border(name, value, None, None, None, reason))
+        for name in (*found.methods, *found.adaptive):
+            found.cells += [
                 Cell(name, step, value, FAILS, None, None, reason=reason)
-                for step in self.asked.steps
+                for step in (found.steps if name in found.methods else [None])
             ]
-            self.borders.append(Border(name, value, None, None, None, reason))
-        self.cells += [
-            Cell(name, None, value, FAILS, None, None, reason=reason)
-            for name in self.asked.adaptive
-        ]
+
+    def _cells(
+        self,
+        subject: Subject,
+        name: str,
+        steps: Sequence[float | None],
+        value: float | None,
+    ) -> list[Cell]:
+        """Run a method with steps; what is cut short does not count."""
+        cells = []
+        for step in steps:
+            if not self.pressed:
+                cells.append(self._cell(subject, name, step, value))
+                self._count(1)
+        if not self.pressed:
+            self.found.cells += cells
+        return cells
 
     def _strip(self, subject: Subject, name: str, value: float | None) -> None:
-        cells = []
-        for step in self.asked.steps:
-            cell = self._cell(subject, name, step, value)
-            if self.pressed:
-                return
-            cells.append(cell)
-            self._count(1)
-        self.cells += cells
+        cells = self._cells(subject, name, self.found.steps, value)
+        if self.pressed:
+            return
         amplification = method_named(name).amplification
-        top = self.asked.steps[-1]
+        top = self.found.steps[-1]
         span = top * self.length(subject, name, top)
         at_start, along = (
             predicted(amplification, eigenvalues, span)
@@ -436,7 +421,8 @@ class _Work:
         border, note = self._border(subject, cells, {at_start, along})
         self._count(counted + SEARCH - self.done)
         if not self.pressed:
-            self.borders.append(Border(name, value, border, at_start, along, note))
+            more = Border(name, value, border, at_start, along, note)
+            self.found.borders.append(more)
 
     def _border(
         self, subject: Subject, cells: list[Cell], expected: set[float | None]
@@ -446,16 +432,15 @@ class _Work:
         Around a border that is expected cells are added: what lies past it may be
         narrower than those of the map.
         """
-        first, last = cells[0], cells[-1]
-        assert first.step is not None
-        assert last.step is not None
-        if not first.stable:
-            return None, f"does not hold at {first.step:.3g} s either"
+        method, value = cells[0].method, cells[0].value
+        first, last = _step_of(cells[0]), _step_of(cells[-1])
+        if not cells[0].stable:
+            return None, f"does not hold at {first:.3g} s either"
         extra = [part * step for step in expected if step for part in AROUND]
         more = [
-            self._cell(subject, first.method, step, first.value)
+            self._cell(subject, method, step, value)
             for step in extra
-            if first.step < step < last.step
+            if first < step < last
         ]
         for before, after in pairwise(sorted([*cells, *more], key=_step_of)):
             if not after.stable:
@@ -463,34 +448,35 @@ class _Work:
                 while high / low > 1.0 + DIGITS and not self.pressed:
                     middle = math.sqrt(low * high)
                     self._count(1)
-                    if self._cell(subject, first.method, middle, first.value).stable:
+                    if self._cell(subject, method, middle, value).stable:
                         low = middle
                     else:
                         high = middle
                 return high, ""
-        return None, f"holds up to {last.step:.3g} s"
+        return None, f"holds up to {last:.3g} s"
 
     def _cell(
         self, subject: Subject, name: str, step: float | None, value: float | None
     ) -> Cell:
-        steps = 0
-        if step is not None:
-            steps = self.length(subject, name, step)
+        steps = 0 if step is None else self.length(subject, name, step)
         try:
             return subject.run(name, step, steps, value)
         except InputError as fault:
-            reason = fault.problems[0].text
-            return Cell(name, step, value, FAILS, None, None, reason=reason)
+            return Cell(name, step, value, FAILS, None, None, reason=_reason(fault))
 
     def length(self, subject: Subject, name: str, step: float) -> int:
         """Give how many steps a run takes."""
-        least, most = self.asked.runs[name]
+        least, most = self.found.runs[name]
         return min(most, max(least, math.ceil(subject.span / step)))
 
     def _count(self, cells: int) -> None:
         self.done += cells
         if self.progress is not None:
-            self.progress(min(1.0, self.done / max(1, self.total)))
+            self.progress(min(1.0, self.done / self.total))
+
+
+def _reason(fault: LagsimError) -> str:
+    return fault.problems[0].text if isinstance(fault, InputError) else str(fault)
 
 
 def _step_of(cell: Cell) -> float:
@@ -535,12 +521,8 @@ def table(cells: Iterable[Cell], name: str | None) -> bytes:
 def document(found: Stability, wish: Wish, files: Sequence[str]) -> dict[str, Any]:
     """Give the content of stability.json; keys are only ever added."""
     subject = found.subject
-    model = subject.equations.model
     return {
-        "lagsim": __version__,
-        "versions": versions(),
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
-        "parameters": {p.name: p.value for p in model.parameters},
+        **head(subject.equations.model),
         "complete": not found.interrupted,
         "vary": None
         if wish.name is None

@@ -278,7 +278,7 @@ BELOW = 0.5
 STEPS: Named = ("step h", "s")
 CHEAPER = "cheaper →"
 
-# Okabe and Ito's hues from pale to dark, so that they are told apart in grey as well.
+# Okabe and Ito's hues from pale to dark, so that they differ in grey as well.
 VERDICT_COLOURS = {
     HOLDS: "#DDEFF9",
     DECAYS: "#E3D22B",

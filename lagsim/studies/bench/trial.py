@@ -1,4 +1,4 @@
-"""One run of a scene with one method and step, and the verdict on it."""
+"""One run of a model with one method and step, and the verdict on it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep
-from lagsim.run.observers.ledger import judged_columns
+from lagsim.run.observers.residual_monitor import judged_columns
 from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
@@ -48,7 +48,7 @@ KICK = 1e-6
 SEED = 5
 # An energy that varies by no more than this part of itself is that of rest.
 REST = 1e-12
-# What stands for the amplitude about an equilibrium.
+# What replaces the amplitude about an equilibrium.
 SMALL = 1e-3
 
 # States along the motion, and the most nodes and coordinates for them.
@@ -92,7 +92,7 @@ class Cell:
 
 
 class Subject:
-    """A scene at given parameters, looked at once, ready to be run.
+    """A model at given parameters, looked at once, ready to be run.
 
     Attributes
     ----------
@@ -226,7 +226,7 @@ class Subject:
         Raises
         ------
         InputError
-            Where it cannot handle the scene.
+            Where it cannot handle the model.
         """
         plan = case.plan()
         key = (
@@ -272,16 +272,16 @@ class _Watch:
 
         By the energy of the motion, and the highest that it has.
         """
-        t, energy, ledger = np.concatenate(self._kept, axis=1)
+        t, energy, balance = np.concatenate(self._kept, axis=1)
         # The row at which a run ends without an answer may be nothing.
-        known = np.isfinite(energy) & np.isfinite(ledger)
+        known = np.isfinite(energy) & np.isfinite(balance)
         count = int(np.argmin(known)) if not known.all() else len(t)
-        t, energy, ledger = t[:count], energy[:count], ledger[:count]
+        t, energy, balance = t[:count], energy[:count], balance[:count]
         if count < 2:
             return (FAILS if outcome.complete else _lost(outcome)), None
-        energy, ledger = energy / scale, (ledger - ledger[0]) / scale
-        growth = _rate(t, ledger)
-        changes = np.abs(energy - energy[0]), np.abs(ledger)
+        energy, balance = energy / scale, (balance - balance[0]) / scale
+        growth = _rate(t, balance)
+        changes = np.abs(energy - energy[0]), np.abs(balance)
         gone = min(float(np.max(change)) for change in changes) > BEYOND
         gone |= count < len(known)
         if self.residual > BROKEN and not gone:
@@ -289,7 +289,7 @@ class _Watch:
         if gone or not outcome.complete:
             return (DIVERGES if gone else _lost(outcome)), growth
         ceiling = -math.inf if self._work is None else highest / scale
-        return _trend(energy, ledger, ceiling), growth
+        return _trend(energy, balance, ceiling), growth
 
 
 def _lost(outcome: Outcome) -> str:
@@ -298,27 +298,27 @@ def _lost(outcome: Outcome) -> str:
     return DIVERGES if outcome is Outcome.NOT_FINITE else FAILS
 
 
-def _rate(t: Floats, ledger: Floats) -> float | None:
+def _rate(t: Floats, balance: Floats) -> float | None:
     """Give the rate at which what is not explained changes the energy.
 
     As of an exponential; what has decayed altogether decays at least at this rate.
     """
     last = max(1, int(len(t) * LAST))
     middle = float(np.mean(t[-last:])) - float(t[0])
-    if ledger[-1] > BEYOND or middle <= 0.0:
+    if balance[-1] > BEYOND or middle <= 0.0:
         last, middle = 1, float(t[-1] - t[0])
-    left = max(1.0 + float(np.mean(ledger[-last:])), 1e-16)
+    left = max(1.0 + float(np.mean(balance[-last:])), 1e-16)
     return math.log(left) / middle if middle > 0.0 else None
 
 
-def _trend(energy: Floats, ledger: Floats, ceiling: float) -> str:
+def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
     """Tell whether what is not explained has changed the energy.
 
     A change lifts or lowers the whole last part of a run past its first value. Where
     something does work, the energy must also leave where the motion keeps it, and go
     on: the work, summed up with the order of the method, explains no more than roughly.
     """
-    last = ledger[-max(1, int(len(ledger) * LAST)) :]
+    last = balance[-max(1, int(len(balance) * LAST)) :]
     low, high = float(np.min(last)), float(np.max(last))
     bound = CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
     level = float(np.mean(energy[-len(last) :]))

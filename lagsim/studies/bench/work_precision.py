@@ -1,4 +1,4 @@
-"""Work-precision: what each method costs for the error it makes, on one scene.
+"""Work-precision: what each method costs for the error it makes, on one model.
 
 First which solvers are run and at which settings, then the runs, then what
 work_precision.csv and work_precision.json say of them.
@@ -11,6 +11,7 @@ import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,13 +20,13 @@ import orjson
 from lagsim.errors import InputError, Problem
 from lagsim.files import content as content_of
 from lagsim.methods import names
-from lagsim.outputs.manifest import versions
+from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers.ledger import Ledger
-from lagsim.studies.bench.chart import DRIFT
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from lagsim.studies.bench.reference import index_one, make_reference, state_sizes
 from lagsim.studies.bench.solving import (
+    DRIFT,
     SCIPY,
     GivenUpError,
     Own,
@@ -37,7 +38,6 @@ from lagsim.studies.bench.solving import (
     scipy_refusal,
 )
 from lagsim.studies.experiment import machine, today
-from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -82,7 +82,7 @@ class Wish:
     methods
         Only these, ours or `scipy:NAME`; None for all.
     tolerances, steps
-        Loosest and tightest; steps None for a choice from the scene.
+        Loosest and tightest; steps None for a choice from the model.
     budget
         Seconds for everything.
     """
@@ -110,7 +110,7 @@ class Curve(NamedTuple):
 
 
 class Refused(NamedTuple):
-    """A method, in a formulation, that does not apply; `auto` stands for all."""
+    """A method, in a formulation, that does not apply; `auto` denotes all."""
 
     method: str
     formulation: str
@@ -132,7 +132,7 @@ class Auto:
         self._solvers: dict[tuple[str, str], Own] = {}
 
     def solver(self, curve: tuple[str, str], value: float) -> Own | None:
-        """Give what `auto` makes of the scene, where that is this; None elsewhere."""
+        """Give what `auto` makes of the model, where that is this; None elsewhere."""
         rtol = self.chosen.get(curve, {}).get(value)
         if rtol is None:
             return None
@@ -197,7 +197,7 @@ PATIENCE_TIMES = 30.0
 # rounding.
 STALLED = 1e-6
 
-# Steps too long for a scene may take longest: so many that are too slow end a curve
+# Steps too long for a model may take longest: so many that are too slow end a curve
 # that has not begun.
 GIVE_UPS = 4
 
@@ -206,10 +206,6 @@ TOO_SLOW, OUT_OF_TIME = "too slow", "out of time"
 # the share of another curve one that `auto` takes has, the least for a curve and the
 # part for a solve.
 OF_REFERENCE, OF_AUTO, LEAST_SECONDS, ONE = 0.3, 5.0, 0.2, 0.1
-
-# The errors of state and lambda, energy drift, constraint residual.
-Measured = tuple[float | None, float | None, float | None, float | None]
-NOTHING: Measured = (None, None, None, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,14 +216,14 @@ class Entry:
     formulation: str
     setting: str
     value: float
-    seconds: float | None
-    evaluations: int | None
-    error: float | None
-    error_lambda: float | None
-    energy_drift: float | None
-    constraint_residual: float | None
     outcome: str
     chosen: bool
+    seconds: float | None = None
+    evaluations: int | None = None
+    error: float | None = None
+    error_lambda: float | None = None
+    energy_drift: float | None = None
+    constraint_residual: float | None = None
     reason: str = ""
 
     @property
@@ -250,7 +246,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class WorkPrecision:
-    """Everything measured on one scene.
+    """Everything measured on one model.
 
     Attributes
     ----------
@@ -305,7 +301,7 @@ def measure(
     interrupt: Interrupt | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> WorkPrecision:
-    """Solve the scene by everything that applies, at every setting.
+    """Solve the model by everything that applies, at every setting.
 
     Raises
     ------
@@ -398,7 +394,7 @@ class _Sweep:
 
     @property
     def over(self) -> bool:
-        """Whether tighter settings would show nothing new, or nobody can wait."""
+        """Whether tighter settings would show nothing new, or would take too long."""
         if self._given_up and self.patience.over:
             return True
         if self._given_up >= (1 if self.errors else GIVE_UPS):
@@ -409,55 +405,45 @@ class _Sweep:
         return before < STALLED and 2 * min(self.errors[-2:]) > before
 
     def entry(self, value: float) -> Entry:
-        curve = self.curve.key
-        own = self.auto.solver(curve, value)
-        solver = own or self.solver
+        """Solve at one setting, and measure."""
+        own = self.auto.solver(self.curve.key, value)
+        solver, patience = own or self.solver, self.patience
+        made = partial(
+            Entry, *self.curve.key, self.solver.setting, value, chosen=own is not None
+        )
         try:
-            solved = least(lambda: solver.solve(value, self.patience))
+            solved = least(lambda: solver.solve(value, patience))
         except GivenUpError:
             self._given_up += 1
-            return self._gap(value, chosen=own is not None)
+            if patience.over:
+                return made(
+                    outcome=OUT_OF_TIME, reason="its share of the time was used up"
+                )
+            reason = f"given up after {patience.seconds:.2g} s"
+            return made(outcome=TOO_SLOW, reason=reason)
         measured = self._measured(solved)
-        if measured[0] is not None:
-            self.errors.append(measured[0])
-        return Entry(
-            *curve,
-            self.solver.setting,
-            value,
-            solved.seconds,
-            solved.evaluations,
-            *measured,
-            solved.outcome,
-            own is not None,
-            solved.reason,
-        )
+        if measured:
+            self.errors.append(measured["error"])
+        return made(
+            seconds=solved.seconds, evaluations=solved.evaluations,
+            outcome=solved.outcome, reason=solved.reason, **measured,
+        )  # fmt: skip
 
-    def _gap(self, value: float, *, chosen: bool) -> Entry:
-        outcome, reason = TOO_SLOW, f"given up after {self.patience.seconds:.2g} s"
-        if self.patience.over:
-            outcome, reason = OUT_OF_TIME, "its share of the time was used up"
-        return Entry(
-            *self.curve.key,
-            self.solver.setting,
-            value,
-            None,
-            None,
-            *NOTHING,
-            outcome,
-            chosen,
-            reason,
-        )
-
-    def _measured(self, solved: Solved) -> Measured:
-        rows = solved.rows
-        if rows is None:
-            return NOTHING
-        error, of_lambda = self.reference.errors(rows, solved.events)
+    def _measured(self, solved: Solved) -> dict[str, Any]:
+        """Give what the rows of an answer are off by; nothing without one."""
+        if solved.rows is None:
+            return {}
+        error, of_lambda = self.reference.errors(solved.rows, solved.events)
         if not math.isfinite(error):
-            return NOTHING
-        ledger = Ledger(self.reference.columns)
-        ledger.add(rows)
-        return error, of_lambda, ledger.energy_drift, ledger.constraint_residual
+            return {}
+        residuals = ResidualMonitor(self.reference.columns)
+        residuals.add(solved.rows)
+        return {
+            "error": error,
+            "error_lambda": of_lambda,
+            "energy_drift": residuals.energy_drift,
+            "constraint_residual": residuals.constraint_residual,
+        }
 
 
 TABLE = "work_precision.csv"
@@ -526,13 +512,12 @@ def document(
         {"method": method, "formulation": formulation, "compile_seconds": seconds}
         for (method, formulation), seconds in found.compile_seconds.items()
     ]
+    known = head(model)
     return {
-        "lagsim": __version__,
-        "versions": versions() | {"scipy": _scipy_version()},
+        **known,
+        "versions": known["versions"] | {"scipy": _scipy_version()},
         "machine": machine(),
         "date": today(),
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
-        "parameters": {p.name: p.value for p in model.parameters},
         "start": settings.start,
         "end": settings.end,
         "output_step": settings.output_step,

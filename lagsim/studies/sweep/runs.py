@@ -9,7 +9,7 @@ Where the ends of runs are all that is asked for, many are made at a time: start
 values of a whole piece are looked at together, the runs are calls of the kernel in one
 memory. What is not plain in any of this is made as a run by itself, which gives the
 same numbers: a start that needs a closer look, a run that comes to anything but its
-end, energy that is not kept, a scene that `run.ensemble` refuses.
+end, energy that is not kept, a model that `run.ensemble` refuses.
 """
 
 from __future__ import annotations
@@ -298,11 +298,11 @@ class Row(NamedTuple):
 
     values: tuple[float, ...]
     outcome: str
-    complete: bool
-    error: float | None
-    reason: str
-    numbers: Floats
-    form: int
+    complete: bool = False
+    error: float | None = None
+    reason: str = ""
+    numbers: Floats = NOTHING
+    form: int = 0
 
 
 @dataclass(slots=True)
@@ -349,7 +349,7 @@ def made(piece: Piece, interrupt: Interrupt) -> Iterator[list[tuple[int, Row]]]:
     runs = runs_of(piece.work)
     numbers = piece.numbers
     if piece.work.ends and numbers:
-        # The first run tells how the others are made.
+        # The first run shows how the others are made.
         first = runs.row(numbers[0], interrupt)
         if first is None:
             return
@@ -454,8 +454,7 @@ class Runs:
             session = self._session(grid.texts(number))
         except (StartError, InputError) as error:
             outcome = INADMISSIBLE if isinstance(error, StartError) else UNUSABLE
-            values = tuple(grid.values(number))
-            return Row(values, outcome, False, None, _reason(error), NOTHING, 0)
+            return Row(tuple(grid.values(number)), outcome, reason=_reason(error))
         extremes = Extremes(len(self.columns))
         found = self._attempt(number, session, extremes, interrupt)
         trajectory, bar = found.trajectory, found.bar

@@ -21,12 +21,12 @@ import numpy as np
 from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.outputs.attempted import attempted
-from lagsim.outputs.manifest import versions
+from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.sweep.grid import COMPLETE, ERROR, OUTCOME, REASON
-from lagsim.studies.sweep.runs import NOTHING, Found, Piece, Row, made, rows_of, runs_of
+from lagsim.studies.sweep.runs import Found, Piece, Row, made, rows_of, runs_of
 from lagsim.studies.workers import Died, processes, spread
 from lagsim.version import __version__
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.outputs.attempted import Made
-    from lagsim.studies.sweep.grid import Grid
     from lagsim.studies.workers import Hired
 
 JOURNAL = "sweep.rows.jsonl"
@@ -81,7 +80,7 @@ class Journal:
         return dict(map(_row, lines[1:]))
 
     def begin(self) -> None:
-        """Begin anew."""
+        """Begin again."""
         self._replace(b"")
         self._write([self._what])
 
@@ -152,7 +151,6 @@ PIECES = 4
 # A clock may stand still for so long.
 SHORTEST_SECONDS = 1e-6
 DIED = "died"
-DIED_TEXT = "its process ended before it had a result: was it killed, or out of memory?"
 
 
 def sweep(
@@ -234,18 +232,14 @@ def _shared(
     if size > 1 and lost:
         yield from _shared(found, lost, 1, most, hired, interrupt)
     else:
-        yield [(number, _died(found.grid, number)) for number in lost]
-
-
-def _died(grid: Grid, number: int) -> Row:
-    values = tuple(grid.values(number))
-    return Row(values, DIED, False, None, DIED_TEXT, NOTHING, 0)
+        values = {number: tuple(found.grid.values(number)) for number in lost}
+        yield [(k, Row(own, DIED, reason=Died.reason)) for k, own in values.items()]
 
 
 TABLE = "sweep.csv"
 CHART = "sweep.png"
 MANIFEST = "sweep.json"
-# What is told of each column, in this order.
+# What is reported of each column, in this order.
 TOLD = ("end", "min", "max")
 
 
@@ -300,16 +294,12 @@ def mark(found: Found) -> str:
 
 def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
     """Give the content of sweep.json; keys are only ever added."""
-    model, rows = found.model, found.rows.values()
-    what = identity(found)
+    rows = found.rows.values()
     columns = {name: found.units.get(name, "") for name in found.columns}
     return {
-        "lagsim": __version__,
-        "versions": versions(),
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        **head(found.model),
         "identity": mark(found),
-        "parameters": what["parameters"],
-        "options": what["options"],
+        "options": identity(found)["options"],
         "grid": [
             {
                 "name": axis.name,

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lagsim.methods import dop853
-from lagsim.run.observers.ledger import Ledger
+from lagsim.run.observers.residual_monitor import ResidualMonitor
 from tests.small_scenes import pendulum
 from tests.support import MODELS, run
 
@@ -294,9 +294,9 @@ def test_a_nonlinear_velocity_constraint_does_work():
     # The speed is kept, so that all height is paid for: by the constraint.
     assert np.ptp(found["kinetic"]) < 1e-12
     assert found["energy"][-1] - found["energy"][0] < -20.0
-    ledger = Ledger(found.system.columns.names)
-    ledger.add(found.rows)
-    assert ledger.energy_drift < 1e-11
+    residuals = ResidualMonitor(found.system.columns.names)
+    residuals.add(found.rows)
+    assert residuals.energy_drift < 1e-11
 
 
 def partitioned(rtol):

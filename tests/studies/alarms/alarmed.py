@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from lagsim.studies.alarms import alarms
-from lagsim.studies.attempts import Account
+from lagsim.studies.attempts import Monitors
 
 
 def cautions(found, bar="not estimated"):
     """Give the cautions of a finished run."""
-    own = Account(found.session)
+    own = Monitors(found.session)
     own.add(found.rows)
-    known = own.ledger, own.witness, own.balances
-    return alarms(found.session, found.trajectory, *known, bar)
+    return alarms(own.evidence(found.trajectory, bar))
 
 
 def codes(found, bar="not estimated"):

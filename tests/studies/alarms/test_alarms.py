@@ -9,7 +9,7 @@ import pytest
 
 import lagsim
 import lagsim.codes
-from lagsim.run.observers.witness import Witness
+from lagsim.run.observers.energy_monitor import EnergyMonitor
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.studies.alarms.alarmed import cautions, codes
 from tests.support import MODELS, ROOT, run
@@ -154,10 +154,10 @@ def test_what_counts_as_gained(balance, gained):
     columns = ("t", "x", "x_dot", "x_ddot", "kinetic", "potential", "energy")
     rows = np.zeros((len(t), len(columns)))
     rows[:, 0], rows[:, 4], rows[:, 6] = t, 1.0, balance(t)
-    witness = Witness(columns, 1)
-    witness.add(rows)
+    monitor = EnergyMonitor(columns, 1)
+    monitor.add(rows)
     # By medians of a tenth at either end: a straight line gains 0.9 of its change.
-    assert witness.energy_gained == pytest.approx(gained, rel=0.02, abs=1e-12)
+    assert monitor.energy_gained == pytest.approx(gained, rel=0.02, abs=1e-12)
 
 
 def test_of_every_code_the_documents_say_what_it_means():

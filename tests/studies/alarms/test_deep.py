@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.run.observers.ledger import Ledger
-from lagsim.run.observers.witness import Witness
-from lagsim.studies.alarms import about_constraints
+from lagsim.run.observers.energy_monitor import EnergyMonitor
+from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.studies.alarms import Evidence, about_constraints
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
 
@@ -57,19 +57,19 @@ def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing)
     )
     found = run(fast, method="moreau", step=0.02)
     names = found.system.columns.names
-    ledger, witness = Ledger(names), Witness(names, 2)
-    ledger.add(found.rows)
-    witness.add(found.rows)
+    residuals, monitor = ResidualMonitor(names), EnergyMonitor(names, 2)
+    residuals.add(found.rows)
+    monitor.add(found.rows)
     depth = -np.min(found["missed.floor"])
     assert depth > 1e-4
     extents = {"x_dot": (0.0, 1e6), "y_dot": (-speeds, 0.1)}
     trajectory = found.trajectory._replace(extents=extents)
-    start = found.session.case.examined.state
     # Two steps at that speed come as deep, or not quite.
     for part, told in ((0.9, [HELD]), (1.1, [])):
         plan = replace(found.plan, step=part * depth / closing / 2)
+        session = found.session._replace(plan=plan)
         cautions = about_constraints(
-            found.equations, start, plan, ledger, witness, trajectory
+            Evidence(session, trajectory, residuals, monitor, (), "none")
         )
         assert [c.code for c in cautions] == told
 
@@ -114,16 +114,15 @@ def test_what_is_off_by_more_is_told(row):
     start, change, of_places = EQUALITIES[row]
     found = run(held(row, start), method="moreau", step=0.01)
     names = found.system.columns.names
-    ledger, witness = Ledger(names), Witness(names, 3)
+    residuals, monitor = ResidualMonitor(names), EnergyMonitor(names, 3)
     rows = found.rows.copy()
     # Ten times what a step may leave: the change in it, in places over the step.
     rows[20, names.index("residual_row")] = (
         10.0 * change * (1e-4 if of_places and "if" not in row else 1e-2)
     )
-    ledger.add(rows)
-    witness.add(rows)
-    start = found.session.case.examined.state
+    residuals.add(rows)
+    monitor.add(rows)
     cautions = about_constraints(
-        found.equations, start, found.plan, ledger, witness, found.trajectory
+        Evidence(found.session, found.trajectory, residuals, monitor, (), "none")
     )
     assert [c.code for c in cautions] == [HELD]

@@ -9,8 +9,8 @@ import pytest
 
 from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.ledger import Growth
-from lagsim.studies.attempts import Account
+from lagsim.run.observers.residual_monitor import Growth
+from lagsim.studies.attempts import Monitors
 from tests.small_scenes import held_pendulum
 from tests.studies.alarms.alarmed import codes
 from tests.support import run
@@ -25,10 +25,10 @@ ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
 
 
 def doubt(found, bar="not estimated"):
-    own = Account(found.session)
+    own = Monitors(found.session)
     for block in np.array_split(found.rows, 7):
         own.add(block)
-    return own.doubt(found.trajectory, bar)
+    return own.audit(found.trajectory, bar)
 
 
 def spoilt(found, column, change):

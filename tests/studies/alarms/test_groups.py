@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.run.observers.ledger import Ledger
-from lagsim.run.observers.witness import Witness
-from lagsim.studies.attempts import Account
-from lagsim.studies.balances import balances
+from lagsim.run.observers.energy_monitor import EnergyMonitor
+from lagsim.studies.attempts import Monitors
+from lagsim.studies.balances import group_balances
 from tests.studies.alarms.test_doubt import bump, doubt, spoilt
 from tests.support import run
 
@@ -54,10 +53,9 @@ def faster(found, name, speed, since):
 
 def shown(found):
     names = found.system.columns.names
-    ledger, witness = Ledger(names), Witness(names, len(found.equations.q))
-    ledger.add(found.rows)
-    witness.add(found.rows)
-    return {b.names: b for b in balances(found.equations, witness)}
+    monitor = EnergyMonitor(names, len(found.equations.q))
+    monitor.add(found.rows)
+    return {b.names: b for b in group_balances(found.equations, monitor)}
 
 
 SCENES = [
@@ -166,7 +164,7 @@ def test_rows_that_alias_a_group_are_no_fault(method, bar, options):
 @pytest.mark.parametrize("step", [0.01, 1.0])
 def test_the_energy_in_play_is_that_between_rows_too(step, more):
     found = run(aliased(step=step, more=more))
-    own = Account(found.session)
+    own = Monitors(found.session)
     own.add(found.rows)
     own.end(found.trajectory)
     greatest = 1 / (8 * np.pi**2)

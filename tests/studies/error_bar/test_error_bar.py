@@ -183,8 +183,8 @@ class Strict:
 
 def test_a_repeat_that_fails_by_its_own_ledger_says_nothing():
     texts = iter(["it lost energy", ""])
-    bar = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict(next(texts), x))[1]
+    bar = barred(read(PENDULUM, "m.yaml"), judge=lambda x: Strict(next(texts), x))[1]
     assert bar.rtol == pytest.approx(1e-11 / LOOSER)  # the second one
     assert bar.horizon is None
-    told = barred(read(PENDULUM, "m.yaml"), account=lambda x: Strict("lost", x))[1]
+    told = barred(read(PENDULUM, "m.yaml"), judge=lambda x: Strict("lost", x))[1]
     assert "not valid itself: lost" in told

@@ -102,5 +102,9 @@ def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):  # noq
 
 
 def test_what_nobody_asked_for_is_no_warning():
-    plan, account = SimpleNamespace(rtol=1e-11), SimpleNamespace(drift=1e-9, in_play=1)
-    assert about_error("not asked for", None, plan, [account], None) == []
+    account = SimpleNamespace(drift=1e-9, in_play=1)
+    run = SimpleNamespace(
+        equations=None, plan=SimpleNamespace(rtol=1e-11), balances=[account],
+        bar="not asked for",
+    )  # fmt: skip
+    assert about_error(run) == []

@@ -1,4 +1,4 @@
-"""The accounts of a run, kept while its rows pass: energy drift, residuals."""
+"""Energy drift and residuals of constraints, followed while the rows of a run pass."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
     }
 
 
-class Ledger:
+class ResidualMonitor:
     """Follows energy - work, and each constraint's residual against its scale.
 
     Attributes

@@ -48,7 +48,7 @@ def gained(balance: Floats) -> float:
     return grown if abs(grown) > np.min(high - low) else 0.0
 
 
-class Witness:
+class EnergyMonitor:
     """Follows energy - work, and the states, as rows pass.
 
     Parameters
