@@ -24,7 +24,7 @@ CHOSEN = -2.0
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
     "leader", "noise", "floor", "least_root", "law_mode", "law_way", "law_still",
-    "law_floor",
+    "law_floor", "law_rounding",
 )  # fmt: skip
 
 # Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
@@ -160,6 +160,7 @@ class Parameters(Memory):
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
     # Two slips that begin keep about this speed's direction; 0 once they are faster.
     law_floor: Floats = array(each_law)
+    law_rounding: Floats = array(each_law)  # of its margin, while it is out of force
     law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
     impulses: Floats = array(each_law)  # of an impact, while its row is written
 

@@ -216,13 +216,24 @@ def known(s: State, p: Parameters, width: float) -> bool:
         Q = A + B - 2.0 * (b - a)
         off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
         turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-        off = max(off, TURNED * abs(turned - width * middle[count + k]))
+        turned = TURNED * abs(turned - width * middle[count + k])
         reach = max(abs(m - a), abs(m - b))
-        # What is off by no more than counts as none cannot be known better.
+        # What is off by no more than counts as none cannot be known better, nor can
+        # slopes where that rounds.
         enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
-        if off > enough and not is_nothing(p, k, max(abs(a), abs(m), abs(b))):
+        rounding = rounding_of(p, k)
+        unknown = off > max(enough, rounding)
+        unknown = unknown or turned > max(enough, TURNED / BESIDE * rounding)
+        if unknown and not is_nothing(p, k, max(abs(a), abs(m), abs(b))):
             return False
     return True
+
+
+def rounding_of(p: Parameters, k: int) -> float:
+    """Give what of a margin is rounding, also of the time that moves its wall."""
+    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
+        return float(p.law_rounding[k - p.surfaces])
+    return 0.0
 
 
 def is_nothing(p: Parameters, k: int, margin: float) -> bool:

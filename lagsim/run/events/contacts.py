@@ -28,7 +28,6 @@ from lagsim.run.trajectory import Outcome
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
-    from collections.abc import Sequence as Some
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact
@@ -241,11 +240,9 @@ class Contacts(Source):
         n = arc.system.n
         before = found.y.copy()
         found.rows = arc.runner.tabulate(arc.row())
-        stopped = ends
-        ends = {**dict(self._rests(here, some)), **stopped}
         e = [0.0 if k in ends else self.laws[k].restitution for k in some]
         problem, response = here.problem(some, np.array(e))
-        if stopped:
+        if ends:
             problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
@@ -281,17 +278,8 @@ class Contacts(Source):
             found.rows = None  # of rates that are rounding beside others of their body
         found.cautions += self._told_of(here, some, result)
 
-    def _rests(self, here: Touching, some: Some[int]) -> Iterator[tuple[int, float]]:
-        """Give what would fly no more, and when its bounces would end."""
-        for k in some:
-            e = self.laws[k].restitution
-            if e > 0.0 and here.strikes(k):
-                left = here.rest(k, e)
-                if left is not None:
-                    yield k, here.arc.t + left
-
     def _stopped(
-        self, here: Touching, some: Some[int], ends: Collection[int]
+        self, here: Touching, some: list[int], ends: Collection[int]
     ) -> Iterator[Kind]:
         """Give kinds for which those that end are held, with slips that have gone.
 

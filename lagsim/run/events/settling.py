@@ -196,7 +196,7 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     rtol = arc.plan.tolerance
     slack = p.slack[K:]
     slack[:] = 0.0
-    size, band = np.zeros(here.count), np.zeros(here.count)
+    size, band, rounding = np.zeros((3, here.count))
     push = dict(zip(found.some, found.D, strict=True))
     for k, law in enumerate(here.laws):
         if law.pair >= 0:
@@ -212,12 +212,13 @@ def _set_slack(here: Touching, found: Chosen) -> None:
         elif mode == kept.OFF and law.kind in ONE_SIDED:
             position = law.kind is Kind.CONTACT
             noise = here.slack[k] if position else here.still[k]
+            rounding[k] = noise
             size[k] = noise if here.gaps[k] <= noise else 0.0
             if k in push:  # it touches, and parts without a speed
                 size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
     margins = arc.runner.margins(arc.t, here.y)[K:]
     slack[:] = size + 2.0 * np.maximum(0.0, -margins)
-    p.band[K:] = band
+    p.band[K:], p.law_rounding[:] = band, rounding
 
 
 def _changes(here: Touching, before: Floats) -> Iterator[Event]:

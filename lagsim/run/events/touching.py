@@ -121,7 +121,9 @@ class Touching:
         # Of what has not moved yet: by where it will soon be.
         soon = seen[:n] + arc.settings.output_step * np.abs(y[n : 2 * n])
         held = np.maximum(gap_scales, slopes @ soon)
-        self.slack = BALANCED * held + MOMENTS * math.ulp(t) * np.abs(self.rates)
+        # Within rounding of the time a gap changes, and what moves it as time goes by.
+        moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ y[n : 2 * n])
+        self.slack = BALANCED * held + MOMENTS * math.ulp(t) * moved
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
@@ -175,16 +177,6 @@ class Touching:
         a, b, *_ = self._free(self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
         return np.asarray(BALANCED * np.maximum(self.pushes, stirred))
-
-    @cached_property
-    def present(self) -> Floats:
-        """The accelerations (L,) that there are with the laws that hold now."""
-        system = self.arc.system
-        if not np.any(system.p.law_mode):
-            return self.accelerations
-        field = self.arc.runner.function("field", system.size + system.m)
-        a = field(self.t, self.y)[system.n : 2 * system.n]
-        return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
         """Give the sizes (size,) by which a state is rounded: also those of its rows.
@@ -246,20 +238,6 @@ class Touching:
         rounded = BALANCED * self.forces[k] * self.arc.state.step_h**2
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
-
-    def rest(self, k: int, restitution: float) -> float | None:
-        """Give the time for which a contact goes on to bounce if that is no motion.
-
-        Its next flight is no higher than the tolerance of how far it has moved, or than
-        rounding.
-        """
-        speed, fall = -restitution * self.rates[k], -self.present[k]
-        if not fall > 0.0:
-            return None
-        if speed * speed / (2.0 * fall) > self.least(k):
-            return None
-        left = 2.0 * speed / fall
-        return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
     def least(self, k: int) -> float:
         """Give the height of a flight that is none: of the tolerance, or rounding."""

@@ -11,23 +11,35 @@ from tests.support import run
 
 TEXT = """
 coordinates: {{y: {{}}}}
-energy: {{kinetic: y_dot^2/2, potential: 9.81*y}}
-constraints: {{f: {{relation: "y - ({at!r}) - {speed!r}*t >= 0", restitution: 0.5}}}}
-initial: {{y: {at!r} + 1, y_dot: {speed!r}}}
-simulation: {{duration: 1.4, output_step: 0.02, method: {method}}}
+energy: {{kinetic: y_dot^2/2, potential: 9.81*y*{hertz!r}^2}}
+constraints:
+  f: {{relation: "y - ({at!r}) - {speed!r}*{hertz!r}*(t - {start!r}) >= 0",
+       restitution: 0.5}}
+initial: {{y: {at!r} + 1, y_dot: {speed!r}*{hertz!r}}}
+simulation:
+  {{start: {start!r}, duration: 1.4/{hertz!r}, output_step: 0.02/{hertz!r},
+    method: {method}}}
 """
 
 
 @pytest.mark.parametrize("method", ["dop853", "auto"])
-@pytest.mark.parametrize("speed", [0.0, 10.0])
+@pytest.mark.parametrize(("speed", "start", "hertz"), [
+    (0.0, 0.0, 1.0), (10.0, 0.0, 1.0),
+    # The ground goes on by 1e-6 where the time does so by its last place.
+    (1e4, 1e3, 1e3),
+])  # fmt: skip
 @pytest.mark.parametrize("at", [-1e4, 1e4 / 3, 7e4 / 11, 1e6 / 7])
-def test_impacts_are_known_as_well_as_positions_are(at, speed, method):
-    found = run(TEXT.format(at=at, speed=speed, method=method))
+def test_impacts_are_known_as_well_as_positions_are(at, speed, start, hertz, method):
+    moved = {"at": at, "speed": speed, "start": start, "hertz": hertz}
+    found = run(TEXT.format(**moved, method=method))
     times = [e.time for e in found.trajectory.events if e.kind == "impact"]
-    assert len(times) > 8
+    times = (np.array(times) - start) * hertz
+    assert len(times) > 6
     # Flights take half of the one before; what strikes at v knows its gap by some units
     # in the last place of where it is, and the next flight begins so much wrong.
     first, k = math.sqrt(2 / 9.81), np.arange(len(times))
     exact = first * (1 + 2 * (1 - 0.5**k))
-    off = 16 * np.spacing(abs(at) + 1.4 * speed) / (first * 9.81 * 0.5**k)
+    last = np.spacing(abs(at) + 1.4 * speed) + speed * hertz * np.spacing(start)
+    off = 16 * last / (first * 9.81 * 0.5**k)
     assert np.all(np.abs(times - exact) < off), (times - exact) / off
+    assert found.trajectory.statistics.arcs == len(times) + 1
