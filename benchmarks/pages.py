@@ -6,11 +6,10 @@ What the pages say stands in the methods' own modules and in the headers of mode
 
 from __future__ import annotations
 
-import inspect
 import re
 from pathlib import Path
 
-from lagsim.methods import method, names
+from lagsim.methods import method, names, page
 from lagsim.model.reader import read_file
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,7 +51,7 @@ def methods_page() -> str:
         m = method(name)
         step = "adaptive" if m.ADAPTIVE else "fixed"
         rows.append(f"| [{name}](#{name}) | {m.ORDER} | {step} | {m.HANDLES} |")
-        text = inspect.cleandoc(m.__doc__)
+        text = page(m.NAME)
         parts.append(f"## {name}\n\n{text}\n")
     return METHODS + "\n".join([*rows, "", *parts])
 

@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+import inspect
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, TypeVar
+from textwrap import fill, indent
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 from lagsim.errors import InputError, Place, Problem
+from lagsim.methods import WIDTH, options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from lagsim.methods import generalized_alpha
+
+
+class Settings(TypedDict, total=False):
+    """The keys of `simulation` that `simulate` and `sweep` take."""
+
+    duration: float | str | None
+    output_step: float | str | None
+    method: str | None
+    rtol: float | str | None
+    atol: float | str | None
+    step: float | str | None
+    formulation: str | None
+    gain: float | str | None
+
+
+if TYPE_CHECKING:
+
+    class Options(Settings, generalized_alpha.Options, total=False):
+        """These, and the options of methods, for type checkers."""
+
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 _OPTION = re.compile(r"--([a-z-]+) ")
 
 
@@ -39,16 +64,47 @@ def _renamed(problem: Problem) -> Problem:
     return problem._replace(place=new)
 
 
-def given(**options: float | str | None) -> dict[str, float | str]:
+def with_settings(function: F) -> F:
+    """Show the settings that `options` stands for, in signature and docstring.
+
+    Those of methods come from their tables.
+    """
+    own = inspect.signature(function)
+    more = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None)
+        for name in settings()
+    ]
+    shown = own.replace(parameters=[*list(own.parameters.values())[:-1], *more])
+    function.__signature__ = shown  # type: ignore[attr-defined]
+    about = ""
+    for key, (name, x) in options().items():
+        text = f"Of the method `{name}`, {x.least:g} to {x.most:g}: {x.about}."
+        about += f"\n{key}\n{indent(fill(text, WIDTH - 4), '    ')}"
+    before, gain, after = inspect.cleandoc(function.__doc__ or "").partition(
+        "\nerror_bar\n"
+    )
+    function.__doc__ = before + about * bool(gain) + gain + after
+    return function
+
+
+def settings() -> list[str]:
+    """Give the keys of `simulation` that functions take."""
+    return [*Settings.__annotations__, *options()]
+
+
+def given(options: Mapping[str, Any]) -> dict[str, float | str]:
     """Give the options that are not None.
 
     Raises
     ------
     TypeError
-        Where one is neither a number nor a text.
+        Where one is not known, or neither a number nor a text.
     """
     found = {name: x for name, x in options.items() if x is not None}
+    known = settings()
     for name, value in found.items():
+        if name not in known:
+            raise TypeError(f"unexpected keyword argument {name!r}")
         if name in ("method", "formulation") and not isinstance(value, str):
             raise TypeError(f"{name}={value!r:.60}: a name is expected, in quotes")
         number_or_text(name, value)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
+from lagsim.api.arguments import given, with_settings
 from lagsim.api.results import Result
 from lagsim.errors import LagsimError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+    from typing import Unpack
 
+    from lagsim.api.arguments import Options
     from lagsim.api.models import Model
 
 
@@ -100,19 +103,12 @@ def check(model: Model | str | Path) -> Examination:
     return Examination(document(case.equations, case.examined, choices))
 
 
+@with_settings
 def simulate(
     model: Model | str | Path,
     *,
-    duration: float | str | None = None,
-    output_step: float | str | None = None,
-    method: str | None = None,
-    rtol: float | str | None = None,
-    atol: float | str | None = None,
-    step: float | str | None = None,
-    formulation: str | None = None,
-    gain: float | str | None = None,
-    spectral_radius: float | str | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
+    **options: Unpack[Options],
 ) -> Result:
     """Integrate a model. Options replace the keys of the model's `simulation`.
 
@@ -141,9 +137,6 @@ def simulate(
     gain
         Of the formulation `"baumgarte"`: the rate, per unit of time, at which what is
         off the constraints decays.
-    spectral_radius
-        Of the method `"generalized-alpha"`, from 0 to 1: what a step leaves of infinite
-        frequencies.
     error_bar
         When the run is repeated with a smaller tolerance to estimate its error:
         `"auto"`, where that takes no more than about 2 s.
@@ -155,7 +148,7 @@ def simulate(
     InadmissibleError
         Where the start is not admissible.
     """
-    from lagsim.api.arguments import given, in_python, one_of
+    from lagsim.api.arguments import in_python, one_of
     from lagsim.api.models import model_of
     from lagsim.outputs.examined import document
     from lagsim.run.interrupt import Interrupt
@@ -163,15 +156,12 @@ def simulate(
     from lagsim.run.session import Clock, StartError, open_case, wanted
     from lagsim.studies.attempts import Attempts, ErrorBars
 
-    options = given(
-        duration=duration, output_step=output_step, method=method, rtol=rtol, atol=atol,
-        step=step, formulation=formulation, gain=gain, spectral_radius=spectral_radius,
-    )  # fmt: skip
+    asked = given(options)
     bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
     clock, keep = Clock(), Keep()
     with in_python():
         read = model_of(model)
-        settings = wanted(read, "simulate", options, hint="add it, or give `duration`")
+        settings = wanted(read, "simulate", asked, hint="add it, or give `duration`")
         clock.lap("read")
         try:
             session = open_case(read, settings, clock=clock).ready(clock=clock)

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from lagsim.api.arguments import given, with_settings
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+    from typing import Unpack
 
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from lagsim.api.arguments import Options
     from lagsim.api.models import Model
     from lagsim.studies.sweep.runs import Found
 
@@ -144,6 +148,7 @@ class Sweep:
         return "\n".join(parts)
 
 
+@with_settings
 def sweep(
     model: Model | str | Path,
     values: Mapping[str, Iterable[float | str]],
@@ -151,15 +156,7 @@ def sweep(
     ends: bool = False,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
-    duration: float | str | None = None,
-    output_step: float | str | None = None,
-    method: str | None = None,
-    rtol: float | str | None = None,
-    atol: float | str | None = None,
-    step: float | str | None = None,
-    formulation: str | None = None,
-    gain: float | str | None = None,
-    spectral_radius: float | str | None = None,
+    **options: Unpack[Options],
 ) -> Sweep:
     """Run a model at all combinations of values; the first name is the slowest.
 
@@ -176,7 +173,7 @@ def sweep(
     jobs
         So many runs at a time, in processes of their own; by default one for each core,
         where that is worth it.
-    error_bar, duration, ..., spectral_radius
+    error_bar, duration, ...
         As for `simulate`, the same for all runs.
 
     Raises
@@ -185,7 +182,7 @@ def sweep(
         Where the model has faults, or a name, a value or an option cannot be had. A run
         that cannot begin or finish is a row with its outcome and its reason.
     """
-    from lagsim.api.arguments import given, in_python, lists, one_of
+    from lagsim.api.arguments import in_python, lists, one_of
     from lagsim.api.models import model_of
     from lagsim.run.session import wanted
     from lagsim.studies.attempts import ErrorBars
@@ -196,17 +193,14 @@ def sweep(
 
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs={jobs}: 1 or more is expected")
-    options = given(
-        duration=duration, output_step=output_step, method=method, rtol=rtol, atol=atol,
-        step=step, formulation=formulation, gain=gain, spectral_radius=spectral_radius,
-    )  # fmt: skip
+    asked = given(options)
     bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
     bars = ErrorBars.NEVER if ends else bars
     with in_python():
         read = model_of(model)
-        wanted(read, "sweep", options, hint="add it, or give `duration`")
+        wanted(read, "sweep", asked, hint="add it, or give `duration`")
         grid = grid_of(read, lists(values))
-    texts = tuple((name, str(x)) for name, x in options.items())
+    texts = tuple((name, str(x)) for name, x in asked.items())
     found = Found(read, Work(packed(read), texts, grid, bars, ends=ends))
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import textwrap
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,12 +11,10 @@ from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, show_json
 from lagsim.cli._streams import say
 from lagsim.errors import InputError
-from lagsim.methods import method, method_problems, names
+from lagsim.methods import WIDTH, method, method_problems, names, page
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-WIDTH = 88
 
 
 def command(
@@ -51,7 +48,7 @@ def _document(module: ModuleType) -> dict[str, Any]:
         "adaptive": module.ADAPTIVE,
         "imaginary_limit": module.IMAGINARY_LIMIT,
         "handles": module.HANDLES,
-        "page": inspect.cleandoc(module.__doc__ or ""),
+        "page": page(module.NAME),
     }
 
 
@@ -70,5 +67,4 @@ def _page(module: ModuleType) -> str:
         f"Order {module.ORDER}, dense output of order {module.DENSE_ORDER}, {step}. "
         f"Handles {module.HANDLES}."
     )
-    page = inspect.cleandoc(module.__doc__ or "")
-    return f"{page}\n\n{textwrap.fill(facts, WIDTH)}"
+    return f"{page(module.NAME)}\n\n{textwrap.fill(facts, WIDTH)}"

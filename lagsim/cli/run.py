@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import time
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -39,7 +40,7 @@ from lagsim.cli._writing import (
     tell_of_replaced,
 )
 from lagsim.errors import InputError, Problem
-from lagsim.methods import names
+from lagsim.methods import names, options
 from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.outputs import Format
 from lagsim.run.interrupt import Interrupt
@@ -98,10 +99,6 @@ Gain = Annotated[
         f"default {1 / ROWS_TO_DECAY:g}/output step.",
     ),
 ]
-SpectralRadius = Annotated[
-    str | None,
-    typer.Option(metavar="X", help="Of generalized-alpha, from 0 to 1."),
-]
 Duration = Annotated[str | None, typer.Option(metavar="T", help="Duration of the run.")]
 OutputStep = Annotated[
     str | None,
@@ -118,11 +115,43 @@ ErrorBar = Annotated[
 ]
 
 
-def given(**options: str | None) -> dict[str, str]:
-    """Give the options that have been given, by the keys of `simulation`."""
-    return {name: text for name, text in options.items() if text is not None}
+# The keys of `simulation` that commands take.
+SETTINGS = {
+    "method": Method, "rtol": Rtol, "atol": Atol, "step": Step,
+    "formulation": Formulation, "gain": Gain,
+    **{
+        key: Annotated[str | None, typer.Option(metavar="X", help=text)]
+        for key, (name, x) in options().items()
+        for text in [f"Of {name}, from {x.least:g} to {x.most:g}."]
+    },
+    "duration": Duration, "output_step": OutputStep,
+}  # fmt: skip
 
 
+def with_settings(command: Callable[..., int]) -> Callable[..., int]:
+    """Replace the parameter `options` of a command by the keys of `simulation`.
+
+    The command gets those that are given, as a mapping.
+    """
+
+    @wraps(command)
+    def called(**words: Any) -> int:
+        asked = {key: words.pop(key) for key in SETTINGS}
+        given = {key: text for key, text in asked.items() if text is not None}
+        return command(**words, options=given)
+
+    own = inspect.signature(command, eval_str=True)
+    each: list[inspect.Parameter] = []
+    for name, x in own.parameters.items():
+        more = [
+            x.replace(name=k, annotation=a, default=None) for k, a in SETTINGS.items()
+        ]
+        each += more if name == "options" else [x]
+    called.__signature__ = own.replace(parameters=each)  # type: ignore[attr-defined]
+    return called
+
+
+@with_settings
 def command(
     models: Annotated[
         list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
@@ -135,15 +164,8 @@ def command(
     ] = None,
     jobs: Jobs = None,
     sets: Sets = None,
-    method: Method = None,
-    rtol: Rtol = None,
-    atol: Atol = None,
-    step: Step = None,
-    formulation: Formulation = None,
-    gain: Gain = None,
-    spectral_radius: SpectralRadius = None,
-    duration: Duration = None,
-    output_step: OutputStep = None,
+    *,
+    options: dict[str, str],
     error_bar: ErrorBar = ErrorBars.AUTO,
     table: Annotated[
         Format, typer.Option(help="Format of the table: trajectory.csv and so on.")
@@ -164,11 +186,6 @@ def command(
     strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
-    options = given(
-        method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
-        gain=gain, spectral_radius=spectral_radius, duration=duration,
-        output_step=output_step,
-    )  # fmt: skip
     job = partial(
         Job, error_bars=error_bar, table=table, show_units=units,
         plots=None if no_plots else form, animate=animate, resume=resume, quiet=quiet,

@@ -27,19 +27,7 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, sorted_out
-from lagsim.cli.run import (
-    Atol,
-    Duration,
-    ErrorBar,
-    Formulation,
-    Gain,
-    Method,
-    OutputStep,
-    Rtol,
-    SpectralRadius,
-    Step,
-    given,
-)
+from lagsim.cli.run import ErrorBar, with_settings
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.studies.attempts import ErrorBars
 
@@ -68,6 +56,7 @@ def _names(context: typer.Context, incomplete: str) -> list[str]:
     return [f"{name}=" for name in names if name.startswith(incomplete)]
 
 
+@with_settings
 def command(
     model: ModelPath,
     values: Annotated[
@@ -105,26 +94,14 @@ def command(
         ),
     ] = None,
     sets: Sets = None,
-    method: Method = None,
-    rtol: Rtol = None,
-    atol: Atol = None,
-    step: Step = None,
-    formulation: Formulation = None,
-    gain: Gain = None,
-    spectral_radius: SpectralRadius = None,
-    duration: Duration = None,
-    output_step: OutputStep = None,
+    *,
+    options: dict[str, str],
     error_bar: ErrorBar = ErrorBars.AUTO,
     no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> int:
     """Run a model at all combinations of parameter values."""
-    options = given(
-        method=method, rtol=rtol, atol=atol, step=step, formulation=formulation,
-        gain=gain, spectral_radius=spectral_radius, duration=duration,
-        output_step=output_step,
-    )  # fmt: skip
     job = _Job(
         folder, jobs, dask, keep=keep, ends=ends, resume=resume, plots=not no_plots,
         as_json=as_json, quiet=quiet,

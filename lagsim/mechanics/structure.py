@@ -7,67 +7,16 @@ values of the parameters is not found.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.graph import once
+from lagsim.methods import Structure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from lagsim.mechanics.equations import Equations
-
-
-class Structure(NamedTuple):
-    """What the equations of motion are made of.
-
-    Attributes
-    ----------
-    mass_varies_with : str
-        `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
-    diagonal : bool
-        M is.
-    blocks : int
-        Of M: groups of coordinates that it does not couple.
-    constant_rows : bool
-        A is made of parameters only, as it is without constraints.
-    constraints : str
-        `none`, `holonomic`, `nonholonomic` or `mixed`.
-    forces_free_of_velocities : bool
-        f is.
-    autonomous : bool
-        Time does not stand in the equations.
-    linear : bool
-        y' is affine in the state: M and A constant, f and b affine; and the power,
-        where there is one, quadratic.
-    unknowns : int
-        Coordinates and constraints.
-    """
-
-    mass_varies_with: str
-    diagonal: bool
-    blocks: int
-    constant_rows: bool
-    constraints: str
-    forces_free_of_velocities: bool
-    autonomous: bool
-    linear: bool
-    unknowns: int
-
-    @property
-    def constant_mass(self) -> bool:
-        """M is made of parameters only."""
-        return self.mass_varies_with == "nothing"
-
-    @property
-    def constant_parts(self) -> int:
-        """What is factored once: 2 M and A, 1 only M, 0 neither."""
-        return (1 + self.constant_rows) * self.constant_mass
-
-    @property
-    def linear_time_invariant(self) -> bool:
-        """Y' = J y + c, with constants J and c."""
-        return self.linear and self.autonomous
 
 
 def structure(equations: Equations) -> Structure:

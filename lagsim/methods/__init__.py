@@ -2,17 +2,74 @@
 
 from __future__ import annotations
 
+import inspect
 import pkgutil
+import textwrap
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.errors import Problem
+from lagsim.native.layout import Option
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from lagsim.errors import Place
+
+WIDTH = 88
+
+
+class Structure(NamedTuple):
+    """What the equations of motion are made of.
+
+    Attributes
+    ----------
+    mass_varies_with : str
+        `nothing`, or the first of `velocities`, `positions`, `time` that M depends on.
+    diagonal : bool
+        M is.
+    blocks : int
+        Of M: groups of coordinates that it does not couple.
+    constant_rows : bool
+        A is made of parameters only, as it is without constraints.
+    constraints : str
+        `none`, `holonomic`, `nonholonomic` or `mixed`.
+    forces_free_of_velocities : bool
+        f is.
+    autonomous : bool
+        Time does not stand in the equations.
+    linear : bool
+        y' is affine in the state: M and A constant, f and b affine; and the power,
+        where there is one, quadratic.
+    unknowns : int
+        Coordinates and constraints.
+    """
+
+    mass_varies_with: str
+    diagonal: bool
+    blocks: int
+    constant_rows: bool
+    constraints: str
+    forces_free_of_velocities: bool
+    autonomous: bool
+    linear: bool
+    unknowns: int
+
+    @property
+    def constant_mass(self) -> bool:
+        """M is made of parameters only."""
+        return self.mass_varies_with == "nothing"
+
+    @property
+    def constant_parts(self) -> int:
+        """What is factored once: 2 M and A, 1 only M, 0 neither."""
+        return (1 + self.constant_rows) * self.constant_mass
+
+    @property
+    def linear_time_invariant(self) -> bool:
+        """Y' = J y + c, with constants J and c."""
+        return self.linear and self.autonomous
 
 
 @cache
@@ -42,8 +99,38 @@ def method(name: str) -> ModuleType:
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - STATE, the class of the memory it keeps, and the kernels `start`, `step` and
       `interpolate`; where ADAPTIVE, `interpolate_rates` as well.
+
+    A number of STATE that is declared as an `option` is one that users choose: reader,
+    schema, commands, Python interface and pages know of it by that.
     """
     return import_module(f"{__name__}.{name.replace('-', '_')}")
+
+
+def options_of(name: str) -> dict[str, Option]:
+    """Give the options of a method, by the keys of `simulation`."""
+    fields = method(name).STATE.fields.items()
+    return {key: field for key, field in fields if isinstance(field, Option)}
+
+
+@cache
+def options() -> dict[str, tuple[str, Option]]:
+    """Give the options of all methods, each with the name of the method."""
+    return {
+        key: (name, found)
+        for name in names()
+        for key, found in options_of(name).items()
+    }
+
+
+def page(name: str) -> str:
+    """Give the page on a method: its docstring, and its options."""
+    parts = [inspect.cleandoc(method(name).__doc__ or "")]
+    for key, x in options_of(name).items():
+        text = (
+            f"`{key}`, {x.least:g} to {x.most:g}, {x.default:g} unless given: {x.about}"
+        )
+        parts.append(textwrap.fill(f"{text}.", WIDTH))
+    return "\n\n".join(parts)
 
 
 # Methods, and those of other programs, in small letters, that do the same.

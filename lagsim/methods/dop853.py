@@ -14,45 +14,45 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.adaptive import record_speed, usable_step
-from lagsim.methods.parts.controller import (
+from lagsim.methods.parts.constraints import (
+    bent,
+    forget_removed,
+    hides_error,
+    leave_loss,
+    meet_constraints,
+    needs_loops,
+    note_directions,
+    passable,
+)
+from lagsim.methods.parts.control import (
+    add_change,
     against,
     first_step,
+    hardly_moves,
+    keep_rest,
     look_again,
     record_measured,
     record_sizes,
     set_tolerances,
 )
-from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods.parts.interface import derivative
-from lagsim.methods.parts.looks import suspect
-from lagsim.methods.parts.noise import add_change, hardly_moves, keep_rest
+from lagsim.methods.parts.driver import State, record_speed, usable_step
+from lagsim.methods.parts.fixed import Tableau
+from lagsim.methods.parts.missed import suspect
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import meet_constraints
-from lagsim.methods.parts.singular import (
-    bent,
-    forget_removed,
-    hides_error,
-    leave_loss,
-    needs_loops,
-    note_directions,
-    passable,
-)
 from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,
     NOT_FINITE,
     PROJECTION_FAILED,
     STEP_TOO_SMALL,
-    State,
+    derivative,
 )
-from lagsim.methods.parts.tableau import Tableau
 from lagsim.native.kernels.words import apart, at, total, unrolled
 from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"
@@ -61,9 +61,6 @@ DENSE_ORDER = 7
 ADAPTIVE = True
 IMAGINARY_LIMIT = 5.96
 HANDLES = "any model; equality constraints by projection"
-TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
-amplification = TABLEAU.amplification
-
 NEEDS = ()
 QUADRATURES = True
 
@@ -96,6 +93,7 @@ def refusal(_scene: Structure) -> str:
 class Dop853(State):
     """The stages' slopes, the state of a stage, the new one, the dense output."""
 
+    previous_error: float  # of the last accepted step, for PI control
     k: Floats = array(lambda s: STAGES * s.size)
     z: Floats = array(lambda s: s.size)
     new: Floats = array(lambda s: s.size)
@@ -157,13 +155,7 @@ def step(s: Dop853, p: Parameters) -> int:
 
 def attempt(s: Dop853, p: Parameters, h: float) -> float:
     """Make the stages of a step and give its error in units of the tolerance."""
-    t = s.t
-    size = s.size
-    y = s.y
-    k = s.k
-    z = s.z
-    new = s.new
-    left = s.left
+    t, size, y, k, z, new, left = s.t, s.size, s.y, s.k, s.z, s.new, s.left
     if CONSTRAINED:
         p.least_health = 1.0
     for stage in unrolled(1, 12):
@@ -243,10 +235,7 @@ def combined(error5: float, error3: float) -> float:
 
 def accept(s: Dop853, p: Parameters, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
-    size = s.size
-    y = s.y
-    k = s.k
-    new = s.new
+    size, y, k, new = s.size, s.y, s.k, s.new
     derivative(s.t + h, new, p, at(k, 12 * size))
     if SLEEPERS:
         suspect(s, p, h, y, k, new, at(k, 12 * size))
@@ -275,13 +264,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
 
 def prepare_dense(s: Dop853, p: Parameters) -> None:
     """Evaluate the three extra stages, and the coefficients of the polynomial."""
-    h = s.step_h
-    size = s.size
-    y = s.y
-    k = s.k
-    z = s.z
-    new = s.new
-    dense = s.dense
+    h, size, y, k, z, new, dense = s.step_h, s.size, s.y, s.k, s.z, s.new, s.dense
     for stage in unrolled(13, 16):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
@@ -302,8 +285,7 @@ def prepare_dense(s: Dop853, p: Parameters) -> None:
 
 def interpolate(s: Dop853, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step (II.6, (6.7))."""
-    size = s.size
-    dense = s.dense
+    size, dense = s.size, s.dense
     u = 1.0 - x
     for i in apart(size):
         value = 0.0
@@ -314,8 +296,7 @@ def interpolate(s: Dop853, x: float, out: Floats) -> None:
 
 def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
-    size = s.size
-    dense = s.dense
+    size, dense = s.size, s.dense
     u = 1.0 - x
     for i in range(s.n, size):
         value = 0.0
@@ -329,3 +310,298 @@ def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
                 slope = slope * u - value
                 value = value * u
         out[i] = slope / s.step_h
+
+
+# --- coefficients, as published by E. Hairer with his code dop853.f -------------------
+# 12 stages of order 8, two error estimators, and 3 more stages for a dense output of
+# order 7 (Hairer, Norsett and Wanner, Solving ODEs I, II.5 and II.6, 2nd ed. 1993).
+# Row 12 of A is B: the last stage is the first of the next step.
+
+C = (
+    0.0,
+    0.05260015195876773,
+    0.0789002279381516,
+    0.1183503419072274,
+    0.2816496580927726,
+    0.3333333333333333,
+    0.25,
+    0.3076923076923077,
+    0.6512820512820513,
+    0.6,
+    0.8571428571428571,
+    1.0,
+    1.0,
+    0.1,
+    0.2,
+    0.7777777777777778,
+)
+A = (
+    (),
+    (0.05260015195876773,),
+    (
+        0.0197250569845379,
+        0.0591751709536137,
+    ),
+    (
+        0.02958758547680685,
+        0.0,
+        0.08876275643042054,
+    ),
+    (
+        0.2413651341592667,
+        0.0,
+        -0.8845494793282861,
+        0.924834003261792,
+    ),
+    (
+        0.037037037037037035,
+        0.0,
+        0.0,
+        0.17082860872947386,
+        0.12546768756682242,
+    ),
+    (
+        0.037109375,
+        0.0,
+        0.0,
+        0.17025221101954405,
+        0.06021653898045596,
+        -0.017578125,
+    ),
+    (
+        0.03709200011850479,
+        0.0,
+        0.0,
+        0.17038392571223998,
+        0.10726203044637328,
+        -0.015319437748624402,
+        0.008273789163814023,
+    ),
+    (
+        0.6241109587160757,
+        0.0,
+        0.0,
+        -3.3608926294469414,
+        -0.868219346841726,
+        27.59209969944671,
+        20.154067550477894,
+        -43.48988418106996,
+    ),
+    (
+        0.47766253643826434,
+        0.0,
+        0.0,
+        -2.4881146199716677,
+        -0.590290826836843,
+        21.230051448181193,
+        15.279233632882423,
+        -33.28821096898486,
+        -0.020331201708508627,
+    ),
+    (
+        -0.9371424300859873,
+        0.0,
+        0.0,
+        5.186372428844064,
+        1.0914373489967295,
+        -8.149787010746927,
+        -18.52006565999696,
+        22.739487099350505,
+        2.4936055526796523,
+        -3.0467644718982196,
+    ),
+    (
+        2.273310147516538,
+        0.0,
+        0.0,
+        -10.53449546673725,
+        -2.0008720582248625,
+        -17.9589318631188,
+        27.94888452941996,
+        -2.8589982771350235,
+        -8.87285693353063,
+        12.360567175794303,
+        0.6433927460157636,
+    ),
+    (
+        0.054293734116568765,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        4.450312892752409,
+        1.8915178993145003,
+        -5.801203960010585,
+        0.3111643669578199,
+        -0.1521609496625161,
+        0.20136540080403034,
+        0.04471061572777259,
+    ),
+    (
+        0.056167502283047954,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.25350021021662483,
+        -0.2462390374708025,
+        -0.12419142326381637,
+        0.15329179827876568,
+        0.00820105229563469,
+        0.007567897660545699,
+        -0.008298,
+    ),
+    (
+        0.03183464816350214,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.028300909672366776,
+        0.053541988307438566,
+        -0.05492374857139099,
+        0.0,
+        0.0,
+        -0.00010834732869724932,
+        0.0003825710908356584,
+        -0.00034046500868740456,
+        0.1413124436746325,
+    ),
+    (
+        -0.42889630158379194,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        -4.697621415361164,
+        7.683421196062599,
+        4.06898981839711,
+        0.3567271874552811,
+        0.0,
+        0.0,
+        0.0,
+        -0.0013990241651590145,
+        2.9475147891527724,
+        -9.15095847217987,
+    ),
+)
+B = (
+    0.054293734116568765,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    4.450312892752409,
+    1.8915178993145003,
+    -5.801203960010585,
+    0.3111643669578199,
+    -0.1521609496625161,
+    0.20136540080403034,
+    0.04471061572777259,
+)
+ERROR5 = (
+    0.01312004499419488,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    -1.2251564463762044,
+    -0.4957589496572502,
+    1.6643771824549864,
+    -0.35032884874997366,
+    0.3341791187130175,
+    0.08192320648511571,
+    -0.022355307863886294,
+)
+ERROR3 = (
+    -0.18980075407240762,
+    0.0,
+    0.0,
+    0.0,
+    0.0,
+    4.450312892752409,
+    1.8915178993145003,
+    -5.801203960010585,
+    -0.4226823213237919,
+    -0.1521609496625161,
+    0.20136540080403034,
+    0.02265179219836082,
+)
+DENSE = (
+    (
+        -8.428938276109013,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.5667149535193777,
+        -3.0689499459498917,
+        2.38466765651207,
+        2.117034582445028,
+        -0.871391583777973,
+        2.2404374302607883,
+        0.6315787787694688,
+        -0.08899033645133331,
+        18.148505520854727,
+        -9.194632392478356,
+        -4.436036387594894,
+    ),
+    (
+        10.427508642579134,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        242.28349177525817,
+        165.20045171727028,
+        -374.5467547226902,
+        -22.113666853125306,
+        7.733432668472264,
+        -30.674084731089398,
+        -9.332130526430229,
+        15.697238121770845,
+        -31.139403219565178,
+        -9.35292435884448,
+        35.81684148639408,
+    ),
+    (
+        19.985053242002433,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        -387.0373087493518,
+        -189.17813819516758,
+        527.8081592054236,
+        -11.57390253995963,
+        6.8812326946963,
+        -1.0006050966910838,
+        0.7777137798053443,
+        -2.778205752353508,
+        -60.19669523126412,
+        84.32040550667716,
+        11.99229113618279,
+    ),
+    (
+        -25.69393346270375,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        -154.18974869023643,
+        -231.5293791760455,
+        357.6391179106141,
+        93.40532418362432,
+        -37.45832313645163,
+        104.0996495089623,
+        29.8402934266605,
+        -43.53345659001114,
+        96.32455395918828,
+        -39.17726167561544,
+        -149.72683625798564,
+    ),
+)
+
+TABLEAU = Tableau(A[:12], B, C[:12], ORDER)
+amplification = TABLEAU.amplification

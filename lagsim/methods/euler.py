@@ -16,23 +16,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.constraints import meet_constraints
 from lagsim.methods.parts.fixed import (
     Fixed,
+    Tableau,
     begin,
     is_finite,
     next_time,
     step_length,
     take,
 )
-from lagsim.methods.parts.interface import derivative
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import meet_constraints
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
-from lagsim.methods.parts.tableau import Tableau
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
 
 NAME = "euler"
 TITLE = "explicit Euler"
@@ -63,11 +62,7 @@ def start(s: Fixed, p: Parameters) -> None:
 
 def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = s.size
-    y = s.y
-    k = s.k
-    slope = s.slope
-    new = s.new
+    size, y, k, slope, new = s.size, s.y, s.k, s.slope, s.new
     after = next_time(s)
     h = step_length(s, after)
     for i in range(size):
@@ -84,8 +79,6 @@ def step(s: Fixed, p: Parameters) -> int:
 
 def interpolate(s: Fixed, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: on the chord."""
-    size = s.size
-    y = s.y
-    old = s.old
+    size, y, old = s.size, s.y, s.old
     for i in range(size):
         out[i] = old[i] + x * (y[i] - old[i])

@@ -17,19 +17,23 @@ import cmath
 import math
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.controller import record_sizes
+from lagsim.methods.parts.constraints import project, record_health
+from lagsim.methods.parts.control import record_sizes
+from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.fixed import next_time, note_sizes
-from lagsim.methods.parts.interface import linear
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import project
-from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, State
+from lagsim.methods.parts.state import (
+    DONE,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    linear,
+)
 from lagsim.native.kernels.words import at, unrolled
 from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
 
 NAME = "exponential"
 TITLE = "matrix exponential"
@@ -125,10 +129,7 @@ STATE = Exponential
 def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
     m = 2 * s.n + 1
-    a = s.A
-    forms = s.forms
-    given = s.given
-    d = s.d
+    a, forms, given, d = s.A, s.forms, s.given, s.d
     linear(s.t, s.y, p, given)
     for i in range(m * m):
         a[i] = 0.0
@@ -169,13 +170,7 @@ def make(s: Exponential, h: float) -> None:
     """
     m = 2 * s.n + 1
     entries = m * m
-    a = s.A
-    forms = s.forms
-    F = s.F
-    Q = s.Q
-    x = s.x
-    y = s.second
-    d = s.d
+    a, forms, F, Q, x, y, d = s.A, s.forms, s.F, s.Q, s.x, s.second, s.d
     s.made_for = h
     tau = h
     doublings = 0
@@ -203,13 +198,9 @@ def make(s: Exponential, h: float) -> None:
 
 def step(s: Exponential, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = s.size
-    n = s.n
+    size, n = s.size, s.n
     m = 2 * n + 1
-    y = s.y
-    z = s.z
-    new = s.new
-    t = s.t
+    y, z, new, t = s.y, s.z, s.new, s.t
     after = next_time(s)
     h = after - t
     if abs(h - s.made_for) > 1e-9 * s.made_for:
@@ -229,8 +220,7 @@ def step(s: Exponential, p: Parameters) -> int:
         record_health(s, work[n + 1], h)
     for i in range(m - 1):
         y[i] = new[i]
-    Q = s.Q
-    works_before = s.works_before
+    Q, works_before = s.Q, s.works_before
     for k in range(size - 2 * n):
         # What interpolation begins with, before y is the new state's.
         works_before[k] = y[2 * n + k]
@@ -254,12 +244,7 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
     size = s.size
     m = 2 * s.n + 1
     count = size - 2 * s.n
-    forms = s.forms
-    d = s.d
-    z = s.z
-    terms = s.terms
-    new = s.new
-    found = s.found
+    forms, d, z, terms, new, found = s.forms, s.d, s.z, s.terms, s.new, s.found
     works_before = s.works_before
     for k in range(count):
         found[k] = works_before[k]

@@ -17,14 +17,44 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.gauss import Gauss, interpolate, refusal, start, step
-from lagsim.methods.parts.tableau import Tableau
+from lagsim.methods.parts.constraints import largest_part
+from lagsim.methods.parts.control import add
+from lagsim.methods.parts.fixed import (
+    Fixed,
+    Tableau,
+    begin,
+    hermite,
+    is_finite,
+    judge,
+    next_time,
+    step_length,
+    take,
+)
+from lagsim.methods.parts.newton import (
+    CONVERGED,
+    LOST,
+    MOST,
+    RENEW,
+    decompose,
+    solve,
+    too_large,
+)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import (
+    DONE,
+    NEWTON_FAILED,
+    NOT_FINITE,
+    derivative,
+    inertia,
+    lagrangian,
+    lagrangian_slopes,
+)
+from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-
-__all__ = ["interpolate", "refusal", "start", "step"]
+    from lagsim.methods import Structure
 
 NAME = "gauss4"
 TITLE = "Gauss collocation, 2 stages"
@@ -46,6 +76,260 @@ amplification = TABLEAU.amplification
 NEEDS = ("lagrangian",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
+
+
+# --- Gauss collocation in q and p = dL/dq', for any Lagrangian ------------------------
+#     P_i = p0 + h sum a_ij F_j,   Q_i = q0 + h sum a_ij V_j,
+#     dL/dq'(Q_i, V_i) = P_i,      F = dL/dq and the generalized forces,
+#
+# solved for the stages' velocities V_i by Newton's method with the derivatives from the
+# graph. The velocities at the end belong to the momenta there. Positions, momenta and
+# work carry what rounding has cut off.
+#
+# Source: E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration, 2nd ed.,
+# sections II.1.3, VI.4 and VIII.5, VIII.6.
+
+
+class Gauss(Fixed):
+    """Stages, momenta, and the factors of Newton's method."""
+
+    stages: int
+    due: float  # 1 where factors are to be made
+    factored_h: float  # the step they belong to
+    nodes: Floats = array(lambda s: s.stages)  # the tableau: c, b, A
+    weights: Floats = array(lambda s: s.stages)
+    coefficients: Floats = array(lambda s: s.stages * s.stages)
+    z: Floats = array(lambda s: s.size)  # a state to ask at
+    momenta: Floats = array(lambda s: s.n)
+    # Of each stage: the velocities, those of the step before, what `lagrangian` gives
+    # and what `lagrangian_slopes` does.
+    V: Floats = array(lambda s: s.stages * s.n)
+    V_before: Floats = array(lambda s: s.stages * s.n)
+    found: Floats = array(lambda s: s.stages * s.size)
+    slopes: Floats = array(lambda s: s.stages * 4 * s.n * s.n)
+    # The Newton matrix, its pivots, the right side.
+    K: Floats = array(lambda s: (s.stages * s.n) ** 2)
+    pivots: Floats = array(lambda s: s.stages * s.n)
+    right: Floats = array(lambda s: s.stages * s.n)
+    M: Floats = array(lambda s: s.n * s.n)
+    M_pivots: Floats = array(lambda s: s.n)
+    change: Floats = array(lambda s: s.n)
+
+
+def refusal(scene: Structure) -> str:
+    """Say why momenta do not tell the motion, or give ""."""
+    if scene.constraints == "holonomic":
+        return (
+            "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
+            "projects onto them)"
+        )
+    if scene.constraints != "none":
+        return "it has constraints between velocities (`dop853` projects onto them)"
+    return too_large(scene)
+
+
+def start(s: Gauss, p: Parameters) -> None:
+    """Begin an arc: momenta from velocities; the stages begin at the velocities."""
+    begin(s, p)
+    n, y, momenta, V, out = s.n, s.y, s.momenta, s.V, s.found
+    lagrangian(s.t, y, p, out)
+    for i in range(n):
+        momenta[i] = out[i]
+    for stage in range(s.stages):
+        for i in range(n):
+            V[stage * n + i] = y[n + i]
+    s.due = 1.0
+
+
+def step(s: Gauss, p: Parameters) -> int:
+    """Make one step, or give a code other than 0."""
+    after = next_time(s)
+    h = step_length(s, after)
+    predict(s)
+    if solve_stages(s, p, h) == 0:
+        return NEWTON_FAILED
+    conclude(s, h)
+    if not is_finite(s.size, s.new):
+        return NOT_FINITE
+    if solve_velocities(s, p, after, h) == 0:
+        return NEWTON_FAILED
+    derivative(after, s.new, p, s.slope)
+    s.evaluations += 1.0
+    take(s, p, after)
+    return DONE
+
+
+def predict(s: Gauss) -> None:
+    """Extend the polynomial through the stages' velocities and the last one."""
+    n, y, nodes, V, stages, old = s.n, s.y, s.nodes, s.V, s.stages, s.V_before
+    for k in range(stages * n):
+        old[k] = V[k]
+    if s.step_h == 0.0:
+        return
+    for stage in range(stages):
+        x = 1.0 + nodes[stage]
+        for i in range(n):
+            # Lagrange's polynomials on the nodes and 1.
+            value = 0.0
+            for j in range(stages + 1):
+                node = nodes[j] if j < stages else 1.0
+                part = old[j * n + i] if j < stages else y[n + i]
+                for k in range(stages + 1):
+                    if k != j:
+                        other = nodes[k] if k < stages else 1.0
+                        part *= (x - other) / (node - other)
+                value += part
+            V[stage * n + i] = value
+
+
+def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
+    """Solve for the stages' velocities; give 0 where Newton's method fails."""
+    n, V, stages = s.n, s.V, s.stages
+    unknowns = stages * n
+    right = s.right
+    if abs(s.factored_h - h) > 1e-9 * h:
+        s.due = 1.0
+    previous = 0.0
+    for iteration in range(MOST):
+        if s.due > 0.0 and renew(s, p, h) == 0:
+            return 0
+        s.due = 0.0
+        residual(s, p, h)
+        solve(unknowns, s.K, s.pivots, right)
+        moved = 0.0
+        worst = 0
+        for stage in range(stages):
+            part = largest_part(1, s, h, at(V, stage * n), at(right, stage * n))
+            if part > moved:
+                worst = stage * n
+                moved = part
+        for k in range(unknowns):
+            V[k] += right[k]
+        state = judge(
+            s, p, h, at(V, worst), at(right, worst), iteration, moved, previous
+        )
+        if state == CONVERGED:
+            return 1
+        if state == LOST:
+            return 0
+        if state == RENEW:
+            s.due = 1.0
+        previous = moved
+    return 0
+
+
+def residual(s: Gauss, p: Parameters, h: float) -> None:
+    """Leave p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
+    n, momenta, nodes, A, stages = s.n, s.momenta, s.nodes, s.coefficients, s.stages
+    out, right, z, width = s.found, s.right, s.z, s.size
+    for stage in range(stages):
+        place(s, stage, h, z)
+        lagrangian(s.t + nodes[stage] * h, z, p, at(out, stage * width))
+    s.evaluations += stages
+    for stage in range(stages):
+        for i in range(n):
+            value = momenta[i] - out[stage * width + i]
+            for j in range(stages):
+                a = A[stage * stages + j]
+                value += h * a * out[j * width + n + i]
+            right[stage * n + i] = value
+
+
+def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
+    """Give the state (Q, V) of a stage."""
+    n, y, A, V = s.n, s.y, s.coefficients, s.V
+    for i in range(n):
+        moved = 0.0
+        for j in range(s.stages):
+            moved += A[stage * s.stages + j] * V[j * n + i]
+        z[i] = y[i] + h * moved
+        z[n + i] = V[stage * n + i]
+    for i in range(2 * n, s.size):
+        z[i] = y[i]
+
+
+def renew(s: Gauss, p: Parameters, h: float) -> int:
+    """Factor the Newton matrix at the present stages; give 0 where it is singular."""
+    n, nodes, stages = s.n, s.nodes, s.stages
+    unknowns = stages * n
+    slopes, K, z = s.slopes, s.K, s.z
+    block = 4 * n * n
+    for stage in range(stages):
+        place(s, stage, h, z)
+        t = s.t + nodes[stage] * h
+        lagrangian_slopes(t, z, p, at(slopes, stage * block))
+    s.factorisations += 1.0
+    s.factored_h = h
+    for i in range(stages):
+        for k in range(stages):
+            for r in range(n):
+                for c in range(n):
+                    K[(i * n + r) * unknowns + k * n + c] = entry(s, h, i, k, r * n + c)
+    return decompose(unknowns, K, s.pivots)
+
+
+def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
+    """Give d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one of its entries."""
+    square = s.n * s.n
+    stages, slopes, a = s.stages, s.slopes, s.coefficients
+    value = h * a[stages * i + k] * slopes[i * 4 * square + rc]
+    if i == k:
+        value += slopes[i * 4 * square + square + rc]
+    for j in range(stages):
+        slope = h * a[stages * j + k] * slopes[j * 4 * square + 2 * square + rc]
+        if j == k:
+            slope += slopes[j * 4 * square + 3 * square + rc]
+        value -= h * a[stages * i + j] * slope
+    return float(value)
+
+
+def conclude(s: Gauss, h: float) -> None:
+    """Give the new positions, momenta and work; the velocities go on for a start."""
+    size, n, y, new, rest, momenta = s.size, s.n, s.y, s.new, s.rest, s.momenta
+    weights, stages, V, out = s.weights, s.stages, s.V, s.found
+    for i in range(size):
+        new[i] = y[i]
+    for stage in range(stages):
+        weight = h * weights[stage]
+        forces = at(out, stage * size + n)
+        add(n, new, rest, weight, at(V, stage * n))
+        add(n, momenta, at(rest, n), weight, forces)
+        add(size - 2 * n, at(new, 2 * n), at(rest, 2 * n), weight, at(forces, n))
+    for i in range(n):
+        new[n + i] = V[(stages - 1) * n + i]
+
+
+def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
+    """Solve dL/dq' = p for the velocities; give 0 where Newton's method fails."""
+    n, new, momenta, out, M, change = s.n, s.new, s.momenta, s.found, s.M, s.change
+    previous = 0.0
+    renewing = RENEW
+    for iteration in range(MOST):
+        if renewing == RENEW:
+            inertia(t, new, p, M)
+            s.factorisations += 1.0
+            if decompose(n, M, s.M_pivots) == 0:
+                return 0
+        lagrangian(t, new, p, out)
+        s.evaluations += 1.0
+        for i in range(n):
+            change[i] = momenta[i] - out[i]
+        solve(n, M, s.M_pivots, change)
+        moved = largest_part(1, s, h, at(new, n), change)
+        for i in range(n):
+            new[n + i] += change[i]
+        renewing = judge(s, p, h, at(new, n), change, iteration, moved, previous)
+        if renewing == CONVERGED:
+            return 1
+        if renewing == LOST:
+            return 0
+        previous = moved
+    return 0
+
+
+def interpolate(s: Gauss, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
+    hermite(s, x, out)
 
 
 class Gauss4(Gauss):

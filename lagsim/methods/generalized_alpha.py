@@ -1,11 +1,10 @@
 """Generalized-alpha: structural dynamics' implicit method with adjustable damping.
 
-Order 2, fixed step, stable at any step on the whole imaginary axis. The parameter
-`spectral_radius` (0.8 unless given) is the factor by which one step reduces an
-oscillation that is infinitely fast against the step: 1 keeps it, 0 removes it at once.
-Resolved motion loses a part of order (step * frequency)^3. So oscillations that are too
-fast for the step, as in a fine mesh, are damped, and nothing else. The energy is not
-kept exactly: `midpoint` and `gauss4` do that.
+Order 2, fixed step, stable at any step on the whole imaginary axis. `spectral_radius`
+chooses how fast motion is damped. Resolved motion loses a part of order (step *
+frequency)^3. So oscillations that are too fast for the step, as in a fine mesh, are
+damped, and nothing else. The energy is not kept exactly: `midpoint` and `gauss4` do
+that.
 
 A step balances accelerations, q'' = F(t, q, q'), with the exact Jacobian in Newton's
 method. Constraints are satisfied by projection after each step; the proof of order 2
@@ -20,6 +19,7 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.constraints import largest_part, meet_constraints
 from lagsim.methods.parts.fixed import (
     Fixed,
     begin,
@@ -30,23 +30,37 @@ from lagsim.methods.parts.fixed import (
     step_length,
     take,
 )
-from lagsim.methods.parts.interface import derivative, jacobian
-from lagsim.methods.parts.lu import decompose, solve, too_large
-from lagsim.methods.parts.newton import CONVERGED, LOST, MOST, RENEW
+from lagsim.methods.parts.newton import (
+    CONVERGED,
+    LOST,
+    MOST,
+    RENEW,
+    decompose,
+    solve,
+    too_large,
+)
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import largest_part, meet_constraints
 from lagsim.methods.parts.state import (
     DONE,
     NEWTON_FAILED,
     NOT_FINITE,
     PROJECTION_FAILED,
-    USUAL_RADIUS,
+    derivative,
+    jacobian,
 )
 from lagsim.native.kernels.words import at
-from lagsim.native.layout import array
+from lagsim.native.layout import array, option
 
 if TYPE_CHECKING:
+    from typing import TypedDict
+
     from lagsim.language.arrays import Floats
+
+    class Options(TypedDict, total=False):
+        """The same for type checkers."""
+
+        spectral_radius: float | str | None
+
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"
@@ -61,12 +75,13 @@ NEEDS = ("jacobian",)
 
 CONSTRAINED = True
 
+RADIUS = 0.8
 # A motion is resolved where its own restoring rate, times a ninth of a step or so, and
 # times the step, is less.
 RESOLVED = 0.5
 
 
-def amplification(z: complex, radius: float = USUAL_RADIUS) -> float:
+def amplification(z: complex, radius: float = RADIUS) -> float:
     """Give the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
     Of the matrix (3, 3) that takes (q, q', a) on (Chung and Hulbert, section 3).
@@ -108,6 +123,11 @@ def displacement(radius: float) -> float:
 class GeneralizedAlpha(Fixed):
     """The method's own acceleration, and the factors that it is solved for with."""
 
+    spectral_radius: float = option(
+        RADIUS, 0.0, 1.0,
+        "the factor by which one step reduces an oscillation that is infinitely fast "
+        "against the step; 1 keeps it, 0 removes it at once",
+    )  # fmt: skip
     due: float  # 1 where factors are to be made
     factored_h: float  # the step they belong to
     a: Floats = array(lambda s: s.n)
@@ -135,14 +155,7 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     first step an order worse (Arnold and Bruels, section 3). Where the step does not
     resolve the fast motion, a slope says nothing about it, and is left out.
     """
-    n = s.n
-    y = s.y
-    k = s.k
-    slope = s.slope
-    z = s.new
-    a = s.a
-    J = s.J
-    h = s.fixed_step
+    n, y, k, slope, z, a, J, h = s.n, s.y, s.k, s.slope, s.new, s.a, s.J, s.fixed_step
     radius = s.spectral_radius
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h
@@ -162,13 +175,7 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
 
 def step(s: GeneralizedAlpha, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = s.size
-    n = s.n
-    y = s.y
-    k = s.k
-    slope = s.slope
-    new = s.new
-    a = s.a
+    size, n, y, k, slope, new, a = s.size, s.n, s.y, s.k, s.slope, s.new, s.a
     a_new = s.a_new
     after = next_time(s)
     h = step_length(s, after)
@@ -194,14 +201,8 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
     """
-    n = s.n
-    new = s.new
-    slope = s.slope
-    k = s.k
-    a = s.a
-    a_new = s.a_new
-    change = s.change
-    radius = s.spectral_radius
+    n, new, slope, k, a, a_new = s.n, s.new, s.slope, s.k, s.a, s.a_new
+    change, radius = s.change, s.spectral_radius
     alpha_m = share(radius)
     alpha_f = radius / (radius + 1.0)
     gamma = weight(radius)
@@ -239,11 +240,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
     """Give the new positions and velocities that belong to the new acceleration."""
-    n = s.n
-    y = s.y
-    new = s.new
-    a = s.a
-    a_new = s.a_new
+    n, y, new, a, a_new = s.n, s.y, s.new, s.a, s.a_new
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)
     for i in range(n):
@@ -254,10 +251,7 @@ def advance(s: GeneralizedAlpha, h: float) -> None:
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     """Factor (1 - alpha_m) - (1 - alpha_f) (h^2 beta Jq + h gamma Jv); 0: singular."""
-    n = s.n
-    J = s.J
-    factors = s.factors
-    radius = s.spectral_radius
+    n, J, factors, radius = s.n, s.J, s.factors, s.spectral_radius
     part = 1.0 - radius / (radius + 1.0)
     positions = part * h * h * displacement(radius)
     velocities = part * h * weight(radius)

@@ -21,9 +21,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import symplectic
-from lagsim.methods.parts.composition import Composition, interpolate, start, step
-from lagsim.methods.parts.symplectic import refusal
+from lagsim.methods.kahan_li8 import Composition, interpolate, start, step
+from lagsim.methods.verlet import composed_amplification, refusal
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ HALF = (
     0.79854399093482996339895035,
 )
 WEIGHTS = (*HALF, *HALF[-2::-1])
-amplification = partial(symplectic.amplification, WEIGHTS)
+amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be

@@ -21,15 +21,32 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import symplectic
-from lagsim.methods.parts.composition import Composition, interpolate, start, step
-from lagsim.methods.parts.symplectic import refusal
+from lagsim.methods.parts.fixed import (
+    begin,
+    hermite,
+    is_finite,
+    next_time,
+    step_length,
+    take,
+)
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import DONE, NOT_FINITE, derivative, power
+from lagsim.methods.verlet import (
+    Symplectic,
+    arrive,
+    composed_amplification,
+    depart,
+    drift,
+    kick,
+    refusal,
+)
+from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-__all__ = ["interpolate", "refusal", "start", "step"]
+__all__ = ["refusal"]
 
 NAME = "kahan-li8"
 TITLE = "Kahan-Li composition of 17 Verlet steps"
@@ -52,11 +69,198 @@ HALF = (
     -0.60550853383003451169892108,
 )
 WEIGHTS = (*HALF, *HALF[-2::-1])
-amplification = partial(symplectic.amplification, WEIGHTS)
+amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
 UNTIL = True
+
+
+# --- symmetric compositions of Verlet steps, and rows within them ---------------------
+# Dense output of order 6: the quintic through q, q', q'' at both ends of the step is
+# good enough to evaluate the acceleration at four points between; the polynomials that
+# have those too are right to two orders more (W. H. Enright, K. R. Jackson, S. P.
+# Norsett and P. G. Thomsen, Interpolants for Runge-Kutta formulas, ACM Trans. Math.
+# Softw. 12 (1986) 193-218: bootstrapping). In w = x (1 - x) and c = x - 1/2,
+#
+#     q(x) = quintic(x) + w^3 (r0 + r1 c + r2 c^2 + r3 c^3),
+#     q'(x), work(x) = cubic(x) + w^2 (r0 + r1 c + r2 c^2 + r3 c^3)
+#
+# with r from what is left over at the four points, of the accelerations and the power.
+# (The derivative of q(x) would divide the error of the step by its length.) It is made
+# where a row needs it.
+
+NODES = (0.2, 0.4, 0.6, 0.8)
+# r from what is left over at the nodes: the inverse of (w^3 c^m)'' there, and of
+# (w^2 c^m)'.
+BEND = (
+    (-2375 / 2816, -29125 / 12672, -29125 / 12672, -2375 / 2816),
+    (321875 / 153216, 334375 / 76608, -334375 / 76608, -321875 / 153216),
+    (-15625 / 704, -15625 / 1056, -15625 / 1056, -15625 / 704),
+    (1328125 / 38304, -78125 / 6384, 78125 / 6384, -1328125 / 38304),
+)
+RISE = (
+    (1375 / 576, 125 / 288, -125 / 288, -1375 / 576),
+    (-2125 / 352, 1125 / 176, 1125 / 176, -2125 / 352),
+    (3125 / 144, -3125 / 72, 3125 / 72, -3125 / 144),
+    (15625 / 88, 15625 / 132, 15625 / 132, 15625 / 88),
+)
+
+
+class Composition(Symplectic):
+    """The Verlet steps that make a step, and the polynomials of the last one."""
+
+    stages: int
+    weights: Floats = array(lambda s: s.stages)
+    ends: Floats = array(
+        lambda s: s.stages
+    )  # of the Verlet steps, as parts of the step
+    # Half of a step's kick before it and half after it; those that meet are one.
+    kicks: Floats = array(lambda s: s.stages + 1)
+    r: Floats = array(lambda s: 4 * s.size)
+    c3: Floats = array(lambda s: s.size)  # the quintic
+    c4: Floats = array(lambda s: s.size)
+    c5: Floats = array(lambda s: s.size)
+    left: Floats = array(lambda s: 4 * s.size)  # what is left over at the four points
+    z: Floats = array(lambda s: s.size)
+
+
+def start(s: Composition, p: Parameters) -> None:
+    """Begin an arc: evaluate at its start."""
+    weights, ends, kicks = s.weights, s.ends, s.kicks
+    end = 0.0
+    before = 0.0
+    for stage in range(s.stages):
+        kicks[stage] = 0.5 * (before + weights[stage])
+        before = weights[stage]
+        end += before
+        ends[stage] = end
+    kicks[s.stages] = 0.5 * before
+    ends[s.stages - 1] = 1.0
+    begin(s, p)
+
+
+def step(s: Composition, p: Parameters) -> int:
+    """Make one step, or give a code other than 0."""
+    weights, ends, kicks, t = s.weights, s.ends, s.kicks, s.t
+    after = next_time(s)
+    h = step_length(s, after)
+    depart(s)
+    kick(s, p, t, kicks[0] * h)
+    for stage in range(s.stages):
+        drift(s, p, t + ends[stage] * h, weights[stage] * h)
+        kick(s, p, t + ends[stage] * h, kicks[stage + 1] * h)
+    if not is_finite(s.size, s.new):
+        return NOT_FINITE
+    s.evaluations += s.stages
+    arrive(s, p, after)
+    take(s, p, after)
+    make_dense(s, p)
+    return DONE
+
+
+def make_dense(s: Composition, p: Parameters) -> None:
+    """Make the polynomials: the quintic always, r where a row lies within the step."""
+    size, n, r, left = s.size, s.n, s.r, s.left
+    for i in range(4 * size):
+        r[i] = 0.0
+    quintic(s)
+    row = s.row_start + s.row * s.row_step
+    extra = s.extras > 0.0 and s.extra < s.t
+    if UNTIL or extra or (row < s.row_limit and row < s.t):
+        look_within(s, p)
+        for i in range(n):
+            for m in unrolled(4):
+                some = total(BEND[m][j] * left[j * size + i] for j in unrolled(4))
+                r[m * size + i] = some
+        correct(s, n, 2 * n)
+        if size > 2 * n:
+            look_at_power(s, p)
+            correct(s, 2 * n, size)
+
+
+def quintic(s: Composition) -> None:
+    """Find what x^3, x^4, x^5 have in the quintics (3, size) of the positions."""
+    n, h, y, old, before, k, c3 = s.n, s.step_h, s.y, s.old, s.before, s.k, s.c3
+    c4, c5 = s.c4, s.c5
+    for i in range(n):
+        a0 = h * h * before[n + i]
+        rest = y[i] - old[i] - h * old[n + i] - 0.5 * a0
+        turn = h * (y[n + i] - old[n + i]) - a0
+        change = h * h * k[n + i] - a0
+        c3[i] = 10.0 * rest - 4.0 * turn + 0.5 * change
+        c4[i] = -15.0 * rest + 7.0 * turn - change
+        c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
+
+
+def look_within(s: Composition, p: Parameters) -> None:
+    """Find what is left over of the accelerations (4, size)."""
+    size, n, h, before, slope, c3 = s.size, s.n, s.step_h, s.before, s.slope, s.c3
+    c4, c5, left, z = s.c4, s.c5, s.left, s.z
+    for j in unrolled(4):
+        x = NODES[j]
+        interpolate(s, x, z)
+        derivative(s.step_t + x * h, z, p, slope)
+        s.evaluations += 1.0
+        for i in range(n):
+            curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
+            left[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
+            left[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
+
+
+def look_at_power(s: Composition, p: Parameters) -> None:
+    """Find what is left over of the powers, on the way now known."""
+    size, h = s.size, s.step_h
+    first = 2 * s.n
+    left, z = s.left, s.z
+    for j in unrolled(4):
+        x = NODES[j]
+        interpolate(s, x, z)
+        rates = at(left, j * size)
+        power(s.step_t + x * h, z, p, at(rates, first))
+        for i in range(first, size):
+            rates[i] = h * rates[i] - steepness(s, i, x)
+
+
+def correct(s: Composition, first: int, end: int) -> None:
+    """Find r of the components from `first` on whose rates were looked at."""
+    size, r, left = s.size, s.r, s.left
+    for i in range(first, end):
+        for m in unrolled(4):
+            some = total(RISE[m][j] * left[j * size + i] for j in unrolled(4))
+            r[m * size + i] = some
+
+
+def steepness(s: Composition, i: int, x: float) -> float:
+    """Give how steep the cubic of component i is, times the step."""
+    h, old, before, k = s.step_h, s.old, s.before, s.k
+    u = 1.0 - x
+    change = s.y[i] - old[i]
+    first = h * before[i] - change
+    last = h * k[i] - change
+    return float(change + u * (u - 2.0 * x) * first + x * (x - 2.0 * u) * last)
+
+
+def interpolate(s: Composition, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step."""
+    size, n, h, old, before, c3, c4 = s.size, s.n, s.step_h, s.old, s.before, s.c3, s.c4
+    c5 = s.c5
+    w = x * (1.0 - x)
+    hermite(s, x, out)
+    for i in range(n):
+        straight = x * h * (old[n + i] + 0.5 * x * h * before[n + i])
+        far = x * x * x * (c3[i] + x * (c4[i] + x * c5[i]))
+        out[i] = old[i] + straight + far + w * w * w * polynomial(s, i, x)
+    for i in range(n, size):
+        out[i] += w * w * polynomial(s, i, x)
+
+
+def polynomial(s: Composition, i: int, x: float) -> float:
+    """Give r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
+    size, r = s.size, s.r
+    c = x - 0.5
+    more = r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i])
+    return float(r[i] + c * more)
 
 
 class KahanLi8(Composition):

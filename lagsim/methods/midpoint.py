@@ -18,8 +18,8 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.gauss import Gauss, interpolate, refusal, start, step
-from lagsim.methods.parts.tableau import Tableau
+from lagsim.methods.gauss4 import Gauss, interpolate, refusal, start, step
+from lagsim.methods.parts.fixed import Tableau
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:

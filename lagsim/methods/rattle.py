@@ -22,10 +22,15 @@ Wanner, Geometric Numerical Integration, 2nd ed., section VII.1.4.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts import symplectic
+from lagsim.methods.parts.constraints import (
+    ROUNDING,
+    is_small,
+    largest_part,
+    project_level,
+    record_health,
+)
 from lagsim.methods.parts.fixed import (
     Fixed,
     begin,
@@ -35,22 +40,24 @@ from lagsim.methods.parts.fixed import (
     step_length,
     take,
 )
-from lagsim.methods.parts.interface import derivative, position_step, velocity_step
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import (
-    ROUNDING,
-    is_small,
-    largest_part,
-    project_level,
+from lagsim.methods.parts.state import (
+    DONE,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    derivative,
+    position_step,
+    velocity_step,
 )
-from lagsim.methods.parts.singular import record_health
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
+from lagsim.methods.verlet import amplification, inseparable
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
+
+__all__ = ["amplification"]
 
 NAME = "rattle"
 TITLE = "RATTLE"
@@ -62,7 +69,6 @@ HANDLES = "constant M, forces f(q, t); holonomic constraints"
 
 NEEDS = ()
 
-amplification = partial(symplectic.amplification, (1.0,))
 CONSTRAINED = True
 
 # The iteration ends at this residual against its terms, or at this change against the
@@ -89,7 +95,7 @@ def refusal(scene: Structure) -> str:
             "it has constraints between velocities that hold no positions (`dop853` "
             "projects onto them)"
         )
-    return symplectic.inseparable(scene)
+    return inseparable(scene)
 
 
 def start(s: Rattle, p: Parameters) -> None:
@@ -99,12 +105,7 @@ def start(s: Rattle, p: Parameters) -> None:
 
 def step(s: Rattle, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = s.size
-    n = s.n
-    y = s.y
-    k = s.k
-    slope = s.slope
-    new = s.new
+    size, n, y, k, slope, new = s.size, s.n, s.y, s.k, s.slope, s.new
     after = next_time(s)
     h = step_length(s, after)
     for i in range(n):
@@ -142,12 +143,7 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
     Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
-    n = s.n
-    y = s.y
-    masses = s.masses
-    new = s.new
-    work = s.change
-    steps = s.history
+    n, y, masses, new, work, steps = s.n, s.y, s.masses, s.new, s.change, s.history
     previous = 1e300
     for made in range(MOST):
         position_step(after, new, p, work)
@@ -171,10 +167,7 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
 
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
-    n = s.n
-    y = s.y
-    asked = s.asked
-    work = s.change
+    n, y, asked, work = s.n, s.y, s.asked, s.change
     for i in range(n):
         asked[i] = y[i]
         asked[n + i] = y[n + i] + work[i] / h
@@ -207,9 +200,7 @@ def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
 
 def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Make the new velocities tangent; give 0 where that fails."""
-    n = s.n
-    new = s.new
-    work = s.change
+    n, new, work = s.n, s.new, s.change
     if project_level(1, s, p, after, h, new, work) == 0:
         return 0
     record_health(s, work[n + 1], h)

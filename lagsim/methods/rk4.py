@@ -12,8 +12,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.constraints import meet_constraints
+from lagsim.methods.parts.control import add_change, keep_rest
 from lagsim.methods.parts.fixed import (
     Fixed,
+    Tableau,
     begin,
     hermite,
     is_finite,
@@ -21,18 +24,14 @@ from lagsim.methods.parts.fixed import (
     step_length,
     take,
 )
-from lagsim.methods.parts.interface import derivative
-from lagsim.methods.parts.noise import add_change, keep_rest
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import meet_constraints
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED
-from lagsim.methods.parts.tableau import Tableau
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
 from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"
@@ -77,15 +76,8 @@ def start(s: Rk4, p: Parameters) -> None:
 
 def step(s: Rk4, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size = s.size
-    y = s.y
-    k = s.stages
-    first = s.k
-    slope = s.slope
-    z = s.z
-    new = s.new
-    left = s.left
-    t = s.t
+    size, y, k, first, slope, z, new = s.size, s.y, s.stages, s.k, s.slope, s.z, s.new
+    left, t = s.left, s.t
     after = next_time(s)
     h = step_length(s, after)
     for i in range(size):

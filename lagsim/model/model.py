@@ -47,8 +47,8 @@ class Settings(NamedTuple):
         Of fixed-step methods.
     gain : float or None
         Of Baumgarte's formulation, per unit of time.
-    spectral_radius : float or None
-        Of the generalized-alpha method.
+    options : tuple of (str, float)
+        Of methods, those that are asked for, see `methods.options`.
     moments : tuple of float
         Times, in order, at which states are asked for beside the rows.
     """
@@ -62,7 +62,7 @@ class Settings(NamedTuple):
     atol: float | None = None
     step: float | None = None
     gain: float | None = None
-    spectral_radius: float | None = None
+    options: tuple[tuple[str, float], ...] = ()
     method_place: Place | None = None
     formulation_place: Place | None = None
     moments: tuple[float, ...] = ()

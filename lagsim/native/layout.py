@@ -84,6 +84,14 @@ class Field:
         memory.numbers[self.word] = value
 
 
+class Option(Field):
+    """A number that a user may choose: its default, its range, one sentence on it."""
+
+    def __init__(self, value: float, least: float, most: float, about: str) -> None:
+        super().__init__(NUMBER, value)
+        self.default, self.least, self.most, self.about = value, least, most, about
+
+
 def address(flat: Floats) -> int:
     """Give where an array begins: three times as fast as `flat.ctypes.data`."""
     return addressof(c_char.from_buffer(flat.data))
@@ -97,6 +105,11 @@ def array(length: Callable[[Any], int], value: float | Sequence[float] = 0.0) ->
 def part(whole: str, first: Callable[[Any], int], length: Callable[[Any], int]) -> Any:
     """Declare an array within the array `whole`, from its element `first` on."""
     return Field(ARRAY, 0.0, length, (whole, first))
+
+
+def option(value: float, least: float, most: float, about: str) -> Any:
+    """Declare a number that a user may choose, see `Option`."""
+    return Option(value, least, most, about)
 
 
 # Memories of up to so many words are copied from the first one of their sizes, as the

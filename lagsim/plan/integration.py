@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.structure import structure
-from lagsim.methods import method, names
-from lagsim.methods.parts.state import USUAL_RADIUS
+from lagsim.methods import method, names, options_of
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
 from lagsim.plan.newton import newton_of
@@ -18,7 +17,7 @@ from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.mechanics.structure import Structure
+    from lagsim.methods import Structure
     from lagsim.model.model import Settings
 
 # Needs of a method that are made from y' as nodes of the graph.
@@ -119,11 +118,10 @@ def _asked(
         raise InputError([Problem("unknown-method", text, place, hint)])
     refuse(asked, refusal(asked, equations, scene), settings)
     choices.append(Choice(f"method: {asked}", "asked for"))
-    if asked == "generalized-alpha":
-        given = settings.spectral_radius
-        radius = USUAL_RADIUS if given is None else given
-        reason = "as usual" if given is None else "asked for"
-        choices.append(Choice(f"spectral radius: {radius:g}", reason))
+    given = dict(settings.options)
+    for key, option in options_of(asked).items():
+        value = f"{key.replace('_', ' ')}: {given.get(key, option.default):g}"
+        choices.append(Choice(value, "asked for" if key in given else "as usual"))
     return asked
 
 

@@ -27,8 +27,8 @@ from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
 if TYPE_CHECKING:
     from lagsim.admissibility.report import Start
     from lagsim.mechanics.equations import Equations
-    from lagsim.mechanics.structure import Structure
     from lagsim.mechanics.switches import Switches
+    from lagsim.methods import Structure
     from lagsim.model.model import Settings
 
 

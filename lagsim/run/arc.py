@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods import method
-from lagsim.methods.parts import state as at
-from lagsim.methods.parts.singular import CLOSE
+from lagsim.methods.parts.constraints import CLOSE
 from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.states import SLIDING, empty_state, taken_over
 from lagsim.run.system.coupling import held_together
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.methods.parts.driver import State
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
@@ -60,7 +60,7 @@ class Arc(NamedTuple):
     system: System
     settings: Settings
     runner: Runner
-    state: at.State
+    state: State
     end: float
 
     @property
@@ -209,7 +209,7 @@ class Arc(NamedTuple):
             name = SLIDING if self.slides and method(name).NEEDS else name
             runner = self.system.link(name)
             if runner is not self.runner:
-                state = taken_over(state, runner)
+                state = taken_over(state, runner, settings.options)
         if self.system.laws:
             state.linked[:] = held_together(self.system)
         state.end = ahead = min(end, ahead)
@@ -227,7 +227,7 @@ class Arc(NamedTuple):
             system.begin(self.start)
             system.take_modes(self.system)
             runner.prepare()
-        state = taken_over(self.state, runner)
+        state = taken_over(self.state, runner, self.settings.options)
         if plan.elimination is not self.plan.elimination:
             _set_watch(state, plan)
         return self._replace(plan=plan, system=system, runner=runner, state=state)
@@ -244,7 +244,7 @@ def first_arc(
     """Give the state at a start, on no way yet."""
     runner = system.link(plan.method)
     y = system.begin(start)
-    state = empty_state(runner)
+    state = empty_state(runner, settings.options)
     state.t = state.row_start = state.arc_start = settings.start
     state.row_step = settings.output_step
     if settings.moments:
@@ -253,8 +253,6 @@ def first_arc(
     state.atol = -1.0 if plan.atol is None else plan.atol
     state.fixed_step = plan.step or 0.0
     state.longest = longest_step
-    radius = settings.spectral_radius
-    state.spectral_radius = at.USUAL_RADIUS if radius is None else radius
     state.ask_at = AT_BOUND
     state.health = state.previous_health = 1.0
     _set_watch(state, plan)
@@ -265,7 +263,7 @@ def first_arc(
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 
 
-def _set_watch(state: at.State, plan: Plan) -> None:
+def _set_watch(state: State, plan: Plan) -> None:
     """Set when a loss of rank is looked for, and what counts as one."""
     state.close_below = CLOSE * plan.independence
     state.lost_below = LOST * plan.independence

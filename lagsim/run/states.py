@@ -10,8 +10,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.methods.parts.state import State
+    from lagsim.methods.parts.driver import State
     from lagsim.run.system.runner import Runner
+
+    Options = Sequence[tuple[str, float]]
 
 # The method where the motion slides along a surface and the method of the run needs
 # more of the model than y'.
@@ -49,9 +51,13 @@ def most_pulled(rtol: float | None) -> float:
     return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
 
 
-def empty_state(runner: Runner) -> State:
-    """Give a state of a method that nothing has been put into."""
-    return runner.empty.copy()
+def empty_state(runner: Runner, options: Options = ()) -> State:
+    """Give a state of a method that nothing but its own options has been put into."""
+    state = runner.empty.copy()
+    for name, value in options:
+        if name in state.fields:
+            setattr(state, name, value)
+    return state
 
 
 def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -60,9 +66,9 @@ def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, 
     return dict(zip(names, zip(low, high, strict=True), strict=True))
 
 
-def taken_over(state: State, runner: Runner) -> State:
+def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
     """Give a state as that of another method or system, at the start of an arc."""
-    new = empty_state(runner)
+    new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
     kept = [values.copy() for values in own]
     new.take(state)

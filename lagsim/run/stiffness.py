@@ -29,6 +29,7 @@ from lagsim.run.system import System
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.methods.parts.driver import State
     from lagsim.run.arc import Arc
 
 STIFF = "radau"
@@ -280,7 +281,7 @@ def _fast(speeds: Floats) -> Flags:
     return fast
 
 
-def _trial(arc: Arc) -> tuple[at.State, at.State]:
+def _trial(arc: Arc) -> tuple[State, State]:
     """Give the state before and after some steps of another arc.
 
     On a copy; its beginning counts only if that is all.
@@ -294,7 +295,7 @@ def _trial(arc: Arc) -> tuple[at.State, at.State]:
     return before, state
 
 
-def _cost(arc: Arc, before: at.State, after: at.State) -> float:
+def _cost(arc: Arc, before: State, after: State) -> float:
     """Give how many operations a unit of time took."""
     n = arc.system.n
     passed = after.t - before.t

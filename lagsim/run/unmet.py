@@ -54,10 +54,10 @@ class Unmet(Source):
 
 def unsettled(arc: Arc) -> tuple[Caution, ...]:
     """Tell of steps whose impulses were not found to the end."""
-    count = int(arc.state.unsettled)
+    count = int(getattr(arc.state, "unsettled", 0))
     if not count:
         return ()
-    from lagsim.methods.parts.impulses import MOST_SWEEPS
+    from lagsim.methods.moreau import MOST_SWEEPS
 
     text = (
         f"in {count} of {arc.steps} steps the impulses did not converge within "

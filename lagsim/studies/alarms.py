@@ -25,7 +25,7 @@ import numpy as np
 
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
 from lagsim.mechanics.constraints import Kind
-from lagsim.methods import method
+from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
 from lagsim.run.observers.energy_monitor import EnergyMonitor
@@ -89,9 +89,10 @@ def about_inputs(run: Evidence) -> list[Caution]:
     if plan.step is None and settings.step is not None:
         text = f"`step` has no effect: {plan.method} chooses its steps"
         found.append(Caution("step-unused", text))
-    if settings.spectral_radius is not None and plan.method != "generalized-alpha":
-        text = f"`spectral_radius` has no effect: {plan.method} has no such parameter"
-        found.append(Caution("spectral-radius-unused", text))
+    for key, _ in settings.options:
+        if key not in options_of(plan.method):
+            text = f"`{key}` has no effect: {plan.method} has no such parameter"
+            found.append(Caution("option-unused", text))
     if plan.rtol is None and (settings.rtol, settings.atol) != (None, None):
         text = f"tolerances have no effect: {plan.method} takes fixed steps"
         found.append(Caution("tolerance-unused", text))

@@ -8,18 +8,26 @@ import numpy as np
 import pytest
 
 from lagsim.methods import generalized_alpha, method
-from lagsim.methods.parts.lu import decompose, solve
-from lagsim.methods.parts.newton import CONVERGED, GO_ON, LOST, MOST, RENEW, progress
-from lagsim.methods.parts.radau_tableau import (
+from lagsim.methods.parts.newton import (
+    CONVERGED,
+    GO_ON,
+    LOST,
+    MOST,
+    RENEW,
+    decompose,
+    progress,
+    solve,
+)
+from lagsim.methods.radau import (
     A_INVERSE,
     ALPHA,
     BETA,
     DENSE,
     GAMMA,
     T_INVERSE,
+    TRANSFORM,
     A,
     C,
-    T,
     at_point,
 )
 from tests.methods.test_registry import refusal_of
@@ -86,7 +94,7 @@ def test_the_tables_of_radau():
     assert np.allclose(A, published, rtol=0, atol=rounding)
     assert np.allclose(np.array(A) @ A_INVERSE, np.eye(3), rtol=0, atol=rounding)
     middle = [[GAMMA, 0, 0], [0, ALPHA, -BETA], [0, BETA, ALPHA]]
-    product = np.array(T_INVERSE) @ A_INVERSE @ np.array(T)
+    product = np.array(T_INVERSE) @ A_INVERSE @ np.array(TRANSFORM)
     assert np.allclose(product, middle, rtol=0, atol=rounding)
     assert pytest.approx(3.6378342527444957, rel=1e-15) == GAMMA
     assert pytest.approx((2.6810828736277521, 3.0504301992474105), rel=1e-15) == (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lagsim.methods.parts import driver
-from lagsim.methods.parts.state import State
+from lagsim.methods.parts.driver import State
 from lagsim.native.kernels.code import bind
 from lagsim.run.states import empty_state, taken_over
 from tests.support import run

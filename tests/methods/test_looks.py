@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.looks import BETWEEN, goes_one_way
+from lagsim.methods.parts.missed import BETWEEN, goes_one_way
 
 
 def looked_at(coefficients, h):

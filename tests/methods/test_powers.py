@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lagsim.methods.parts.power_series import log2_of, two_to_the
+from lagsim.methods.taylor import log2_of, two_to_the
 
 # What the polynomials leave, by their own text.
 LEFT = 4e-10

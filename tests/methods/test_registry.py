@@ -11,7 +11,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.structure import structure
-from lagsim.methods import method, names
+from lagsim.methods import method, names, options, options_of, page
 from lagsim.model.reader import read
 from tests.small_scenes import angle, held_pendulum, oscillator, pendulum, swing
 from tests.support import run
@@ -69,6 +69,15 @@ def test_a_method_says_what_it_is(name):
     assert len(larger.flat) > len(smaller.flat)
     for kernel in ("start", "step", "interpolate"):
         assert callable(getattr(module, kernel))
+
+
+def test_options_are_told_apart_by_their_names():
+    told = [key for name in names() for key in options_of(name)]
+    assert "spectral_radius" in told
+    assert len(set(told)) == len(told) == len(options())
+    for name, x in options().values():
+        assert x.least <= x.default <= x.most
+        assert x.about in " ".join(page(name).split())
 
 
 @pytest.mark.parametrize("name", names())

@@ -9,7 +9,6 @@ import pytest
 
 from lagsim.mechanics.equations import Instant
 from lagsim.methods import kahan_li6, kahan_li8, method
-from lagsim.methods.parts import composition
 from lagsim.methods.parts import state as at
 from lagsim.run.observers import Keep
 from tests.methods.plain import fresh_state, state_of
@@ -103,13 +102,13 @@ def test_compositions_are_symmetric_and_meet_the_conditions_that_are_sums():
 
 @pytest.mark.parametrize(
     ("table", "power", "derivative"),
-    [(composition.BEND, 3, 2), (composition.RISE, 2, 1)],
+    [(kahan_li8.BEND, 3, 2), (kahan_li8.RISE, 2, 1)],
 )
 def test_the_tables_of_the_dense_output_are_inverses(table, power, derivative):
     w = np.polynomial.Polynomial([0, 1, -1]) ** power
     c = np.polynomial.Polynomial([-0.5, 1])
     rows = [
-        [(w * c**m).deriv(derivative)(x) for m in range(4)] for x in composition.NODES
+        [(w * c**m).deriv(derivative)(x) for m in range(4)] for x in kahan_li8.NODES
     ]
     assert np.allclose(np.array(table) @ rows, np.eye(4), rtol=0, atol=1e-13)
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 import pytest
 
 from lagsim.methods import dop853, rk4
-from lagsim.methods.parts.dop853_tableau import DENSE, ERROR3, ERROR5, A, B, C
-from lagsim.methods.parts.tableau import Tableau
+from lagsim.methods.dop853 import DENSE, ERROR3, ERROR5, A, B, C
+from lagsim.methods.parts.fixed import Tableau
 from tests.methods.trees import Weights, density, trees, vertices
 
 # The rounding of the coefficients themselves explains a defect of one unit to first

@@ -11,8 +11,8 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.methods import taylor
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.power_series import sum_bend
-from lagsim.methods.parts.projection import met_part
+from lagsim.methods.parts.constraints import met_part
+from lagsim.methods.taylor import sum_bend
 from lagsim.plan import integration
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of

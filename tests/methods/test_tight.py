@@ -16,7 +16,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.noise import add, add_exactly, carry
+from lagsim.methods.parts.control import add, add_exactly, carry
 from tests.support import MODELS, run
 
 UNIT = 2.0**-53

@@ -10,9 +10,8 @@ import signal
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.adaptive import usable_step
+from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import State
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.pace import Pace
 from lagsim.run.system.runner import BLOCK

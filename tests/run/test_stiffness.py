@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.adaptive import record_speed
-from lagsim.methods.parts.state import State
+from lagsim.methods.parts.driver import State, record_speed
 from tests.support import MODELS, run
 
 VAN_DER_POL = """

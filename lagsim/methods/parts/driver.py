@@ -6,23 +6,23 @@ ADAPTIVE; what a model does not need is left out.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import (
-    inertias,
-    interpolate,
-    observe,
-    pull,
-    start,
-    step,
-    until,
+from lagsim.methods.parts.constraints import clear_of_loss, project, watch
+from lagsim.methods.parts.control import forget_rest
+from lagsim.methods.parts.missed import (
+    BETWEEN,
+    GOLDEN,
+    Signals,
+    hardly_varies,
+    look_at_signals,
+    overlooked,
+    stirs,
+    strayed,
+    take_back,
 )
-from lagsim.methods.parts.looks import overlooked
-from lagsim.methods.parts.noise import forget_rest
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.projection import project
-from lagsim.methods.parts.singular import watch
 from lagsim.methods.parts.state import (
     BLOCK_FULL,
     DEGENERATE,
@@ -33,11 +33,17 @@ from lagsim.methods.parts.state import (
     RANK_LOST,
     STIFF,
     SWITCH_FOUND,
-    State,
+    inertias,
+    interpolate,
+    margins,
+    observe,
+    pull,
+    start,
+    step,
+    until,
 )
-from lagsim.methods.parts.strays import strayed, take_back
-from lagsim.methods.parts.switching import find_end
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -54,6 +60,44 @@ NOWHERE = -1
 # A state that is pulled by this part of its size was off by rounding: some of 2^-47,
 # within which it is on a surface.
 ROUNDED = 2.0**-44
+
+
+class State(Signals):
+    """What every method keeps: all this, events, and what bounds a step."""
+
+    surfaces: int  # that switches are located on, and laws whose modes end
+    inertias: int  # which are followed, whether they vanish on the way
+
+    # `until` holds where this times the condition is <= 0; 0: not armed
+    orientation: float
+    equation: float  # 1 if `until` is an equation
+    event: float  # 1 once `until` has been located
+    switched: float  # the number, from 1, of the surface a switch was located on; or 0
+    # The farthest a state was pulled onto what it slides along, against the motion.
+    pulled: float
+    longest: float  # no step is longer than this; 0: any
+    smallest_step: float  # once the first steps have found their size; 0: none yet
+    speed: float  # about how fast the fastest motion is, for explicit methods
+    at_bound: float  # steps held by stability ...
+    off_bound: float  # ... since when so many were not
+    ask_at: float  # at so many the kernel returns; 0: never
+    feature: float  # about this time something short happens that depends on t alone
+    feature_width: float  # ... of this width; 0: nothing is known of
+    feature_reach: float  # it counts from so far before it ...
+    feature_end: float  # ... to this time
+
+    # Event functions of surfaces and of `until` at a point; with their slopes, at the
+    # start of a stretch, within it and at its end.
+    margins: Floats = array(lambda s: s.surfaces + 1)
+    margins_first: Floats = array(lambda s: 2 * s.surfaces + 2)
+    margins_middle: Floats = array(lambda s: 2 * s.surfaces + 2)
+    margins_last: Floats = array(lambda s: 2 * s.surfaces + 2)
+
+    # Of each inertia: the largest, the smallest, its time, and q and q' there.
+    inertia_largest: Floats = array(lambda s: s.inertias)
+    inertia_smallest: Floats = array(lambda s: s.inertias, inf)
+    inertia_when: Floats = array(lambda s: s.inertias)
+    inertia_where: Floats = array(lambda s: 2 * s.n * s.inertias)
 
 
 def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
@@ -139,11 +183,8 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
     short there, so that the ends of steps come as close as the motion does.
     """
-    count = s.inertias
-    largest = s.inertia_largest
-    smallest = s.inertia_smallest
-    when = s.inertia_when
-    y = s.y
+    count, largest, smallest = s.inertias, s.inertia_largest, s.inertia_smallest
+    when, y = s.inertia_when, s.y
     width = 2 * s.n
     inertias(s.t, y, p, now)
     for i in range(count):
@@ -158,13 +199,8 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 def keep_sizes(s: State) -> None:
     """Note the largest sizes: a step may go far past where it will end."""
-    size = s.size
-    sizes = s.sizes
-    low = s.low
-    high = s.high
-    sizes_before = s.sizes_before
-    low_before = s.low_before
-    high_before = s.high_before
+    size, sizes, low, high = s.size, s.sizes, s.low, s.high
+    sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
     for i in range(size):
         sizes_before[i] = sizes[i]
         low_before[i] = low[i]
@@ -183,20 +219,14 @@ def inspect(s: State, p: Parameters) -> None:
 
 def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
-    size = s.size
-    y = s.y
-    z = s.work
+    size, y, z = s.size, s.y, s.work
     interpolate(s, s.cut, z)
     for i in range(size):
         y[i] = z[i]
     if SWITCHES:
         # What lies past the switch has not been.
-        sizes = s.sizes
-        low = s.low
-        high = s.high
-        sizes_before = s.sizes_before
-        low_before = s.low_before
-        high_before = s.high_before
+        sizes, low, high, sizes_before = s.sizes, s.low, s.high, s.sizes_before
+        low_before, high_before = s.low_before, s.high_before
         for i in range(size):
             sizes[i] = max(sizes_before[i], abs(y[i]))
             low[i] = min(low_before[i], y[i])
@@ -210,8 +240,7 @@ def take_cut(s: State, p: Parameters) -> None:
 
 def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Pull a state onto what it slides along, and note how far it moves."""
-    n = s.n
-    former = s.work
+    n, former = s.n, s.work
     for i in range(2 * n):
         former[i] = y[i]
     pull(t, y, p)
@@ -225,12 +254,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
     in a step, which may cancel. Each counts by the push that it got: bodies that the
     surface does not touch are no measure, nor is where the origin lies.
     """
-    n = s.n
-    h = s.step_h
-    sizes = s.sizes
-    masses = s.masses
-    low = s.low
-    high = s.high
+    n, h, sizes, masses, low, high = s.n, s.step_h, s.sizes, s.masses, s.low, s.high
     parts = s.parts
     moved = 0.0
     whole = 0.0
@@ -285,8 +309,7 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
 
 def fill(s: State, out: Floats, rows: int) -> int:
     """Write rows as the method interpolates them; full after a state beside them."""
-    size = s.size
-    y = s.y
+    size, y = s.size, s.y
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
@@ -355,3 +378,449 @@ def tabulate(
     for i in range(rows):
         row = at(states, i * (1 + size))
         observe(row[0], at(row, 1), p, at(out, i * width))
+
+
+# --- the length of the step to try, and what bounds it --------------------------------
+# Whether an explicit method's step is held by stability is seen at no cost. Two states
+# at the same time, close together, and y' at both: the quotient of the differences
+# tells how fast the fastest motion is, which is what they differ in when the step is at
+# the bound. In the metric of the energy, sqrt(|da| / |dq|) is the frequency of an
+# undamped oscillation in any phase and the rate of one that is damped, |da| / |dv| is
+# at most that, and serves where dq is below rounding.
+#
+# Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
+# section IV.2 (automatic stiffness detection), for systems of first order.
+
+# Steps towards what happens at its own time are this part of the way to it.
+CLOSER = 0.25
+
+# Below this many units in the last place of t a step makes no progress.
+SMALLEST = 8.0 * 2.0**-52
+
+# What is closer than so many of the smallest steps has been reached.
+REACHED = 4.0
+
+# A step past this part of the limit is at the bound: step control holds it between
+# this and a little more than 1, and accuracy asks for less than a tenth of it.
+PART = 0.5
+# So many steps in a row below it, and there is no bound.
+FREE_STEPS = 6.0
+
+
+def usable_step(s: State, p: Parameters) -> float:
+    """Give the step to try, with t + h exact; 0 where it would be too small."""
+    t, h = s.t, s.h
+    if s.most_step > 0.0:
+        h = min(h, s.most_step)
+    if s.feature_width > 0.0:
+        h = up_to_feature(s, h)
+    rest = s.end - t
+    passes = False
+    if CONSTRAINED:
+        # A step over a loss of rank has the length that it needs, whatever is asked.
+        h = clear_of_loss(s, p, h, rest)
+        passes = s.passes > 0.0
+    if s.longest > 0.0 and not passes:
+        h = min(h, s.longest)
+    # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
+    if 1.01 * h >= rest:
+        return float(rest)
+    if not h > SMALLEST * max(abs(t), 1e-6 * rest):
+        return 0.0
+    return float((t + h) - t)
+
+
+def up_to_feature(s: State, h: float) -> float:
+    """Give the step, no longer than what happens at its own time lets it be.
+
+    It ends where that begins; from there steps shrink with the way left to it.
+    """
+    away = s.feature - s.t
+    before = away - s.feature_reach - s.feature_width
+    if before > REACHED * SMALLEST * abs(s.t):
+        return float(min(h, before))
+    if away < -s.feature_reach:
+        return h
+    return float(min(h, max(s.feature_width, CLOSER * abs(away))))
+
+
+def record_speed(
+    s: State, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
+) -> None:
+    """Note the fastest motion, from states y and z with slopes k and `slope`."""
+    n, masses = s.n, s.masses
+    positions = 0.0
+    velocities = 0.0
+    accelerations = 0.0
+    for i in range(n):
+        dq = y[i] - z[i]
+        dv = y[n + i] - z[n + i]
+        da = k[n + i] - slope[n + i]
+        positions += masses[i] * dq * dq
+        velocities += masses[i] * dv * dv
+        accelerations += masses[i] * da * da
+    s.speed = 0.0
+    if positions > 0.0:
+        s.speed = sqrt(sqrt(accelerations / positions))
+    moved = velocities + sqrt(accelerations) * sqrt(positions)
+    if moved > 0.0:
+        s.speed = max(float(s.speed), sqrt(accelerations / moved))
+    if h * s.speed > PART * limit:
+        s.at_bound += 1.0
+        s.off_bound = 0.0
+    else:
+        s.off_bound += 1.0
+        if s.off_bound >= FREE_STEPS:
+            s.at_bound = 0.0
+
+
+# --- events: the first switch, or `until`, within a step ------------------------------
+# Each surface has a margin: how far the state is from leaving the mode it is in; so has
+# `until`, while it is false. A step is looked at several times, and once more between
+# two looks: where that is not what the values and slopes at both ends tell, looks come
+# closer until it is. A margin that has become negative, and by the slopes one that has
+# been so in between (a touch, a narrow pulse), ends the step. The first moment is
+# located by bisection on the dense output, to the last bit. A step that wants more
+# looks than there may be ends where they do, and the next one begins there.
+
+# A step is looked at at least this often.
+LOOKS = 8
+# Slopes are differences over this part of the way between looks: closer than anything
+# that a method resolves.
+BESIDE = 2.0**-10
+# A margin is known between two looks where that in the middle is what the ends tell up
+# to the first part of how it varies, or the last of the least of it; the slope there
+# counts as the second says. Of looks that are too far apart one of both may agree by
+# chance, hardly both.
+KNOWN = 0.1
+TURNED = 0.25
+CLEAR = 0.25
+# Looks come no closer than this, and there are so many in a step.
+FINEST = 2.0**-14
+# Or than this about where a function wakes; this many times it where looks have run out
+# before this part of the step: so many steps at most for one.
+NARROWEST = 2.0**-40
+COARSER = 16.0
+LEAST_PART = 2.0**-5
+MOST_LOOKS = 2000
+# A least margin is located to this part of the stretch it lies in: its own error is of
+# the square of that.
+NARROW = 1e-8
+
+
+def watched(p: Parameters) -> int:
+    """Give how many margins there are (C); that of `until` is the last one."""
+    count = 0
+    if SWITCHES:
+        count = p.surfaces + p.laws
+    if UNTIL:
+        count += 1
+    return count
+
+
+def find_end(s: State, p: Parameters) -> None:
+    """Look for what ends the last step, the first of all, and let it end there.
+
+    s.switched becomes the number of the surface, or s.event 1 for `until`.
+    """
+    low = 0.0
+    if UNTIL and s.orientation == 0.0:
+        low = armed(s, p)
+        if low < 0.0:
+            low = 0.0
+            if not SWITCHES:
+                return
+    search(s, p, low)
+
+
+def armed(s: State, p: Parameters) -> float:
+    """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
+
+    From then on it counts.
+    """
+    if s.equation > 0.0:
+        value = until_at(s, p, BESIDE / LOOKS)
+        s.orientation = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
+        return 0.0 if s.orientation != 0.0 else -1.0
+    for look in range(LOOKS + 1):
+        x = look / LOOKS
+        if until_at(s, p, x) < 0.0:
+            s.orientation = -1.0
+            return x
+    return -1.0
+
+
+def until_at(s: State, p: Parameters, x: float) -> float:
+    """Give the residual or gap of `until` at the fraction x of the last step."""
+    z = s.work
+    interpolate(s, x, z)
+    value = s.spare
+    until(s.step_t + x * s.step_h, z, p, value)
+    return float(value[0])
+
+
+def search(s: State, p: Parameters, low: float) -> None:
+    """Go through the last step from its fraction `low` on."""
+    count = watched(p)
+    first, middle, last = s.margins_first, s.margins_middle, s.margins_last
+    widest = 2.0 / LOOKS
+    width = widest
+    narrowest = NARROWEST
+    looks = 0
+    high = 0.0
+    sample(s, p, low, BESIDE * width, first)
+    while low < 1.0 and high == 0.0:
+        x = min(low + width, 1.0)
+        half = low + BETWEEN * (x - low)
+        sample(s, p, half, -BESIDE * width, middle)
+        sample(s, p, x, -BESIDE * width, last)
+        looks += 2
+        clear = x - low < FINEST or known(s, p, x - low)
+        if SLEEPERS and clear and x - low > narrowest:
+            clear = nothing_stirs(s, p, low, x)
+        if clear:
+            high = first_end(s, p, low, half, first, middle)
+            if high > 0.0:
+                x = half
+            else:
+                high = first_end(s, p, half, x, middle, last)
+                if high > 0.0:
+                    low = half
+            if high > 0.0:
+                cut(s, p, low, high)
+            for i in range(2 * count):
+                first[i] = last[i]
+            low = x
+            width = min(2.0 * width, widest)
+        elif looks >= MOST_LOOKS and low > LEAST_PART:
+            s.cut = low
+            s.t = s.step_t + low * s.step_h
+            return
+        else:
+            if looks >= MOST_LOOKS:
+                looks = 0
+                narrowest *= COARSER
+            width = 0.5 * (x - low)
+            sample(s, p, low, BESIDE * width, first)
+
+
+def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
+    """Tell whether nothing comes closer to waking inside a stretch than at its ends.
+
+    A margin that is made of one would be flat at every look.
+    """
+    count = s.signals
+    look_at_signals(s, p, low, s.signals_first)
+    look_at_signals(s, p, low + BETWEEN * (x - low), s.signals_middle)
+    look_at_signals(s, p, x, s.signals_last)
+    still = True
+    for k in range(count):
+        if still and stirs(s, k, (x - low) * s.step_h):
+            still = hardly_varies(s, p, k, x)
+    return still
+
+
+def look(s: State, p: Parameters, x: float) -> None:
+    """Leave the margins at the fraction x of the last step."""
+    z, now = s.work, s.margins
+    t = s.step_t + x * s.step_h
+    interpolate(s, x, z)
+    if SWITCHES:
+        margins(t, z, p, now)
+    if UNTIL:
+        last = watched(p) - 1
+        until(t, z, p, at(now, last))
+        now[last] *= s.orientation
+        if s.orientation == 0.0:
+            now[last] = 1.0
+
+
+def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
+    """Give margins and slopes (2 C,) at the fraction x of the last step."""
+    count = watched(p)
+    now = s.margins
+    look(s, p, x + beside)
+    for k in range(count):
+        out[count + k] = now[k]
+    look(s, p, x)
+    for k in range(count):
+        out[k] = now[k]
+        out[count + k] = (out[count + k] - now[k]) / beside
+
+
+def known(s: State, p: Parameters, width: float) -> bool:
+    """Tell whether what all margins do on a stretch follows from its ends."""
+    count = watched(p)
+    first, middle, last = s.margins_first, s.margins_middle, s.margins_last
+    for k in range(count):
+        a = first[k]
+        m = middle[k]
+        b = last[k]
+        A = width * first[count + k]
+        B = width * last[count + k]
+        P = 3.0 * (b - a) - 2.0 * A - B
+        Q = A + B - 2.0 * (b - a)
+        off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
+        turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
+        turned = TURNED * abs(turned - width * middle[count + k])
+        reach = max(abs(m - a), abs(m - b))
+        # What is off by no more than counts as none cannot be known better, nor can
+        # slopes where that rounds.
+        enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
+        rounding = rounding_of(p, k)
+        unknown = off > max(enough, rounding)
+        unknown = unknown or turned > max(enough, TURNED / BESIDE * rounding)
+        if unknown and not is_nothing(p, k, max(abs(a), abs(m), abs(b))):
+            return False
+    return True
+
+
+def rounding_of(p: Parameters, k: int) -> float:
+    """Give what of a margin is rounding, also of the time that moves its wall."""
+    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
+        return float(p.law_rounding[k - p.surfaces])
+    return 0.0
+
+
+def is_nothing(p: Parameters, k: int, margin: float) -> bool:
+    """Tell whether the margin of a law is rounding: slopes of that say nothing."""
+    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
+        return margin <= -least_allowed(p, k)
+    return False
+
+
+def least_allowed(p: Parameters, k: int) -> float:
+    """Give the margin below which a mode is over beyond doubt; of `until` 0."""
+    if SWITCHES and k < p.surfaces + p.laws:
+        return -max(float(p.slack[k]), float(p.band[k]))
+    return 0.0
+
+
+def over(p: Parameters, k: int, margin: float) -> bool:
+    """Tell whether margin k says that the mode is over."""
+    if UNTIL and k == watched(p) - 1:
+        return not margin > 0.0
+    return not margin >= least_allowed(p, k)
+
+
+def first_end(
+    s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
+) -> float:
+    """Give a point in (low, x] where something ends, or 0.
+
+    No later than any least margin that is negative: what has ended is so there still.
+    before, after : (2 C,), margins and slopes there.
+    """
+    count = watched(p)
+    high = 0.0
+    for k in range(count):
+        if over(p, k, after[k]):
+            high = x
+    for k in range(count):
+        fall = before[count + k]
+        rise = after[count + k]
+        if touches(x - low, before[k], fall, after[k], rise):
+            least = least_margin(s, p, k, low, x)
+            if over(p, k, margin_at(s, p, k, least)):
+                high = least if high == 0.0 else min(high, least)
+    if SWITCHES and high == 0.0:
+        slack = p.slack
+        for k in range(p.surfaces + p.laws):
+            if after[k] > slack[k]:
+                slack[k] = 0.0
+    return high
+
+
+def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
+    """Give one margin at the fraction x of the last step."""
+    look(s, p, x)
+    return float(s.margins[k])
+
+
+def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
+    """Tell whether a margin could be negative between a and b.
+
+    It falls at the start and rises at the end; a convex one stays above its tangents.
+    """
+    if fall >= 0.0 or rise <= 0.0:
+        return False
+    meets = (b - a - rise * width) / (fall - rise)
+    return a + fall * meets < 0.0
+
+
+def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> float:
+    """Give where a margin is least, by golden section."""
+    left = high - GOLDEN * (high - low)
+    right = low + GOLDEN * (high - low)
+    at_left = margin_at(s, p, k, left)
+    at_right = margin_at(s, p, k, right)
+    narrow = NARROW * (high - low)
+    while high - low > narrow:
+        if at_left < at_right:
+            high = right
+            right = left
+            at_right = at_left
+            left = high - GOLDEN * (high - low)
+            at_left = margin_at(s, p, k, left)
+        else:
+            low = left
+            left = right
+            at_left = at_right
+            right = low + GOLDEN * (high - low)
+            at_right = margin_at(s, p, k, right)
+    return 0.5 * (low + high)
+
+
+def cut(s: State, p: Parameters, low: float, high: float) -> None:
+    """End the step at the first moment in (low, high] at which something ends.
+
+    That is where its margin vanishes, also where only one well below 0 tells it.
+    """
+    count = watched(p)
+    first = count
+    for k in range(count):
+        if over(p, k, margin_at(s, p, k, high)):
+            first = k
+            least = least_allowed(p, k)
+            if margin_at(s, p, k, low) >= 0.0:
+                least = 0.0
+            high = end_of(s, p, k, least, low, high)
+            if SWITCHES and least < 0.0:
+                # A flight that began a rounding below ends where it is over.
+                middle = 0.5 * (low + high)
+                if margin_at(s, p, k, middle) > p.slack[k]:
+                    high = end_of(s, p, k, -float(p.band[k]), middle, high)
+    if UNTIL and first == count - 1:
+        s.event = 1.0
+    else:
+        s.switched = first + 1.0
+    shorten(s, high)
+
+
+def end_of(
+    s: State, p: Parameters, k: int, least: float, low: float, high: float
+) -> float:
+    """Give the first point in (low, high] at which margin k is below `least`."""
+    middle = 0.5 * (low + high)
+    while low < middle and middle < high:
+        margin = margin_at(s, p, k, middle)
+        ended = not margin >= least
+        if UNTIL and k == watched(p) - 1:
+            ended = not margin > 0.0
+        if ended:
+            high = middle
+        else:
+            low = middle
+        middle = 0.5 * (low + high)
+    return high
+
+
+def shorten(s: State, x: float) -> None:
+    """Let the last step end at its fraction x.
+
+    Its state stays until the rows before that moment are written: methods may
+    interpolate from it.
+    """
+    s.cut = x
+    s.t = s.step_t + x * s.step_h
+    s.row_limit = min(s.row_limit, s.t)

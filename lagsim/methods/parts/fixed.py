@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import floor
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.controller import (
+from lagsim.methods.parts.control import (
     NOISE,
+    look_at_rounding,
     record_extents,
     record_sizes,
 )
-from lagsim.methods.parts.interface import derivative
+from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.newton import CONVERGED, progress
-from lagsim.methods.parts.noise import look_at_rounding
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import State
+from lagsim.methods.parts.state import derivative
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 
@@ -106,12 +107,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 def take(s: Fixed, p: Parameters, after: float) -> None:
     """Take the new state and y' there; keep the old ones for interpolation."""
-    slope = s.slope
-    new = s.new
-    size = s.size
-    y = s.y
-    old = s.old
-    before = s.before
+    slope, new, size, y, old, before = s.slope, s.new, s.size, s.y, s.old, s.before
     k = s.k
     for i in range(size):
         old[i] = y[i]
@@ -138,14 +134,62 @@ def hermite(s: Fixed, x: float, out: Floats) -> None:
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
-    size = s.size
-    h = s.step_h
-    y = s.y
-    old = s.old
-    before = s.before
-    k = s.k
+    size, h, y, old, before, k = s.size, s.step_h, s.y, s.old, s.before, s.k
     u = 1.0 - x
     for i in range(size):
         change = y[i] - old[i]
         bend = u * (h * before[i] - change) - x * (h * k[i] - change)
         out[i] = old[i] + x * (change + u * bend)
+
+
+# --- Runge-Kutta tableaus -------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Tableau:
+    """A Runge-Kutta method.
+
+    Attributes
+    ----------
+    A : tuple of rows, shape (s, up to s - 1)
+        Trailing zeros are left out.
+    B : tuple, shape (up to s,)
+    C : tuple, shape (s,)
+    order : int
+
+    Raises
+    ------
+    ValueError
+        Where a row of A does not add up to its C, or B fails a quadrature condition
+        sum b c^(k-1) = 1/k of its order: a digit has been mistyped. (The conditions of
+        all rooted trees up to the order are checked by the tests.)
+    """
+
+    A: tuple[tuple[float, ...], ...]
+    B: tuple[float, ...]
+    C: tuple[float, ...]
+    order: int
+
+    def __post_init__(self) -> None:
+        for i, (row, c) in enumerate(zip(self.A, self.C, strict=True)):
+            size = 1.0 + sum(map(abs, row))
+            if abs(sum(row) - c) > 1e-14 * size:
+                raise ValueError(f"row {i} of A adds up to {sum(row)!r}, not to {c!r}")
+        for k in range(1, self.order + 1):
+            terms = [b * c ** (k - 1) for b, c in zip(self.B, self.C, strict=False)]
+            if abs(sum(terms) - 1 / k) > 1e-14 * (1.0 + sum(map(abs, terms))):
+                raise ValueError(f"B fails the quadrature condition of order {k}")
+
+    def amplification(self, z: complex) -> float:
+        """Give |R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
+
+        Hairer, Norsett and Wanner, Solving ODEs II, (IV.3.2).
+        """
+        import numpy as np
+
+        s = len(self.B)
+        A = np.zeros((s, s))
+        for i, row in enumerate(self.A[:s]):
+            A[i, : len(row)] = row
+        stages = np.linalg.solve(np.eye(s) - z * A, np.ones(s))
+        return float(abs(1.0 + z * np.dot(self.B, stages)))

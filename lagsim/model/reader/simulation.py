@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.methods import options
 from lagsim.model.model import DEFAULT_ROWS, Settings
 from lagsim.model.nodes import Scalar, argument
 from lagsim.model.reader.equations import read_relation
@@ -49,10 +50,13 @@ KEYS = {
         "0.1/output_step.",
         EXPRESSION,
     ),
-    "spectral_radius": described(
-        "Only for the method generalized-alpha: at infinite frequency, 0 to 1.",
-        EXPRESSION,
-    ),
+    **{
+        key: described(
+            f"Only for the method {name}, {x.least:g} to {x.most:g}: {x.about}.",
+            EXPRESSION,
+        )
+        for key, (name, x) in options().items()
+    },
 }
 FORM = {**keyed(KEYS), "not": {"required": ["duration", "end"]}}
 
@@ -107,13 +111,10 @@ class _Reader(NamedTuple):
         self._check_tolerances(rtol, atol)
         step = self._positive("step")
         gain = self._positive("gain")
-        spectral_radius = self._not_negative("spectral_radius")
-        if spectral_radius is not None and spectral_radius > 1:
-            text = f"`spectral_radius` is {spectral_radius:g}; it must not exceed 1"
-            self._fault("out-of-range", text, "spectral_radius")
+        own = [(k, value) for k in options() if (value := self._option(k)) is not None]
         asked = Settings(
             method=method, formulation=formulation, rtol=rtol, atol=atol, step=step,
-            gain=gain, spectral_radius=spectral_radius,
+            gain=gain, options=tuple(own),
             method_place=self._place("method"),
             formulation_place=self._place("formulation"),
         )  # fmt: skip
@@ -157,6 +158,19 @@ class _Reader(NamedTuple):
         text = f"`{key}` is {value:g}; it must not be negative"
         self._fault("out-of-range", text, key)
         return None
+
+    def _option(self, key: str) -> float | None:
+        """Give an option of a method."""
+        x = options()[key][1]
+        value = self._number(key)
+        if value is not None and not x.least <= value <= x.most:
+            rule = f"exceed {x.most:g}"
+            if value < x.least:
+                rule = f"be below {x.least:g}" if x.least else "be negative"
+            self._fault(
+                "out-of-range", f"`{key}` is {value:g}; it must not {rule}", key
+            )
+        return value
 
     def _end(self, start: float | None) -> float | None:
         if "duration" in self.given and "end" in self.given:

@@ -21,7 +21,7 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.enclosures import Enclosures
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO
+from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution
 from lagsim.run.decisions import Decision, Source
 from lagsim.run.events.breaks import break_times

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.adaptive import SMALLEST
+from lagsim.methods.parts.driver import SMALLEST
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR
 from lagsim.run.decisions import Decision, Ending, Source, Turn

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def kernels(system: Compiled) -> Iterator[bytes]:
     """Give the object code of what a method calls besides the model's functions."""
     if system.met is not None:
-        from lagsim.methods.parts import impulses
+        from lagsim.methods import moreau as impulses
 
         yield kernel_object([impulses.observe])
     elif system.laws:

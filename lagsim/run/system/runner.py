@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Law
     from lagsim.mechanics.equations import Equations
+    from lagsim.methods.parts.driver import State
     from lagsim.methods.parts.parameters import Parameters
-    from lagsim.methods.parts.state import State
     from lagsim.plan.plan import Plan
     from lagsim.run.system.sleepers import Sleeper
     from lagsim.run.system.stepping import Pattern
@@ -111,13 +111,14 @@ class Runner:
     def empty(self) -> State:
         """A state that nothing has been put into: for copies, of all bindings."""
         system = self.system
+        sizes = {} if system.newton is None else system.newton.sizes_of_factors
         state: State = self.method.STATE.made(
             n=system.n,
             size=system.size,
             signals=len(system.sleepers),
             surfaces=system.watched,
             inertias=len(system.inertias),
-            **({} if system.newton is None else system.newton.sizes_of_factors),
+            **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
         state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
         state.powers[:] = [sleeper.power for sleeper in system.sleepers]

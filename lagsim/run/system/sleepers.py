@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import once, remembered
-from lagsim.methods.parts.looks import LARGE, LARGEST, NEAR_ZERO, SMALL
+from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from lagsim.methods.parts import strays
+from lagsim.methods.parts import missed
 from lagsim.run.arcs import Run
 from tests.run.looks.scenes import line, plane, stepped
 from tests.support import case_of, run
@@ -145,8 +145,8 @@ simulation: {duration: 6, output_step: 0.1}
 def counts(monkeypatch, model, **options):
     """Give the steps, rejections and evaluations with the comparison and without."""
     found = []
-    for apart in (strays.APART, 1e300):
-        monkeypatch.setattr(strays, "APART", apart)
+    for apart in (missed.APART, 1e300):
+        monkeypatch.setattr(missed, "APART", apart)
         made = run(model, **options).trajectory.statistics
         found.append((made.steps, made.rejections, made.evaluations))
     return found

@@ -17,10 +17,17 @@ from __future__ import annotations
 from math import log, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.interface import interpolate, signals
+from lagsim.methods.parts.constraints import Rank
+from lagsim.methods.parts.control import RATE_NOISE, ROUNDED, SHAKEN, move_aside, shake
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import State
-from lagsim.methods.parts.strays import differs, hardly_varies, is_rounding
+from lagsim.methods.parts.state import (
+    derivative,
+    interpolate,
+    interpolate_rates,
+    rounding,
+    signals,
+)
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -67,8 +74,30 @@ TINY = 1e-300
 AT_END = 1e-9
 
 
+class Signals(Rank):
+    """Arguments of localized terms at points of a step; what a rejected step resets."""
+
+    signals: int
+    suspect: float  # 1 if the last step is to be searched for a missed feature
+    doubted: float  # the row at which the last defect was found
+    most_step: float  # no step is longer until one has been made; 0: no such limit
+    # Of each signal: its kind, the power that goes with it, the farthest it has been
+    # since it was close; at three points and beside one values, then rates.
+    kinds: Floats = array(lambda s: s.signals)
+    powers: Floats = array(lambda s: s.signals)
+    farthest: Floats = array(lambda s: s.signals)
+    signals_first: Floats = array(lambda s: 2 * s.signals)
+    signals_middle: Floats = array(lambda s: 2 * s.signals)
+    signals_last: Floats = array(lambda s: 2 * s.signals)
+    signals_beside: Floats = array(lambda s: 2 * s.signals)  # a rounded state's
+    # Sizes, least and largest values before the last step.
+    sizes_before: Floats = array(lambda s: s.size)
+    low_before: Floats = array(lambda s: s.size)
+    high_before: Floats = array(lambda s: s.size)
+
+
 def suspect(
-    s: State,
+    s: Signals,
     p: Parameters,
     h: float,
     old: Floats,
@@ -80,11 +109,7 @@ def suspect(
 
     From y and y' (size,) at both ends, between which both are interpolated.
     """
-    size = s.size
-    n = s.n
-    count = s.signals
-    z = s.look
-    rates = s.look_rates
+    size, n, count, z, rates = s.size, s.n, s.signals, s.look, s.look_rates
     for i in range(size):
         z[i] = old[i]
         rates[i] = old_rates[i]
@@ -115,7 +140,7 @@ def suspect(
             s.suspect = 1.0
 
 
-def stirs(s: State, k: int, h: float) -> bool:
+def stirs(s: Signals, k: int, h: float) -> bool:
     """Tell whether signal k may come closer to waking inside a step than at its ends.
 
     Or is not known from its ends.
@@ -135,7 +160,7 @@ def stirs(s: State, k: int, h: float) -> bool:
     return dip > WAKES
 
 
-def goes_one_way(s: State, k: int, h: float) -> bool:
+def goes_one_way(s: Signals, k: int, h: float) -> bool:
     """Tell whether signal k only rises or only falls in a step, and is never 0.
 
     Then it is closest to waking at an end. From its polygons: a cubic between two looks
@@ -168,18 +193,16 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
-def away(s: State, k: int, at_look: Floats) -> float:
+def away(s: Signals, k: int, at_look: Floats) -> float:
     """Give that of signal k at a look."""
     return distance(s.kinds[k], s.powers[k], at_look[k])
 
 
-def known(s: State, k: int, width: float) -> bool:
+def known(s: Signals, k: int, width: float) -> bool:
     """Tell whether values and rates at both ends give the value in the middle."""
     kind = s.kinds[k]
     power = s.powers[k]
-    first = s.signals_first
-    middle = s.signals_middle
-    last = s.signals_last
+    first, middle, last = s.signals_first, s.signals_middle, s.signals_last
     a = first[k]
     m = middle[k]
     b = last[k]
@@ -201,7 +224,7 @@ def known(s: State, k: int, width: float) -> bool:
     return abs(distance(kind, power, near) - distance(kind, power, m)) < FLAT
 
 
-def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> float:
+def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> float:
     """Give the least distance of signal k on the cubic between two looks."""
     kind = s.kinds[k]
     power = s.powers[k]
@@ -231,15 +254,12 @@ def closest(s: State, k: int, left: Floats, right: Floats, width: float) -> floa
     return least
 
 
-def overlooked(s: State, p: Parameters) -> float:
+def overlooked(s: Signals, p: Parameters) -> float:
     """Give a place in the last step, as a fraction, where y' is not what it should be.
 
     Or 0 where there is none. What cannot be searched by MOST_LOOKS looks counts too.
     """
-    count = s.signals
-    h = s.step_h
-    first = s.signals_first
-    last = s.signals_last
+    count, h, first, last = s.signals, s.step_h, s.signals_first, s.signals_last
     farthest = s.farthest
     look_at_signals(s, p, 0.0, first)
     for k in range(count):
@@ -271,7 +291,7 @@ def overlooked(s: State, p: Parameters) -> float:
     return 0.0
 
 
-def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
+def look_at_signals(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
     z = s.look
     slopes(s, x)
@@ -279,13 +299,9 @@ def look_at_signals(s: State, p: Parameters, x: float, out: Floats) -> None:
     signals(s.step_t + x * s.step_h, z, p, out)
 
 
-def slopes(s: State, x: float) -> None:
+def slopes(s: Signals, x: float) -> None:
     """Leave the slope of the dense output as that of the look."""
-    size = s.size
-    z = s.look
-    rates = s.look_rates
-    a = s.far_before
-    b = s.far_after
+    size, z, rates, a, b = s.size, s.look, s.look_rates, s.far_before, s.far_after
     c = s.near_before
     interpolate(s, x - 2.0 * BESIDE, a)
     interpolate(s, x + 2.0 * BESIDE, b)
@@ -296,14 +312,12 @@ def slopes(s: State, x: float) -> None:
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
-def visit(s: State, p: Parameters, low: float, high: float) -> float:
+def visit(s: Signals, p: Parameters, low: float, high: float) -> float:
     """Look where a signal comes close between two looks; give what `overlooked` does.
 
     Keeps how far each has been since.
     """
-    count = s.signals
-    farthest = s.farthest
-    middle = s.signals_middle
+    count, farthest, middle = s.signals, s.farthest, s.signals_middle
     width = (high - low) * s.step_h
     found = 0.0
     for k in range(count):
@@ -320,7 +334,7 @@ def visit(s: State, p: Parameters, low: float, high: float) -> float:
     return found
 
 
-def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
+def visited(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
     """Look at the closest approach of signal k in [low, high], and around it."""
     x = approach(s, p, k, low, high)
     if high - x < AT_END * (high - low):
@@ -348,7 +362,7 @@ def visited(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     return 0.0
 
 
-def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
+def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
     """Give where signal k is closest to waking in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
@@ -370,14 +384,194 @@ def approach(s: State, p: Parameters, k: int, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def apart(s: State, p: Parameters, k: int, x: float) -> float:
+def apart(s: Signals, p: Parameters, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
     interpolate(s, x, s.look)
     signals(s.step_t + x * s.step_h, s.look, p, s.signals_middle)
     return away(s, k, s.signals_middle)
 
 
-def is_missed(s: State, p: Parameters, x: float) -> bool:
+def is_missed(s: Signals, p: Parameters, x: float) -> bool:
     """Tell whether the last step has missed something there."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
+
+
+# --- defect check: the dense output against y' from the equations ---------------------
+# A row shows q'' from the equations beside a state from the dense output. Where that
+# does not move by it, the step has passed over something that neither its stages nor
+# its series saw, whatever it is made of; it is taken back.
+#
+# Of the rows in a step every tenth is asked: nothing that shows in ten rows is missed,
+# and where no step has so many it costs nothing. What is taken back without need is not
+# made shorter than five rows by that; towards the row that differed last, than LEAST of
+# one.
+
+# In output steps. To ask costs about as much as a row.
+APART = 10.0
+LEAST = 2.0**-4
+# What y' and the dense output's slope differ by in a step, in tolerances. Over the
+# shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
+# (dop853) and 80 (radau), but for what `is_beyond` allows.
+LEFT = 1e3
+# Of what a force does in an output step.
+EXPECTED = 1e-2
+# Multiples of it, less their whole parts, are spread evenly.
+
+
+def strayed(s: Signals, p: Parameters) -> float:
+    """Give a row at which the last step differs, as a fraction of it, or 0."""
+    # A step over a loss of rank has the length that it needs.
+    if s.passes > 0.0:
+        return 0.0
+    reach = min(s.t, s.row_limit)
+    if s.doubted >= s.row and time_of(s, s.doubted) < reach:
+        x = place(s, s.doubted)
+        if x * s.step_h > LEAST * s.row_step and is_off(s, p, x):
+            return x
+    k = s.row + APART - 1.0
+    while time_of(s, k) < reach:
+        x = place(s, k)
+        if is_off(s, p, x):
+            s.doubted = k
+            expect(s)
+            return x
+        k += APART
+    return 0.0
+
+
+def expect(s: Signals) -> None:
+    """Let what a row shows count as a size of the motion, before it is there.
+
+    Or the first traces of it would be controlled as finely as denormal numbers are.
+    """
+    n, delta, right, slope = s.n, s.row_step, s.asked, s.look_rates
+    sizes = s.sizes_before
+    for i in range(n, s.size):
+        push = EXPECTED * delta * abs(right[i] - slope[i])
+        if push < 1e300:
+            sizes[i] = max(sizes[i], push)
+            if i < 2 * n:
+                sizes[i - n] = max(sizes[i - n], delta * push)
+
+
+def time_of(s: Signals, k: float) -> float:
+    """Give the time of row k."""
+    return float(s.row_start + k * s.row_step)
+
+
+def place(s: Signals, k: float) -> float:
+    """Give where row k is, as a fraction of the last step."""
+    return (time_of(s, k) - s.step_t) / s.step_h
+
+
+def is_off(s: Signals, p: Parameters, x: float) -> bool:
+    """Tell whether y' is not the slope of the dense output, for all that may be."""
+    if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
+        return False
+    return is_beyond(s, p, x)
+
+
+def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
+    """Tell whether y', as `differs` has left it, is off by the state's rounding alone.
+
+    Beside a root no slope tells what that does. most : as there; rounding itself leaves
+    no more than it does.
+    """
+    slope, right, found, tolerances = s.look_rates, s.asked, s.far_before, s.tolerances
+    shake(s, p, s.step_t + x * s.step_h, s.look, right, found)
+    for i in range(s.n, s.size):
+        allowed = most * tolerances[i] / s.step_h + SHAKEN * found[i]
+        if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
+            return False
+    return True
+
+
+def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
+    """Tell whether signal k varies between three looks by no more than may be.
+
+    That is, than rounding the state does, or moving it by its tolerances, to one side,
+    at the last, at x. What a push hands on along a chain at rest goes with ever higher
+    powers of the time: at first no step, however short, has its shape.
+    """
+    b = s.signals_last[k]
+    change = float(
+        max(abs(s.signals_middle[k] - s.signals_first[k]), abs(b - s.signals_middle[k]))
+    )
+    z = s.look
+    noise = 0.0
+    for way in range(2):
+        interpolate(s, x, z)
+        move_aside(s.size, z, ROUNDED if way == 0 else -ROUNDED, z)
+        move_within(s, 1.0 if way == 0 else -1.0, z)
+        signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
+        noise = max(noise, float(abs(s.signals_beside[k] - b)))
+    return change <= noise
+
+
+def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
+    """Tell whether y', as `differs` has left it, is off by more than may be.
+
+    The state is not known better than to as many tolerances. What a change by that does
+    to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
+    """
+    n = s.n
+    t = s.step_t + x * s.step_h
+    z, slope, right, noise, beside = s.look, s.look_rates, s.asked, s.work, s.spare
+    tolerances = s.tolerances
+    rounding(t, z, p, noise)
+    move_within(s, LEFT, z)
+    derivative(t, z, p, beside)
+    for i in range(n, s.size):
+        allowed = LEFT * tolerances[i] / s.step_h + RATE_NOISE * abs(noise[i - n])
+        allowed += abs(beside[i] - right[i])
+        if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
+            return True
+    return False
+
+
+def move_within(s: Signals, tolerances: float, z: Floats) -> None:
+    """Move a state by about so many of its tolerances.
+
+    By parts and signs of each component's own: what is alike in two may cancel.
+    """
+    for i in range(s.size):
+        part = GOLDEN * (i + 1)
+        part = (0.5 + part - int(part)) * (1.0 - 2.0 * (i % 2))
+        z[i] += part * tolerances * s.tolerances[i]
+
+
+def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
+    """Tell whether y' is not the slope of the dense output: by more than that.
+
+    most : in tolerances.
+    """
+    size, z, rates, right = s.size, s.look, s.look_rates, s.asked
+    tolerances = s.tolerances
+    interpolate_rates(s, x, rates)
+    interpolate(s, x, z)
+    derivative(s.step_t + x * s.step_h, z, p, right)
+    for i in range(s.n, size):
+        off = abs(right[i] - rates[i]) * s.step_h
+        if tolerances[i] > 0.0 and not off <= most * tolerances[i]:
+            return True
+    return False
+
+
+def take_back(s: Signals, x: float) -> None:
+    """Take the last step back; the next is half as long as to its fraction x."""
+    size, y, z, sizes, low, high = s.size, s.y, s.look, s.sizes, s.low, s.high
+    sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
+    interpolate(s, 0.0, z)
+    for i in range(size):
+        y[i] = z[i]
+        # Where it led to has not been.
+        sizes[i] = sizes_before[i]
+        low[i] = low_before[i]
+        high[i] = high_before[i]
+    s.t = s.step_t
+    s.most_step = 0.5 * x * s.step_h
+    s.steps -= 1.0
+    s.rejections += 1.0
+    s.cut = 0.0
+    s.fresh = 1.0

@@ -1,27 +1,199 @@
-"""Configurations in which the constraints lose their independence: passed, and told.
+"""Projection onto the constraints: positions, then velocities.
 
-The health of a state is about the smallest singular value of the scaled constraint
-rows. Near a singular configuration what a stage is off the constraints is divided by
-it, and rounding in a velocity by its square: steps that end there, or shrink on their
-way there, lose digits, and steps that pass it at a distance lose nothing.
+Newton's method in the metric of M at the current iterate (Hairer and Wanner, Solving
+ODEs II, section VII.2). The M-metric velocity projection never raises the kinetic
+energy where the constraints are homogeneous in the velocities.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.controller import LOCAL
-from lagsim.methods.parts.interface import (
+from lagsim.methods.parts.control import Control
+from lagsim.methods.parts.parameters import NOTE, Parameters
+from lagsim.methods.parts.state import (
+    LOCAL,
     derivative,
     interpolate,
+    position_step,
     velocity_step,
 )
-from lagsim.methods.parts.parameters import NOTE, Parameters
-from lagsim.methods.parts.state import State
 from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
+
+# What a Newton step leaves of a residual is rounding if this small against its terms.
+# Terms know what a double can hold of a position, whatever else stands in the scene.
+LAST = 2.0**-50
+# No row gets a residual of more than this, of its terms, by what a step is off.
+UNIT = 2.0**-53
+# A residual this small against its terms is rounding.
+ROUNDING = 2.0**-47
+# Where steps no longer shrink, they are rounding if the residual is smaller than this.
+STALLED = 1e-12
+# A step this small against the coordinates that it moves is rounding, too: there may be
+# rows all of whose terms vanish.
+SMALL = 2.0**-46
+MOST = 12
+
+
+class Rank(Control):
+    """How independent the constraint rows are, and what a projection began with."""
+
+    health: float  # about the smallest singular value of the rows
+    previous_health: float  # before the last step
+    health_slope: float  # the steepest change of it so far
+    close_below: float  # a health below this is close to a loss of rank
+    degenerate_below: float  # at a health below this the kernel returns; 0: never
+    lost_at: float  # where rank was lost last
+    watched: float  # 1 if the last step is to be searched for a loss of rank
+    passes: float  # 1 where the step tried last was to pass a loss of rank
+    falling: float  # how fast the health fell last, per unit of time
+    planned: float  # the step that will pass a loss of rank, once it has room; or 0
+    planned_at: float  # when that was planned
+    tried: float  # the error of the last step that was to pass and could not; or 0
+    fixed_rows: float  # 1 where all constraints hold positions, and none moves
+    missed: float  # the largest residual, of its scale, that a projection began with
+    met: float  # rows up to this part of the last step are not projected
+    ahead: Floats = array(lambda s: s.n + 3)  # what `velocity_step` gives there
+
+
+def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
+    """Project the state that a step h has led to; give 0 where that fails."""
+    work = s.work
+    if project(s, p, t, h, new, work) == 0:
+        return 0
+    record_health(s, work[s.n + 1], h)
+    return 1
+
+
+def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats) -> int:
+    """Project y in place; give 1 where Newton's method converged, else 0.
+
+    h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
+    `velocity_step` gives it.
+    """
+    s.missed = 0.0
+    for level in range(2):
+        if project_level(level, s, p, t, h, y, work) == 0:
+            return 0
+    return 1
+
+
+def met_part(s: Rank, order: float) -> float:
+    """Give the part of a step whose rows meet the constraints as they are.
+
+    Of one whose rows are the polynomial that its end was a value of: the residual grows
+    from what it is at the start, rounding, to what the projection of the end began
+    with, by this order. What moves is also off by the rounding of the time, relations
+    of velocities by that of positions.
+    """
+    if s.fixed_rows == 0.0:
+        return 0.0
+    if s.missed <= UNIT:
+        return 1.0
+    return float((UNIT / s.missed) ** (1.0 / order))
+
+
+def project_level(
+    level: int, s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats
+) -> int:
+    """Project the positions (level 0) or the velocities (1) alone."""
+    n = s.n
+    part = at(y, level * n)
+    previous = 0.0
+    for iteration in range(MOST):
+        newton_step(level, t, y, p, work)
+        if not is_finite(n, work):
+            return 0
+        if iteration == 0:
+            s.missed = max(s.missed, work[n])
+        # Residuals shrink by more than half, or they are rounding.
+        stalled = iteration > 0 and work[n] >= 0.5 * previous
+        done = work[n + 2] <= LAST or work[n] <= ROUNDING
+        if not done:
+            done = is_small(level, s, h, part, work) > 0
+        if stalled:
+            return 1 if done or work[n] <= STALLED else 0
+        for i in range(n):
+            part[i] += work[i]
+        if done:
+            return 1
+        previous = work[n]
+    return 0
+
+
+def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
+    """Tell whether a step is rounding of what it moves, in the metric of diag M.
+
+    What the forces could do within the step counts as size: the scale of a structure at
+    rest. A coordinate counts by its share of the step: a heavy body that hardly moves
+    says nothing of a light one that it is joined to.
+    """
+    n = s.n
+    sizes = at(s.sizes, level * n)
+    masses, parts = s.masses, s.parts
+    moment = h if level > 0 else h * h
+    moved = 0.0
+    for i in range(n):
+        moved += masses[i] * step[i] * step[i]
+    if moved == 0.0:
+        return 1
+    whole = 0.0
+    for i in range(n):
+        share = masses[i] * step[i] * step[i] / moved
+        largest = max(abs(x[i]), sizes[i], moment * parts[i])
+        whole += share * masses[i] * largest * largest
+    return 1 if moved <= SMALL * SMALL * whole else 0
+
+
+def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give the Newton step of the positions (level 0) or of the velocities (1)."""
+    if level == 0:
+        position_step(t, y, p, out)
+    else:
+        velocity_step(t, y, p, out)
+
+
+def is_finite(n: int, step: Floats) -> bool:
+    """Tell whether a step (n,) can be made."""
+    largest = 0.0
+    for i in range(n):
+        if not abs(step[i]) < 1e300:
+            largest = 1e300
+    return largest < 1e300
+
+
+def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
+    """Give the largest part of its own size by which a step (n,) changes a component.
+
+    Of the positions (level 0) or the velocities x. No other body enters, however heavy
+    or far. What the forces could do in the time h counts as size; what has none changes
+    by the whole of itself.
+    """
+    n = s.n
+    sizes = at(s.sizes, level * n)
+    parts = s.parts
+    moment = h if level > 0 else h * h
+    largest = 0.0
+    for i in range(n):
+        change = abs(step[i])
+        if not change < 1e300:
+            return 1e300
+        if change > 0.0:
+            own = max(abs(x[i]), sizes[i], moment * parts[i])
+            part = change / own if change < own * 1e300 else 1.0
+            largest = max(largest, part)
+    return float(largest)
+
+
+# --- singular configurations: loss of rank of the constraint rows ---------------------
+# The health of a state is about the smallest singular value of the scaled constraint
+# rows. Near a singular configuration what a stage is off the constraints is divided by
+# it, and rounding in a velocity by its square: steps that end there, or shrink on their
+# way there, lose digits, and steps that pass it at a distance lose nothing.
 
 # A loss of rank is close where the rows' independence falls below this part of what it
 # is in general, or has been.
@@ -57,7 +229,7 @@ NUDGE = 1e-3
 NARROW = 1e-9
 
 
-def record_health(s: State, health: float, h: float) -> None:
+def record_health(s: Rank, health: float, h: float) -> None:
     """Take the independence of the rows after a step of length h.
 
     The step is searched for a loss of rank where the independence could have fallen to
@@ -74,7 +246,7 @@ def record_health(s: State, health: float, h: float) -> None:
     s.health = health
 
 
-def record_between(s: State, p: Parameters, health: float, h: float) -> None:
+def record_between(s: Rank, p: Parameters, health: float, h: float) -> None:
     """Do the same for a method whose steps are long: by way of the middle of the step.
 
     The health at both ends of one may be the same while it vanishes in between.
@@ -87,7 +259,7 @@ def record_between(s: State, p: Parameters, health: float, h: float) -> None:
     s.watched = max(s.watched, watched)
 
 
-def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
+def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
     There, rounding is divided by the rows' independence at each stage, and by its
@@ -123,7 +295,7 @@ def clear_of_loss(s: State, p: Parameters, h: float, rest: float) -> float:
     return float(ahead / SOON)
 
 
-def needs_loops(s: State) -> bool:
+def needs_loops(s: Rank) -> bool:
     """Tell whether a step that failed is one for the QR decomposition.
 
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
@@ -131,7 +303,7 @@ def needs_loops(s: State) -> bool:
     return float(s.passes) > 0.0 and float(s.degenerate_below) > 0.0
 
 
-def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
+def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
     By secants through the health along a parabola from the state reached.
@@ -141,12 +313,7 @@ def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     ahead
         The time by which the health has been falling.
     """
-    size = s.size
-    n = s.n
-    y = s.y
-    rates = s.spare
-    z = s.work
-    out = s.ahead
+    size, n, y, rates, z, out = s.size, s.n, s.y, s.spare, s.work, s.ahead
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
     for i in range(n):
@@ -169,7 +336,7 @@ def time_to_loss(s: State, p: Parameters, ahead: float) -> float:
     return ahead
 
 
-def leave_loss(s: State, p: Parameters, h: float) -> float:
+def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
     Or the one that is to pass it, where only the equations are solved otherwise now.
@@ -177,11 +344,7 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
         return float(s.planned)
-    size = s.size
-    n = s.n
-    y = s.y
-    z = s.work
-    out = s.spare
+    size, n, y, z, out = s.size, s.n, s.y, s.work, s.spare
     for i in range(size):
         z[i] = y[i]
     velocity_step(s.t, z, p, out)
@@ -196,12 +359,9 @@ def leave_loss(s: State, p: Parameters, h: float) -> float:
     return h
 
 
-def expect_loss(s: State, p: Parameters, h: float) -> None:
+def expect_loss(s: Rank, p: Parameters, h: float) -> None:
     """Note how fast the independence falls at the start of an arc."""
-    n = s.n
-    y = s.y
-    z = s.work
-    out = s.spare
+    n, y, z, out = s.n, s.y, s.work, s.spare
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
     velocity_step(s.t + GLANCE * h, z, p, out)
@@ -209,7 +369,7 @@ def expect_loss(s: State, p: Parameters, h: float) -> None:
     out[n + 1] = s.health
 
 
-def watch(s: State, p: Parameters) -> int:
+def watch(s: Rank, p: Parameters) -> int:
     """Look for a loss of rank within the last step; give 1 where there is one.
 
     The state where it is found is left in the working memory.
@@ -236,7 +396,7 @@ def watch(s: State, p: Parameters) -> int:
     return 0
 
 
-def lowest_part(s: State, p: Parameters) -> float:
+def lowest_part(s: Rank, p: Parameters) -> float:
     """Give where in the last step the rows are least independent.
 
     0 where it is somewhere in it, and below 0 where it is at an end. What the health is
@@ -256,16 +416,15 @@ def lowest_part(s: State, p: Parameters) -> float:
     return found
 
 
-def health_at(s: State, p: Parameters, x: float) -> float:
+def health_at(s: Rank, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
-    z = s.work
-    out = s.spare
+    z, out = s.work, s.spare
     interpolate(s, x, z)
     velocity_step(s.step_t + x * s.step_h, z, p, out)
     return float(out[s.n + 1])
 
 
-def passable(s: State, error: float) -> float:
+def passable(s: Rank, error: float) -> float:
     """Give the error of a step, in tolerances; below 1 where it passes well enough.
 
     The method errs less in shorter steps and rounding more: past the least of both a
@@ -279,7 +438,7 @@ def passable(s: State, error: float) -> float:
     return ACCEPTED if error * s.rtol < bound else error
 
 
-def hides_error(s: State, p: Parameters) -> bool:
+def hides_error(s: Rank, p: Parameters) -> bool:
     """Tell whether what projection will remove hides the error of a step.
 
     Close to a singular configuration, what a stage is off the constraints is divided by
@@ -291,13 +450,13 @@ def hides_error(s: State, p: Parameters) -> bool:
     return p.loops > 0 and (passes or close)
 
 
-def note_directions(s: State, p: Parameters, t: float, new: Floats) -> None:
+def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
     p.least_health = NOTE
     velocity_step(t, new, p, s.work)
 
 
-def forget_removed(s: State, p: Parameters, h: float, error: Floats) -> float:
+def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     """Take out of the errors of q and q' (2 n,) what projection will remove.
 
     Gives what that is as velocities, q in the time h: twice its kinetic energy, against
@@ -321,7 +480,7 @@ def forget_removed(s: State, p: Parameters, h: float, error: Floats) -> float:
     return removed
 
 
-def energy_along(s: State, z: Floats, mass: Floats) -> float:
+def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
     """Give twice the most kinetic energy so far of what a direction z (n,) moves.
 
     Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
@@ -329,8 +488,7 @@ def energy_along(s: State, z: Floats, mass: Floats) -> float:
     """
     n = s.n
     speeds = at(s.sizes, n)
-    masses = s.masses
-    joined = s.joined
+    masses, joined = s.masses, s.joined
     most = 0
     for i in range(n):
         if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):
@@ -342,7 +500,7 @@ def energy_along(s: State, z: Floats, mass: Floats) -> float:
     return float(min(energy, 2.0 * s.energy))
 
 
-def bent(s: State, removed: float, left: float) -> float:
+def bent(s: Rank, removed: float, left: float) -> float:
     """Give the error of a step, of which `left` is left by projection.
 
     The constraints are bent: of what is removed its square is left, against the speed.

@@ -1,0 +1,597 @@
+"""Error tolerances from each component's own scale, and the first step.
+
+The default tolerance of a component is rtol times its own scale: the range that it has
+gone through, which no shift of the origin and no other body changes, or what its rate
+does in the step. Where forces cancel, what each of them could do counts a little too.
+And no component is controlled below its own rounding: that of its value, and that of
+its rate. The latter is looked at where a step would be rejected: what the rounding of
+the state does to it, and what is rounded where it is computed. No unit enters: metres
+and millimetres give the same steps.
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+from typing import TYPE_CHECKING
+
+from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.state import (
+    LOCAL,
+    Output,
+    derivative,
+    measure,
+    rounding,
+    terms,
+)
+from lagsim.native.kernels.words import apart, at, fused
+from lagsim.native.layout import array, part
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+
+# Of what the terms of a rate could do in a step, though they cancel: errors of other
+# components within the tolerance leave a part of them.
+FLOOR = 1e-3
+# Of the tolerances of what rows link it with, a component's own. Off the constraints,
+# in the stages of a step, errors of one act on the others; projection takes them out.
+# A tenth of it costs Bricard's mechanism twice the steps; others hardly notice either.
+LEAK = 1e-2
+# What of its range counts as the size of a component: an oscillation about 0 is half of
+# it in size, a motion away from 0 the whole.
+WIDTH = 0.7
+# Of the length of an arc: too short to matter.
+INSTANT = 1e-6
+# A value is not known better than this part of itself.
+NOISE = 4.0 * 2.0**-53
+# At tight tolerances the floor is a part of the last place: truncation up to NOISE acts
+# the same way in every step and so outgrows rounding, of which sums lose little.
+FINEST = 2.0**-55
+# Below this a number has no digits to control: some of the smallest steps between two.
+UNDERFLOW = 2.0**-1068
+# The square of this is finite.
+HUGE = 1e140
+# The first step of all, an Euler step, is this part of what lies between two rows; and
+# how much longer the next may be, and how often the guess is made again.
+EULER = 1e-2
+FARTHEST = 100.0
+MOST_GUESSES = 20
+
+
+class Control(Output):
+    """Error scales: ranges, tolerances, energies, roundoff."""
+
+    rtol: float
+    atol: float  # below 0: rtol times the component's own scale
+    energy: float  # the largest kinetic energy or change of potential so far
+    potential: float  # at the start of the run
+    lost_below: float  # the rows have lost rank where their `health` is below this
+    looked: float  # 1 once rounding has been looked at in this step
+    sizes: Floats = array(lambda s: s.size)  # the largest of y so far
+    # The least and the largest value of each component.
+    low: Floats = array(lambda s: s.size, inf)
+    high: Floats = array(lambda s: s.size, -inf)
+    tolerances: Floats = array(lambda s: s.size)
+    # The terms of each rate, its rounding, what becomes of one at rest at first.
+    parts: Floats = array(lambda s: s.size)
+    noise: Floats = array(lambda s: s.size)
+    foreseen: Floats = array(lambda s: s.size)
+    # What rounding has cut off of y, and what the step that is made leaves of it.
+    rest: Floats = array(lambda s: s.size)
+    left: Floats = array(lambda s: s.size)
+    # What `measure` gives: energies, the diagonal of M, and a 0 in the place of which
+    # the sum of M_ii a_i^2 that forces could make is kept.
+    measured: Floats = array(lambda s: s.n + 3)
+    energies: Floats = part("measured", lambda _: 0, lambda _: 2)
+    masses: Floats = part("measured", lambda _: 2, lambda s: s.n)
+    pushes: Floats = part("measured", lambda s: s.n + 2, lambda _: 1)
+    joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
+    linked: Floats = array(lambda s: s.n)  # ... where rows alone count, and not M
+    # The largest tolerance of what is linked, at the place of its first coordinate;
+    # the energy that each work is compared with.
+    shared: Floats = array(lambda s: s.size - s.n)
+
+
+def record_sizes(s: Control, p: Parameters) -> None:
+    """Take the state, accepted, into the largest sizes and the energy."""
+    take_measure(s, s.t, s.y, p)
+    record_measured(s, p)
+
+
+def record_measured(s: Control, p: Parameters) -> None:
+    """Do the same where `set_tolerances` has measured this state last."""
+    record_extents(s)
+    s.energy = energy_scale(s)
+    n, masses, parts = s.n, s.masses, s.parts
+    terms(s.t, s.y, p, parts)
+    # From here on as accelerations, and the whole in the metric of M.
+    pushes = s.pushes
+    pushes[0] = 0.0
+    for i in range(n):
+        push = parts[i]
+        parts[i] = 0.0
+        if masses[i] > 0.0:
+            part = push / masses[i]
+            pushes[0] += push * part
+            parts[i] = part
+        parts[n + i] = parts[i]
+
+
+def record_extents(s: Control) -> None:
+    """Take the state into the largest sizes: all that a fixed step asks for."""
+    size, y, sizes, low, high, noise = s.size, s.y, s.sizes, s.low, s.high, s.noise
+    for i in range(size):
+        now = y[i]
+        sizes[i] = max(sizes[i], abs(now))
+        low[i] = min(low[i], now)
+        high[i] = max(high[i], now)
+        noise[i] = 0.0
+    s.looked = 0.0
+
+
+def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
+    """Leave what `measure` gives in the state."""
+    measure(t, y, p, s.measured)
+    if s.evaluations <= 1.0:
+        s.potential = s.energies[1]
+
+
+def energy_scale(s: Control) -> float:
+    """Give the largest kinetic energy or change of potential, what is measured too."""
+    energies = s.energies
+    change = abs(energies[1] - s.potential)
+    return max(float(s.energy), abs(float(energies[0])), float(change))
+
+
+def set_tolerances(
+    s: Control, p: Parameters, t: float, new: Floats, rates: Floats, h: float
+) -> None:
+    """Set the tolerance of each component for a step of length h to `new` at t.
+
+    new, rates : (size,), the state after the step and y' before it. A tolerance of 0
+    means that the component has no scale and is not controlled.
+    """
+    take_measure(s, t, new, p)
+    size, n, y, sizes, tolerances = s.size, s.n, s.y, s.sizes, s.tolerances
+    if s.atol >= 0.0:
+        for i in range(size):
+            scale = max(abs(y[i]), abs(new[i]))
+            tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
+        return
+    low, high, parts, noise, foreseen = s.low, s.high, s.parts, s.noise, s.foreseen
+    law_pushes = p.law_pushes
+    # A start from rest with a jump in the force (dry friction) is off by the same part
+    # of every step, however short; its first instant is not controlled finer.
+    instant = INSTANT * (s.end - s.arc_start) - (s.t - s.arc_start)
+    instant = max(instant, 0.0)
+    moment = max(h, instant)
+    rtol = LOCAL * s.rtol
+    floor = FINEST if s.rtol < TIGHT else NOISE
+    for i in range(size):
+        after = new[i]
+        rate = abs(rates[i])
+        width = max(high[i], after) - min(low[i], after)
+        sized = WIDTH * width if width > 0.0 else h * rate
+        if instant > 0.0:
+            sized = max(sized, instant * rate, foreseen[i])
+        part = parts[i]
+        if p.laws > 0:
+            part = max(part, law_pushes[i])
+        if i < n:
+            # Positions: what their velocities do in the step.
+            part *= moment
+            noise[i] = max(floor * rate, noise[n + i] * h)
+            sized = max(sized, instant * instant * abs(rates[n + i]))
+        sized = max(sized, FLOOR * moment * part)
+        rough = floor * max(sizes[i], abs(after))
+        rough = max(rough, noise[i] * h, UNDERFLOW)
+        tolerances[i] = max(rtol * sized, rough)
+    if p.m > 0:
+        share_tolerances(s)
+    if size > 2 * n:
+        limit_works(s, p, new)
+
+
+def share_tolerances(s: Control) -> None:
+    """Control no coordinate far finer than those that rows link it with.
+
+    In the metric of M, in which projection turns errors of one into errors of another:
+    what rests by symmetry has no motion of its own to be controlled by.
+    """
+    n, masses, linked, shared = s.n, s.masses, s.linked, s.shared
+    for level in range(2):
+        tolerances = at(s.tolerances, level * n)
+        for i in range(n):
+            shared[i] = 0.0
+        for i in range(n):
+            k = int(linked[i])
+            tolerance = tolerances[i]
+            if masses[i] > 0.0:
+                shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
+        for i in range(n):
+            if masses[i] > 0.0:
+                most = sqrt(shared[int(linked[i])] / masses[i])
+                tolerances[i] = max(tolerances[i], LEAK * most)
+
+
+def against(error: float, tolerance: float) -> float:
+    """Give an error in units of the tolerance; one that is finite has a finite square.
+
+    It may be rounding, though much more than a component that rests should have.
+    """
+    part = abs(error / tolerance)
+    if abs(error) < 1e300:
+        part = min(part, HUGE)
+    return part
+
+
+def limit_works(s: Control, p: Parameters, new: Floats) -> None:
+    """Control works no finer than the energy that each is compared with."""
+    n, tolerances, masses, worked = s.n, s.tolerances, s.masses, p.worked
+    energies, works = s.shared, p.works
+    for k in range(works):
+        energies[k] = 0.0
+    if works > 0:
+        for i in range(n):
+            own = int(worked[i])
+            off = tolerances[n + i]
+            energy = abs(masses[i]) * (abs(new[n + i]) + off) * off
+            if own >= 0:
+                energies[own] += energy
+    for k in range(works):
+        tolerances[2 * n + k] = max(tolerances[2 * n + k], energies[k])
+
+
+def look_again(
+    s: Control, p: Parameters, h: float, new: Floats, k: Floats, health: float
+) -> bool:
+    """Look at the rounding in a step h to `new`, and set the tolerances by it.
+
+    Tells whether that had not been done. k : (size,), y' at the start of the step.
+    """
+    if s.looked > 0.0:
+        return False
+    size, n, t = s.size, s.n, s.t
+    look_at_rounding(s, p, t, s.y, k, health)
+    if SWITCHES and hardly_moves(s, p, h, k):
+        look_between(s, p, h, k)
+    if SWITCHES and health >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
+        look_ahead(s, p, h, k)
+    if size > 2 * n:
+        # The power of forces has no rounding where everything rests, at the start.
+        noise, z = s.noise, s.work
+        rounding(t + h, new, p, z)
+        for i in range(2 * n, size):
+            if abs(z[i - n]) < 1e300:
+                noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+        # Nor has it where rows balance them, or surfaces, but velocities have.
+        if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
+            worked = p.worked
+            for i in range(n):
+                own = 2 * n + int(worked[i])
+                power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
+                if own >= 2 * n:
+                    noise[own] = max(noise[own], power)
+    set_tolerances(s, p, t + h, new, k, h)
+    s.looked = 1.0
+    return True
+
+
+def foresee(s: Control, p: Parameters, k: Floats) -> None:
+    """Find what becomes of the components at rest in the first instant of an arc.
+
+    A force that begins at 0, as a power of the time does, gives them a motion without
+    any size. One may set the next in motion. k : (size,), y' at the start.
+    """
+    size, n, y, noise, foreseen, z = s.size, s.n, s.y, s.noise, s.foreseen, s.work
+    slopes = s.spare
+    instant = INSTANT * (s.end - s.t)
+    waiting = 0
+    for i in range(size):
+        foreseen[i] = 0.0
+        z[i] = y[i] + instant * k[i]
+        if i < n:
+            z[i] += instant * instant * k[n + i]
+        elif abs(k[i]) <= noise[i]:
+            waiting += 1
+    while waiting > 0:
+        derivative(s.t + instant, z, p, slopes)
+        s.evaluations += 1.0
+        before = waiting
+        for i in range(n, size):
+            rate = abs(slopes[i])
+            rests = abs(k[i]) <= noise[i] and foreseen[i] == 0.0
+            if rests and noise[i] < rate and rate < 1e300:
+                foreseen[i] = instant * rate
+                z[i] = y[i] + instant * slopes[i]
+                if i < 2 * n:
+                    foreseen[i - n] = instant * foreseen[i]
+                    z[i - n] = y[i - n] + instant * instant * slopes[i]
+                waiting -= 1
+        if waiting == before:
+            return
+
+
+def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
+    """Give a first step: one explicit Euler step tells how fast the rates change.
+
+    k : (size,) is y' at the start. An error that falls with this power of the step,
+    against that change, is within the tolerance.
+    """
+    size, y, z, slopes = s.size, s.y, s.work, s.spare
+    look_at_rounding(s, p, s.t, y, k, 1.0)
+    foresee(s, p, k)
+    span = s.end - s.t
+    h = min(EULER * s.row_step, span)
+    part = (LOCAL * max(float(s.rtol), NOISE)) ** (1.0 / order)
+    guess = h
+    for _ in range(MOST_GUESSES):
+        for i in range(size):
+            z[i] = y[i] + h * k[i]
+        derivative(s.t + h, z, p, slopes)
+        s.evaluations += 1.0
+        # What rests has a scale by now.
+        set_tolerances(s, p, s.t + h, z, slopes, h)
+        guess = min(part * time_of_change(s, h, k, slopes), FARTHEST * h)
+        if guess > 0.1 * h:
+            break
+        h = guess
+    return float(min(guess, span))
+
+
+def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
+    """Give the time in which a rate changes by its own size: from k to `slopes` in h.
+
+    Rates that begin at 0 do not count, nor do changes within the tolerances.
+    """
+    tolerances = s.tolerances
+    least = 1e300
+    for i in range(s.size):
+        change = abs(slopes[i] - k[i])
+        if not change < 1e300:
+            return 1e-3 * h
+        if h * change > tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
+            least = min(least, h * abs(k[i]) / change)
+    return least
+
+
+# --- roundoff: its bounds in rates, and compensated sums ------------------------------
+# Where a step would be rejected, a bound of what is rounded on the way to the rates of
+# a state, and what small changes of the state do to them.
+#
+# A step adds little to a state, and what is lost of it each time grows with the steps,
+# or faster. The state is y and `rest`, which is smaller than half of y's last place:
+# what is cut off is found exactly and added with the next step (D. E. Knuth, The Art of
+# Computer Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G. Wanner,
+# Geometric Numerical Integration, 2nd ed., section VIII.5: compensated summation).
+#
+# The slopes of a step are those at y alone. Where the tolerance is tight what they lack
+# is found by a difference: that is as much as the rounding of forces does.
+#
+# An arc begins without a rest, as its state is a new one, or given as doubles; so does
+# a step that ends with a projection onto constraints, which rounds all that it moves.
+# And where there are switches there is none: steps that move by less than a last place
+# would sum up to a state on the surface itself, where a root has no slope, instead of
+# leaping over it.
+CONSTRAINED = True
+SWITCHES = True
+
+# Rates of the size of one leave so much in the error estimate, by their rounding.
+RATE_NOISE = 32.0 * 2.0**-53
+# Of what a relative change of the state by one would do; it is rounded to nearest.
+PROBED = 0.5
+# A relative change of the state this small shows what its rounding does to y'.
+PROBE = 2.0**-36
+# And so does one of some last places. A step that moves by fewer than so many is short.
+ROUNDED = 2.0**-50
+# Of what that does, what rounding leaves in the error estimate.
+SHAKEN = RATE_NOISE * PROBED / ROUNDED
+FEW_PLACES = 2.0**-30
+# Below this tolerance, which no repeat of a usual run has, as much is done against
+# rounding as can be.
+TIGHT = 5e-14
+# So much larger a rest is a change of y by a relative 1e-8 at most: little beside what
+# bends the forces, and much beside the rounding of y'.
+LARGER = 2.0**26
+
+
+def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
+    """Tell whether a step moves a position by few of its last places.
+
+    What rests counts where there are switches: another body may set it in motion by a
+    force that begins at one.
+    """
+    sizes = s.sizes
+    for i in range(s.n):
+        moved = h * abs(k[i])
+        if moved < FEW_PLACES * sizes[i] and (moved > 0.0 or p.surfaces > 0.0):
+            return True
+    return False
+
+
+def look_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
+    """Take what rounding does to the rates in the middle of a step h for noise too.
+
+    Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
+    step itself may lead anywhere. k : (size,), y' at its start.
+    """
+    size, n, y, noise, middle, rates = s.size, s.n, s.y, s.noise, s.look, s.look_rates
+    found = s.far_before
+    t = s.t + 0.5 * h
+    for i in range(size):
+        middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
+    derivative(t, middle, p, rates)
+    s.evaluations += 3.0
+    shake(s, p, t, middle, rates, found)
+    for i in range(n, size):
+        noise[i] = max(noise[i], SHAKEN * found[i])
+
+
+def shake(
+    s: Control, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
+) -> None:
+    """Give what some last places of a state y, to both sides, do to its rates (size,).
+
+    What has no value there counts as nothing.
+    """
+    size, z, slopes = s.size, s.work, s.spare
+    for i in range(size):
+        out[i] = 0.0
+    for way in range(2):
+        move_aside(size, y, ROUNDED if way == 0 else -ROUNDED, z)
+        derivative(t, z, p, slopes)
+        for i in range(size):
+            change = abs(slopes[i] - rates[i])
+            if change < 1e300:
+                out[i] = max(out[i], change)
+
+
+def look_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None:
+    """Take what is rounded at the end of a step h for noise too.
+
+    What laws hold, or surfaces, rests against forces that may begin at 0. The step
+    itself may lead anywhere. k : (size,), y' at its start.
+    """
+    n, y, noise, z, ahead = s.n, s.y, s.noise, s.work, s.look
+    for i in range(s.size):
+        ahead[i] = y[i] + h * k[i] if i < n else y[i]
+    rounding(s.t + h, ahead, p, z)
+    for i in range(n, 2 * n):
+        if abs(z[i - n]) < 1e300:
+            noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+
+
+def look_at_rounding(
+    s: Control, p: Parameters, t: float, y: Floats, k: Floats, health: float
+) -> None:
+    """Find what rounding leaves in the rates k (size,) at y, for this step.
+
+    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
+    that of rows close to a loss of rank, which enlarges the former; y' off the
+    constraints says nothing there.
+    """
+    size, n, noise, z = s.size, s.n, s.noise, s.work
+    rounding(t, y, p, z)
+    larger = 1.0 / max(health, float(s.lost_below))
+    for i in range(n, size):
+        noise[i] = larger * abs(z[i - n])
+    if health >= 1.0:
+        add_probe(s, p, t, y, k)
+    for i in range(n, size):
+        if not noise[i] < 1e300:
+            noise[i] = 0.0
+        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
+
+
+def add_probe(s: Control, p: Parameters, t: float, y: Floats, k: Floats) -> None:
+    """Add what the rounding of the state does to its rates k."""
+    size, n, noise, z, slopes = s.size, s.n, s.noise, s.work, s.spare
+    move_aside(size, y, PROBE, z)
+    derivative(t * (1.0 + PROBE), z, p, slopes)
+    s.evaluations += 1.0
+    for i in range(n, size):
+        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
+
+
+def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
+    """Give y with a relative change.
+
+    Components change by different parts, or a change of the whole scene's size or
+    place would hide what cancels.
+    """
+    for i in range(size):
+        part = 0.618033988749895 * (i + 1)
+        out[i] = y[i] * (1.0 + change * (0.5 + part - int(part)))
+
+
+def add_exactly(
+    size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
+) -> None:
+    """Give y + h k (size,), and add to `left` what both roundings cut off."""
+    for i in range(size):
+        before = y[i]
+        rate = k[i]
+        moved = h * rate
+        cut = fused(h, rate, -moved)
+        after = before + moved
+        back = after - before
+        cut += (before - (after - back)) + (moved - back)
+        new[i] = after
+        left[i] += cut
+
+
+def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
+    """Add `left` and the rest to a state `new` (size,) that a step h leads to.
+
+    k : (size,), y' at its start. Leaves what is cut off in `left`.
+    """
+    size, left, rest = s.size, s.left, s.rest
+    for i in range(size):
+        left[i] += rest[i]
+    if s.rtol < TIGHT:
+        drift = s.spare
+        find_drift(s, p, k, drift)
+        add_drift(s, drift, h)
+    carry(size, new, left, new, left)
+
+
+def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
+    """Give what the rest adds to y' (size,), which is k at y alone."""
+    size, y, rest, z = s.size, s.y, s.rest, s.work
+    if CONSTRAINED or SWITCHES:
+        for i in range(size):
+            out[i] = 0.0
+        return
+    for i in range(size):
+        z[i] = y[i] + LARGER * rest[i]
+    derivative(s.t, z, p, out)
+    s.evaluations += 1.0
+    for i in range(size):
+        drift = (out[i] - k[i]) / LARGER
+        out[i] = drift if abs(drift) < 1e300 else 0.0
+
+
+def add_drift(s: Control, drift: Floats, h: float) -> None:
+    """Add to a change what the rest does in a step: it moves as the state does."""
+    size, n, left = s.size, s.n, s.left
+    for i in range(size):
+        left[i] += h * drift[i]
+        if i < n:
+            left[i] += 0.5 * h * h * drift[n + i]
+
+
+def keep_rest(s: Control) -> None:
+    """Take what the step has cut off: it is accepted."""
+    if CONSTRAINED or SWITCHES:
+        forget_rest(s)
+        return
+    rest, left = s.rest, s.left
+    for i in range(s.size):
+        rest[i] = left[i]
+
+
+def forget_rest(s: Control) -> None:
+    """Begin with a state as it is."""
+    rest = s.rest
+    for i in range(s.size):
+        rest[i] = 0.0
+
+
+def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
+    """Add h * rate to y (n,), and keep in `rest` (n,) what rounding cuts off."""
+    for i in range(n):
+        rest[i] += h * rate[i]
+    carry(n, y, rest, y, rest)
+
+
+def carry(n: int, y: Floats, change: Floats, out: Floats, left: Floats) -> None:
+    """Give y + change (n,), and what rounding cuts off of it.
+
+    Both results may take the place of what they are made of.
+    """
+    for i in apart(n):
+        before = y[i]
+        more = change[i]
+        after = before + more
+        moved = after - before
+        out[i] = after
+        left[i] = (before - (after - moved)) + (more - moved)
