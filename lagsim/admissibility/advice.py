@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import CONSTANT, VARIABLE, Graph
-from lagsim.language.parser import parse
-from lagsim.language.tokens import ExpressionError
+from lagsim.language.parser import ExpressionError, parse
 from lagsim.model.model import Target
 from lagsim.notes import Caution
 

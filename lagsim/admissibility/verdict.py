@@ -16,8 +16,8 @@ import numpy as np
 
 from lagsim.admissibility.lengths import LINKS, Form, Lengths, of_rows
 from lagsim.language.derivatives import slopes
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import DisjointSets
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -18,7 +18,7 @@ from lagsim.language.functions import OPERATIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
-    from lagsim.language.functions.row import Function
+    from lagsim.language.functions import Function
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")

@@ -1,7 +1,9 @@
-"""Intervals as arrays: enclosures of the values that expressions take.
+"""Interval arithmetic: enclosures of the values that expressions take.
 
 An enclosure holds every value that an expression takes while its variable runs through
-an interval, those that double arithmetic gives included. Zeros have no sign here.
+an interval, those that double arithmetic gives included: what is rounded is rounded
+outward. Many intervals are taken at once, as arrays. Zeros have no sign here. The rows
+of the table of functions name their rules in this module.
 
 Source: R. E. Moore, R. B. Kearfott, M. J. Cloud, Introduction to Interval Analysis,
 SIAM 2009.
@@ -10,11 +12,22 @@ SIAM 2009.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+from lagsim.language.evaluate import evaluate
+from lagsim.language.functions import OPERATIONS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from lagsim.language.functions import Function
+    from lagsim.language.graph import Graph
+
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -124,3 +137,403 @@ def outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
     """Give a bound, moved to the next number where it is not exact."""
     return np.where(exact, bound, np.nextafter(bound, toward))
+
+
+# ------------------------------------------------------------------- operators
+
+
+def _error_of_sum(a: Floats, b: Floats, total: Floats) -> Floats:
+    """Give the rounding error of total = a + b exactly (Knuth's TwoSum)."""
+    part = total - a
+    error: Floats = (a - (total - part)) + (b - part)
+    return error
+
+
+def add(x: Interval, y: Interval) -> Interval:
+    """Enclose x + y."""
+    lo, hi = x.lo + y.lo, x.hi + y.hi
+    clash = (x.hi == math.inf) & (y.lo == -math.inf)
+    clash |= (x.lo == -math.inf) & (y.hi == math.inf)
+    lo = exact_or_next(lo, _error_of_sum(x.lo, y.lo, lo) == 0.0, -math.inf)
+    hi = exact_or_next(hi, _error_of_sum(x.hi, y.hi, hi) == 0.0, math.inf)
+    return interval(
+        np.where(np.isnan(lo), -math.inf, lo),
+        np.where(np.isnan(hi), math.inf, hi),
+        clash,
+    )
+
+
+def neg(x: Interval) -> Interval:
+    """Enclose -x."""
+    return interval(-x.hi, -x.lo)
+
+
+def sub(x: Interval, y: Interval) -> Interval:
+    """Enclose x - y."""
+    return add(x, neg(y))
+
+
+def _corners(
+    f: Callable[[Floats, Floats], Floats], x: Interval, y: Interval
+) -> tuple[Floats, Floats]:
+    values = np.stack(
+        np.broadcast_arrays(f(x.lo, y.lo), f(x.lo, y.hi), f(x.hi, y.lo), f(x.hi, y.hi))
+    )
+    values = np.where(np.isnan(values), 0.0, values)  # 0 * inf: the bound is never met
+    return values.min(0), values.max(0)
+
+
+def _whole(x: Interval) -> Flags:
+    """Tell where both bounds are whole numbers and small enough for exact products."""
+    size = np.maximum(np.abs(x.lo), np.abs(x.hi))
+    flags: Flags = (
+        (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi) & (size < 2.0**26)
+    )
+    return flags
+
+
+def _one_sided(
+    lo: Floats, hi: Floats, x: Interval, y: Interval
+) -> tuple[Floats, Floats]:
+    """Widen the bounds of a product or quotient, but never beyond a sure sign."""
+    alike = (x.lo >= 0.0) & (y.lo >= 0.0) | (x.hi <= 0.0) & (y.hi <= 0.0)
+    opposite = (x.lo >= 0.0) & (y.hi <= 0.0) | (x.hi <= 0.0) & (y.lo >= 0.0)
+    nothing = (x.lo == 0.0) & (x.hi == 0.0) | (y.lo == 0.0) & (y.hi == 0.0)
+    return (
+        exact_or_next(lo, nothing | (lo == 0.0) & alike, -math.inf),
+        exact_or_next(hi, nothing | (hi == 0.0) & opposite, math.inf),
+    )
+
+
+def mul(x: Interval, y: Interval) -> Interval:
+    """Enclose x*y."""
+    lo, hi = _corners(np.multiply, x, y)
+    whole = _whole(x) & _whole(y)
+    low, high = _one_sided(lo, hi, x, y)
+    lo, hi = np.where(whole, lo, low), np.where(whole, hi, high)
+    return interval(lo, hi, (x.unbounded & y.has_zero) | (y.unbounded & x.has_zero))
+
+
+def _square(x: Interval) -> Interval:
+    size = magnitude(x)
+    return _strict(mul)(size, size)
+
+
+def div(x: Interval, y: Interval) -> Interval:
+    """Enclose x/y."""
+    pole = y.has_zero  # also at an end: x / 0 is infinite with either sign
+    lo, hi = _one_sided(*_corners(np.divide, x, y), x, y)
+    return interval(
+        np.where(pole, -math.inf, lo),
+        np.where(pole, math.inf, hi),
+        pole & x.has_zero | x.unbounded & y.unbounded,
+        pole,
+    )
+
+
+def power(x: Interval, y: Interval) -> Interval:
+    """Enclose x^y."""
+    whole = (y.lo == y.hi) & (np.floor(y.lo) == y.lo) & np.isfinite(y.lo)
+    by_whole, by_real = _whole_power(x, y.lo), _real_power(x, y)
+    return select(whole, by_whole, by_real)
+
+
+def _whole_power(x: Interval, n: Floats) -> Interval:
+    a, b = np.power(x.lo, n), np.power(x.hi, n)
+    even = np.mod(n, 2.0) == 0.0
+    inside = x.has_zero
+    pole = inside & (n < 0.0)
+    lo = np.where(even & inside & (n > 0.0), 0.0, np.minimum(a, b))
+    lo = np.where(pole & ~even, -math.inf, lo)
+    hi = np.where(pole, math.inf, np.maximum(a, b))
+    low, high = outward(lo, hi)
+    exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
+    low, high = np.where(exact, lo, low), np.where(exact, hi, high)
+    ones = n == 0.0
+    low = np.where(even & (n > 0.0), np.maximum(low, 0.0), low)
+    return interval(np.where(ones, 1.0, low), np.where(ones, 1.0, high), False, pole)
+
+
+def _real_power(x: Interval, y: Interval) -> Interval:
+    """Give x^y, a real number for x >= 0 only, or where y happens to be whole."""
+    base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
+    lo, hi = outward(*_corners(np.power, base, y))
+    lo = np.maximum(lo, 0.0)
+    negative = x.lo < 0.0
+    pole = (x.lo <= 0.0) & (y.lo <= 0.0)
+    moving = y.lo < y.hi
+    # A negative base with a moving exponent: any whole exponent on the way counts.
+    size = interval(np.zeros_like(x.lo), np.maximum(np.abs(x.lo), np.abs(x.hi)))
+    _, largest = outward(*_corners(np.power, size, y))
+    stray = negative & moving
+    nowhere = (x.hi < 0.0) & ~moving
+    return interval(
+        np.where(nowhere, math.nan, np.where(stray, -largest, lo)),
+        np.where(nowhere, math.nan, np.where(stray, largest, hi)),
+        negative,
+        pole | stray,
+    )
+
+
+# ------------------------------------------------------------------ conditions
+
+
+def _comparison(
+    surely: Callable[[Interval, Interval], Flags],
+    never: Callable[[Interval, Interval], Flags],
+) -> Callable[[Interval, Interval], Interval]:
+    """Give the rule of a comparison; one with nan is false."""
+
+    def rule(x: Interval, y: Interval) -> Interval:
+        true = surely(x, y) & ~(x.partial | y.partial)
+        false = never(x, y) | x.undefined | y.undefined
+        return interval(true.astype(np.float64), (~false).astype(np.float64))
+
+    return rule
+
+
+lt = _comparison(lambda x, y: x.hi < y.lo, lambda x, y: x.lo >= y.hi)
+le = _comparison(lambda x, y: x.hi <= y.lo, lambda x, y: x.lo > y.hi)
+gt = _comparison(lambda x, y: x.lo > y.hi, lambda x, y: x.hi <= y.lo)
+ge = _comparison(lambda x, y: x.lo >= y.hi, lambda x, y: x.hi < y.lo)
+
+
+def both(x: Interval, y: Interval) -> Interval:
+    """Enclose `x and y`."""
+    return interval(np.minimum(x.lo, y.lo), np.minimum(x.hi, y.hi))
+
+
+def either(x: Interval, y: Interval) -> Interval:
+    """Enclose `x or y`."""
+    return interval(np.maximum(x.lo, y.lo), np.maximum(x.hi, y.hi))
+
+
+def contrary(x: Interval) -> Interval:
+    """Enclose `not x`."""
+    return interval(1.0 - x.hi, 1.0 - x.lo)
+
+
+def choice(c: Interval, x: Interval, y: Interval) -> Interval:
+    """Enclose if(c, x, y)."""
+    hull = interval(
+        np.fmin(x.lo, y.lo),
+        np.fmax(x.hi, y.hi),
+        x.partial | y.partial | (x.undefined ^ y.undefined),
+        jumps=True,
+    )
+    return select(c.lo == 1.0, x, select(c.hi == 0.0, y, hull))
+
+
+# ------------------------------------------------------------------- functions
+
+
+def increasing(f: Any) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function, defined everywhere, exact zeros."""
+    return lambda x: interval(*outward_but_zero(f(x.lo), f(x.hi)))
+
+
+def on(
+    f: Any, least: float, most: float = math.inf, *, open_end: bool = False
+) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function defined from `least` to `most`."""
+
+    def rule(x: Interval) -> Interval:
+        lo, hi = outward_but_zero(
+            f(np.clip(x.lo, least, most)), f(np.clip(x.hi, least, most))
+        )
+        nowhere = (x.hi < least) | (x.lo > most)
+        partial = (x.lo < least) | (x.hi > most)
+        pole = (x.lo <= least) | (x.hi >= most) if open_end else partial
+        return interval(
+            np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
+            partial | (pole if open_end and most < math.inf else False), pole,
+        )  # fmt: skip
+
+    return rule
+
+
+def sqrt(x: Interval) -> Interval:
+    """Give the root, exact where it is a whole number."""
+    root = on(np.sqrt, 0.0)(x)
+    lo, hi = np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(np.maximum(x.hi, 0.0))
+    exact_lo = (np.floor(lo) == lo) & (lo < 2.0**26) & (lo * lo == x.lo)
+    exact_hi = (np.floor(hi) == hi) & (hi < 2.0**26) & (hi * hi == x.hi)
+    return interval(
+        np.where(exact_lo, lo, root.lo), np.where(exact_hi, hi, root.hi),
+        root.partial, root.jumps,
+    )  # fmt: skip
+
+
+def exp(x: Interval) -> Interval:
+    """Enclose exp(x)."""
+    lo, hi = outward(np.exp(x.lo), np.exp(x.hi))
+    return interval(np.maximum(lo, 0.0), hi)
+
+
+def acos(x: Interval) -> Interval:
+    """Enclose acos(x)."""
+    mirrored = on(np.arccos, -1.0, 1.0)(x)
+    lo, hi = outward_but_zero(
+        np.arccos(np.clip(x.hi, -1.0, 1.0)), np.arccos(np.clip(x.lo, -1.0, 1.0))
+    )
+    nowhere = mirrored.undefined
+    return interval(
+        np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
+        mirrored.partial,
+    )  # fmt: skip
+
+
+def _meets(x: Interval, first: float, period: float) -> Flags:
+    """Tell where x may contain a point of first + k * period."""
+    a, b = x.lo / period - first / period, x.hi / period - first / period
+    slack = 8.0 * np.finfo(np.float64).eps
+    a, b = a - slack * (np.abs(a) + 1.0), b + slack * (np.abs(b) + 1.0)
+    flags: Flags = ~(np.ceil(a) > np.floor(b))
+    return flags
+
+
+def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
+    """Give the rule of a wave between -1 and 1, with a crest and a trough there."""
+
+    def rule(x: Interval) -> Interval:
+        a, b = f(x.lo), f(x.hi)
+        lo, hi = outward_but_zero(np.fmin(a, b), np.fmax(a, b))
+        return interval(
+            np.where(_meets(x, trough, math.tau), -1.0, np.maximum(lo, -1.0)),
+            np.where(_meets(x, crest, math.tau), 1.0, np.minimum(hi, 1.0)),
+            x.unbounded,
+        )
+
+    return rule
+
+
+def tan(x: Interval) -> Interval:
+    """Enclose tan(x)."""
+    pole = _meets(x, math.pi / 2, math.pi)
+    lo, hi = outward_but_zero(np.tan(x.lo), np.tan(x.hi))
+    return interval(
+        np.where(pole, -math.inf, lo), np.where(pole, math.inf, hi), x.unbounded, pole
+    )
+
+
+def magnitude(x: Interval) -> Interval:
+    """Enclose |x|."""
+    least = np.where(x.has_zero, 0.0, np.minimum(np.abs(x.lo), np.abs(x.hi)))
+    return interval(least, np.maximum(np.abs(x.lo), np.abs(x.hi)))
+
+
+def cosh(x: Interval) -> Interval:
+    """Enclose cosh(x)."""
+    size = magnitude(x)
+    lo, hi = outward(np.cosh(size.lo), np.cosh(size.hi))
+    return interval(np.maximum(lo, 1.0), hi)
+
+
+def hypot(x: Interval, y: Interval) -> Interval:
+    """Enclose hypot(x, y)."""
+    a, b = magnitude(x), magnitude(y)
+    lo, hi = outward_but_zero(np.hypot(a.lo, b.lo), np.hypot(a.hi, b.hi))
+    return interval(lo, hi)
+
+
+def atan2(y: Interval, x: Interval) -> Interval:
+    """Enclose atan2(y, x)."""
+    origin = y.has_zero & x.has_zero
+    cut = (y.lo < 0.0) & (y.hi >= 0.0) & (x.lo <= 0.0) | origin
+    lo, hi = outward(*_corners(np.arctan2, y, x))
+    lo, hi = np.maximum(lo, -math.pi), np.minimum(hi, math.pi)
+    return interval(np.where(cut, -math.pi, lo), np.where(cut, math.pi, hi), False, cut)
+
+
+def step(f: Any) -> Callable[[Interval], Interval]:
+    """Give the rule of an increasing function of steps."""
+
+    def rule(x: Interval) -> Interval:
+        lo, hi = f(x.lo), f(x.hi)
+        return interval(lo, hi, False, lo != hi)
+
+    return rule
+
+
+def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
+    """Give the rule of min or max: y where it wins, and x where either is nan."""
+
+    def rule(x: Interval, y: Interval) -> Interval:
+        lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
+        lo = np.where(y.partial, np.fmin(lo, x.lo), lo)
+        hi = np.where(y.partial, np.fmax(hi, x.hi), hi)
+        decided = interval(lo, hi, x.partial, x.jumps | y.jumps | y.partial)
+        return select(y.undefined | x.undefined, x, decided)
+
+    return rule
+
+
+def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
+    """Pass nan, doubt and jumps of any argument on to the value."""
+
+    def whole(*args: Interval) -> Interval:
+        value = rule(*args)
+        lo, hi, partial, jumps = value.lo, value.hi, value.partial, value.jumps
+        for a in args:
+            lo = np.where(a.undefined, math.nan, lo)
+            hi = np.where(a.undefined, math.nan, hi)
+            partial = partial | a.partial
+            jumps = jumps | a.jumps
+        return interval(lo, hi, partial, jumps)
+
+    return whole
+
+
+def _rule(row: Function) -> Callable[..., Interval]:
+    rule: Callable[..., Interval] = row.interval(sys.modules[__name__])
+    return rule if row.condition or row.branches else _strict(rule)
+
+
+RULES = {name: _rule(row) for name, row in OPERATIONS.items()}
+square = _strict(_square)
+
+
+def _rule_of(
+    op: str, args: tuple[int, ...]
+) -> tuple[Callable[..., Interval], tuple[int, ...]]:
+    if op == "mul" and args[0] == args[1]:
+        return square, args[:1]  # x*x is never negative
+    return RULES[op], args
+
+
+class Enclosures:
+    """Encloses nodes while t runs through intervals, all other variables fixed.
+
+    What does not depend on t is the one number that `evaluate` gives.
+    """
+
+    def __init__(
+        self, g: Graph, nodes: Iterable[int], values: Mapping[str, float]
+    ) -> None:
+        self.nodes = list(nodes)
+        self.t = g.variable("t")
+        moving = g.dependent(self.nodes, ("t",))
+        cone = g.cone(self.nodes)
+        fixed = [n for n in cone if n not in moving]
+        self.fixed = {
+            n: point(float(x))
+            for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
+        }
+        self.program = [
+            (n, *_rule_of(g.ops[n], g.args[n]))
+            for n in cone
+            if n in moving and n != self.t
+        ]
+
+    def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
+        """Give the enclosure of each node over the intervals from `lo` to `hi`."""
+        found = dict(self.fixed)
+        found[self.t] = interval(lo, hi)
+        with np.errstate(all="ignore"):
+            for n, rule, args in self.program:
+                found[n] = rule(*(found[a] for a in args))
+        everywhere = np.zeros(lo.shape)
+        return [
+            interval(x.lo + everywhere, x.hi, x.partial, x.jumps)
+            for x in (found[n] for n in self.nodes)
+        ]

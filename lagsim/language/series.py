@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import local_slopes, log_slopes
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.functions.recurrences import integral
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.recurrences import integral
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence

@@ -1,9 +1,9 @@
-"""Vectors and matrices of graph nodes, most of them zero."""
+"""Vectors and matrices of graph nodes, most of them zero; disjoint sets of indices."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, overload
@@ -140,3 +140,30 @@ def fill(Z: Sequence[Collection[int]]) -> int:
     meter = Meter()
     minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
     return meter.operations
+
+
+class DisjointSets:
+    """The indices below `size`, at first each in a set of its own."""
+
+    def __init__(self, size: int) -> None:
+        self._leader = list(range(size))
+
+    def leader(self, i: int) -> int:
+        """Give the one index that stands for the set of `i`."""
+        above = self._leader
+        while above[i] != i:
+            above[i] = above[above[i]]
+            i = above[i]
+        return i
+
+    def merge(self, i: int, j: int) -> None:
+        """Make one set of those of `i` and `j`."""
+        i, j = self.leader(i), self.leader(j)
+        self._leader[max(i, j)] = min(i, j)
+
+    def sets(self) -> list[list[int]]:
+        """Give them, each in order, by their first indices."""
+        found: dict[int, list[int]] = defaultdict(list)
+        for i in range(len(self._leader)):
+            found[self.leader(i)].append(i)
+        return list(found.values())

@@ -33,10 +33,15 @@ from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple, overload
 
 from lagsim.language.derivatives import pulled, slopes, tangent
-from lagsim.language.disjoint_sets import DisjointSets
-from lagsim.language.products import slow_factors_first
-from lagsim.language.rounding import roundings
-from lagsim.language.sparse import Meter, SparseVector, TooLongError, minimum_degree
+from lagsim.language.evaluate import roundings
+from lagsim.language.forms import slow_factors_first
+from lagsim.language.sparse import (
+    DisjointSets,
+    Meter,
+    SparseVector,
+    TooLongError,
+    minimum_degree,
+)
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, slopes, tangent
-from lagsim.language.products import slow_factors_first
-from lagsim.language.rounding import addends
+from lagsim.language.evaluate import addends
+from lagsim.language.forms import slow_factors_first
 from lagsim.language.sparse import SparseVector
 
 if TYPE_CHECKING:

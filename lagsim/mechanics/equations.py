@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient, rate_of, tangent
-from lagsim.language.rounding import addends
+from lagsim.language.evaluate import addends
+from lagsim.language.forms import fewer_terms
 from lagsim.language.sparse import SparseVector
-from lagsim.language.trigonometry import fewer_terms
 from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
 from lagsim.mechanics.constraints import Flow, Law, Row, constraint_row, laws_of
 from lagsim.mechanics.groups import works_of

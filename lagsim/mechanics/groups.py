@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from lagsim.language.derivatives import gradient
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import VARIABLE, once
+from lagsim.language.sparse import DisjointSets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -25,7 +25,7 @@ from functools import cached_property
 from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.collected import Collected
+from lagsim.language.forms import Collected
 from lagsim.language.sparse import Meter, fill, minimum_degree, squares
 from lagsim.mechanics.chains import Articulated
 from lagsim.mechanics.tensions import accelerations

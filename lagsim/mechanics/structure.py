@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.graph import once
+from lagsim.language.sparse import DisjointSets
 from lagsim.methods import Structure
 
 if TYPE_CHECKING:

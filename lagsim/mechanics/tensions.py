@@ -36,10 +36,9 @@ from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import rate_of, slopes
-from lagsim.language.disjoint_sets import DisjointSets
 from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
-from lagsim.language.normal_form import common_factor, normal_form
-from lagsim.language.trigonometry import fewer_terms
+from lagsim.language.forms import common_factor, fewer_terms, normal_form
+from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level

@@ -299,8 +299,7 @@ def _beginning(case: _Case) -> Diagnosis | None:
 
 def _is_expression(text: str) -> bool:
     """Tell whether a text is one, once it is quoted."""
-    from lagsim.language.parser import parse, parse_relation
-    from lagsim.language.tokens import ExpressionError
+    from lagsim.language.parser import ExpressionError, parse, parse_relation
 
     for parser in (parse, parse_relation):
         try:

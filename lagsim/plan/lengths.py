@@ -17,8 +17,7 @@ from lagsim.admissibility.newton import solving_metric
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.language.derivatives import tangent
-from lagsim.language.evaluate import UNIT_ROUNDOFF
-from lagsim.language.rounding import addends
+from lagsim.language.evaluate import UNIT_ROUNDOFF, addends
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import gradient
-from lagsim.language.evaluate import evaluate_rows
-from lagsim.language.rounding import BALANCED, roundings
+from lagsim.language.evaluate import BALANCED, evaluate_rows, roundings
 from lagsim.mechanics.equations import pushes
 from lagsim.run.system.coupling import in_groups, joined
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.conditions import ASCII, conditions, when
+from lagsim.show.content import ASCII, conditions, when
 from lagsim.show.names import ModelNames, Name
 from lagsim.show.writer import Style, Writer
 from lagsim.version import __version__

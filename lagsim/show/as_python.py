@@ -16,7 +16,7 @@ import numpy as np
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import Flow, constraint_row
-from lagsim.show.conditions import in_words
+from lagsim.show.content import in_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -2,23 +2,38 @@
 
 Source: H. P. Gavin, Generalized Coordinates, Lagrange's Equations, and Constraints,
 eqs 34-47 and 61.
+
+Accelerations and multipliers in closed form: M q'' = f + A^T lambda is solved block by
+block, each by its adjugate, where that is short enough to read. Where it is too long
+and a closed form is insisted on, the elimination is given step by step.
+
+By Gauss's principle of least constraint, q'' minimises G = (q'' - a)^T M (q'' - a)/2
+subject to A q'' = b, where M a = f. The constraint forces are Qc = K (A a - b) with the
+gain K = -A^T (A M^-1 A^T)^-1. It is given for equality constraints that always hold
+(Gavin, section 13, eqs 70-73; its multipliers are minus ours).
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import sympy as sp
 
 from lagsim import limits
+from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient, tangent
+from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.constraints import Flow, constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
+from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
-from lagsim.show.content import Condition, Content, Force, Line
-from lagsim.show.solution import gauss, solution
-from lagsim.show.symbols import Translation
+from lagsim.show.content import Condition, Content, Force, Gauss, Line, Solution
+from lagsim.show.names import Name
+from lagsim.show.symbols import TWINS, Translation, number, symbol, to_sympy
+from lagsim.show.tidy import cost
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,6 +41,320 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Constraint
     from lagsim.model.model import Force as ModelForce
+
+
+Matrix = list[list[Any]]
+
+# Symbols and operations in one acceleration that is still read, not only looked at.
+READABLE = 130
+# Larger blocks have adjugates that nobody reads.
+LARGEST_BLOCK = 3
+
+
+def solution(
+    x: Translation,
+    M: Matrix,
+    f: list[Any],
+    constraints: Sequence[Condition],
+    notes: list[str],
+    *,
+    insist: bool,
+) -> Solution | None:
+    """Give accelerations and multipliers, or None where they are too long."""
+    found = _closed(x, M, f, constraints)
+    if found is not None and _short(found):
+        return found
+    why = _no_steps(x, constraints, insist=insist)
+    if not why:
+        try:
+            return _stepwise(x, M, f, constraints)
+        except TooLongError:
+            why = (
+                "the accelerations in closed form take thousands of steps; "
+                "`--format python` gives the functions that are solved for them"
+            )
+    notes.append(why)
+    return None
+
+
+def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool) -> str:
+    """Say why the elimination is not told step by step; nothing where it is."""
+    if without_inertia(x.equations) is not None:
+        return "M is not positive definite: it is not solved for the accelerations"
+    if any(c.law for c in constraints):
+        contact = any(c.kind == "one-sided" for c in constraints)
+        what = "contacts" if contact else "constraints"
+        return f"the accelerations are left out: {what} come and go"
+    if not insist:
+        return "the accelerations are too long to be read; `--solve` gives them"
+    return ""
+
+
+def _short(found: Solution) -> bool:
+    parts = (*found.accelerations, *found.multipliers)
+    return all(cost(e) <= READABLE for e in parts)
+
+
+def _closed(
+    x: Translation, M: Matrix, f: list[Any], constraints: Sequence[Condition]
+) -> Solution | None:
+    inverse = inverted(x, M)
+    if inverse is None:
+        return None
+    right = [
+        fj
+        + sp.Add(*(c.A[j] * s for c, s in zip(constraints, x.multipliers, strict=True)))
+        for j, fj in enumerate(f)
+    ]
+    accelerations = tuple(inverse.times(right))
+    if any(c.law for c in constraints):
+        return Solution(accelerations, ())
+    multipliers = multipliers_of(x, inverse, f, constraints)
+    return None if multipliers is None else Solution(accelerations, tuple(multipliers))
+
+
+class Inverse:
+    """The inverse of a matrix, as adjugates over determinants of its blocks."""
+
+    def __init__(
+        self, x: Translation, blocks: list[tuple[list[int], Matrix, Any]], size: int
+    ) -> None:
+        self.x, self.blocks, self.size = x, blocks, size
+
+    def times(self, right: Sequence[Any]) -> list[Any]:
+        """Give the inverse times a vector, each entry as one fraction."""
+        out = [sp.S.Zero] * self.size
+        for indices, adjugate, determinant in self.blocks:
+            for i, row in zip(indices, adjugate, strict=True):
+                total = sp.Add(
+                    *(a * right[j] for a, j in zip(row, indices, strict=True))
+                )
+                out[i] = quotient(self.x, total, determinant)
+        return out
+
+
+def quotient(x: Translation, over: Any, under: Any) -> Any:
+    """Give a tidy fraction."""
+    whole = x.tidy.one_fraction(under)
+    if any(part.is_Add for part in sp.Mul.make_args(whole)):
+        return x.tidy.one_fraction(over) / whole
+    return x.tidy(over / whole, factored=True)
+
+
+def inverted(x: Translation, M: Matrix) -> Inverse | None:
+    """Give the inverse, or None where a block is too large or singular."""
+    whole, blocks = sp.Matrix(M), []
+    for indices in whole.connected_components():
+        if len(indices) > LARGEST_BLOCK:
+            return None
+        # Laplace's expansion; others look for common factors on the way.
+        part = whole.extract(indices, indices)
+        determinant = x.tidy(part.det(method="laplace"), factored=True)
+        if determinant == 0:
+            return None
+        adjugate = part.adjugate(method="laplace").tolist()
+        blocks.append((indices, [[x.tidy(e) for e in row] for row in adjugate],
+                       determinant))  # fmt: skip
+    return Inverse(x, blocks, len(M))
+
+
+def multipliers_of(
+    x: Translation, inverse: Inverse, f: list[Any], constraints: Sequence[Condition]
+) -> list[Any] | None:
+    """Give lambda = (A M^-1 A^T)^-1 (b - A M^-1 f), or None where that is too large."""
+    if not constraints:
+        return []
+    small = gram(x, inverse, constraints)
+    if small is None:
+        return None
+    free = inverse.times(f)
+    return small.times(
+        [x.tidy(c.b - dot(c.A, free), factored=True) for c in constraints]
+    )
+
+
+def gram(
+    x: Translation, inverse: Inverse, constraints: Sequence[Condition]
+) -> Inverse | None:
+    """Give the inverse of A M^-1 A^T."""
+    if len(constraints) > LARGEST_BLOCK:
+        return None
+    moved = [inverse.times(c.A) for c in constraints]
+    return inverted(
+        x, [[x.tidy(dot(c.A, z), factored=True) for z in moved] for c in constraints]
+    )
+
+
+def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    """Give the sum of products."""
+    return sp.Add(*(p * q for p, q in zip(a, b, strict=True)))
+
+
+def _stepwise(
+    x: Translation,
+    M: Matrix,
+    f: list[Any],
+    constraints: Sequence[Condition],
+) -> Solution:
+    """Tell the elimination step by step: what is used twice has a name."""
+    e, g = x.equations, x.g
+    elimination = Elimination(e)
+    known = dict(x.known)
+    for entries, values in zip(e.M, M, strict=True):
+        known |= dict(zip(entries, values, strict=True))
+    known |= dict(zip(e.f, f, strict=True))
+    for row, c in zip(e.rows, constraints, strict=True):
+        known |= dict(zip(row.A, c.A, strict=True)) | {row.b: c.b}
+    known |= {g.constant(v): number(v) for v in (0.0, 1.0)}
+    accelerations, multipliers = elimination.motion()
+    steps = _steps(x, known, [*accelerations, *multipliers])
+    values = [known[n] for n in (*accelerations, *multipliers)]
+    return Solution(tuple(values[: len(f)]), tuple(values[len(f) :]), tuple(steps))
+
+
+def _steps(
+    x: Translation, known: dict[int, Any], wanted: list[int]
+) -> list[tuple[Any, Any]]:
+    """Name what is used more than once; leave the value of each node in `known`."""
+    g = x.g
+    seen, uses = set(wanted), dict.fromkeys(wanted, 1)
+    stack = list(seen)
+    while stack:
+        n = stack.pop()
+        for a in g.args[n] if n not in known else ():
+            uses[a] = uses.get(a, 0) + 1
+            if a not in seen:
+                seen.add(a)
+                stack.append(a)
+    prefix = _free_letter(x)
+    steps: list[tuple[Any, Any]] = []
+    for n in sorted(seen):
+        if n not in known:
+            known[n] = to_sympy(g, [n], known=known, twins=TWINS, number=number)[0]
+        if uses[n] > 1 and cost(known[n]) > 2:
+            s = symbol(f"{prefix}{len(steps) + 1}")
+            x.names[s] = Name(s.name)
+            x.rank[s] = 1, len(x.rank)
+            steps.append((s, known[n]))
+            known[n] = s
+    return steps
+
+
+def _free_letter(x: Translation) -> str:
+    names = {s.name for s in x.names}
+    letters = ("s", "k", "z", "step", "step_")
+    return next(p for p in letters if not any(n.startswith(p) for n in names))
+
+
+def gauss(
+    x: Translation,
+    M: list[list[Any]],
+    f: list[Any],
+    constraints: Sequence[Condition],
+    notes: list[str],
+) -> Gauss:
+    """Give Gauss's principle.
+
+    Raises
+    ------
+    InputError
+        Where M is singular, so that there is no unconstrained acceleration.
+    """
+    if any(c.law for c in constraints):
+        notes.append("Gauss's principle is given for the equality constraints")
+    constraints = [c for c in constraints if not c.law]
+    lacking = without_inertia(x.equations)
+    if lacking is not None:
+        raise InputError([singular(lacking)])
+    free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
+    apart = [a - b for a, b in zip(x.a, free, strict=True)]
+    pairs = (
+        M[i][j] * apart[i] * apart[j] * (1 if i == j else 2)
+        for i in range(len(M))
+        for j in range(i + 1)
+    )
+    G = sp.Add(*(p / 2 for p in pairs))
+    inverse = inverted(x, M)
+    a = inverse.times(f) if inverse is not None else None
+    a = a if a is not None and _readable(a) else None
+    K = Qc = None
+    small = gram(x, inverse, constraints) if inverse is not None else None
+    if small is not None and constraints:
+        K, Qc = _gain(x, small, constraints, free)
+    long = [
+        *(["a = M^-1 f"] if a is None else []),
+        *(["the gain K"] if constraints and K is None else []),
+    ]
+    if long:
+        notes.append(f"left out, for it is too long to be read: {' and '.join(long)}")
+    return Gauss(tuple(a) if a else None, G, K, Qc)
+
+
+def _gain(
+    x: Translation, small: Any, constraints: Sequence[Condition], free: list[Any]
+) -> tuple[Any, Any]:
+    n, m = len(x.q), len(constraints)
+    K = tuple(
+        tuple(-e for e in small.times([c.A[j] for c in constraints])) for j in range(n)
+    )
+    if not all(_readable(row) for row in K):
+        return None, None
+    missed = [x.tidy(dot(c.A, free) - c.b) for c in constraints]
+    names = [x.tidy(sp.Add(*(K[j][i] * missed[i] for i in range(m)))) for j in range(n)]
+    return K, tuple(names)
+
+
+def _readable(parts: Sequence[Any]) -> bool:
+    return all(cost(e) <= READABLE for e in parts)
+
+
+def _unconstrained(x: Translation, q: str, j: int) -> Any:
+    s = symbol(f"a.{q}")
+    x.names[s] = Name(q, 0, "unconstrained")
+    x.rank[s] = 4, len(x.q) + j
+    return s
+
+
+def singular(coordinate: str) -> Problem:
+    """Give the fault of a model without unconstrained acceleration."""
+    return Problem(
+        "singular-mass",
+        "Gauss's principle needs the acceleration without constraints, M^-1 f, and the "
+        "mass matrix of this model is singular: a direction has no inertia",
+        hint=f"such as along `{coordinate}`; give every coordinate some mass",
+    )
+
+
+# A matrix whose smallest eigenvalue is this small against its diagonal is singular.
+SINGULAR = 1e-12
+STATES = 3
+
+
+def without_inertia(e: Equations) -> str | None:
+    """Give a coordinate with little inertia, or None where M is positive definite.
+
+    Looks at random states, with the parameters of the file.
+    """
+    random = np.random.default_rng(3)
+    n = len(e.q)
+    nodes = [node for row in e.M for node in row]
+    parameters = {p.name: p.value for p in e.model.parameters}
+    start = {i.name: i.value for i in e.model.initial}
+    diagonal = np.zeros(n)
+    for _ in range(STATES):
+        state = {
+            name: start.get(name, 0.0) + random.uniform(0.1, 0.4)
+            for name in (*e.q, *e.velocities, "t")
+        }
+        M = np.reshape(evaluate(e.graph, nodes, parameters | state), (n, n))
+        if not np.all(np.isfinite(M)):
+            continue
+        diagonal = np.abs(np.diag(M))
+        size = np.sqrt(diagonal)
+        scaled = M / np.outer(size, size) if np.all(size > 0) else None
+        if scaled is not None and np.linalg.eigvalsh(scaled)[0] > SINGULAR:
+            return None
+    return e.q[int(np.argmin(diagonal))]
 
 
 def content(

@@ -9,7 +9,7 @@ import re
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.conditions import LATEX, conditions
+from lagsim.show.content import LATEX, conditions
 from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
 from lagsim.show.text import DIGITS, Outline
 from lagsim.show.writer import LatexStyle

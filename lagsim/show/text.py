@@ -10,7 +10,7 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.conditions import ASCII, UNICODE, conditions
+from lagsim.show.content import ASCII, UNICODE, conditions
 from lagsim.show.names import ModelNames, Name, UnicodeNames
 from lagsim.show.writer import Style, UnicodeStyle, Writer
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import sympy as sp
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.language.symbolic import LARGEST_DENOMINATOR
+from lagsim.show.symbols import LARGEST_DENOMINATOR
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

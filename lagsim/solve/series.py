@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.forms import normal_form
 from lagsim.language.graph import remembered
-from lagsim.language.normal_form import normal_form
 from lagsim.language.series import (
     ORDERS,
     Recurrence,

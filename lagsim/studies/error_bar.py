@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
-from lagsim.language.rounding import BALANCED
+from lagsim.language.evaluate import BALANCED, UNIT_ROUNDOFF, evaluate
 from lagsim.plan.plan import ANY
 from lagsim.run.error import LOST, ErrorBar, Failed
 from lagsim.run.observers import Observer

@@ -12,7 +12,7 @@ import pytest
 from benchmarks import errors as made
 from lagsim.codes import cautions, errors, every, models, runs, warnings
 from lagsim.errors import Place, Problem
-from lagsim.language.tokens import ExpressionError
+from lagsim.language.parser import ExpressionError
 from lagsim.notes import Caution
 from lagsim.run.trajectory import Outcome
 from tests.cli.conftest import lagsim  # noqa: F401

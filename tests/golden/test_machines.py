@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from lagsim.native.graph import straight_line, tapes
-from lagsim.native.graph.sincos import BOTH, LANES, NAME, VECTOR
+from lagsim.native.graph.lines import BOTH, LANES, NAME, VECTOR
 from lagsim.studies.golden import measure, motion_of
 from lagsim.studies.golden_files import Stored, judge, run
 from tests.golden.scenes import SHIPPED, judged, scene, told

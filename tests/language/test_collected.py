@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from lagsim.language.collected import Collected
 from lagsim.language.evaluate import evaluate
+from lagsim.language.forms import Collected
 from lagsim.language.graph import Graph
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.symbolic import symbol, to_sympy
+from lagsim.show.symbols import symbol, to_sympy
 from tests.language._cases import DIGITS
 from tests.language._programs import (
     SMOOTH,

@@ -16,10 +16,10 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.language.symbolic import symbol, to_sympy
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.straight_line import generate
 from lagsim.native.link.engine import Engine, compile_object
+from lagsim.show.symbols import symbol, to_sympy
 from tests.language._cases import CASES, DIGITS
 from tests.language._programs import AsWritten
 from tests.support import ROOT

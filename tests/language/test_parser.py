@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS
 from lagsim.language.graph import Graph
-from lagsim.language.parser import parse, parse_relation
-from lagsim.language.tokens import ExpressionError
+from lagsim.language.parser import ExpressionError, parse, parse_relation
 
 VALUES = {"x": 3.0, "y": -2.0, "z": 0.5, "min": 7.0, "E": 11.0, "lambda": 13.0}
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.forms import slow_factors_first
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.products import slow_factors_first
 
 
 def build(g: Graph, text: str) -> int:

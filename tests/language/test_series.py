@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.forms import normal_form
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.language.normal_form import normal_form
 from lagsim.language.series import (
     OVER_K,
     OVER_NEXT,

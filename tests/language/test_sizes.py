@@ -11,7 +11,7 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.sizes import never_negative
+from lagsim.language.simpler import never_negative
 from tests.support import run
 
 

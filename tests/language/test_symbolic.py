@@ -12,7 +12,7 @@ import sympy as sp
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.symbolic import symbol, to_sympy
+from lagsim.show.symbols import symbol, to_sympy
 
 
 def twin(text: str) -> sp.Expr:

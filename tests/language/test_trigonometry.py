@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
+from lagsim.language.forms import fewer_terms
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.trigonometry import fewer_terms
 from tests.support import case_of
 
 MOVING = ("a", "b", "c", "x")

@@ -143,7 +143,7 @@ HINTED = {"add": 3, "Problem": 3, "_fault": 3, "ExpressionError": 3, "fault": 2}
 def hints_of_the_source():
     """Give the hints that stand in the reader, the nodes and the parser."""
     files = [*(ROOT / "lagsim/model").rglob("*.py")]
-    files += [ROOT / "lagsim/language/parser.py", ROOT / "lagsim/language/tokens.py"]
+    files.append(ROOT / "lagsim/language/parser.py")
     for file in sorted(files):
         for node in ast.walk(ast.parse(file.read_text("utf-8"))):
             if isinstance(node, ast.Assign):

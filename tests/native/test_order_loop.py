@@ -10,7 +10,7 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.series import recurrence, taylor_series
-from lagsim.native.graph import keys, order_loop
+from lagsim.native.graph import keys, straight_line
 from lagsim.native.graph.keys import Layout, Loop
 from lagsim.native.graph.straight_line import generate
 from tests.native.test_graph_code import LAYOUT, STATE, VALUES, Compiled, build
@@ -48,7 +48,7 @@ def test_a_loop_gives_the_coefficients(
     texts: tuple[str, ...], piece: int, edges: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(keys, "PIECE", piece)
-    monkeypatch.setattr(order_loop, "MOST_EDGES", edges)
+    monkeypatch.setattr(straight_line, "MOST_EDGES", edges)
     g, nodes, loop = both(texts)
     found = looped(g, loop, len(nodes))
     expected = evaluate(g, nodes, VALUES)
@@ -61,7 +61,7 @@ def test_a_loop_gives_the_coefficients(
 
 
 def test_more_sums_than_one_loop_takes() -> None:
-    most = order_loop.TOGETHER * order_loop.AT_ONCE
+    most = straight_line.TOGETHER * straight_line.AT_ONCE
     g = Graph()
     x, y, z = (g.variable(name) for name in STATE)
     rate = g.one

@@ -9,27 +9,27 @@ import mpmath
 import numpy as np
 import pytest
 
-from lagsim.native.graph import sincos
+from lagsim.native.graph import lines
 from lagsim.native.link.engine import Engine, compile_object
 
 CALLER = f"""
 define void @several(ptr %x, ptr %sines, ptr %cosines) {{
-%v = load {sincos.VECTOR}, ptr %x, align 8
-%b = call {sincos.BOTH} @{sincos.NAME}({sincos.VECTOR} %v)
-%s = extractvalue {sincos.BOTH} %b, 0
-%c = extractvalue {sincos.BOTH} %b, 1
-store {sincos.VECTOR} %s, ptr %sines, align 8
-store {sincos.VECTOR} %c, ptr %cosines, align 8
+%v = load {lines.VECTOR}, ptr %x, align 8
+%b = call {lines.BOTH} @{lines.SINCOS}({lines.VECTOR} %v)
+%s = extractvalue {lines.BOTH} %b, 0
+%c = extractvalue {lines.BOTH} %b, 1
+store {lines.VECTOR} %s, ptr %sines, align 8
+store {lines.VECTOR} %c, ptr %cosines, align 8
 ret void
 }}"""
 
 
 def several(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    ir = "\n".join([*sincos.DECLARES, sincos.function(), CALLER])
+    ir = "\n".join([*lines.SINCOS_DECLARES, lines.sincos_function(), CALLER])
     engine = Engine([compile_object(ir, optimise=False)])
     call = engine.function("several", None, [ctypes.c_void_p] * 3)
     sines, cosines = np.zeros_like(x), np.zeros_like(x)
-    for k in range(0, len(x), sincos.LANES):
+    for k in range(0, len(x), lines.LANES):
         call(*(a[k:].ctypes.data for a in (x, sines, cosines)))
     return sines, cosines
 
@@ -37,17 +37,17 @@ def several(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def angles() -> np.ndarray:
     rng = np.random.default_rng(1)
     quarters = np.arange(1, 401) * (math.pi / 4)  # next to zeros and to turns
-    far = [sincos.LARGEST, -sincos.LARGEST, 6381956970095103 / 2.0**33, 1e7, 1e22]
+    far = [lines.LARGEST, -lines.LARGEST, 6381956970095103 / 2.0**33, 1e7, 1e22]
     some = [
         rng.uniform(-1, 1, 300),
         rng.uniform(-100, 100, 300),
-        rng.uniform(-sincos.LARGEST, sincos.LARGEST, 300),
+        rng.uniform(-lines.LARGEST, lines.LARGEST, 300),
         10.0 ** rng.uniform(-300, -1, 100),
         np.concatenate([quarters, -quarters]),
         far,
     ]
     x = np.concatenate(some)
-    return np.append(x, np.zeros(-len(x) % sincos.LANES))
+    return np.append(x, np.zeros(-len(x) % lines.LANES))
 
 
 @pytest.mark.parametrize("cpu", ["host", "generic"])

@@ -11,11 +11,11 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.symbolic import symbol
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
 from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
+from lagsim.show.symbols import symbol
 from tests.support import MODELS
 
 if TYPE_CHECKING:

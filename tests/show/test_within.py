@@ -12,11 +12,10 @@ from lagsim import limits
 from lagsim.errors import InputError
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.symbolic import symbol
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.show.lagrange import content
-from lagsim.show.symbols import its_time, refuse_endless
+from lagsim.show.symbols import its_time, refuse_endless, symbol
 from tests.support import MODELS
 
 

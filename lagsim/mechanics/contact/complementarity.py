@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.disjoint_sets import DisjointSets
+from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.contact.delassus import freedom
 from lagsim.mechanics.contact.pivoting import lemke
 

@@ -542,7 +542,7 @@ def _one_sided(
 
 def _once(relation: Relation, x: Expressions) -> Relation:
     """Take a multiple root once."""
-    from lagsim.language.roots import simple_root
+    from lagsim.language.forms import simple_root
 
     moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
     used = x.graph.depends([relation.node])

@@ -9,8 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from lagsim import limits
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.language.parser import Parsed, parse, parse_condition, parse_relation
-from lagsim.language.tokens import ExpressionError
+from lagsim.language.parser import (
+    ExpressionError,
+    Parsed,
+    parse,
+    parse_condition,
+    parse_relation,
+)
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar
 from lagsim.model.reader.fields import kind_of, shortened

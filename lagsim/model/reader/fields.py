@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
-    from lagsim.language.tokens import ExpressionError
+    from lagsim.language.parser import ExpressionError
 
 
 # Comparing a name with all others is slow where both are many; past these bounds a

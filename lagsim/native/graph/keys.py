@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.native.graph import sincos
+from lagsim.native.graph.lines import LANES
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
@@ -82,7 +82,7 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     parts = [
         _writers(),
         repr([(x.native, x.declares, x.condition) for x in rows]),
-        repr((PIECE, sincos.LANES, orders, manner)),
+        repr((PIECE, LANES, orders, manner)),
         repr(ops),
         repr([[place[a] for a in g.args[n]] for n in cone]),
         repr(leaves),

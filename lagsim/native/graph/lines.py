@@ -1,17 +1,180 @@
-"""The lines of a graph's LLVM IR: operations on numbers."""
+"""The lines of a graph's LLVM IR: operations on numbers, sines and cosines of several.
+
+The C library's sine and cosine take a good part of the time of a scene of rods or
+links. These take the angles of a scene side by side in vector registers, and give the
+same on every system.
+
+The angle less the nearest multiple of pi/2, in two doubles, by Cody's and Waite's
+reduction with pi/2 in three parts; its sine and cosine by polynomials; then by quadrant
+(J.-M. Muller, Elementary Functions, 3rd ed., sections 11.2 and 10.2). Within 1 ulp.
+Angles past LARGEST, and what is no number, go to the C library.
+"""
 
 from __future__ import annotations
 
+import functools
+import math
 import struct
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.native.graph import sincos
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.language.graph import Graph
+
+
+# How many angles are taken at once.
+LANES = 4
+VECTOR = f"<{LANES} x double>"
+BOTH = f"{{{VECTOR}, {VECTOR}}}"
+SINCOS = "sincos.several"  # not that of the library, which it calls
+
+# Up to here multiples of pi/2 times the first two parts of it, of 33 bits, are exact.
+LARGEST = 2.0**20
+PARTS = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
+# Added to a number, this rounds it, and leaves it in the last bits.
+ROUNDER = 1.5 * 2.0**52
+
+# Interpolants at Chebyshev's nodes for |r| <= pi/4, z = r^2, of (sin(r)/r - 1)/z and
+# (cos(r) - 1 + z/2)/z^2, computed to 60 digits. What is left is below 2^-57.
+SINE = (
+    -0.16666666666666666,
+    0.008333333333333331,
+    -0.00019841269841265065,
+    2.7557319219339163e-06,
+    -2.5052106232446288e-08,
+    1.605853161878178e-10,
+    -7.586697105659895e-13,
+)
+COSINE = (
+    0.041666666666666664,
+    -0.0013888888888887398,
+    2.4801587298765686e-05,
+    -2.7557317271728623e-07,
+    2.087614626815952e-09,
+    -1.1382632407965617e-11,
+)
+
+
+class _Body:
+    """Lines on vectors, each with a fresh name."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def line(self, text: str) -> str:
+        name = f"%v{len(self.lines)}"
+        self.lines.append(f"{name} = {text}")
+        return name
+
+    def add(self, x: str, y: str) -> str:
+        return self.line(f"fadd contract {VECTOR} {x}, {y}")
+
+    def sub(self, x: str, y: str) -> str:
+        return self.line(f"fsub contract {VECTOR} {x}, {y}")
+
+    def mul(self, x: str, y: str) -> str:
+        return self.line(f"fmul contract {VECTOR} {x}, {y}")
+
+    def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
+        """Write the polynomial in z: its halves, even and odd, can overlap."""
+        square = self.mul(z, z)
+        halves = []
+        for part in (coefficients[::2], coefficients[1::2]):
+            value = spread(part[-1])
+            for c in part[-2::-1]:
+                value = self.add(self.mul(value, square), spread(c))
+            halves.append(value)
+        return self.add(self.mul(halves[1], z), halves[0])
+
+    def whole(self, x: str) -> str:
+        return self.line(f"bitcast {VECTOR} {x} to <{LANES} x i64>")
+
+    def integer(self, operation: str, x: str, k: int) -> str:
+        each = ", ".join([f"i64 {k}"] * LANES)
+        return self.line(f"{operation} <{LANES} x i64> {x}, <{each}>")
+
+    def signed(self, value: str, quadrant: str) -> str:
+        """Write `value`, negative where bit 1 of the quadrant is set."""
+        sign = self.integer("shl", self.integer("and", quadrant, 2), 62)
+        bits = self.line(f"xor <{LANES} x i64> {self.whole(value)}, {sign}")
+        return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")
+
+
+def spread(x: float) -> str:
+    """Give the literal of a vector of equal numbers."""
+    bits = struct.unpack("<Q", struct.pack("<d", x))[0]
+    return "<" + ", ".join([f"double 0x{bits:016X}"] * LANES) + ">"
+
+
+@functools.cache
+def sincos_function() -> str:
+    """Give the function of LANES angles that gives their sines and their cosines."""
+    b = _Body()
+    rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
+    n = b.sub(rounded, spread(ROUNDER))
+    # r - rest is the reduced angle to twice the digits.
+    first = b.sub("%x", b.mul(n, spread(PARTS[0])))
+    second = b.mul(n, spread(PARTS[1]))
+    less = b.sub(first, second)
+    lost = b.sub(b.sub(first, less), second)
+    third = b.sub(b.mul(n, spread(PARTS[2])), lost)
+    r = b.sub(less, third)
+    rest = b.sub(third, b.sub(less, r))
+    z = b.mul(r, r)
+    # sin(r - rest) = r + (r z S - rest (1 - z/2))
+    half = b.mul(z, spread(0.5))
+    top = b.sub(spread(1.0), half)
+    bend = b.mul(b.mul(r, z), b.polynomial(z, SINE))
+    sine = b.add(r, b.sub(bend, b.mul(rest, top)))
+    none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
+    sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
+    # cos(r - rest) = (1 - z/2) + (what that has lost + z^2 C + rest r)
+    left = b.sub(b.sub(spread(1.0), top), half)
+    bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
+    cosine = b.add(top, b.add(left, b.add(bend, b.mul(rest, r))))
+    quadrant = b.whole(rounded)
+    odd = b.line(f"trunc <{LANES} x i64> {quadrant} to <{LANES} x i1>")
+    kinds = f"<{LANES} x i1> {odd}, {VECTOR}"
+    sines = b.line(f"select {kinds} {cosine}, {VECTOR} {sine}")
+    cosines = b.line(f"select {kinds} {sine}, {VECTOR} {cosine}")
+    sines = b.signed(sines, quadrant)
+    cosines = b.signed(cosines, b.integer("add", quadrant, 1))
+    return _TEXT.format(
+        body="\n".join(b.lines), sines=sines, cosines=cosines, largest=spread(LARGEST),
+        vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
+    )  # fmt: skip
+
+
+# What `sincos_function` needs declared.
+SINCOS_DECLARES = tuple(
+    f"declare {VECTOR} @llvm.{name}.v{LANES}f64({VECTOR})"
+    for name in ("sin", "cos", "fabs")
+)
+
+_TEXT = """\
+define internal {both} @{name}({vector} %x) noinline {{
+%size = call {vector} @llvm.fabs.v{lanes}f64({vector} %x)
+%small = fcmp ole {vector} %size, {largest}
+%bits = bitcast <{lanes} x i1> %small to i{lanes}
+%all = icmp eq i{lanes} %bits, -1
+br i1 %all, label %usual, label %far
+usual:
+{body}
+%pair = insertvalue {both} undef, {vector} {sines}, 0
+%done = insertvalue {both} %pair, {vector} {cosines}, 1
+ret {both} %done
+far:
+%sines = call {vector} @llvm.sin.v{lanes}f64({vector} %x)
+%cosines = call {vector} @llvm.cos.v{lanes}f64({vector} %x)
+%two = insertvalue {both} undef, {vector} %sines, 0
+%given = insertvalue {both} %two, {vector} %cosines, 1
+ret {both} %given
+}}
+"""
+
 
 # Which result of `sincos` they are.
 CIRCULAR = {"sin": 0, "cos": 1}
@@ -68,17 +231,17 @@ class Lines:
         self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]
     ) -> list[str]:
         """Write sines and cosines of up to LANES angles: each (op, which angle)."""
-        self.declared.update((*sincos.DECLARES, sincos.function()))
+        self.declared.update((*SINCOS_DECLARES, sincos_function()))
         vector = "zeroinitializer"
         for lane, angle in enumerate(angles):
             place = f"double {angle}, i32 {lane}"
-            vector = self.line(f"insertelement {sincos.VECTOR} {vector}, {place}")
-        call = f"@{sincos.NAME}({sincos.VECTOR} {vector})"
-        pair = self.line(f"call {sincos.BOTH} {call}")
+            vector = self.line(f"insertelement {VECTOR} {vector}, {place}")
+        call = f"@{SINCOS}({VECTOR} {vector})"
+        pair = self.line(f"call {BOTH} {call}")
         values = []
         for op, lane in wanted:
-            part = self.line(f"extractvalue {sincos.BOTH} {pair}, {CIRCULAR[op]}")
-            one = f"extractelement {sincos.VECTOR} {part}, i32 {lane}"
+            part = self.line(f"extractvalue {BOTH} {pair}, {CIRCULAR[op]}")
+            one = f"extractelement {VECTOR} {part}, i32 {lane}"
             values.append(self.line(one))
         return values
 

@@ -1,22 +1,539 @@
 """Graph -> LLVM IR: each function of a model as straight-line code, or as a loop.
 
 Every function is `void f(double t, ptr y, ptr p, ptr out)`. Expressions of parameters
-alone are computed once, by the function `prepare`, into the tail of `p`.
+alone are computed once, by the function `prepare`, into the tail of `p`. Long functions
+are cut into pieces that pass values through scratch memory in p, so that compile time
+grows in proportion to length.
+
+A Taylor series is one loop over its order. The inner sums of all products of one order,
+a_1 b_(k-1) + ... + a_(k-1) b_1, are made side by side in the lanes of vectors: a row
+for each order holds the first factors of all products, then the second ones, and a sum
+is row by row. What is left of an order is straight-line code. Each sum has a lane of
+its own, so that how many of them the processor takes at once changes nothing. Its
+memory, behind what other functions use: the sums, what the code of an order needs of
+order 0, and the rows of the orders from 1 on.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections import Counter
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.language.graph import VARIABLE
-from lagsim.native.graph import keys, order_loop
-from lagsim.native.graph.writer import Writer, hoisted
+from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.series import ORDERS
+from lagsim.native.graph import keys
+from lagsim.native.graph.lines import CIRCULAR, LANES, Lines, exponent_of, number
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.native.graph.keys import Functions, Layout
+    from lagsim.language.series import Recurrence
+    from lagsim.native.graph.keys import Functions, Layout, Loop
+
+
+CLEAR = "llvm.memset.p0.i64"
+# An array of a function, and an index there.
+Place = tuple[str, int]
+
+
+def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
+    """Give the operations without `moving` variables that others, or roots, use."""
+    used, varying = set(roots), set[int]()
+    for n in g.cone(roots):
+        if n in moving or any(a in varying for a in g.args[n]):
+            varying.add(n)
+            used.update(g.args[n])
+    return sorted(n for n in used if n not in varying and g.args[n])
+
+
+def ordered(
+    g: Graph, roots: Collection[int], places: Mapping[int, object]
+) -> list[int]:
+    """Give what must be evaluated, stopping at what `prepare` has computed.
+
+    Sines and cosines come early and side by side: first those of angles that wait
+    for none, then those that wait for these.
+    """
+    order = g.cone(roots, places)
+    depth: dict[int, int] = {}  # what is not in it waits for none
+    rounds: dict[int, list[int]] = {}
+    for n in order:
+        waits = 0 if n in places else max([depth.get(a, 0) for a in g.args[n]] or (0,))
+        if g.ops[n] in CIRCULAR and n not in places:
+            waits += 1
+            rounds.setdefault(waits, []).append(n)
+        if waits:
+            depth[n] = waits
+    sorted_: dict[int, None] = {}
+    for k in sorted(rounds):
+        angles = [g.args[n][0] for n in rounds[k]]
+        sorted_ |= dict.fromkeys(g.cone(angles, {**places, **sorted_}))
+        sorted_ |= dict.fromkeys(rounds[k])
+    return list(sorted_ | dict.fromkeys(order))
+
+
+class Writer(Lines):
+    """Writes one function, or those that it consists of.
+
+    signature : of the function, as it is defined and called
+    """
+
+    signature = "double %t, ptr %y, ptr %p, ptr %out"
+
+    def __init__(
+        self,
+        g: Graph,
+        layout: Layout,
+        scratch: int,
+        *,
+        contract: bool = False,
+    ) -> None:
+        super().__init__()
+        self.g = g
+        self.layout = layout
+        self.contract = contract
+        self.scratch = scratch
+        self.scratch_used = 0
+        self._sums: dict[int, int] = {}
+
+    def function(
+        self,
+        name: str,
+        stores: Sequence[tuple[int, Place]],
+        places: Mapping[int, Place],
+        *,
+        more: str = "",
+        linkage: str = "",
+        cleared: int = 0,
+    ) -> None:
+        """Write it.
+
+        Parameters
+        ----------
+        stores
+            Nodes, and where they go.
+        places
+            What needs no evaluation, and where it is found.
+        more
+            Arrays besides those of the signature.
+        cleared
+            So many numbers of `out` are set to 0 before any is stored.
+        """
+        signature = self.signature + more
+        order = ordered(self.g, [node for node, _ in stores], places)
+        pieces = [
+            order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
+        ] or [[]]
+        at_end: dict[int, list[Place]] = {}
+        for node, place in stores:
+            at_end.setdefault(node, []).append(place)
+        self._sums = self._fused(pieces, places, at_end)
+        passed = self._passed(pieces, places)
+        names = [name] if len(pieces) == 1 else [
+            f"{name}.{i}" for i in range(len(pieces))
+        ]  # fmt: skip
+        for piece_name, piece in zip(names, pieces, strict=True):
+            kind = linkage if piece_name == name else "internal "
+            head = f"define {kind}void @{piece_name}({signature}) {{"
+            self.lines.append(head)
+            if len(pieces) == 1:
+                self._clear(cleared)
+            self._piece(piece, places, passed, at_end)
+            self.lines += ["ret void", "}"]
+        if len(pieces) > 1:
+            self.lines.append(f"define {linkage}void @{name}({signature}) {{")
+            self._clear(cleared)
+            self.lines += [f"call void @{p}({signature})" for p in names]
+            self.lines += ["ret void", "}"]
+
+    def _clear(self, numbers: int) -> None:
+        if numbers:
+            self.declared.add(f"declare void @{CLEAR}(ptr, i8, i64, i1)")
+            size = 8 * numbers
+            self.lines.append(f"call void @{CLEAR}(ptr %out, i8 0, i64 {size}, i1 0)")
+
+    def _fused(
+        self,
+        pieces: Sequence[Sequence[int]],
+        places: Mapping[int, Place],
+        kept: Collection[int],
+    ) -> dict[int, int]:
+        """Give the sums that take in a product which nothing else uses: -> it.
+
+        Told here and not left to LLVM, whose choice nobody knows.
+        """  # fmt: skip
+        g, found = self.g, dict[int, int]()
+        if not self.contract:
+            return found
+        made = [[n for n in piece if n not in places] for piece in pieces]
+        uses = Counter(a for piece in made for n in piece for a in g.args[n])
+        for piece in made:
+            alone = {
+                n for n in piece if g.ops[n] == "mul" and uses[n] == 1 and n not in kept
+            }
+            for n in piece:
+                if g.ops[n] in ("add", "sub"):
+                    products = [a for a in g.args[n] if a in alone]
+                    found |= dict(zip([n], products[::-1], strict=False))
+        return found
+
+    def _passed(
+        self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
+    ) -> dict[int, int]:
+        """Give the index in p of operations that a later piece uses."""
+        home = {n: i for i, piece in enumerate(pieces) for n in piece}
+        passed: dict[int, int] = {}
+        for i, piece in enumerate(pieces):
+            for n in piece:
+                for a in self.g.args[n] if n not in places else ():
+                    earlier = home.get(a, i) < i and a not in places
+                    if earlier and self.g.args[a] and a not in passed:
+                        passed[a] = self.scratch + len(passed)
+        self.scratch_used = max(self.scratch_used, len(passed))
+        return passed
+
+    def _piece(
+        self,
+        piece: Sequence[int],
+        places: Mapping[int, Place],
+        passed: Mapping[int, int],
+        at_end: Mapping[int, Sequence[Place]],
+    ) -> None:
+        here: dict[int, str] = {}
+        inside = set(self._sums.values())
+
+        def operand(n: int) -> str:
+            if n not in here:
+                here[n] = self._leaf(n, places, passed)
+            return here[n]
+
+        for at, n in enumerate(piece):
+            if self.g.args[n] and n not in places and n not in inside:
+                if self.g.ops[n] in CIRCULAR and n not in here:
+                    self._circular(piece[at:], places, here, operand)
+                elif n in self._sums:
+                    here[n] = self._sum(n, self._sums[n], operand)
+                elif n not in here:
+                    operands = [operand(a) for a in self.g.args[n]]
+                    exponent = exponent_of(self.g, n)
+                    here[n] = self.operation(self.g.ops[n], exponent, operands)
+                if n in passed:
+                    self._store(self._number(n, here[n]), ("p", passed[n]))
+            for place in at_end.get(n, ()):
+                self._store(self._number(n, operand(n)), place)
+
+    def _sum(self, n: int, product: int, operand: Callable[[int], str]) -> str:
+        """Write a sum or difference with one of its products inside."""
+        g = self.g
+        x, y = (operand(a) for a in g.args[product])
+        [other] = [operand(a) for a in g.args[n] if a != product]
+        if g.ops[n] == "sub" and g.args[n][1] == product:
+            x = self.negated(x)
+        elif g.ops[n] == "sub":
+            other = self.negated(other)
+        return self.fused(x, y, other)
+
+    def _circular(
+        self,
+        nodes: Sequence[int],
+        places: Mapping[int, Place],
+        here: dict[int, str],
+        operand: Callable[[int], str],
+    ) -> None:
+        """Write the sines and cosines that `nodes` begin with, of several angles."""
+        g = self.g
+        together: list[int] = []
+        angles: dict[int, int] = {}
+        for n in nodes:
+            done = n in places or g.ops[n] not in CIRCULAR
+            if done or g.args[n][0] in together:
+                break
+            angle = g.args[n][0]
+            if angle not in angles and len(angles) == LANES:
+                break
+            angles.setdefault(angle, len(angles))
+            together.append(n)
+        wanted = [(g.ops[n], angles[g.args[n][0]]) for n in together]
+        values = self.circular([operand(angle) for angle in angles], wanted)
+        here.update(zip(together, values, strict=True))
+
+    def _leaf(
+        self, n: int, places: Mapping[int, Place], passed: Mapping[int, int]
+    ) -> str:
+        g = self.g
+        if g.ops[n] == CONSTANT:
+            x = g.value(n)
+            assert x is not None
+            return number(x)
+        if g.ops[n] == TRUTH:
+            return "true" if g.payload(n) else "false"
+        if n in places:
+            value = self._load(places[n])
+        elif g.ops[n] == VARIABLE:
+            return self._variable(str(g.payload(n)))
+        else:
+            value = self._load(("p", passed[n]))
+        if g.args[n] and OPERATIONS[g.ops[n]].condition:
+            return self.line(f"fcmp one double {value}, {number(0.0)}")
+        return value
+
+    def _variable(self, name: str) -> str:
+        if name == "t":
+            return "%t"
+        if name in self.layout.y:
+            return self._load(("y", self.layout.y[name]))
+        return self._load(("p", self.layout.p[name]))
+
+    def _number(self, n: int, value: str) -> str:
+        """Write 1 or 0 for a truth value."""
+        if self.g.args[n] and OPERATIONS[self.g.ops[n]].condition:
+            return self.line(f"uitofp i1 {value} to double")
+        return value
+
+    def _load(self, place: Place) -> str:
+        return self.line(f"load double, ptr {self._address(place)}")
+
+    def _store(self, value: str, place: Place) -> None:
+        self.lines.append(f"store double {value}, ptr {self._address(place)}")
+
+    def _address(self, place: Place) -> str:
+        array, k = place
+        return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
+
+
+# Numbers in a vector. LLVM takes two or four registers where they are shorter.
+TOGETHER = 8
+VECTOR = f"<{TOGETHER} x double>"
+# Vectors of sums in one loop: enough to overlap, and no more than there are registers.
+AT_ONCE = 4
+# The sums and rows begin where lines of the cache do.
+LINE_BYTES = 64
+
+# Where there are no more sums, their first and last terms, of the newest coefficients,
+# are made one by one with the order before: a vector cannot be loaded before the
+# numbers in it, which were stored alone, have left the processor's buffer (measured:
+# 600 -> 480 ns with 15 sums; of 69 sums this takes longer than it saves).
+MOST_EDGES = 32
+
+_MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"
+
+
+_FUSED_NAME = f"llvm.fmuladd.v{TOGETHER}f64"
+_FUSED = f"declare {VECTOR} @{_FUSED_NAME}({VECTOR}, {VECTOR}, {VECTOR})"
+
+
+class _Memory:
+    """Where things are, counted in numbers."""
+
+    def __init__(self, loop: Loop, first_order: int) -> None:
+        self.count = len(loop.recurrence.sums)
+        self.padded = -(-self.count // TOGETHER) * TOGETHER
+        self.edges = self.padded if self.count <= MOST_EDGES else 0
+        self.kept = self.padded + (self.count if self.edges else 0)
+        self.rows = -(-(self.kept + first_order) // TOGETHER) * TOGETHER
+        self.row = 2 * self.padded
+        self.size = self.rows + self.row * loop.order + LINE_BYTES // 8
+
+
+def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
+    """Write the function `name`."""
+    g, r = w.g, loop.recurrence
+    size, count = len(r.state), len(r.sums)
+    orders = [g.variable(x) for x in ORDERS]
+    edges = [g.variable(f"series.edge.{i}") for i in range(count)]
+    if count > MOST_EDGES:
+        edges = []
+    made, firsts = _with_edges(g, r, edges)
+    once = hoisted(g, made, {*orders, *r.carried, *r.sums, *edges, *firsts})
+    once = [n for n in once if n not in places]
+    memory = _Memory(loop, len(once))
+    kept = {n: ("w", memory.kept + i) for i, n in enumerate(once)}
+    begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
+    begin += [(g.zero, ("w", memory.edges + i)) for i in range(len(edges))]
+    begin += kept.items()
+    internal: dict[str, Any] = {"more": _MORE, "linkage": "internal "}
+    w.function(f"{name}.start", begin, places, **internal)
+    rows = [i for j in range(count) for i in (j, memory.padded + j)]
+    found = {**places, **kept}
+    found |= {n: ("w", i) for i, n in enumerate(r.sums)}
+    found |= {n: ("w", memory.edges + i) for i, n in enumerate(edges)}
+    found |= {n: ("ones", i) for i, n in zip(rows, firsts, strict=False)}
+    found |= {n: ("out", i - size) for i, n in enumerate(r.carried)}
+    found |= {n: ("orders", i) for i, n in enumerate(orders)}
+    to = [("out", i) for i in range(size)] + [("row", i) for i in rows]
+    to += [("w", memory.edges + i) for i in range(len(edges))]
+    w.function(f"{name}.order", list(zip(made, to, strict=True)), found, **internal)
+    base = w.scratch + w.scratch_used
+    w.scratch_used += memory.size
+    w.lines += _tables(name, loop, memory)
+    w.lines.append(f"define void @{name}({w.signature}) {{")
+    w.lines += _whole(w, name, loop, memory, base)
+    w.declared.add(_FUSED)
+
+
+def _with_edges(
+    g: Graph, r: Recurrence, edges: Sequence[int]
+) -> tuple[list[int], list[int]]:
+    """Give what an order makes where the ends of its sums were made before.
+
+    The variables `edges` hold a_1 b_(k-1) + a_(k-1) b_1; what follows as the last of
+    what is made are those of the next order. With the variables of a_1, b_1 of each.
+    """
+    parts = zip(r.sums, edges, strict=False)
+    made = g.substitute(r.made, {s: g.call("add", s, e) for s, e in parts})
+    firsts, following = [], []
+    factors = made[len(r.state) :]
+    for i in range(len(edges)):
+        a, b = factors[2 * i : 2 * i + 2]
+        one, other = (g.variable(f"series.{x}.{i}") for x in ("first", "second"))
+        firsts += [one, other]
+        ends = g.call("mul", one, b), g.call("mul", a, other)
+        following.append(g.call("add", *ends))
+    return made + following, firsts
+
+
+def _tables(name: str, loop: Loop, memory: _Memory) -> list[str]:
+    """Write what ORDERS are of each order, and a row of zeros."""
+    orders = ", ".join(
+        f"double {number(x)}"
+        for k in range(1, loop.order)
+        for x in (k, 1.0 / k, 1.0 / (k + 1), k == 1)
+    )
+    table = f"[{len(ORDERS) * (loop.order - 1)} x double]"
+    return [
+        f"@{name}.orders = private constant {table} [{orders}], align 8",
+        f"@{name}.zeros = private constant [{memory.row} x double] zeroinitializer",
+    ]
+
+
+def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list[str]:
+    """Write what calls the others, order by order."""
+    size, each = len(loop.recurrence.state), len(ORDERS)
+    lines = [
+        "entry:",
+        f"%raw = getelementptr double, ptr %p, i64 {base}",
+        "%address = ptrtoint ptr %raw to i64",
+        "%negative = sub i64 0, %address",
+        f"%missing = and i64 %negative, {LINE_BYTES - 1}",
+        "%w = getelementptr i8, ptr %raw, i64 %missing",
+        f"%first = getelementptr double, ptr %w, i64 {memory.rows - memory.row}",
+        f"%orders.0 = getelementptr double, ptr @{name}.orders, i64 {-each}",
+    ]
+    null = "ptr null, ptr null, ptr null"
+    called = (w.signature + _MORE).replace("%out", "%row.out")
+    lines += [
+        f"store double {number(loop.order)}, ptr %out",
+        f"call void @{name}.start({w.signature}, ptr %w, {null})",
+        "br label %order",
+        "order:",
+        "%k = phi i64 [1, %entry], [%next, %made]",
+        f"%at = mul i64 %k, {memory.row}",
+        "%row = getelementptr double, ptr %first, i64 %at",
+        *_ends(memory),
+    ]
+    lines += _sums(memory)
+    lines += [
+        "made:",
+        f"%entry.k = mul i64 %k, {each}",
+        "%orders = getelementptr double, ptr %orders.0, i64 %entry.k",
+        f"%row.1 = getelementptr double, ptr %first, i64 {memory.row}",
+        "%is.1 = icmp eq i64 %k, 1",
+        f"%ones = select i1 %is.1, ptr @{name}.zeros, ptr %row.1",
+        "%next = add i64 %k, 1",
+        f"%ahead = mul i64 %next, {size}",
+        "%there = getelementptr double, ptr %out, i64 1",
+        "%row.out = getelementptr double, ptr %there, i64 %ahead",
+        f"call void @{name}.order({called})",
+        f"%more = icmp slt i64 %next, {loop.order}",
+        "br i1 %more, label %order, label %end",
+        "end:",
+        "ret void",
+        "}",
+    ]
+    return lines
+
+
+def _ends(memory: _Memory) -> list[str]:
+    """Write which terms the sums have: from %begin on, before %end.
+
+    Those of order 2 have one, which is at both ends.
+    """
+    one, all_ = ("2", "-1") if memory.edges else ("1", "0")
+    return [
+        "%is.2 = icmp eq i64 %k, 2",
+        f"%begin = select i1 %is.2, i64 1, i64 {one}",
+        f"%short = add i64 %k, {all_}",
+        "%stop = select i1 %is.2, i64 2, i64 %short",
+        "%some = icmp slt i64 %begin, %stop",
+        f"%a.at = mul i64 %begin, {memory.row}",
+        "%a.row = getelementptr double, ptr %first, i64 %a.at",
+        "%back = sub i64 0, %a.at",
+        "%b.row = getelementptr double, ptr %row, i64 %back",
+    ]
+
+
+def _sums(memory: _Memory) -> list[str]:
+    """Write the loops over j, of AT_ONCE vectors of sums each."""
+    lines: list[str] = []
+    starts = list(range(0, memory.padded, AT_ONCE * TOGETHER))
+    label = "order"
+    for i, start in enumerate(starts):
+        after = f"sums.{i + 1}" if i + 1 < len(starts) else "made"
+        lines += _some_sums(i, start, label, after, memory)
+        if after != "made":
+            lines.append(f"{after}:")
+        label = after
+    return lines or ["br label %made"]
+
+
+def _some_sums(
+    i: int, start: int, before: str, after: str, memory: _Memory
+) -> list[str]:
+    """Write the loop over j for the sums from `start` on."""
+    vectors = range(start, min(start + AT_ONCE * TOGETHER, memory.padded), TOGETHER)
+    loop, done = f"each.{i}", f"done.{i}"
+    back = -8 * memory.row
+    lines = [
+        f"%a.{i} = getelementptr double, ptr %a.row, i64 {start}",
+        f"%b.{i} = getelementptr double, ptr %b.row, i64 {memory.padded + start}",
+        f"br i1 %some, label %{loop}, label %{done}",
+        f"{loop}:",
+        f"%j.{i} = phi i64 [%begin, %{before}], [%j.{i}.next, %{loop}]",
+        f"%a.{i}.j = phi ptr [%a.{i}, %{before}], [%a.{i}.next, %{loop}]",
+        f"%b.{i}.j = phi ptr [%b.{i}, %{before}], [%b.{i}.next, %{loop}]",
+    ]
+    lines += [
+        f"%s.{v} = phi {VECTOR} [zeroinitializer, %{before}], [%s.{v}.next, %{loop}]"
+        for v in vectors
+    ]
+    for v in vectors:
+        for x in "ab":
+            lines += [
+                f"%{x}.{v}.at = getelementptr double, ptr %{x}.{i}.j, i64 {v - start}",
+                f"%{x}.{v}.is = load {VECTOR}, ptr %{x}.{v}.at, align {LINE_BYTES}",
+            ]
+        operands = f"{VECTOR} %a.{v}.is, {VECTOR} %b.{v}.is, {VECTOR} %s.{v}"
+        lines.append(f"%s.{v}.next = call {VECTOR} @{_FUSED_NAME}({operands})")
+    lines += [
+        f"%a.{i}.next = getelementptr i8, ptr %a.{i}.j, i64 {-back}",
+        f"%b.{i}.next = getelementptr i8, ptr %b.{i}.j, i64 {back}",
+        f"%j.{i}.next = add i64 %j.{i}, 1",
+        f"%again.{i} = icmp slt i64 %j.{i}.next, %stop",
+        f"br i1 %again.{i}, label %{loop}, label %{done}",
+        f"{done}:",
+    ]
+    for v in vectors:
+        zero = f"[zeroinitializer, %{before}]"
+        lines.append(f"%s.{v}.all = phi {VECTOR} {zero}, [%s.{v}.next, %{loop}]")
+    for v in vectors:
+        lines += [
+            f"%s.{v}.to = getelementptr double, ptr %w, i64 {v}",
+            f"store {VECTOR} %s.{v}.all, ptr %s.{v}.to, align {LINE_BYTES}",
+        ]
+    return [*lines, f"br label %{after}"]
+
 
 # Where more of what a function gives is zero identically, all of it is cleared at once:
 # LLVM takes longer for each number that is written than they take to be written.
@@ -52,7 +569,7 @@ def generate(
         writer = Writer(g, layout, scratch, contract=name in contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
-            order_loop.write(writer, name, nodes, places)
+            write(writer, name, nodes, places)
             continue
         stores = [(node, ("out", k)) for k, node in enumerate(nodes) if node != g.zero]
         zeros = len(nodes) - len(stores)

@@ -17,11 +17,18 @@ import numpy as np
 import numpy.typing as npt
 
 from lagsim.language.derivatives import tangent
-from lagsim.language.enclosures import Enclosures
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import STEPS
-from lagsim.language.interval_rules import RULES
-from lagsim.language.intervals import SLACK, Flags, Floats, Interval, interval, point
+from lagsim.language.intervals import (
+    RULES,
+    SLACK,
+    Enclosures,
+    Flags,
+    Floats,
+    Interval,
+    interval,
+    point,
+)
 from lagsim.mechanics.surfaces import joined_conditions
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import tangent
-from lagsim.language.enclosures import Enclosures
+from lagsim.language.intervals import Enclosures
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.language.rounding import BALANCED
+from lagsim.language.evaluate import BALANCED
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.derivatives import gradient, tangent
-from lagsim.language.rounding import roundings
+from lagsim.language.evaluate import roundings
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.equations import generalized_forces, pushes
 from lagsim.mechanics.groups import may_strike

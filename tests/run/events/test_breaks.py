@@ -8,12 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lagsim.language.enclosures import Enclosures
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.language.interval_rules import RULES
-from lagsim.language.intervals import interval
+from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
 from lagsim.methods.parts import state as at

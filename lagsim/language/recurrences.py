@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.sizes import UNDONE
+from lagsim.language.simpler import UNDONE
 
 if TYPE_CHECKING:
-    from lagsim.language.builder import Coefficients
+    from lagsim.language.simpler import Coefficients
+
 
 # Powers up to this are written as products and a root: cheaper than the recurrence,
 # which divides by the base and so fails where that passes zero.

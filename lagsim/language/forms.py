@@ -1,0 +1,856 @@
+"""Sums of products on the graph, rewritten into equal ones that take less.
+
+Sums of monomials c a^i b^j ... (`normal_form`), sines and cosines combined
+(`fewer_terms`), constant factors collected in front (`Collected`), slow factors first
+in products (`slow_factors_first`), repeated factors once (`simple_root`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from fractions import Fraction
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.simpler import is_normal
+
+if TYPE_CHECKING:
+    from collections.abc import (
+        Collection,
+        Container,
+        Iterable,
+        Iterator,
+        Mapping,
+        Sequence,
+    )
+
+    from lagsim.language.graph import Graph
+
+
+# Atoms and their exponents, in order; and sums: monomial -> a factor that stays.
+Monomial = tuple[tuple[int, Fraction], ...]
+Sum = dict[Monomial, int]
+
+LARGEST_POWER = 16
+
+
+def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list[int]:
+    """Give equal expressions for `nodes`, of which those in `moving` move.
+
+    Equal where both are finite: a factor that is cancelled may have been zero.
+    """
+    nodes = list(nodes)
+    form = _Form(g)
+    for n in g.cone(nodes):
+        form.sums[n] = form.of(n) if n in moving else {(): n}
+    return [form.written(form.sums[n]) for n in nodes]
+
+
+def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
+    """Give what all `nodes` but zeros are products with, and them without it."""
+    nodes, form = list(nodes), _Form(g)
+    for n in g.cone(nodes):
+        form.sums[n] = form.of(n)
+    whole = [form.single(form.sums[n]) for n in nodes if n != g.zero]
+    exponents = [dict(monomial) for monomial, _ in whole]
+    shared = set(exponents[0]).intersection(*exponents[1:])
+    least = {atom: min(e[atom] for e in exponents) for atom in sorted(shared)}
+    inverse = tuple((atom, -e) for atom, e in least.items())
+    rest = iter([form.written({_product(m, inverse): c}) for m, c in whole])
+    common = form.written({tuple(least.items()): g.one})
+    return common, [g.zero if n == g.zero else next(rest) for n in nodes]
+
+
+def sum_node(
+    g: Graph,
+    terms: Mapping[tuple[tuple[int, int], ...], float],
+    still: Container[int],
+) -> int:
+    """Give the node of a sum of products: factors and their exponents -> a number.
+
+    What all products have in common is taken out; the factors that stand `still` are
+    collected.
+    """
+    form = _Form(g)
+    whole: Sum = {}
+    for factors, c in terms.items():
+        fixed = form.raised({n: Fraction(e) for n, e in factors if n in still})
+        moved = tuple((n, Fraction(e)) for n, e in factors if n not in still)
+        factor = g.call("mul", g.constant(c), fixed)
+        whole[moved] = g.call("add", whole.get(moved, g.zero), factor)
+    return form.written(whole)
+
+
+class _Form:
+    def __init__(self, g: Graph) -> None:
+        self.g = g
+        self.sums: dict[int, Sum] = {}
+
+    def of(self, n: int) -> Sum:
+        """Give the sum that moving node `n` is, those of its arguments being known."""
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        if op in (VARIABLE, CONSTANT, TRUTH):
+            return {((n, Fraction(1)),): g.one}
+        below = [self.sums[a] for a in args]
+        if op in ("add", "sub"):
+            return self._added(below[0], self._scaled(below[1], op == "sub"))
+        if op == "neg":
+            return self._scaled(below[0], True)
+        if op == "mul":
+            return self._multiplied(*below)
+        if op == "div":
+            return self._multiplied(below[0], self._power(below[1], Fraction(-1)))
+        exponent = Fraction(1, 2) if op == "sqrt" else self._exponent(op, args)
+        if exponent is not None:
+            return self._power(below[0], exponent)
+        call = g.call(op, *map(self.written, below))
+        return {((call, Fraction(1)),): g.one}
+
+    def _exponent(self, op: str, args: tuple[int, ...]) -> Fraction | None:
+        p = self.g.value(args[1]) if op == "pow" else None
+        if p is None or 2.0 * p % 1.0 or abs(p) > LARGEST_POWER:
+            return None
+        return Fraction(p)
+
+    def _added(self, a: Sum, b: Sum) -> Sum:
+        g = self.g
+        total = dict(a)
+        for monomial, factor in b.items():
+            total[monomial] = g.call("add", total.get(monomial, g.zero), factor)
+        return {m: c for m, c in total.items() if c != g.zero}
+
+    def _scaled(self, a: Sum, negative: bool) -> Sum:
+        return {m: self.g.call("neg", c) for m, c in a.items()} if negative else a
+
+    def _multiplied(self, a: Sum, b: Sum) -> Sum:
+        g = self.g
+        if not a or not b:
+            return {}
+        (m, c), (k, d) = self.single(a), self.single(b)
+        return {_product(m, k): g.call("mul", c, d)}
+
+    def single(self, a: Sum) -> tuple[Monomial, int]:
+        """Give `a` as one monomial: a sum becomes an atom, without common factors."""
+        if len(a) == 1:
+            return next(iter(a.items()))
+        exponents = [dict(m) for m in a]
+        shared = set(exponents[0]).intersection(*exponents[1:])
+        common = tuple(
+            (atom, min(e[atom] for e in exponents)) for atom in sorted(shared)
+        )
+        inverse = tuple((atom, -e) for atom, e in common)
+        rest = {_product(m, inverse): c for m, c in a.items()}
+        return _product(common, ((self._sum(rest), Fraction(1)),)), self.g.one
+
+    def _power(self, a: Sum, exponent: Fraction) -> Sum:
+        g = self.g
+        if not a:  # all has cancelled
+            return {(): g.call("pow", g.zero, g.constant(float(exponent)))}
+        monomial, factor = self.single(a)
+        if exponent.denominator == 1:
+            raised = tuple((atom, e * exponent) for atom, e in monomial)
+            p = g.constant(float(abs(exponent)))
+            factor = g.call("pow", factor, p)
+            return {raised: g.call("div", g.one, factor) if exponent < 0 else factor}
+        # The root of a square is not its base: only that of an atom is taken apart.
+        if not (factor == g.one and len(monomial) == 1 and monomial[0][1] == 1):
+            monomial = ((self.written(a), Fraction(1)),)
+        return {((monomial[0][0], exponent),): g.one}
+
+    def written(self, a: Sum) -> int:
+        """Give the node of a sum."""
+        if not a:
+            return self.g.zero
+        monomial, factor = self.single(a)
+        return self._term(monomial, factor)
+
+    def _sum(self, a: Sum) -> int:
+        return self.g.sum(self._term(m, c) for m, c in a.items())
+
+    def _term(self, monomial: Monomial, factor: int) -> int:
+        g = self.g
+        top = self.raised({atom: e for atom, e in monomial if e > 0})
+        bottom = self.raised({atom: -e for atom, e in monomial if e < 0})
+        return g.call("div", g.call("mul", factor, top), bottom)
+
+    def raised(self, exponents: Mapping[int, Fraction]) -> int:
+        g = self.g
+        total = g.one
+        for atom, exponent in exponents.items():
+            whole = int(exponent)
+            if whole != exponent:
+                total = g.call("mul", total, g.call("sqrt", atom))
+            power = atom
+            while whole:
+                if whole % 2:
+                    total = g.call("mul", total, power)
+                whole //= 2
+                if whole:
+                    power = g.call("mul", power, power)
+        return total
+
+
+def _product(a: Monomial, b: Monomial) -> Monomial:
+    total = dict(a)
+    for atom, exponent in b:
+        total[atom] = total.get(atom, Fraction(0)) + exponent
+    return tuple(sorted((atom, e) for atom, e in total.items() if e))
+
+
+# A product of powers as one integer, with so many bits for each exponent: the product
+# of two is their sum. A sum of products gives each its number.
+_Packed = dict[int, float]
+BITS = 6
+LARGEST_EXPONENT = 2**BITS - 1
+
+# Products of two terms, in all, or for each expression where there are many: where it
+# takes more, nothing is changed.
+MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
+
+
+class _TooManyProductsError(Exception):
+    """Multiplied out, the expressions would be too long."""
+
+
+class Origin(NamedTuple):
+    """What a sine or cosine is: `factor` times that of a + sign b."""
+
+    op: str
+    a: int
+    b: int
+    sign: int
+    factor: int
+
+
+def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:
+    """Give equal expressions for `nodes`, which are shorter in all, or these.
+
+    Parameters
+    ----------
+    moving
+        The names of what moves. All else is computed once, and counts nothing.
+    """
+    nodes = list(nodes)
+    try:
+        terms = _Terms(g, g.cone(nodes), PRODUCTS_EACH * len(nodes))
+    except _TooManyProductsError:
+        return nodes
+    joined = _Joined(g, terms)
+    sums = {n: joined.of(n) for n in dict.fromkeys(nodes) if n in terms.turning}
+    writer = _Writer(g, terms, joined, moving)
+    found = [writer.node(sums[n]) if n in sums else n for n in nodes]
+    return min((nodes, found), key=lambda x: g.cost(x, moving))
+
+
+# sin(a + b) = sin a cos b + cos a sin b, cos(a + b) = cos a cos b - sin a sin b.
+_SHIFTED = {
+    "sin": (("sin", "cos"), ("cos", "sin")),
+    "cos": (("cos",) * 2, ("sin",) * 2),
+}
+
+
+class _Terms:
+    """The nodes of a cone as sums of products.
+
+    Attributes
+    ----------
+    turning : set of int
+        The nodes that have sines or cosines below them.
+    factors : list of int
+        The nodes that products are made of, in the order of their bits.
+    """
+
+    def __init__(self, g: Graph, cone: Sequence[int], products: int) -> None:
+        self.g = g
+        self.turning: set[int] = set()
+        self.factors: list[int] = []
+        self._places: dict[int, int] = {}
+        self._left = max(MOST_PRODUCTS, products)
+        self.sums: dict[int, _Packed] = {}
+        self._degrees: dict[int, int] = {}
+        for n in cone:
+            if g.ops[n] in _SHIFTED or any(a in self.turning for a in g.args[n]):
+                self.turning.add(n)
+            self.sums[n], self._degrees[n] = self._of(n)
+
+    def product(self, factor: int, exponent: int = 1) -> int:
+        """Give a power of a node as a product."""
+        place = self._places.get(factor)
+        if place is None:
+            place = self._places[factor] = BITS * len(self.factors)
+            self.factors.append(factor)
+        return exponent << place
+
+    def powers(self, product: int) -> Iterator[tuple[int, int]]:
+        """Give the factors of a product, with their exponents."""
+        while product:
+            k = ((product & -product).bit_length() - 1) // BITS
+            exponent = product >> k * BITS & LARGEST_EXPONENT
+            yield self.factors[k], exponent
+            product -= exponent << k * BITS
+
+    def _of(self, n: int) -> tuple[_Packed, int]:
+        """Give the sum that node `n` is, and a bound of its exponents."""
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        if op == CONSTANT:
+            value = g.value(n)
+            return ({0: value} if value else {}), 0
+        whole = None
+        if n in self.turning or op in ("mul", "neg", "div", "pow"):
+            whole = self._below(op, args)
+        return whole or ({self.product(n): 1.0}, 1)
+
+    def _below(self, op: str, args: tuple[int, ...]) -> tuple[_Packed, int] | None:
+        """Give the sum that an operation makes of those of its arguments."""
+        sums = [self.sums[a] for a in args]
+        degrees = [self._degrees[a] for a in args]
+        if op in ("add", "sub"):
+            return _added(sums[0], sums[1], 1.0 if op == "add" else -1.0), max(degrees)
+        if op == "neg":
+            return {m: -c for m, c in sums[0].items()}, degrees[0]
+        if op == "mul":
+            return self._multiplied(sums[0], sums[1], sum(degrees)), sum(degrees)
+        value = self.g.value(args[-1]) if op in ("div", "pow") else None
+        if op == "div" and value:
+            return {m: c / value for m, c in sums[0].items()}, degrees[0]
+        if op == "pow" and value in (2.0, 3.0, 4.0):
+            whole, degree = sums[0], degrees[0] * int(value)
+            for _ in range(int(value) - 1):
+                whole = self._multiplied(whole, sums[0], degree)
+            return whole, degree
+        return None
+
+    def _multiplied(self, a: _Packed, b: _Packed, degree: int) -> _Packed:
+        self._left -= len(a) * len(b)
+        if self._left < 0 or degree > LARGEST_EXPONENT:
+            raise _TooManyProductsError
+        total: _Packed = {}
+        for m, c in a.items():
+            for k, d in b.items():
+                total[m + k] = total.get(m + k, 0.0) + c * d
+        return {m: c for m, c in total.items() if c}
+
+
+def _added(a: _Packed, b: _Packed, sign: float) -> _Packed:
+    total = dict(a)
+    for m, c in b.items():
+        total[m] = total.get(m, 0.0) + sign * c
+    return {m: c for m, c in total.items() if c}
+
+
+class _Joined:
+    """The sums in which no identity makes one term of two.
+
+    Attributes
+    ----------
+    origins : dict
+        The sines and cosines of sums of angles that this has brought.
+    """
+
+    def __init__(self, g: Graph, terms: _Terms) -> None:
+        self.g, self.terms = g, terms
+        self.origins: dict[int, Origin] = {}
+
+    def of(self, n: int) -> _Packed:
+        """Give the sum that node `n` is, joined."""
+        whole, terms = dict(self.terms.sums[n]), -1
+        while len(whole) != terms:  # what was joined may join others
+            terms = len(whole)
+            for m in list(whole):
+                found = next(self._joint(whole, m), None) if m in whole else None
+                if found is not None:
+                    second, joint, c = found
+                    del whole[m], whole[second]
+                    total = whole.pop(joint, 0.0) + c
+                    if total:
+                        whole[joint] = total
+        return whole
+
+    def _joint(self, whole: _Packed, m: int) -> Iterator[tuple[int, int, float]]:
+        """Give terms that join the term `m`, and what they are together."""
+        g, product = self.g, self.terms.product
+        turns = [(n, e) for n, e in self.terms.powers(m) if g.ops[n] in _SHIFTED]
+        sines = [(n, e) for n, e in turns if g.ops[n] == "sin"]
+        for sine, exponent in sines:
+            cosine = g.call("cos", *g.args[sine])
+            rest = m - product(sine, 2)
+            second = rest + product(cosine, 2)
+            if exponent >= 2 and whole.get(second) == whole[m]:
+                yield second, rest, whole[m]
+        for sine, _ in sines:
+            for other, _ in turns:
+                yield from self._turned(whole, m, sine, other)
+
+    def _turned(
+        self, whole: _Packed, m: int, sine: int, other: int
+    ) -> Iterator[tuple[int, int, float]]:
+        g, product = self.g, self.terms.product
+        (a,), (b,) = g.args[sine], g.args[other]
+        if a == b:
+            return
+        rest = m - product(sine) - product(other)
+        op, swapped = ("cos", "cos") if g.ops[other] == "sin" else ("sin", "sin")
+        second = rest + product(g.call("cos", a)) + product(g.call(swapped, b))
+        c, d = whole[m], whole.get(second)
+        if d is None or abs(d) != abs(c):
+            return
+        # sin a sin b stands with cos a cos b, sin a cos b with cos a sin b.
+        equal = 1 if c == d else -1
+        node, sign = self._turn(op, a, b, -equal if op == "cos" else equal)
+        scale = sign * (d if op == "cos" else c)
+        value = g.value(node)
+        if value is None:
+            yield second, rest + product(node), scale
+        else:
+            yield second, rest, scale * value
+
+    def _turn(self, op: str, a: int, b: int, sign: int) -> tuple[int, int]:
+        """Give the sine or cosine of a + sign b, and the sign in front of it."""
+        g = self.g
+        angle = _linear(g, a)
+        for n, k in _linear(g, b).items():
+            angle[n] = angle.get(n, 0) + sign * k
+        angle = {n: k for n, k in sorted(angle.items()) if k}
+        flipped = next(iter(angle.values()), 1) < 0
+        total = g.zero
+        for n, k in angle.items():
+            term = g.call("mul", g.constant(abs(k)), n)
+            total = g.call("sub" if (k < 0) != flipped else "add", total, term)
+        node = g.call(op, total)
+        factor = -1 if flipped and op == "sin" else 1
+        if node not in self.terms.sums:
+            self.origins.setdefault(node, Origin(op, a, b, sign, factor))
+        return node, factor
+
+
+def _linear(g: Graph, n: int) -> dict[int, int]:
+    """Give how often each addend stands in a node, through differences and signs."""
+    found: dict[int, int] = {}
+    waiting = [(n, 1)]
+    while waiting:
+        n, k = waiting.pop()
+        if g.ops[n] in ("add", "sub", "neg"):
+            first = -k if g.ops[n] == "neg" else k
+            signs = (first, -k if g.ops[n] == "sub" else k)
+            waiting += zip(g.args[n], signs, strict=False)
+        else:
+            found[n] = found.get(n, 0) + k
+    return found
+
+
+class _Writer:
+    """Sums as nodes.
+
+    The cosine of a - b is a function where there are no more of these than angles, and
+    otherwise what it is of the sines and cosines of a and b: a node that is shared.
+    """
+
+    def __init__(
+        self, g: Graph, terms: _Terms, joined: _Joined, moving: Collection[str]
+    ) -> None:
+        self.g, self.terms, self.origins = g, terms, joined.origins
+        brought = {g.args[n] for n in joined.origins}
+        angles = {g.args[n] for n in terms.turning if g.ops[n] in _SHIFTED}
+        self.calls = len(brought) <= len(angles)
+        self.nodes = {n: self._spelt(n) for n in terms.factors}
+        written = set(self.nodes.values())
+        self.still = written - g.dependent(written, moving)
+
+    def node(self, whole: _Packed) -> int:
+        """Give the node of a sum: what stands still is collected in front."""
+        products = {
+            tuple((self.nodes[n], e) for n, e in self.terms.powers(m)): c
+            for m, c in whole.items()
+        }
+        return sum_node(self.g, products, self.still)
+
+    def _spelt(self, n: int) -> int:
+        x = self.origins.get(n)
+        if self.calls or x is None:
+            return n
+        g = self.g
+        pairs = [
+            [
+                self._spelt(g.call(op, angle))
+                for op, angle in zip(ops, x[1:3], strict=True)
+            ]
+            for ops in _SHIFTED[x.op]
+        ]
+        one, other = (g.call("mul", *pair) for pair in pairs)
+        adds = (x.sign > 0) == (x.op == "sin")
+        if x.factor < 0:
+            one, other = (g.call("neg", one), other) if adds else (other, one)
+            return g.call("sub", one, other)
+        return g.call("add" if adds else "sub", one, other)
+
+
+ARITHMETIC = frozenset(("add", "sub", "neg", "mul", "div", "pow"))
+# The factors that move in a product; and products that are added or subtracted.
+Key = tuple[int, ...]
+Group = list[tuple[str, Key]]
+
+
+class Collected:
+    """Makes such sums.
+
+    Parameters
+    ----------
+    moving
+        The names of what moves. All else is computed once.
+    """
+
+    def __init__(self, g: Graph, moving: Collection[str]) -> None:
+        self.g = g
+        self.moving = frozenset(moving)
+        self._parts: dict[int, tuple[int, int]] = {}
+        self._still: dict[tuple[int, ...], int] = {}
+
+    def moves(self, n: int) -> bool:
+        """Tell whether `n` depends on what moves."""
+        return self.parts(n)[1] != self.g.one
+
+    def sum(self, products: Iterable[Sequence[int]]) -> int:
+        """Give the sum of products of nodes."""
+        g, total = self.g, self.g.zero
+        alike, given = self._alike(products)
+        for still, group in alike.items():
+            found = [factors for _, key in group for factors in given[key]]
+            if len(found) == 1 and self._stays(still, found[0]):
+                term = self._product(found[0])
+            else:
+                term = g.call("mul", still, self._written(group))
+            total = g.call("add", total, term)
+        return total
+
+    def _alike(
+        self, products: Iterable[Sequence[int]]
+    ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
+        """Give what moves by the factor in front of it; and what was given of each."""
+        g = self.g
+        given: dict[Key, list[Sequence[int]]] = {}
+        fronts: dict[Key, int] = {}
+        for factors in products:
+            parts = [self.parts(n) for n in factors]
+            key = tuple(sorted(core for _, core in parts if core != g.one))
+            still = self.still([c for c, _ in parts])
+            fronts[key] = g.call("add", fronts.get(key, g.zero), still)
+            given.setdefault(key, []).append(factors)
+        alike: dict[int, Group] = {}
+        for key, still in fronts.items():
+            opposite = g.call("neg", still)
+            if opposite in alike:
+                alike[opposite].append(("sub", key))
+            elif still != g.zero:
+                alike.setdefault(still, []).append(("add", key))
+        return alike, given
+
+    def scaled(self, node: int, factor: int) -> int:
+        """Give node * factor; what of it stands still goes into a sum if that is short.
+
+        m (a + ...) - k b times 1/m is a + ... - (k/m) b.
+        """
+        g = self.g
+        still, core = self.parts(factor)
+        terms = [(sign, *self.parts(n)) for sign, n in self.addends(node)]
+        inside = [(still, *factors) for factors in terms]
+        signs = {g.one, g.constant(-1.0)}
+        before, after = (len(self._alike(x)[0].keys() - signs) for x in (terms, inside))
+        if still == g.one or after > before or (after == before and core != g.one):
+            return g.call("mul", node, factor)
+        return g.call("mul", self.sum(inside), core)
+
+    def tidy(self, nodes: Sequence[int]) -> list[int]:
+        """Give equal expressions, all sums in which are collected, or `nodes`.
+
+        Which of both takes less.
+        """
+        g = self.g
+        functions = {n for n in g.cone(nodes) if g.ops[n] not in ARITHMETIC}
+        cone = g.cone(nodes, functions)  # what is below these is shared as it is
+        linear = ("add", "sub", "neg")
+        users = {a for n in cone if g.ops[n] not in linear for a in g.args[n]}
+        users.update(nodes)
+        done: dict[int, int] = {}
+        for n in cone:
+            if n in functions or not self.moves(n):
+                done[n] = n
+                continue
+            new = g.call(g.ops[n], *(done[a] for a in g.args[n]))
+            if g.ops[n] not in linear:
+                still, core = self.parts(new)
+                new = g.call("mul", still, core)
+            elif n in users:
+                new = self.sum((sign, *self.parts(x)) for sign, x in self.addends(new))
+            done[n] = new
+        found = [done[n] for n in nodes]
+        return min(list(nodes), found, key=lambda x: g.cost(x, self.moving))
+
+    def _stays(self, still: int, factors: Sequence[int]) -> bool:
+        """Tell whether a product that is like no other is best as it is given.
+
+        What stands still in its factors may stand so elsewhere, and is collected only
+        where there is less of it then.
+        """
+        signs = self.g.one, self.g.constant(-1.0)
+        fixed = [n for n in factors if n not in signs and not self.moves(n)]
+        if still in signs or len(fixed) > 1:
+            return False
+        own = [c for c in (self.parts(n)[0] for n in factors) if c not in signs]
+        return len(own) == 1 or self._size([still]) == sum(self._size([c]) for c in own)
+
+    def _size(self, factors: Sequence[int]) -> int:
+        return sum(map(abs, self._powers(factors)[1].values()))
+
+    def _written(self, group: Group) -> int:
+        """Give a sum of products, in which a factor that several have stands once."""
+        g, total = self.g, self.g.zero
+        held = Counter(n for _, key in group for n in set(key))
+        for shared, times in held.most_common():
+            if times == 1:
+                break
+            inner = [(op, _without(key, shared)) for op, key in group if shared in key]
+            if len(inner) > 1:
+                term = g.call("mul", shared, self._written(inner))
+                total = g.call("add", total, term)
+                group = [(op, key) for op, key in group if shared not in key]
+        for op, factors in group:
+            total = g.call(op, total, self._product(factors))
+        return total
+
+    def _product(self, factors: Sequence[int]) -> int:
+        g, whole = self.g, self.g.one
+        for n in factors:
+            whole = g.call("mul", whole, n)
+        return whole
+
+    def addends(self, node: int) -> Iterator[tuple[int, int]]:
+        """Give what `node` is a sum of: signs, as nodes, and addends.
+
+        A sum of no products stays whole: it may be a small difference.
+        """
+        g = self.g
+        sums = self._sums_of_products(node)
+        stack = [(node, 1.0)]
+        while stack:
+            n, sign = stack.pop()
+            op, args = g.ops[n], g.args[n]
+            if n in sums:
+                stack.append((args[-1], sign if op == "add" else -sign))
+                if op != "neg":
+                    stack.append((args[0], sign))
+            else:
+                yield g.constant(sign), n
+
+    def _sums_of_products(self, node: int) -> set[int]:
+        """Give the sums at and below `node`, through sums, that have products."""
+        g = self.g
+        sums, stack = set[int](), [node]
+        while stack:
+            n = stack.pop()
+            if g.ops[n] in ("add", "sub", "neg") and n not in sums:
+                sums.add(n)
+                stack += g.args[n]
+        found = set[int]()
+        for n in sorted(sums):
+            if any(a in found or g.ops[a] in ("mul", "div") for a in g.args[n]):
+                found.add(n)
+        return found
+
+    def parts(self, n: int) -> tuple[int, int]:
+        """Give what stands still, and what moves, of which `n` is the product."""
+        known = self._parts
+        if n not in known:
+            near = all(a in known for a in self.g.args[n])
+            for below in (n,) if near else self.g.cone([n], known):
+                if below not in known:
+                    known[below] = self._apart(below)
+        return known[n]
+
+    def _apart(self, n: int) -> tuple[int, int]:
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        if op == VARIABLE and g.payload(n) in self.moving:
+            return g.one, n
+        found = [self._parts[a] for a in args]
+        if all(core == g.one for _, core in found):
+            return n, g.one
+        if op == "pow" and g.value(args[1]) == 2.0:
+            c, x = found[0]
+            return self.still([c, c]), g.call("mul", x, x)
+        if op not in ARITHMETIC or op == "pow":
+            return g.one, n
+        (c, x), (d, y) = found[0], found[-1]
+        if op == "neg":
+            return g.call("neg", c), x
+        if op == "mul":
+            return self.still([c, d]), g.call("mul", x, y)
+        if op == "div":
+            return self.still([c, g.call("div", g.one, d)]), g.call("div", x, y)
+        return self._common(n, *found)
+
+    def _common(
+        self, n: int, one: tuple[int, int], other: tuple[int, int]
+    ) -> tuple[int, int]:
+        """Give the parts of a sum or difference: what both terms have in common."""
+        g = self.g
+        op, (c, x), (d, y) = g.ops[n], one, other
+        opposite = g.known("sub", g.args[n][::-1]) if op == "sub" else None
+        if opposite is not None and opposite < n:
+            return g.constant(-1.0), opposite
+        if c == d != g.one:
+            return c, g.call(op, x, y)
+        if c == g.call("neg", d) and c != g.one:
+            return c, g.call("sub" if op == "add" else "add", x, y)
+        return g.one, n
+
+    def still(self, factors: Sequence[int]) -> int:
+        """Give the product of factors that stand still; what divides it cancels."""
+        g = self.g
+        key = tuple(n for n in factors if n != g.one)
+        if len(key) < 2:
+            return key[0] if key else g.one
+        if key not in self._still:
+            number, powers = self._powers(key)
+            top, bottom = g.constant(number), g.one
+            for n in sorted(powers):
+                for _ in range(powers[n]):
+                    top = g.call("mul", top, n)
+                for _ in range(-powers[n]):
+                    bottom = g.call("mul", bottom, n)
+            self._still[key] = g.call("div", top, bottom)
+        return self._still[key]
+
+    def _powers(self, factors: Sequence[int]) -> tuple[float, Counter[int]]:
+        """Give the number, and the exponents of the nodes, of a product."""
+        g = self.g
+        number, powers = 1.0, Counter[int]()
+        waiting = [(n, 1) for n in factors]
+        while waiting:
+            n, e = waiting.pop()
+            op, args, value = g.ops[n], g.args[n], g.value(n)
+            if op == "mul":
+                waiting += ((a, e) for a in args)
+            elif op == "div":
+                waiting += ((args[0], e), (args[1], -e))
+            elif op == "neg":
+                number = -number
+                waiting.append((args[0], e))
+            elif value is not None and e > 0 and is_normal(number * value):
+                number *= value
+            else:
+                powers[n] += e
+        return number, powers
+
+
+def _without(factors: tuple[int, ...], one: int) -> tuple[int, ...]:
+    at = factors.index(one)
+    return factors[:at] + factors[at + 1 :]
+
+
+def slow_factors_first(
+    g: Graph, nodes: Sequence[int], *faster: Collection[str]
+) -> list[int]:
+    """Give `nodes` with what is slow first in each product.
+
+    Parameters
+    ----------
+    faster
+        Names of variables, the slower ones first: a factor has the speed of the last
+        of these that it depends on, and those of one speed are multiplied first.
+    """
+    cone = g.cone(nodes)
+    speed: Counter[int] = Counter()
+    for place, names in enumerate(faster, 1):
+        speed.update(dict.fromkeys(g.dependent(cone, names), place))
+    return _Ordered(g, cone, nodes, speed).nodes
+
+
+class _Ordered:
+    def __init__(
+        self, g: Graph, cone: Sequence[int], nodes: Sequence[int], speed: Counter[int]
+    ) -> None:
+        self.g, self.speed = g, speed
+        uses = Counter(a for n in cone for a in g.args[n])
+        uses.update(nodes)
+        self.inner = {n for n in cone if g.ops[n] == "mul" and uses[n] == 1}
+        self.done: dict[int, int] = {}
+        for n in cone:
+            self.done[n] = self._ordered(n)
+        self.nodes = [self.done[n] for n in nodes]
+
+    def _ordered(self, n: int) -> int:
+        g = self.g
+        if g.ops[n] != "mul":
+            args = g.args[n]
+            return g.call(g.ops[n], *(self.done[a] for a in args)) if args else n
+        parts: dict[int, list[int]] = {}
+        for a in self._factors(n):
+            parts.setdefault(self.speed[a], []).append(self.done[a])
+        whole = g.one
+        for place in sorted(parts):
+            part = g.one
+            for a in sorted(parts[place]):
+                part = g.call("mul", part, a)
+            whole = g.call("mul", whole, part)
+        return whole
+
+    def _factors(self, n: int) -> list[int]:
+        """Give what `n` is a product of, through products that stand here alone."""
+        stack, found = list(self.g.args[n]), []
+        while stack:
+            a = stack.pop()
+            if a in self.inner:
+                stack.extend(self.g.args[a])
+            else:
+                found.append(a)
+        return found
+
+
+# sqrt(e) and cbrt(e) vanish with e, where their slopes are infinite.
+_ROOTS = {"sqrt": 1.0 / 2.0, "cbrt": 1.0 / 3.0}
+
+
+def simple_root(g: Graph, node: int, moving: Collection[str]) -> int:
+    """Give a node that vanishes where `node` does, with each factor once.
+
+    `node` itself where no factor that depends on `moving` is repeated, or raised to a
+    power, or inside `abs`.
+    """
+    still, powers, kinked = _factors(g, node, g.dependent([node], moving))
+    if not kinked and all(power == 1.0 for power in powers.values()):
+        return node
+    product = g.one
+    for factor in (*still, *powers):
+        product = g.call("mul", product, factor)
+    return product
+
+
+def _factors(
+    g: Graph, node: int, moves: set[int]
+) -> tuple[list[int], dict[int, float], bool]:
+    """Give the factors that do not move, the powers of those that do; any `abs`."""
+    still: list[int] = []
+    powers: dict[int, float] = {}
+    kinked = False
+    stack = [(node, 1.0)]
+    while stack:
+        n, power = stack.pop()
+        op, args = g.ops[n], g.args[n]
+        exponent = g.value(args[1]) if op == "pow" else _ROOTS.get(op)
+        if n not in moves:
+            still.append(n)
+        elif op in ("neg", "abs"):
+            kinked |= op == "abs"
+            stack.append((args[0], power))
+        elif op == "mul":
+            stack += [(a, power) for a in reversed(args)]
+        elif op == "div" and args[1] not in moves:
+            still.append(g.call("div", g.one, args[1]))
+            stack.append((args[0], power))
+        elif exponent is not None and exponent > 0.0:
+            stack.append((args[0], power * exponent))
+        else:
+            powers[n] = powers.get(n, 0.0) + power
+    return still, powers, kinked

@@ -1,0 +1,554 @@
+"""The functions and operators of the expression language, one table row each.
+
+A row gives all that is known of a function (see `Function`): value, derivative, native
+code, series, enclosure, and its twins in sympy, Python and LaTeX, so that they cannot
+drift apart. Values never raise: outside their domain they are what IEEE 754 says (nan,
+inf), as in native code. A new function is a new row.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lagsim.language import recurrences, simpler
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.language.simpler import Builder, Coefficients
+
+    Arguments = tuple[int, ...]
+    Partials = Callable[[Builder, Arguments, int], Arguments]
+    Condition = Callable[[Builder, Arguments], int | None]
+
+
+# What a function of a library costs, in additions (measured: sin 18, exp 15).
+TRANSCENDENTAL = 16
+# Convolutions in a step of the chain rule: the slope's and the function's own.
+CHAIN = 2.0
+
+
+class Function(NamedTuple):
+    """One row. What is not told is as it is for most.
+
+    Attributes
+    ----------
+    value
+        The function in Python; may raise ValueError or OverflowError, which
+        `Function.__call__` turns into nan and inf.
+    partials
+        `(graph, arguments, itself) -> one node per argument`. None for what is
+        differentiated branch by branch (`branches`) or not at all (conditions).
+    branches
+        For functions that select among their last two arguments: the condition under
+        which the first of them is taken, as `(graph, arguments) -> node`.
+    condition
+        The value is a truth value.
+    native
+        LLVM IR, one instruction per line, the last one the value. `{0}`, `{1}` are the
+        operands, `{a}`, `{b}` fresh names, `{c0}` a condition.
+    declares
+        External symbols that `native` needs, as LLVM declarations.
+    sympy
+        `(sympy module, *arguments)`.
+    spelled
+        For people it stays as written: sympy's would be rewritten, or differentiated
+        otherwise.
+    python
+        The value as Python code with numpy; `{0}`, `{1}` are the arguments.
+    text, latex
+        The name for people, or what stands before and behind the arguments.
+    interval
+        The rule for enclosures, made from the module `intervals`.
+    series, convolutions
+        The recurrence of Taylor coefficients `(coefficients, node)`, and how many
+        convolutions it takes. None: the chain rule.
+    cost
+        In additions.
+    simpler
+        `(graph, *arguments)`: a simpler node of the same value, or None.
+    commutes
+        Two arguments may be exchanged.
+    exact
+        The value is not rounded (what selects or steps is not either).
+    steep
+        A slope is infinite somewhere.
+    domain
+        The condition under which there is a value; None where there always is one.
+    switch, step
+        The graph has a corner or a jump; it is flat but for jumps.
+    decided_by
+        The step that tells on which side of its corner the function is.
+    binds, sign
+        Of operators: how tightly they bind, and how they are written.
+    """
+
+    name: str
+    arity: int
+    value: Callable[..., Any]
+    native: str
+    sympy: Callable[..., Any]
+    python: str
+    interval: Callable[[Any], Callable[..., Any]]
+    partials: Partials | None = None
+    branches: Callable[[Builder, Arguments], int] | None = None
+    condition: bool = False
+    spelled: bool = False
+    declares: tuple[str, ...] = ()
+    text: str | tuple[str, str] = ""
+    latex: str | tuple[str, str] = ""
+    series: Callable[[Coefficients, int], int] | None = None
+    convolutions: float = CHAIN
+    cost: int = 1
+    simpler: Callable[..., int | None] | None = None
+    commutes: bool = False
+    exact: bool = False
+    steep: bool = False
+    domain: Condition | None = None
+    switch: bool = False
+    step: bool = False
+    decided_by: str = ""
+    binds: int = 0
+    sign: str = ""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Give the value at float `arguments`, as IEEE 754 has it."""
+        try:
+            return self.value(*arguments)
+        except ValueError:
+            return math.nan
+        except OverflowError:
+            return math.inf
+
+    @property
+    def rounds(self) -> bool:
+        """The value is rounded: it is none of its arguments, and no whole number."""
+        return not (self.exact or self.step or self.branches or self.condition)
+
+
+def libm(name: str, arity: int = 1) -> dict[str, Any]:
+    """Give the columns of what C's library computes."""
+    kinds = ", ".join(["double"] * arity)
+    operands = ", ".join(f"double {{{i}}}" for i in range(arity))
+    return {
+        "native": f"call double @{name}({operands})",
+        "declares": (f"declare double @{name}({kinds}) nounwind memory(none)",),
+    }
+
+
+def intrinsic(name: str, arity: int = 1) -> dict[str, Any]:
+    """Give the columns of what LLVM knows itself."""
+    kinds = ", ".join(["double"] * arity)
+    operands = ", ".join(f"double {{{i}}}" for i in range(arity))
+    return {
+        "native": f"call double @llvm.{name}.f64({operands})",
+        "declares": (f"declare double @llvm.{name}.f64({kinds})",),
+    }
+
+
+def _whole(x: float, rounded: Callable[[float], int]) -> float:
+    return math.copysign(rounded(x), x) if math.isfinite(x) else x
+
+
+def _sign(x: float) -> float:
+    # numpy's truth values cannot be subtracted.
+    return float(x > 0) - float(x < 0) if x == x else math.nan
+
+
+def _step(name: str, value: Callable[[float], float], **more: Any) -> Function:
+    return Function(
+        name=name,
+        arity=1,
+        value=value,
+        partials=lambda g, a, _: (g.zero,),
+        spelled=True,
+        switch=True,
+        step=True,
+        **more,
+    )
+
+
+JUMPS = (
+    _step(
+        "sign", _sign,
+        # (x > 0) - (x < 0); x + x*0 keeps a nan a nan.
+        native="{a} = fcmp ogt double {0}, 0.0\n"
+        "{b} = fcmp olt double {0}, 0.0\n"
+        "{c} = uitofp i1 {a} to double\n"
+        "{d} = uitofp i1 {b} to double\n"
+        "{e} = fsub double {c}, {d}\n"
+        "{f} = fcmp uno double {0}, {0}\n"
+        "select i1 {f}, double {0}, double {e}",
+        sympy=lambda s, x: s.sign(x),
+        python="np.sign({0})",
+        latex=r"\operatorname{sgn}",
+        interval=lambda r: r.step(r.np.sign),
+    ),
+    _step(
+        "heaviside", lambda x: 1.0 if x >= 0 else (0.0 if x < 0 else math.nan),
+        native="{a} = fcmp oge double {0}, 0.0\n"
+        "{b} = uitofp i1 {a} to double\n"
+        "{c} = fcmp uno double {0}, {0}\n"
+        "select i1 {c}, double {0}, double {b}",
+        sympy=lambda s, x: s.Heaviside(x, 1), python="np.heaviside({0}, 1.0)",
+        interval=lambda r: r.step(lambda x: r.np.heaviside(x, 1.0)),
+    ),
+    _step(
+        "floor", lambda x: _whole(x, math.floor), **intrinsic("floor"),
+        sympy=lambda s, x: s.floor(x), python="np.floor({0})",
+        latex=(r"\left\lfloor ", r"\right\rfloor "),
+        interval=lambda r: r.step(r.np.floor),
+    ),
+    _step(
+        "ceil", lambda x: _whole(x, math.ceil), **intrinsic("ceil"),
+        sympy=lambda s, x: s.ceiling(x), python="np.ceil({0})",
+        latex=(r"\left\lceil ", r"\right\rceil "), interval=lambda r: r.step(r.np.ceil),
+    ),
+)  # fmt: skip
+
+CORNERS = (
+    Function(
+        name="abs", arity=1, value=math.fabs,
+        partials=lambda g, a, _: (g.call("sign", a[0]),), **intrinsic("fabs"),
+        sympy=lambda s, x: s.Abs(x), spelled=True, python="np.abs({0})",
+        text=("|", "|"), latex=(r"\left|", r"\right|"), interval=lambda r: r.magnitude,
+        exact=True, switch=True, decided_by="sign",
+    ),
+    Function(
+        name="min", arity=2, value=lambda x, y: y if y < x else x,
+        branches=lambda g, a: g.call("le", a[0], a[1]), simpler=simpler.extreme,
+        native="{a} = fcmp olt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
+        sympy=lambda s, x, y: s.Min(x, y), spelled=True,
+        python="{1} if {1} < {0} else {0}", latex=r"\min",
+        interval=lambda r: r.extreme(r.np.minimum), switch=True, decided_by="le",
+    ),
+    Function(
+        name="max", arity=2, value=lambda x, y: y if y > x else x,
+        branches=lambda g, a: g.call("ge", a[0], a[1]), simpler=simpler.extreme,
+        native="{a} = fcmp ogt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
+        sympy=lambda s, x, y: s.Max(x, y), spelled=True,
+        python="{1} if {1} > {0} else {0}", latex=r"\max",
+        interval=lambda r: r.extreme(r.np.maximum), switch=True, decided_by="ge",
+    ),
+    Function(
+        name="if", arity=3, value=lambda c, x, y: x if c else y,
+        branches=lambda g, a: a[0], simpler=simpler.choice,
+        native="select i1 {0}, double {1}, double {2}",
+        sympy=lambda s, c, x, y: s.Piecewise((x, c), (y, True)),
+        python="{1} if {0} else {2}", interval=lambda r: r.choice, switch=True,
+    ),
+)  # fmt: skip
+
+
+def _quotient(x: float, y: float) -> float:
+    try:
+        return x / y
+    except ZeroDivisionError:
+        if x == 0 or math.isnan(x):
+            return math.nan
+        return math.copysign(math.inf, x) * math.copysign(1.0, y)
+
+
+def _power(x: float, y: float) -> float:
+    if x < 0 and math.isfinite(x) and math.isfinite(y) and y % 1 != 0:
+        return math.nan  # Python would give a complex number
+    try:
+        return float(x**y)
+    except (OverflowError, ZeroDivisionError):
+        return math.copysign(math.inf, x) if y % 2 == 1 else math.inf
+
+
+def _power_partials(g: Builder, a: tuple[int, ...], itself: int) -> tuple[int, ...]:
+    x, y = a
+    slope = g.call("mul", y, g.call("pow", x, g.call("sub", y, g.constant(1.0))))
+    if g.value(y) is not None:
+        return slope, g.zero
+    # x^y log(x) tends to 0 with x for every y > 0.
+    zero = g.call("le", g.call("abs", itself), g.zero)
+    log = g.call("mul", itself, g.call("log", x))
+    return slope, g.call("if", zero, g.zero, log)
+
+
+def _power_domain(g: Builder, a: tuple[int, ...]) -> int | None:
+    exponent = g.value(a[1])
+    if exponent is not None and exponent == math.floor(exponent):
+        return None
+    return g.call("ge", a[0], g.zero)
+
+
+NUMBERS = (
+    Function(
+        name="add", arity=2, binds=5, sign=" + ", value=operator.add,
+        partials=lambda g, a, _: (g.one, g.one), simpler=simpler.add, commutes=True,
+        native="fadd double {0}, {1}",
+        sympy=lambda _, x, y: x + y, python="{0} + {1}", interval=lambda r: r.add,
+        series=recurrences.add, convolutions=0.0,
+    ),
+    Function(
+        name="sub", arity=2, binds=5, sign=" - ", value=operator.sub,
+        partials=lambda g, a, _: (g.one, g.call("neg", g.one)), simpler=simpler.sub,
+        native="fsub double {0}, {1}",
+        sympy=lambda _, x, y: x - y, python="{0} - {1}", interval=lambda r: r.sub,
+        series=recurrences.sub, convolutions=0.0,
+    ),
+    Function(
+        name="mul", arity=2, binds=6, sign="*", value=operator.mul,
+        partials=lambda g, a, _: (a[1], a[0]), simpler=simpler.mul, commutes=True,
+        native="fmul double {0}, {1}",
+        sympy=lambda _, x, y: x * y, python="{0} * {1}", interval=lambda r: r.mul,
+        series=recurrences.mul, convolutions=1.0,
+    ),
+    Function(
+        name="div", arity=2, binds=6, sign="/", value=_quotient,
+        partials=lambda g, a, f: (
+            g.call("div", g.one, a[1]),
+            g.call("neg", g.call("div", f, a[1])),
+        ),
+        simpler=simpler.div, native="fdiv double {0}, {1}",
+        sympy=lambda _, x, y: x / y, python="{0} / {1}", interval=lambda r: r.div,
+        series=recurrences.div, convolutions=1.0, cost=4, steep=True,
+    ),
+    Function(
+        name="neg", arity=1, binds=7, sign="-", value=operator.neg,
+        partials=lambda g, a, _: (g.call("neg", g.one),), simpler=simpler.neg,
+        native="fneg double {0}", sympy=lambda _, x: -x, python="-{0}",
+        interval=lambda r: r.neg, series=recurrences.neg, convolutions=0.0, exact=True,
+    ),
+    Function(
+        name="pow", arity=2, binds=8, sign="^", value=_power, partials=_power_partials,
+        simpler=simpler.power, **intrinsic("pow", 2), sympy=lambda _, x, y: x**y,
+        python="{0} ** {1}", interval=lambda r: r.power, series=recurrences.power,
+        convolutions=CHAIN, cost=3, steep=True, domain=_power_domain,
+    ),
+)  # fmt: skip
+
+
+def _comparison(
+    name: str, sign: str, value: Callable[..., bool], sympy: str
+) -> Function:
+    return Function(
+        name=name,
+        arity=2,
+        condition=True,
+        binds=4,
+        sign=f" {sign} ",
+        value=value,
+        native=f"fcmp o{name} double {{0}}, {{1}}",
+        sympy=lambda s, x, y: getattr(s, sympy)(x, y),
+        python=f"{{0}} {sign} {{1}}",
+        interval=lambda r: getattr(r, name),
+    )
+
+
+CONDITIONS = (
+    _comparison("lt", "<", operator.lt, "Lt"),
+    _comparison("le", "<=", operator.le, "Le"),
+    _comparison("gt", ">", operator.gt, "Gt"),
+    _comparison("ge", ">=", operator.ge, "Ge"),
+    Function(
+        name="and", arity=2, condition=True, binds=2, sign=" and ",
+        value=lambda x, y: x and y, commutes=True, native="and i1 {0}, {1}",
+        sympy=lambda s, x, y: s.And(x, y), python="{0} and {1}",
+        interval=lambda r: r.both,
+    ),
+    Function(
+        name="or", arity=2, condition=True, binds=1, sign=" or ",
+        value=lambda x, y: x or y, commutes=True, native="or i1 {0}, {1}",
+        sympy=lambda s, x, y: s.Or(x, y), python="{0} or {1}",
+        interval=lambda r: r.either,
+    ),
+    Function(
+        name="not", arity=1, condition=True, binds=3, sign="not ", value=operator.not_,
+        native="xor i1 {0}, true", sympy=lambda s, x: s.Not(x),
+        python="not {0}", interval=lambda r: r.contrary,
+    ),
+)  # fmt: skip
+
+
+def _unary(
+    name: str,
+    value: Callable[[float], float],
+    slope: Callable[[Builder, int, int], int],
+    **more: Any,
+) -> Function:
+    """Give the row of f(x); `slope` is (graph, x, f) -> df/dx."""
+    usual = {
+        "sympy": lambda s, x: getattr(s, name)(x),
+        "python": f"np.{name}({{0}})",
+        "cost": TRANSCENDENTAL,
+    }
+    return Function(
+        name=name,
+        arity=1,
+        value=value,
+        partials=lambda g, a, f: (slope(g, a[0], f),),
+        **{**usual, **more},
+    )
+
+
+def _over(g: Builder, x: int) -> int:
+    return g.call("div", g.one, x)
+
+
+def _square(g: Builder, x: int) -> int:
+    return g.call("mul", x, x)
+
+
+def _one_plus(g: Builder, square_of: int) -> int:
+    return g.call("add", g.one, _square(g, square_of))
+
+
+def _one_minus(g: Builder, square_of: int) -> int:
+    return g.call("sub", g.one, _square(g, square_of))
+
+
+def _over_root(g: Builder, x: int) -> int:
+    return _over(g, g.call("sqrt", x))
+
+
+def _atan2_partials(g: Builder, a: tuple[int, ...], _: int) -> tuple[int, ...]:
+    y, x = a
+    r2 = g.call("add", _square(g, x), _square(g, y))
+    return g.call("div", x, r2), g.call("neg", g.call("div", y, r2))
+
+
+def _within_one(g: Builder, a: tuple[int, ...]) -> int:
+    return g.call("le", g.call("abs", a[0]), g.one)
+
+
+def _not_below_zero(g: Builder, a: tuple[int, ...]) -> int:
+    return g.call("ge", a[0], g.zero)
+
+
+def _sinh(x: float) -> float:
+    try:
+        return math.sinh(x)
+    except OverflowError:
+        return math.copysign(math.inf, x)
+
+
+TRIGONOMETRIC = (
+    _unary(
+        "sin", math.sin, lambda g, x, f: g.call("cos", x), **intrinsic("sin"),
+        latex=r"\sin", interval=lambda r: r.wave(r.np.sin, math.pi / 2, -math.pi / 2),
+    ),
+    _unary(
+        "cos", math.cos, lambda g, x, f: g.call("neg", g.call("sin", x)),
+        **intrinsic("cos"), latex=r"\cos",
+        interval=lambda r: r.wave(r.np.cos, 0.0, math.pi),
+    ),
+    _unary(
+        "tan", math.tan, lambda g, x, f: _one_plus(g, f), **libm("tan"), latex=r"\tan",
+        interval=lambda r: r.tan,
+    ),
+    _unary(
+        "asin", math.asin, lambda g, x, f: _over_root(g, _one_minus(g, x)),
+        **libm("asin"), latex=r"\arcsin", python="np.arcsin({0})",
+        interval=lambda r: r.on(r.np.arcsin, -1.0, 1.0), steep=True, domain=_within_one,
+    ),
+    _unary(
+        "acos", math.acos,
+        lambda g, x, f: g.call("neg", _over_root(g, _one_minus(g, x))), **libm("acos"),
+        latex=r"\arccos", python="np.arccos({0})", interval=lambda r: r.acos,
+        steep=True, domain=_within_one,
+    ),
+    _unary(
+        "atan", math.atan, lambda g, x, f: _over(g, _one_plus(g, x)), **libm("atan"),
+        latex=r"\arctan", python="np.arctan({0})",
+        interval=lambda r: r.increasing(r.np.arctan),
+    ),
+    Function(
+        name="atan2", arity=2, value=math.atan2, partials=_atan2_partials,
+        **libm("atan2", 2), sympy=lambda s, y, x: s.atan2(y, x),
+        python="np.arctan2({0}, {1})", interval=lambda r: r.atan2, cost=TRANSCENDENTAL,
+    ),
+)  # fmt: skip
+
+HYPERBOLIC = (
+    _unary(
+        "sinh", _sinh, lambda g, x, f: g.call("cosh", x), **libm("sinh"),
+        latex=r"\sinh", interval=lambda r: r.increasing(r.np.sinh),
+    ),
+    _unary(
+        "cosh", math.cosh, lambda g, x, f: g.call("sinh", x), **libm("cosh"),
+        latex=r"\cosh", interval=lambda r: r.cosh,
+    ),
+    _unary(
+        "tanh", math.tanh, lambda g, x, f: _one_minus(g, f), **libm("tanh"),
+        latex=r"\tanh", interval=lambda r: r.increasing(r.np.tanh),
+    ),
+    _unary(
+        "asinh", math.asinh, lambda g, x, f: _over_root(g, _one_plus(g, x)),
+        **libm("asinh"), python="np.arcsinh({0})",
+        interval=lambda r: r.increasing(r.np.arcsinh),
+    ),
+    _unary(
+        "acosh", math.acosh,
+        lambda g, x, f: _over_root(g, g.call("sub", _square(g, x), g.one)),
+        **libm("acosh"), python="np.arccosh({0})",
+        interval=lambda r: r.on(r.np.arccosh, 1.0),
+        domain=lambda g, a: g.call("ge", a[0], g.one),
+    ),
+    _unary(
+        "atanh", lambda x: math.copysign(math.inf, x) if abs(x) == 1 else math.atanh(x),
+        lambda g, x, f: _over(g, _one_minus(g, x)), **libm("atanh"),
+        python="np.arctanh({0})",
+        interval=lambda r: r.on(r.np.arctanh, -1.0, 1.0, open_end=True),
+        domain=_within_one,
+    ),
+)  # fmt: skip
+
+POWERS = (
+    _unary(
+        "exp", math.exp, lambda g, x, f: f, **intrinsic("exp"), latex=r"\exp",
+        interval=lambda r: r.exp,
+    ),
+    _unary(
+        "log", lambda x: -math.inf if x == 0 else math.log(x),
+        lambda g, x, f: _over(g, x), **intrinsic("log"), text="ln", latex=r"\ln",
+        interval=lambda r: r.on(r.np.log, 0.0, open_end=True), steep=True,
+        domain=_not_below_zero,
+    ),
+    _unary(
+        "log10", lambda x: -math.inf if x == 0 else math.log10(x),
+        lambda g, x, f: _over(g, g.call("mul", g.constant(math.log(10.0)), x)),
+        **intrinsic("log10"), sympy=lambda s, x: s.log(x, 10), spelled=True,
+        text="log₁₀", latex=r"\log_{10}",
+        interval=lambda r: r.on(r.np.log10, 0.0, open_end=True), steep=True,
+        domain=_not_below_zero,
+    ),
+    _unary(
+        "sqrt", math.sqrt, lambda g, x, f: g.call("div", g.constant(0.5), f),
+        **intrinsic("sqrt"), interval=lambda r: r.sqrt,
+        series=recurrences.sqrt, convolutions=0.5, cost=4, domain=_not_below_zero,
+    ),
+    _unary(
+        "cbrt", math.cbrt,
+        lambda g, x, f: _over(g, g.call("mul", g.constant(3.0), _square(g, f))),
+        **libm("cbrt"), sympy=lambda s, x: s.real_root(x, 3), spelled=True,
+        latex=(r"\sqrt[3]{", "}"), interval=lambda r: r.increasing(r.np.cbrt),
+        steep=True, decided_by="sign",
+    ),
+    Function(
+        name="hypot", arity=2, value=math.hypot,
+        partials=lambda g, a, f: (g.call("div", a[0], f), g.call("div", a[1], f)),
+        commutes=True, **libm("hypot", 2), sympy=lambda s, x, y: s.sqrt(x**2 + y**2),
+        python="np.hypot({0}, {1})", interval=lambda r: r.hypot,
+        series=recurrences.hypot, convolutions=1.5, cost=TRANSCENDENTAL, steep=True,
+    ),
+)  # fmt: skip
+
+
+_ROWS = (
+    *NUMBERS, *CONDITIONS, *TRIGONOMETRIC, *HYPERBOLIC, *POWERS, *CORNERS, *JUMPS,
+)  # fmt: skip
+OPERATIONS = {row.name: row for row in _ROWS}
+FUNCTIONS = {name: row for name, row in OPERATIONS.items() if not row.sign}
+# Operators that join conditions, and are words.
+JOINING = tuple(name for name, row in OPERATIONS.items() if row.sign.strip() == name)
+# What selects among its arguments.
+CHOOSING = frozenset(name for name, row in OPERATIONS.items() if row.branches)
+# What is flat but for its jumps.
+STEPS = frozenset(name for name, row in OPERATIONS.items() if row.step)
