@@ -19,9 +19,7 @@ NAN = float("nan")
 
 def factor(p: Parameters) -> None:
     """Factor M, or M + A^T W A with the rows that always hold."""
-    n = p.n
-    M = p.M
-    L = p.L
+    n, M, L = p.n, p.M, p.L
     for i in range(n):
         for j in range(i + 1):
             L[i * n + j] = M[i * n + j]
@@ -76,11 +74,7 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
 def augment_force(p: Parameters) -> None:
     """Add A^T W b to f."""
-    n = p.n
-    M = p.M
-    A = p.A
-    f = p.f
-    b = p.b
+    n, M, A, f, b = p.n, p.M, p.A, p.f, p.b
     for k in range(p.m - p.laws):
         row = at(A, k * n)
         weight = row_weight(n, M, row) * b[k]

@@ -21,14 +21,7 @@ def couple(p: Parameters, sliding: int) -> None:
 
     Each row of S, and of the right side, is brought to the size of its own diagonal.
     """
-    n = p.n
-    A = p.A
-    Y = p.Y
-    Z = p.Z
-    S = p.S
-    L = p.L
-    order = p.order
-    right = p.w
+    n, A, Y, Z, S, L, order, right = p.n, p.A, p.Y, p.Z, p.S, p.L, p.order, p.w
     count = int(p.ranked)
     for k in range(count):
         row = at(Y, k * n)
@@ -60,9 +53,7 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
     """Add to what row i pushes with the friction that goes with its multiplier."""
     n = p.n
     first = p.m - p.laws
-    normal = p.law_normal
-    part = p.law_part
-    A = p.A
+    normal, part, A = p.law_normal, p.law_part, p.A
     if i < first:
         return
     for k in range(p.laws):
@@ -74,9 +65,7 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
 
 def impress(p: Parameters, sliding: int) -> None:
     """Add to u (n,) the forces of the rows that hold, times L^-1."""
-    n = p.n
-    u = p.u
-    right = p.w
+    n, u, right = p.n, p.u, p.w
     for k in range(int(p.ranked)):
         push = at(p.Y, k * n)
         if sliding > 0:
@@ -88,12 +77,8 @@ def impress(p: Parameters, sliding: int) -> None:
 def share_out(p: Parameters) -> None:
     """Leave the multiplier of each row."""
     first = p.m - p.laws
-    out = p.multipliers
-    order = p.order
-    right = p.w
-    part = p.law_part
-    normal = p.law_normal
-    kind = p.law_kind
+    out, order, right, part = p.multipliers, p.order, p.w, p.law_part
+    normal, kind = p.law_normal, p.law_kind
     for i in range(p.m):
         out[i] = 0.0
     for k in range(int(p.ranked)):

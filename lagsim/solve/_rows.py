@@ -30,11 +30,7 @@ def spread(p: Parameters) -> None:
     The scale of a row is the largest length (m,) that it has had on the way, so that
     one that vanishes is seen to; see `keep_lengths`.
     """
-    n = p.n
-    A = p.A
-    Y = p.Y
-    lengths = p.lengths
-    scales = p.scales
+    n, A, Y, lengths, scales = p.n, p.A, p.Y, p.lengths, p.scales
     for i in range(p.m):
         row = at(Y, i * n)
         for j in range(n):
@@ -56,9 +52,7 @@ def keep_lengths(p: Parameters) -> None:
 
     Not of every state: what a step is tried with may lie anywhere.
     """
-    order = p.order
-    lengths = p.lengths
-    scales = p.scales
+    order, lengths, scales = p.order, p.lengths, p.scales
     for k in range(p.m):
         i = int(order[k])
         if scales[k] > 0.0:
@@ -74,12 +68,7 @@ def reflect(p: Parameters) -> int:
     A row is reflected onto the largest of its own entries, which is exchanged into
     place k, and noted: rounding stays among the coordinates that rows join.
     """
-    n = p.n
-    m = p.m
-    Y = p.Y
-    diagonal = p.diagonal
-    factors = p.factors
-    places = p.places
+    n, m, Y, diagonal, factors, places = p.n, p.m, p.Y, p.diagonal, p.factors, p.places
     kept = set_aside(p)
     for k in range(n):
         places[k] = k
@@ -118,12 +107,7 @@ def reflect(p: Parameters) -> int:
 
 def note_directions(p: Parameters, end: int) -> None:
     """Note the directions of the constraints: one for each of the first reflections."""
-    n = p.n
-    L = p.L
-    Y = p.Y
-    factors = p.factors
-    directions = p.directions
-    u = p.mirrored
+    n, L, Y, factors, directions, u = p.n, p.L, p.Y, p.factors, p.directions, p.mirrored
     p.noted = end
     for k in range(end):
         z = at(directions, 2 * n * k)
@@ -156,9 +140,7 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 def set_aside(p: Parameters) -> int:
     """Put the rows that are marked in `aside` (m,) last; give how many are not."""
-    m = p.m
-    aside = p.aside
-    order = p.order
+    m, aside, order = p.m, p.aside, p.order
     kept = m
     for back in range(m):
         i = m - 1 - back
@@ -184,11 +166,7 @@ def rest_of_row(n: int, k: int, row: Floats) -> float:
 
 def swap(p: Parameters, k: int, i: int) -> None:
     """Exchange rows k and i of Y, with their scale, right side and index."""
-    n = p.n
-    Y = p.Y
-    scales = p.scales
-    right = p.w
-    order = p.order
+    n, Y, scales, right, order = p.n, p.Y, p.scales, p.w, p.order
     for j in range(n):
         Y[k * n + j], Y[i * n + j] = Y[i * n + j], Y[k * n + j]
     scales[k], scales[i] = scales[i], scales[k]
@@ -240,12 +218,7 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
 
 def impress(p: Parameters, rank: int) -> None:
     """Give u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
-    n = p.n
-    Y = p.Y
-    u = p.u
-    w = p.w
-    diagonal = p.diagonal
-    factors = p.factors
+    n, Y, u, w, diagonal, factors = p.n, p.Y, p.u, p.w, p.diagonal, p.factors
     for k in range(rank):
         for j in range(k):
             w[k] -= Y[k * n + j] * w[j]
@@ -265,11 +238,7 @@ def multipliers(p: Parameters, rank: int) -> None:
 
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
     """
-    m = p.m
-    w = p.w
-    order = p.order
-    x = p.x
-    out = p.multipliers
+    m, w, order, x, out = p.m, p.w, p.order, p.x, p.multipliers
     for k in range(rank):
         x[k] = w[k]
     unscaled_backward(p, rank, x)
@@ -285,11 +254,7 @@ def shorten(p: Parameters, rank: int) -> None:
     """Leave the free multipliers z (m - rank,) in w, x - B z in x, of least norm."""
     n = p.n
     spare = p.m - rank
-    Y = p.Y
-    x = p.x
-    scales = p.scales
-    free = p.w
-    B = p.free
+    Y, x, scales, free, B = p.Y, p.x, p.scales, p.w, p.free
     normal = at(B, rank * spare)
     for c in range(spare):
         column = at(B, c * rank)
@@ -314,10 +279,7 @@ def shorten(p: Parameters, rank: int) -> None:
 
 def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
     """Replace x (rank,) by the solution of R1 D^-1 x, D the scales."""
-    n = p.n
-    Y = p.Y
-    scales = p.scales
-    diagonal = p.diagonal
+    n, Y, scales, diagonal = p.n, p.Y, p.scales, p.diagonal
     for i in range(rank):
         k = rank - 1 - i
         for j in range(k + 1, rank):

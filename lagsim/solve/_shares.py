@@ -38,13 +38,7 @@ def share_among(p: Parameters, out: Floats) -> float:
     """
     n = p.n
     first = p.m - p.laws
-    mode = p.law_mode
-    A = p.A
-    S = p.S
-    Z = p.Z
-    w = p.w
-    x = p.x
-    total = p.v
+    mode, A, S, Z, w, x, total = p.law_mode, p.A, p.S, p.Z, p.w, p.x, p.v
     count = 0
     weigh(p)
     for k in range(p.laws):
@@ -75,9 +69,7 @@ def put(p: Parameters, count: int, x: Floats, out: Floats) -> float:
     """Put A A_h^T w in the place of the multipliers, unless one would pull: 0."""
     n = p.n
     first = p.m - p.laws
-    A = p.A
-    w = p.w
-    total = p.v
+    A, w, total = p.A, p.w, p.v
     for j in range(n):
         total[j] = 0.0
     for i in range(count):
@@ -114,8 +106,7 @@ def gather_pushes(
     p: Parameters, count: int, x: Floats, multipliers: Floats, total: Floats
 ) -> None:
     """Give the forces (n,) of the rows x (count,)."""
-    n = p.n
-    A = p.A
+    n, A = p.n, p.A
     for j in range(n):
         total[j] = 0.0
     for i in range(count):
@@ -128,8 +119,7 @@ def weigh(p: Parameters) -> None:
     """Note the square of what makes the largest element of each coordinate 1."""
     n = p.n
     first = p.m - p.laws
-    A = p.A
-    weights = p.u
+    A, weights = p.A, p.u
     for j in range(n):
         weights[j] = 0.0
     for k in range(p.laws):
@@ -158,9 +148,7 @@ def takes_part(p: Parameters, k: int) -> float:
 
 def touches(p: Parameters, k: int) -> float:
     """Tell (1) whether a law is a contact without friction that touches and holds."""
-    kind = p.law_kind
-    mode = p.law_mode
-    normal = p.law_normal
+    kind, mode, normal = p.law_kind, p.law_mode, p.law_normal
     if kind[k] != CONTACT or not (mode[k] == HELD or mode[k] == IMPLIED):
         return 0.0
     for i in range(p.laws):

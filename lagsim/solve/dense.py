@@ -73,8 +73,7 @@ def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,)."""
-    n = p.n
-    motion = p.motion
+    n, motion = p.n, p.motion
     solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
@@ -107,10 +106,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     the constraint forces. In the metric of M reflections leave it anywhere among the
     coordinates that are joined. out has room for 2 size + 4.
     """
-    n = p.n
-    motion = p.motion
-    f = p.f
-    b = p.b
+    n, motion, f, b = p.n, p.motion, p.f, p.b
     reaction = at(out, p.size)
     solve_motion(t, y, p)
     gather(p, reaction)
@@ -130,12 +126,7 @@ def gather(p: Parameters, out: Floats) -> None:
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts.
     """
-    n = p.n
-    M = p.M
-    A = p.A
-    f = p.f
-    b = p.b
-    lam = p.multipliers
+    n, M, A, f, b, lam = p.n, p.M, p.A, p.f, p.b, p.multipliers
     label = at(out, n)
     join(n, p.m, p.terms, label)
     for i in range(n):
@@ -189,8 +180,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
-    n = p.n
-    largest = p.largest
+    n, largest = p.n, p.largest
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, out)
     out[n] = largest[0]
@@ -200,8 +190,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the same for the velocities and the rates, with health instead of 0."""
-    n = p.n
-    largest = p.largest
+    n, largest = p.n, p.largest
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, out)
     out[n] = largest[1]
@@ -213,8 +202,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def left_over(level: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
     """Give what a Newton step leaves of the residuals, or of the rates."""
-    n = p.n
-    z = p.tried
+    n, z = p.n, p.tried
     for i in range(n):
         z[i] = y[i]
         z[n + i] = step[i]
@@ -224,9 +212,7 @@ def left_over(level: int, t: float, y: Floats, p: Parameters, step: Floats) -> f
 
 def correction(p: Parameters, residuals: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,)."""
-    scales = p.scales
-    right = p.w
-    order = p.order
+    scales, right, order = p.scales, p.w, p.order
     factor_rows(p)
     for k in range(p.m):
         right[k] = -residuals[int(order[k])] * scales[k]
@@ -242,12 +228,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    n = p.n
-    motion = p.motion
-    f = p.f
-    L = p.L
-    u = p.u
-    v = p.v
+    n, motion, f, L, u, v = p.n, p.motion, p.f, p.L, p.u, p.v
     if p.augmented > 0.0:
         augment_force(p)
     factor_rows(p)
@@ -278,12 +259,7 @@ def factor_rows(p: Parameters) -> None:
 
 def right_side(p: Parameters) -> None:
     """Leave b - A M^-1 f in the order and scale of the rows; the motion is M^-1 f."""
-    n = p.n
-    A = p.A
-    b = p.b
-    free = p.motion
-    scales = p.scales
-    right = p.w
+    n, A, b, free, scales, right = p.n, p.A, p.b, p.motion, p.scales, p.w
     order = p.order
     for k in range(p.m):
         i = int(order[k])

@@ -38,12 +38,7 @@ def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
-    n = p.n
-    m = p.m
-    f = p.f
-    b = p.b
-    slope = p.slopes
-    by_motion = p.by_motion
+    n, m, f, b, slope, by_motion = p.n, p.m, p.f, p.b, p.slopes, p.by_motion
     column = p.column
     dynamics(t, y, p, p.terms)
     factor(p)
@@ -73,18 +68,8 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
     R^T w = b, and R lambda = w - Q^T L^-1 f.
     """
-    n = p.n
-    f = p.f
-    b = p.b
-    L = p.L
-    Y = p.Y
-    places = p.places
-    scales = p.scales
-    w = p.w
-    diagonal = p.diagonal
-    factors = p.factors
-    order = p.order
-    x = p.x
+    n, f, b, L, Y, places, scales, w = p.n, p.f, p.b, p.L, p.Y, p.places, p.scales, p.w
+    diagonal, factors, order, x = p.diagonal, p.factors, p.order, p.x
     if p.augmented > 0.0:
         augment_force(p)
     forward(n, L, f)

@@ -86,9 +86,7 @@ def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
-    n = p.n
-    motion = p.motion
-    multipliers = p.multipliers
+    n, motion, multipliers = p.n, p.motion, p.multipliers
     solve_motion(t, y, p)
     for i in range(n):
         out[i] = y[n + i]
@@ -103,12 +101,7 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what rounding does to q'' (n,), and that of other rates; see `dense`."""
-    n = p.n
-    m = p.m
-    motion = p.motion
-    A = p.A
-    f = p.f
-    b = p.b
+    n, m, motion, A, f, b = p.n, p.m, p.motion, p.A, p.f, p.b
     first = m - p.laws
     mode = p.law_mode
     reaction = at(out, p.size)
@@ -150,10 +143,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its scale (1,)."""
-    n = p.n
-    order = p.order
-    right = p.w
-    u = p.u
+    n, order, right, u = p.n, p.order, p.w, p.u
     hold(p)
     largest = 0.0
     count = int(p.ranked)
@@ -173,10 +163,7 @@ def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) ->
 
 def left_over(first: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
     """Give what a Newton step leaves of the residuals, or of the rates."""
-    n = p.n
-    z = p.tried
-    left = p.left
-    order = p.order
+    n, z, left, order = p.n, p.tried, p.left, p.order
     for i in range(n):
         z[i] = y[i]
         z[n + i] = step[i]
@@ -200,9 +187,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 def hold(p: Parameters) -> None:
     """Factor M, and list the rows that hold."""
     first = p.m - p.laws
-    order = p.order
-    mode = p.law_mode
-    aside = p.aside
+    order, mode, aside = p.order, p.law_mode, p.aside
     count = 0
     for k in range(p.m):
         holds = aside[k] == 0.0 if k < first else mode[k - first] == HELD
@@ -219,16 +204,9 @@ def drive(p: Parameters) -> None:
     """Note what slides, and add the forces of limited rows that do."""
     n = p.n
     first = p.m - p.laws
-    mode = p.law_mode
-    way = p.law_way
-    floor = p.law_floor
-    part = p.law_part
-    pair = p.law_pair
-    speeds = p.law_speeds
-    bounds = p.law_bounds
-    statics = p.law_statics
-    A = p.A
-    f = p.f
+    mode, way, floor, part = p.law_mode, p.law_way, p.law_floor, p.law_part
+    pair, speeds, bounds = p.law_pair, p.law_speeds, p.law_bounds
+    statics, A, f = p.law_statics, p.A, p.f
     for k in range(p.laws):
         part[k] = 0.0
         if mode[k] == IMPLIED:
@@ -254,16 +232,8 @@ def drive(p: Parameters) -> None:
 
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda: the terms are there, and what slides is noted."""
-    n = p.n
-    A = p.A
-    b = p.b
-    f = p.f
-    L = p.L
-    u = p.u
-    v = p.v
-    motion = p.motion
-    order = p.order
-    right = p.w
+    n, A, b, f, L, u, v, motion = p.n, p.A, p.b, p.f, p.L, p.u, p.v, p.motion
+    order, right = p.order, p.w
     for j in range(n):
         v[j] = f[j]
     forward(n, L, v)
@@ -309,9 +279,7 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 def hold_left(p: Parameters, k: int) -> float:
     """Give how much less, or more, a row that holds could bear."""
-    kind = p.law_kind
-    lam = p.multipliers
-    statics = p.law_statics
+    kind, lam, statics = p.law_kind, p.multipliers, p.law_statics
     i = p.m - p.laws + k
     if is_one_sided(p, k):
         return float(lam[i])
@@ -326,10 +294,7 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
     Until their way has turned, and has to be noted anew. Of those that begin, how much
     they are below what they begin with, and forward.
     """
-    speeds = p.law_speeds
-    pair = p.law_pair
-    way = p.law_way
-    still = p.law_still
+    speeds, pair, way, still = p.law_speeds, p.law_pair, p.law_way, p.law_still
     other = int(pair[k])
     if other < 0:
         return float(-way[k] * speed)
@@ -349,10 +314,7 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
 def grip(p: Parameters, k: int) -> float:
     """Give how much more a slip that sticks could bear; of two the first one tells."""
     first = p.m - p.laws
-    lam = p.multipliers
-    pair = p.law_pair
-    normal = p.law_normal
-    statics = p.law_statics
+    lam, pair, normal, statics = p.multipliers, p.law_pair, p.law_normal, p.law_statics
     other = int(pair[k])
     held = statics[k] * lam[first + int(normal[k])]
     if other < 0:

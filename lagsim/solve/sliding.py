@@ -70,16 +70,9 @@ def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
-    n = p.n
-    motion = p.motion
-    multipliers = p.multipliers
-    found = p.side_fields
-    side = p.side
-    slides = p.slides
-    low = p.low
-    floor = p.floor
-    least_root = p.least_root
-    gain = p.gain
+    n, motion, multipliers, found = p.n, p.motion, p.multipliers, p.side_fields
+    side, slides, low, floor = p.side, p.slides, p.low, p.floor
+    least_root, gain = p.least_root, p.gain
     p.gain = 0.0
     for k in range(p.surfaces):
         # Roots are shown as written unless the motion keeps to them.
@@ -109,10 +102,7 @@ def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     Of the surfaces (K,), then of the laws (L,).
     """
-    slides = p.slides
-    share = p.share
-    least = p.least
-    most = p.most
+    slides, share, least, most = p.slides, p.share, p.least, p.most
     if p.sliding > 0.0:
         combine(t, y, p)
     surfaces(t, y, p, out)
@@ -138,9 +128,7 @@ def pull(t: float, y: Floats, p: Parameters) -> None:
     if sliding == 0:
         return
     width = p.size + p.m
-    found = p.side_fields
-    right = p.right
-    former = p.former
+    found, right, former = p.side_fields, p.right, p.former
     combine(t, y, p)
     weigh(p)
     far = distance(p)
@@ -159,10 +147,7 @@ def pull(t: float, y: Floats, p: Parameters) -> None:
 
 def weigh(p: Parameters) -> None:
     """Leave the slope of each surface that the motion follows where B was."""
-    slides = p.slides
-    starts = p.row_starts
-    J = p.J
-    slopes = p.B
+    slides, starts, J, slopes = p.slides, p.row_starts, p.J, p.B
     for k in range(p.surfaces):
         slopes[k] = 0.0
         if slides[k] == FOLLOWED:
@@ -172,11 +157,7 @@ def weigh(p: Parameters) -> None:
 
 def distance(p: Parameters) -> float:
     """Give how far the state is from the surfaces that it slides along."""
-    residuals = p.residuals
-    rates = p.rates
-    least = p.least
-    most = p.most
-    slopes = p.B
+    residuals, rates, least, most, slopes = p.residuals, p.rates, p.least, p.most, p.B
     far = 0.0
     for k in range(p.surfaces):
         if slopes[k] > 0.0:
@@ -192,8 +173,7 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
     And the shares.
     """
     width = p.size + p.m
-    slides = p.slides
-    fields = p.side_fields
+    slides, fields = p.slides, p.side_fields
     field(t, y, p, fields)
     sliding = int(p.sliding)
     if sliding > 0:
@@ -213,8 +193,7 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 
 def take_side(k: int, which: Floats, p: Parameters) -> None:
     """Put a surface, and what it carries along, on the side p.low or p.high."""
-    side = p.side
-    leader = p.leader
+    side, leader = p.side, p.leader
     for i in range(p.surfaces):
         if i == k or int(leader[i]) == k + 1:
             side[i] = which[i]
@@ -224,10 +203,7 @@ def share_out(sliding: int, p: Parameters) -> None:
     """Find the shares, and what takes the state back onto the surfaces."""
     n = p.n
     width = p.size + p.m
-    slides = p.slides
-    fields = p.side_fields
-    B = p.B
-    right = p.right
+    slides, fields, B, right = p.slides, p.side_fields, p.B, p.right
     i = 0
     for k in range(p.surfaces):
         if slides[k] == FOLLOWED:
@@ -264,13 +240,9 @@ def above(x: float, noise: float) -> float:
 def take_shares(sliding: int, p: Parameters) -> None:
     """Combine the fields; a share that does not keep to its surface becomes -1."""
     width = p.size + p.m
-    slides = p.slides
-    asked = p.asked
-    share = p.share
-    fields = p.side_fields
+    slides, asked, share, fields = p.slides, p.asked, p.share, p.side_fields
     forced = at(fields, p.n)
-    B = p.B
-    right = p.right
+    B, right = p.B, p.right
     i = 0
     for k in range(p.surfaces):
         if slides[k] == FOLLOWED:
@@ -293,9 +265,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
     """Give the size of the terms of row k of J times a (n,)."""
-    starts = p.row_starts
-    places = p.row_columns
-    J = p.J
+    starts, places, J = p.row_starts, p.row_columns, p.J
     found = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
         found += abs(J[e] * a[int(places[e])])
@@ -304,9 +274,7 @@ def extent(k: int, p: Parameters, a: Floats) -> float:
 
 def product(k: int, p: Parameters, a: Floats) -> float:
     """Give row k of J times a (n,)."""
-    starts = p.row_starts
-    places = p.row_columns
-    J = p.J
+    starts, places, J = p.row_starts, p.row_columns, p.J
     found = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
         found += J[e] * a[int(places[e])]
