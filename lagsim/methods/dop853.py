@@ -27,17 +27,17 @@ from lagsim.methods.parts.constraints import (
 from lagsim.methods.parts.control import (
     add_change,
     against,
+    allow_roundoff,
     first_step,
     hardly_moves,
-    keep_rest,
-    look_again,
+    keep_compensation,
     record_measured,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.missed import suspect
+from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DEGENERATE,
@@ -66,7 +66,7 @@ QUADRATURES = True
 
 CONSTRAINED = True
 UNTIL = True
-SLEEPERS = True
+LOCALIZED = True
 SWITCHES = True
 
 STAGES = 16
@@ -132,7 +132,7 @@ def step(s: Dop853, p: Parameters) -> int:
             trouble = NOT_FINITE
         elif error >= 1.0:
             s.h = h / min(SHRINK, error**EXPONENT / SAFETY)
-            if CONSTRAINED and p.least_health < BESIDE * s.health:
+            if CONSTRAINED and p.least_sigma < BESIDE * s.sigma:
                 s.h = max(s.h, ASIDE * h)
             trouble = STEP_TOO_SMALL
         elif CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
@@ -155,9 +155,9 @@ def step(s: Dop853, p: Parameters) -> int:
 
 def attempt(s: Dop853, p: Parameters, h: float) -> float:
     """Make the stages of a step and give its error in units of the tolerance."""
-    t, size, y, k, z, new, left = s.t, s.size, s.y, s.k, s.z, s.new, s.left
+    t, size, y, k, z, new, remainder = s.t, s.size, s.y, s.k, s.z, s.new, s.remainder
     if CONSTRAINED:
-        p.least_health = 1.0
+        p.least_sigma = 1.0
     for stage in unrolled(1, 12):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
@@ -166,23 +166,23 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     s.evaluations += 11.0
     for i in apart(size):
         new[i] = y[i]
-        left[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
+        remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
     add_change(s, p, k, h, new)
     set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
         errors[size + i] = total(ERROR3[j] * k[j * size + i] for j in unrolled(12))
-    health = 1.0
-    if CONSTRAINED and p.least_health < s.close_below:
-        health = p.least_health
+    sigma = 1.0
+    if CONSTRAINED and p.least_sigma < s.close_below:
+        sigma = p.least_sigma
     tolerances = s.tolerances
     error = error_norm(s.n, size, h, errors, tolerances)
     # Perhaps it is nothing but rounding.
     doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, p, h, k))
-    if doubtful and look_again(s, p, h, new, k, health):
+    if doubtful and allow_roundoff(s, p, h, new, k, sigma):
         error = error_norm(s.n, size, h, errors, tolerances)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
@@ -237,8 +237,8 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
     size, y, k, new = s.size, s.y, s.k, s.new
     derivative(s.t + h, new, p, at(k, 12 * size))
-    if SLEEPERS:
-        suspect(s, p, h, y, k, new, at(k, 12 * size))
+    if LOCALIZED:
+        check_features(s, p, h, y, k, new, at(k, 12 * size))
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
@@ -248,7 +248,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), s.z, last)
     row = s.row_start + s.row * s.row_step
     watched = CONSTRAINED and s.watched > 0.0
-    watched = watched or (SLEEPERS and s.suspect > 0.0)
+    watched = watched or (LOCALIZED and s.feature_possible > 0.0)
     if UNTIL or watched or (row < s.row_limit and row < s.t):
         prepare_dense(s, p)
     elif s.extras > 0.0 and s.extra < s.t:
@@ -258,7 +258,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     for i in range(size):
         y[i] = new[i]
         k[i] = k[12 * size + i]
-    keep_rest(s)
+    keep_compensation(s)
     record_measured(s, p)
 
 

@@ -17,7 +17,7 @@ import cmath
 import math
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import project, record_health
+from lagsim.methods.parts.constraints import project, record_sigma
 from lagsim.methods.parts.control import record_sizes
 from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.fixed import next_time, note_sizes
@@ -217,7 +217,7 @@ def step(s: Exponential, p: Parameters) -> int:
         work = s.work
         if project(s, p, after, h, new, work) == 0:
             return PROJECTION_FAILED
-        record_health(s, work[n + 1], h)
+        record_sigma(s, work[n + 1], h)
     for i in range(m - 1):
         y[i] = new[i]
     Q, works_before = s.Q, s.works_before

@@ -285,16 +285,19 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 def conclude(s: Gauss, h: float) -> None:
     """Give the new positions, momenta and work; the velocities go on for a start."""
-    size, n, y, new, rest, momenta = s.size, s.n, s.y, s.new, s.rest, s.momenta
+    size, n, y, new, compensation = s.size, s.n, s.y, s.new, s.compensation
+    momenta = s.momenta
     weights, stages, V, out = s.weights, s.stages, s.V, s.found
     for i in range(size):
         new[i] = y[i]
     for stage in range(stages):
         weight = h * weights[stage]
         forces = at(out, stage * size + n)
-        add(n, new, rest, weight, at(V, stage * n))
-        add(n, momenta, at(rest, n), weight, forces)
-        add(size - 2 * n, at(new, 2 * n), at(rest, 2 * n), weight, at(forces, n))
+        add(n, new, compensation, weight, at(V, stage * n))
+        add(n, momenta, at(compensation, n), weight, forces)
+        add(
+            size - 2 * n, at(new, 2 * n), at(compensation, 2 * n), weight, at(forces, n)
+        )
     for i in range(n):
         new[n + i] = V[(stages - 1) * n + i]
 

@@ -121,7 +121,9 @@ class Composition(Symplectic):
     c3: Floats = array(lambda s: s.size)  # the quintic
     c4: Floats = array(lambda s: s.size)
     c5: Floats = array(lambda s: s.size)
-    left: Floats = array(lambda s: 4 * s.size)  # what is left over at the four points
+    residuals: Floats = array(
+        lambda s: 4 * s.size
+    )  # what is left over at the four points
     z: Floats = array(lambda s: s.size)
 
 
@@ -161,7 +163,7 @@ def step(s: Composition, p: Parameters) -> int:
 
 def make_dense(s: Composition, p: Parameters) -> None:
     """Make the polynomials: the quintic always, r where a row lies within the step."""
-    size, n, r, left = s.size, s.n, s.r, s.left
+    size, n, r, residuals = s.size, s.n, s.r, s.residuals
     for i in range(4 * size):
         r[i] = 0.0
     quintic(s)
@@ -171,7 +173,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
         look_within(s, p)
         for i in range(n):
             for m in unrolled(4):
-                some = total(BEND[m][j] * left[j * size + i] for j in unrolled(4))
+                some = total(BEND[m][j] * residuals[j * size + i] for j in unrolled(4))
                 r[m * size + i] = some
         correct(s, n, 2 * n)
         if size > 2 * n:
@@ -196,7 +198,7 @@ def quintic(s: Composition) -> None:
 def look_within(s: Composition, p: Parameters) -> None:
     """Find what is left over of the accelerations (4, size)."""
     size, n, h, before, slope, c3 = s.size, s.n, s.step_h, s.before, s.slope, s.c3
-    c4, c5, left, z = s.c4, s.c5, s.left, s.z
+    c4, c5, residuals, z = s.c4, s.c5, s.residuals, s.z
     for j in unrolled(4):
         x = NODES[j]
         interpolate(s, x, z)
@@ -204,19 +206,19 @@ def look_within(s: Composition, p: Parameters) -> None:
         s.evaluations += 1.0
         for i in range(n):
             curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
-            left[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
-            left[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
+            residuals[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
+            residuals[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
     """Find what is left over of the powers, on the way now known."""
     size, h = s.size, s.step_h
     first = 2 * s.n
-    left, z = s.left, s.z
+    residuals, z = s.residuals, s.z
     for j in unrolled(4):
         x = NODES[j]
         interpolate(s, x, z)
-        rates = at(left, j * size)
+        rates = at(residuals, j * size)
         power(s.step_t + x * h, z, p, at(rates, first))
         for i in range(first, size):
             rates[i] = h * rates[i] - steepness(s, i, x)
@@ -224,10 +226,10 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 
 def correct(s: Composition, first: int, end: int) -> None:
     """Find r of the components from `first` on whose rates were looked at."""
-    size, r, left = s.size, s.r, s.left
+    size, r, residuals = s.size, s.r, s.residuals
     for i in range(first, end):
         for m in unrolled(4):
-            some = total(RISE[m][j] * left[j * size + i] for j in unrolled(4))
+            some = total(RISE[m][j] * residuals[j * size + i] for j in unrolled(4))
             r[m * size + i] = some
 
 

@@ -30,15 +30,15 @@ from lagsim.methods.parts.constraints import (
 )
 from lagsim.methods.parts.control import (
     against,
+    allow_roundoff,
+    bound_roundoff,
     first_step,
-    look_again,
-    look_at_rounding,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.fixed import Tableau
-from lagsim.methods.parts.missed import suspect
+from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.newton import (
     decompose_pair,
     decompose_real,
@@ -82,7 +82,7 @@ refusal = too_large
 NEEDS = ("jacobian",)
 
 CONSTRAINED = True
-SLEEPERS = True
+LOCALIZED = True
 SPARSE = False  # the matrices of the iterations are; set by the translator
 
 # A step at which Newton's method failed is kept clear of, and grows by this per step.
@@ -161,8 +161,8 @@ def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
     none. An explicit method has stages at a distance.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
-        return time_to_loss(s, p, s.health / s.falling) > 0.0
-    leaves = s.step_h == 0.0 and s.health < s.close_below
+        return time_to_loss(s, p, s.sigma / s.falling) > 0.0
+    leaves = s.step_h == 0.0 and s.sigma < s.close_below
     return leaves or s.passes > 0.0
 
 
@@ -209,7 +209,7 @@ def attempt(s: Radau, p: Parameters, h: float) -> float:
     """
     size, y, new, Z = s.size, s.y, s.new, s.Z
     if CONSTRAINED:
-        p.least_health = 1.0
+        p.least_sigma = 1.0
     set_tolerances(s, p, s.t, y, s.slope, h)
     s.h = 0.5 * h
     if renew(s, p, h) == 0:
@@ -221,11 +221,11 @@ def attempt(s: Radau, p: Parameters, h: float) -> float:
     slope = s.slope
     set_tolerances(s, p, s.t + h, new, slope, h)
     error = estimate(s, p, h)
-    health = 1.0
-    if CONSTRAINED and p.least_health < s.close_below:
-        health = p.least_health
+    sigma = 1.0
+    if CONSTRAINED and p.least_sigma < s.close_below:
+        sigma = p.least_sigma
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and look_again(s, p, h, new, slope, health):
+    if error >= 1.0 and allow_roundoff(s, p, h, new, slope, sigma):
         error = norm(size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
@@ -287,12 +287,12 @@ def accept(s: Radau, p: Parameters, h: float) -> None:
         last[i] = c / h
     s.previous_h = h
     s.evaluations += 1.0
-    if SLEEPERS:
+    if LOCALIZED:
         before = s.z
         for i in range(size):
             before[i] = slope[i]
         derivative(s.t + h, new, p, slope)
-        suspect(s, p, h, y, before, new, slope)
+        check_features(s, p, h, y, before, new, slope)
     else:
         derivative(s.t + h, new, p, slope)
     for i in range(size):
@@ -475,17 +475,17 @@ def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
     A stiff force rounds the state that it is asked at; however often, the iteration
     comes no closer. What the estimate would not let pass is too large for that.
     """
-    size, noise, errors = s.size, s.noise, s.errors
+    size, roundoff, errors = s.size, s.roundoff, s.errors
     if change * s.rtol**0.2 >= 1.0:
         return False
-    if CONSTRAINED and p.least_health < s.close_below:
+    if CONSTRAINED and p.least_sigma < s.close_below:
         return False
-    if s.looked == 0.0:
-        look_at_rounding(s, p, s.t, s.y, s.slope, 1.0)
+    if s.rounding_known == 0.0:
+        bound_roundoff(s, p, s.t, s.y, s.slope, 1.0)
     for i in range(size):
-        errors[i] = noise[i] if i >= s.n else 0.0
-        if s.looked == 0.0:
-            noise[i] = 0.0
+        errors[i] = roundoff[i] if i >= s.n else 0.0
+        if s.rounding_known == 0.0:
+            roundoff[i] = 0.0
     solve_one(s, p, h, errors)
     return change <= norm(size, errors, s.tolerances)
 

@@ -29,7 +29,7 @@ from lagsim.methods.parts.constraints import (
     is_small,
     largest_part,
     project_level,
-    record_health,
+    record_sigma,
 )
 from lagsim.methods.parts.fixed import (
     Fixed,
@@ -80,7 +80,7 @@ MOST = 30
 class Rattle(Fixed):
     """What holds the positions."""
 
-    asked: Floats = array(lambda s: s.size)  # a state to ask at
+    probe: Floats = array(lambda s: s.size)  # a state to ask at
     change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
     history: Floats = array(lambda s: MOST * s.n)  # the steps made so far
 
@@ -167,12 +167,12 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
 
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
-    n, y, asked, work = s.n, s.y, s.asked, s.change
+    n, y, probe, work = s.n, s.y, s.probe, s.change
     for i in range(n):
-        asked[i] = y[i]
-        asked[n + i] = y[n + i] + work[i] / h
+        probe[i] = y[i]
+        probe[n + i] = y[n + i] + work[i] / h
     # The old velocities are tangent: what is taken away is the part that is looked for.
-    velocity_step(s.t, asked, p, work)
+    velocity_step(s.t, probe, p, work)
     for i in range(n):
         moved[i] = -work[i]
 
@@ -203,7 +203,7 @@ def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
     n, new, work = s.n, s.new, s.change
     if project_level(1, s, p, after, h, new, work) == 0:
         return 0
-    record_health(s, work[n + 1], h)
+    record_sigma(s, work[n + 1], h)
     return 1
 
 

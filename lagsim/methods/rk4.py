@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import meet_constraints
-from lagsim.methods.parts.control import add_change, keep_rest
+from lagsim.methods.parts.control import add_change, keep_compensation
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
@@ -77,7 +77,7 @@ def start(s: Rk4, p: Parameters) -> None:
 def step(s: Rk4, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     size, y, k, first, slope, z, new = s.size, s.y, s.stages, s.k, s.slope, s.z, s.new
-    left, t = s.left, s.t
+    remainder, t = s.remainder, s.t
     after = next_time(s)
     h = step_length(s, after)
     for i in range(size):
@@ -89,7 +89,7 @@ def step(s: Rk4, p: Parameters) -> int:
         derivative(t + C[stage] * h, z, p, at(k, stage * size))
     for i in range(size):
         new[i] = y[i]
-        left[i] = h * total(B[j] * k[j * size + i] for j in unrolled(4))
+        remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(4))
     add_change(s, p, first, h, new)
     if not is_finite(size, new):
         return NOT_FINITE
@@ -97,7 +97,7 @@ def step(s: Rk4, p: Parameters) -> int:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 4.0
-    keep_rest(s)
+    keep_compensation(s)
     take(s, p, after)
     return DONE
 

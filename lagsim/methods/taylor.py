@@ -33,20 +33,20 @@ from lagsim.methods.parts.constraints import (
 from lagsim.methods.parts.control import (
     HUGE,
     TIGHT,
+    add_compensated,
     add_drift,
     add_exactly,
-    carry,
+    allow_roundoff,
+    bound_roundoff,
     find_drift,
     foresee,
-    keep_rest,
-    look_again,
-    look_at_rounding,
+    keep_compensation,
     record_measured,
     record_sizes,
     set_tolerances,
 )
 from lagsim.methods.parts.driver import State, usable_step
-from lagsim.methods.parts.missed import suspect
+from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DONE,
@@ -75,7 +75,7 @@ HANDLES = "smooth models, not large; equality constraints"
 NEEDS = ("series",)
 
 CONSTRAINED = True
-SLEEPERS = True
+LOCALIZED = True
 SWITCHES = True
 
 LEAST_ORDER = 4
@@ -121,7 +121,7 @@ def start(s: Taylor, p: Parameters) -> None:
     begin_trials(s)
     record_sizes(s, p)
     rates = at(c, 1 + size)
-    look_at_rounding(s, p, s.t, y, rates, 1.0)
+    bound_roundoff(s, p, s.t, y, rates, 1.0)
     foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest.
     new = s.new
@@ -186,12 +186,12 @@ def conclude(s: Taylor, p: Parameters) -> bool:
     """
     h = s.trial
     # How independent the rows are there, as the projection has left it.
-    health = s.work[s.n + 1]
+    sigma = s.work[s.n + 1]
     error = check(s, p, h)
     if error <= PASSED:
         accept(s, p, h)
         if CONSTRAINED:
-            record_between(s, p, health, h)
+            record_between(s, p, sigma, h)
         return True
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
@@ -216,7 +216,7 @@ def attempt(s: Taylor, p: Parameters, h: float) -> int:
     c = at(s.series, buffer(size, s.which))
     if s.rtol < TIGHT and s.rejected == 0.0:
         find_drift(s, p, at(c, 1 + size), s.drift)
-    reach(s, c, s.rest, h, new)
+    reach(s, c, s.compensation, h, new)
     # Beside that, as each of both sums waits for itself.
     sum_rates(size, 0, c, h, s.rates)
     return 1 if is_finite(size, new) else 0
@@ -237,7 +237,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < 1e300
-    if doubtful and look_again(s, p, h, new, at(c, 1 + size), 1.0):
+    if doubtful and allow_roundoff(s, p, h, new, at(c, 1 + size), 1.0):
         error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     return passable(s, error) if CONSTRAINED else error
 
@@ -249,17 +249,17 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     rates = at(following, 1 + size)
     # First what the next step waits for; what follows here does not.
     next_ = chosen_step(s, following, s.t + h)
-    if SLEEPERS:
+    if LOCALIZED:
         before = at(s.series, buffer(size, s.which) + 1 + size)
-        suspect(s, p, h, y, before, new, rates)
+        check_features(s, p, h, y, before, new, rates)
     if CONSTRAINED:
         s.met = met_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
-    rest, carried = s.rest, s.carried
+    compensation, carried = s.compensation, s.carried
     for i in range(size):
         y[i] = new[i]
-        carried[i] = rest[i]
-    keep_rest(s)
+        carried[i] = compensation[i]
+    keep_compensation(s)
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
@@ -268,7 +268,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
     s.h = next_
     if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
-        look_at_rounding(s, p, s.t, y, rates, 1.0)
+        bound_roundoff(s, p, s.t, y, rates, 1.0)
         set_tolerances(s, p, s.t, y, rates, h)
         s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
@@ -332,7 +332,7 @@ class Taylor(State):
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array(lambda s: s.size)
     rates: Floats = array(lambda s: s.size)  # the series' own at the new state
-    # The rest at the start of the last step, and where tolerances are tight its rate.
+    # The compensation at the start of the last step, and its rate.
     carried: Floats = array(lambda s: s.size)
     drift: Floats = array(lambda s: s.size)
 
@@ -345,28 +345,28 @@ def buffer(size: int, which: float) -> int:
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
-def reach(s: Taylor, c: Floats, rest: Floats, h: float, out: Floats) -> None:
-    """Give the state (size,) at h in a step of series c, and in `left` its own rest.
+def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
+    """Give the state (size,) at h in a step of series c; in `remainder` what it lacks.
 
-    rest : (size,), what the state lacked at the start. At the end of the step this is
+    lost : (size,), what the state lacked at the start. At the end of the step this is
     the new state to the last bit: what lies past a switch there does so here.
     """
-    size, left = s.size, s.left
-    sum_bend(size, c, h, left)
+    size, remainder = s.size, s.remainder
+    sum_bend(size, c, h, remainder)
     if s.rtol < TIGHT:
-        add_exactly(size, at(c, 1), at(c, 1 + size), h, out, left)
+        add_exactly(size, at(c, 1), at(c, 1 + size), h, out, remainder)
         add_drift(s, s.drift, h)
         for i in range(size):
-            left[i] += rest[i]
-        carry(size, out, left, out, left)
+            remainder[i] += lost[i]
+        add_compensated(size, out, remainder, out, remainder)
         return
     for i in range(size):
         before = c[1 + i]
-        change = left[i] + fused(h, c[1 + size + i], rest[i])
+        change = remainder[i] + fused(h, c[1 + size + i], lost[i])
         after = before + change
         moved = after - before
         out[i] = after
-        left[i] = (before - (after - moved)) + (change - moved)
+        remainder[i] = (before - (after - moved)) + (change - moved)
 
 
 def chosen_step(s: State, c: Floats, t: float) -> float:

@@ -95,7 +95,7 @@ def interpolate(s: Symplectic, x: float, out: Floats) -> None:
 
 
 class Symplectic(Fixed):
-    """`new` is the state on its way, and `rest` goes with it."""
+    """`new` is the state between stages; `compensation` goes with it."""
 
 
 STATE = Symplectic
@@ -171,20 +171,20 @@ def depart(s: Symplectic) -> None:
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the positions for a time h, to the time t, and look at the forces there."""
     n, slope, new = s.n, s.slope, s.new
-    add(n, new, s.rest, h, at(new, n))
+    add(n, new, s.compensation, h, at(new, n))
     derivative(t, new, p, slope)
 
 
 def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the velocities, and `work`, by the forces at the positions reached."""
-    size, n, slope, new, rest = s.size, s.n, s.slope, s.new, s.rest
+    size, n, slope, new, compensation = s.size, s.n, s.slope, s.new, s.compensation
     if size > 2 * n:
-        add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
+        add(n, at(new, n), at(compensation, n), 0.5 * h, at(slope, n))
         power(t, new, p, at(slope, 2 * n))
-        add(size - 2 * n, at(new, 2 * n), at(rest, 2 * n), h, at(slope, 2 * n))
-        add(n, at(new, n), at(rest, n), 0.5 * h, at(slope, n))
+        add(size - 2 * n, at(new, 2 * n), at(compensation, 2 * n), h, at(slope, 2 * n))
+        add(n, at(new, n), at(compensation, n), 0.5 * h, at(slope, n))
     else:
-        add(n, at(new, n), at(rest, n), h, at(slope, n))
+        add(n, at(new, n), at(compensation, n), h, at(slope, n))
 
 
 def arrive(s: Symplectic, p: Parameters, t: float) -> None:

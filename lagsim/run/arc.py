@@ -254,7 +254,7 @@ def first_arc(
     state.fixed_step = plan.step or 0.0
     state.longest = longest_step
     state.ask_at = AT_BOUND
-    state.health = state.previous_health = 1.0
+    state.sigma = state.previous_sigma = 1.0
     _set_watch(state, plan)
     until = equations.model.until
     if until is not None:

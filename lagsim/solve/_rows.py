@@ -62,7 +62,7 @@ def keep_lengths(p: Parameters) -> None:
 def reflect(p: Parameters) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
-    Leaves the size of the last column that is independent in general as health. Row k
+    Leaves the size of the last column that is independent in general as sigma. Row k
     of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1. Past the rank that is so, too, as far as anything is left.
     A row is reflected onto the largest of its own entries, which is exchanged into
@@ -74,13 +74,13 @@ def reflect(p: Parameters) -> int:
         places[k] = k
     cutoff = max(RANK, PASSING * p.reference)
     expected = min(n, kept, int(p.expected))
-    p.health = 1.0
+    p.sigma = 1.0
     rank = expected
     reflected = 0
     for k in range(expected):
         best = longest_row(n, k, kept, Y)
         longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
-        p.health = longest
+        p.sigma = longest
         if longest < cutoff:
             rank = min(rank, k)
         if longest == 0.0:
@@ -99,9 +99,9 @@ def reflect(p: Parameters) -> int:
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
         reflected = k + 1
-    if p.least_health >= NOTE:
+    if p.least_sigma >= NOTE:
         note_directions(p, reflected)
-    p.least_health = min(p.least_health, p.health)
+    p.least_sigma = min(p.least_sigma, p.sigma)
     return rank
 
 

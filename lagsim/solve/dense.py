@@ -189,15 +189,15 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the same for the velocities and the rates, with health instead of 0."""
+    """Give the same for the velocities and the rates, with sigma instead of 0."""
     n, largest = p.n, p.largest
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, out)
     out[n] = largest[1]
-    out[n + 1] = p.health
+    out[n + 1] = p.sigma
     out[n + 2] = left_over(1, t, y, p, out)
     keep_lengths(p)
-    p.reference = max(p.reference, p.health)
+    p.reference = max(p.reference, p.sigma)
 
 
 def left_over(level: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:

@@ -22,7 +22,7 @@ def fresh_state(method: ModuleType, y: Any, **words: float) -> Any:
     """Give the state of a method at y; words by their names in it."""
     sizes = {name: int(words.pop(name)) for name in ("n",) if name in words}
     s = method.STATE.made(size=len(y), surfaces=MOST_SURFACES, **sizes)
-    words = {"rtol": 1e-9, "atol": -1.0, "health": 1.0, "fresh": 1.0} | words
+    words = {"rtol": 1e-9, "atol": -1.0, "sigma": 1.0, "fresh": 1.0} | words
     for name, value in ({"row_step": 1.0, "end": 1e9} | words).items():
         setattr(s, name, value)
     s.y[:] = y
@@ -43,7 +43,7 @@ class Plain:
         self.method = method
         self.model = model
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
-        none |= {"SLEEPERS": False, "ADAPTIVE": method.ADAPTIVE}
+        none |= {"LOCALIZED": False, "ADAPTIVE": method.ADAPTIVE}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
         own |= {"interpolate_rates"} if method.ADAPTIVE else set()

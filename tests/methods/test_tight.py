@@ -16,7 +16,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.control import add, add_exactly, carry
+from lagsim.methods.parts.control import add, add_compensated, add_exactly
 from tests.support import MODELS, run
 
 UNIT = 2.0**-53
@@ -62,7 +62,7 @@ def test_a_sum_and_what_is_cut_off_are_exact():
     y = random.normal(size=64)
     change = random.normal(size=64) * 10.0 ** random.uniform(-20, 3, 64)
     out, left = np.zeros(64), np.zeros(64)
-    carry(64, y, change, out, left)
+    add_compensated(64, y, change, out, left)
     for before, more, after, cut in zip(y, change, out, left, strict=True):
         assert after == before + more
         exact = Fraction(float(before)) + Fraction(float(more))

@@ -105,7 +105,7 @@ class System:
         p = Parameters(np.concatenate([p.flat, GUARD]))
         rank = min(n, m) if self.expected is None else self.expected
         p.augmented, p.expected, p.reference = self.augmented, rank, self.reference
-        p.least_health = 1.0
+        p.least_sigma = 1.0
         return y, p, np.zeros(n + 3)
 
     def motion(self, call: Any) -> tuple[Any, Any]:
@@ -313,7 +313,7 @@ def test_health_is_kept_in_mind(call: Any) -> None:
         # Rows of length 1, the second of which pivots to its part across the first.
         u, v = nearly_parallel(angle).A
         sine = np.sqrt(1 - (u @ v) ** 2 / (v @ v)) if angle == 1.0 else angle
-        assert out[6] == p.health == pytest.approx(sine, rel=1e-3)
+        assert out[6] == p.sigma == pytest.approx(sine, rel=1e-3)
         assert p.reference == out[6]
     y, p, out = replace(nearly_parallel(1e-2), reference=0.5).arrays
     call("velocity_step", y, p, out)

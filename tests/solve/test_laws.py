@@ -307,7 +307,7 @@ def test_what_holds_rounds_as_relations_do(seed):
         put(at(out, 0), (x.loads,))
 
     p = Parameters.made(n=N, m=len(rows), size=2 * N, loops=1)
-    p.expected, p.least_health = len(rows), 1.0
+    p.expected, p.least_sigma = len(rows), 1.0
     out = np.zeros(4 * N + ROWS + 3)
     kernel = code.bind(dense.rounding, {"dynamics": dynamics, "loads": loads})
     kernel(0.0, np.zeros(2 * N), p, out)

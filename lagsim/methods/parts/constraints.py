@@ -40,17 +40,17 @@ MOST = 12
 
 
 class Rank(Control):
-    """How independent the constraint rows are, and what a projection began with."""
+    """The rank of the constraint Jacobian, and the residual a projection began with."""
 
-    health: float  # about the smallest singular value of the rows
-    previous_health: float  # before the last step
-    health_slope: float  # the steepest change of it so far
-    close_below: float  # a health below this is close to a loss of rank
-    degenerate_below: float  # at a health below this the kernel returns; 0: never
+    sigma: float  # about the smallest singular value of the scaled Jacobian
+    previous_sigma: float  # before the last step
+    sigma_slope: float  # the steepest change of it so far
+    close_below: float  # sigma below this is close to a loss of rank
+    degenerate_below: float  # at sigma below this the kernel returns; 0: never
     lost_at: float  # where rank was lost last
     watched: float  # 1 if the last step is to be searched for a loss of rank
     passes: float  # 1 where the step tried last was to pass a loss of rank
-    falling: float  # how fast the health fell last, per unit of time
+    falling: float  # how fast sigma fell last, per unit of time
     planned: float  # the step that will pass a loss of rank, once it has room; or 0
     planned_at: float  # when that was planned
     tried: float  # the error of the last step that was to pass and could not; or 0
@@ -65,7 +65,7 @@ def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) ->
     work = s.work
     if project(s, p, t, h, new, work) == 0:
         return 0
-    record_health(s, work[s.n + 1], h)
+    record_sigma(s, work[s.n + 1], h)
     return 1
 
 
@@ -190,15 +190,15 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 
 
 # --- singular configurations: loss of rank of the constraint rows ---------------------
-# The health of a state is about the smallest singular value of the scaled constraint
-# rows. Near a singular configuration what a stage is off the constraints is divided by
-# it, and rounding in a velocity by its square: steps that end there, or shrink on their
-# way there, lose digits, and steps that pass it at a distance lose nothing.
+# sigma is about the smallest singular value of the scaled constraint Jacobian. Near a
+# singular configuration what a stage is off the constraints is divided by it, and
+# rounding in a velocity by its square: steps that end there, or shrink on their way
+# there, lose digits, and steps that pass it at a distance lose nothing.
 
 # A loss of rank is close where the rows' independence falls below this part of what it
 # is in general, or has been.
 CLOSE = 0.03
-# How much faster than it has been seen to the health may change.
+# How much faster than it has been seen to sigma may change.
 MARGIN = 1.5
 # A step over a loss of rank has it at the first fraction, or up to the second, or if it
 # is near at the third, or at once: `dop853` has stages at 0, 0.05, 0.08, 0.12, then
@@ -217,45 +217,45 @@ PASSABLE = 1e-10
 WORST = 1e-6
 ACCEPTED = 0.9
 # A loss ahead is looked for so often, each time half way to where it seems to be: the
-# health falls there by about a half, and by less where it is not going to vanish.
+# sigma falls there by about a half, and by less where it is not going to vanish.
 LOOKS = 3
 FALLS = 0.8
-# This part of the first step tells whether the health falls.
+# This part of the first step tells whether sigma falls.
 GLANCE = 0.1
-# A loss of rank is looked for where the health is less at one of these parts of a step,
+# A loss of rank is looked for where sigma is less at one of these parts of a step,
 # or falls over this first part of it and rises over the last, and located to this part.
 PARTS = 8
 NUDGE = 1e-3
 NARROW = 1e-9
 
 
-def record_health(s: Rank, health: float, h: float) -> None:
-    """Take the independence of the rows after a step of length h.
+def record_sigma(s: Rank, sigma: float, h: float) -> None:
+    """Take sigma after a step of length h.
 
-    The step is searched for a loss of rank where the independence could have fallen to
+    The step is searched for a loss of rank where sigma could have fallen to
     zero and risen again within it, changing as fast as it has been seen to.
     """
-    slope = abs(health - s.health) / h
-    s.falling = (s.health - health) / h
-    s.close_below = max(s.close_below, CLOSE * health)
-    s.health_slope = max(s.health_slope, slope)
+    slope = abs(sigma - s.sigma) / h
+    s.falling = (s.sigma - sigma) / h
+    s.close_below = max(s.close_below, CLOSE * sigma)
+    s.sigma_slope = max(s.sigma_slope, slope)
     s.watched = 0.0
-    if s.health + health <= MARGIN * s.health_slope * h:
+    if s.sigma + sigma <= MARGIN * s.sigma_slope * h:
         s.watched = 1.0
-    s.previous_health = s.health
-    s.health = health
+    s.previous_sigma = s.sigma
+    s.sigma = sigma
 
 
-def record_between(s: Rank, p: Parameters, health: float, h: float) -> None:
+def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
     """Do the same for a method whose steps are long: by way of the middle of the step.
 
-    The health at both ends of one may be the same while it vanishes in between.
+    Sigma at both ends of one may be the same while it vanishes in between.
     """
-    first = s.health
-    record_health(s, health_at(s, p, 0.5), 0.5 * h)
+    first = s.sigma
+    record_sigma(s, sigma_at(s, p, 0.5), 0.5 * h)
     watched = s.watched
-    record_health(s, health, 0.5 * h)
-    s.previous_health = first
+    record_sigma(s, sigma, 0.5 * h)
+    s.previous_sigma = first
     s.watched = max(s.watched, watched)
 
 
@@ -274,7 +274,7 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
         s.planned = s.tried = 0.0
         return h
     whole = min(max(h, s.planned), rest)
-    ahead = s.health / s.falling
+    ahead = s.sigma / s.falling
     s.planned = whole if ahead < NEAR * whole else 0.0
     if ahead >= (1.0 + BETWEEN) * whole:
         return h
@@ -306,12 +306,12 @@ def needs_loops(s: Rank) -> bool:
 def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
 
-    By secants through the health along a parabola from the state reached.
+    By secants through the sigma along a parabola from the state reached.
 
     Parameters
     ----------
     ahead
-        The time by which the health has been falling.
+        The time by which the sigma has been falling.
     """
     size, n, y, rates, z, out = s.size, s.n, s.y, s.spare, s.work, s.ahead
     derivative(s.t, y, p, rates)
@@ -319,7 +319,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     for i in range(n):
         rates[i] = rates[n + i]
     before = 0.0
-    health = s.health
+    sigma = s.sigma
     for _look in range(LOOKS):
         t = before + 0.5 * (ahead - before)
         for i in range(size):
@@ -328,11 +328,11 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
             z[i] = y[i] + t * (y[n + i] + 0.5 * t * rates[i])
             z[n + i] = y[n + i] + t * rates[i]
         velocity_step(s.t + t, z, p, out)
-        if not out[n + 1] < FALLS * health:
+        if not out[n + 1] < FALLS * sigma:
             return 0.0
-        ahead = t + out[n + 1] / (health - out[n + 1]) * (t - before)
+        ahead = t + out[n + 1] / (sigma - out[n + 1]) * (t - before)
         before = t
-        health = out[n + 1]
+        sigma = out[n + 1]
     return ahead
 
 
@@ -348,8 +348,8 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     for i in range(size):
         z[i] = y[i]
     velocity_step(s.t, z, p, out)
-    s.health = out[n + 1]
-    s.previous_health = s.health
+    s.sigma = out[n + 1]
+    s.previous_sigma = s.sigma
     expect_loss(s, p, h)
     while out[n + 1] < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h
@@ -365,8 +365,8 @@ def expect_loss(s: Rank, p: Parameters, h: float) -> None:
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
     velocity_step(s.t + GLANCE * h, z, p, out)
-    s.falling = (s.health - out[n + 1]) / (GLANCE * h)
-    out[n + 1] = s.health
+    s.falling = (s.sigma - out[n + 1]) / (GLANCE * h)
+    out[n + 1] = s.sigma
 
 
 def watch(s: Rank, p: Parameters) -> int:
@@ -386,11 +386,11 @@ def watch(s: Rank, p: Parameters) -> int:
     while high - low > NARROW:
         left = low + (high - low) / 3.0
         right = high - (high - low) / 3.0
-        if health_at(s, p, left) < health_at(s, p, right):
+        if sigma_at(s, p, left) < sigma_at(s, p, right):
             high = right
         else:
             low = left
-    if health_at(s, p, low) < s.lost_below:
+    if sigma_at(s, p, low) < s.lost_below:
         s.lost_at = s.step_t + low * s.step_h
         return 1
     return 0
@@ -399,24 +399,24 @@ def watch(s: Rank, p: Parameters) -> int:
 def lowest_part(s: Rank, p: Parameters) -> float:
     """Give where in the last step the rows are least independent.
 
-    0 where it is somewhere in it, and below 0 where it is at an end. What the health is
+    0 where it is somewhere in it, and below 0 where it is at an end. What the sigma is
     told as jumps a little where rows change their order: close to an end that hides
     whether it falls.
     """
-    lowest = FALLS * min(s.previous_health, s.health)
+    lowest = FALLS * min(s.previous_sigma, s.sigma)
     found = -1.0
     for k in range(1, PARTS):
-        health = health_at(s, p, k / PARTS)
-        if health < lowest:
-            lowest = health
+        sigma = sigma_at(s, p, k / PARTS)
+        if sigma < lowest:
+            lowest = sigma
             found = k / PARTS
-    falls = found < 0.0 and health_at(s, p, NUDGE) < s.previous_health
-    if falls and health_at(s, p, 1.0 - NUDGE) < s.health:
+    falls = found < 0.0 and sigma_at(s, p, NUDGE) < s.previous_sigma
+    if falls and sigma_at(s, p, 1.0 - NUDGE) < s.sigma:
         return 0.0
     return found
 
 
-def health_at(s: Rank, p: Parameters, x: float) -> float:
+def sigma_at(s: Rank, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
     z, out = s.work, s.spare
     interpolate(s, x, z)
@@ -446,13 +446,13 @@ def hides_error(s: Rank, p: Parameters) -> bool:
     constraints determine, but would shrink the steps without end.
     """
     passes = s.passes > 0.0
-    close = p.least_health < s.close_below
+    close = p.least_sigma < s.close_below
     return p.loops > 0 and (passes or close)
 
 
 def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
     """Leave the directions in which projection will move the state after a step."""
-    p.least_health = NOTE
+    p.least_sigma = NOTE
     velocity_step(t, new, p, s.work)
 
 

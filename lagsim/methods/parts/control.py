@@ -4,7 +4,7 @@ The default tolerance of a component is rtol times its own scale: the range that
 gone through, which no shift of the origin and no other body changes, or what its rate
 does in the step. Where forces cancel, what each of them could do counts a little too.
 And no component is controlled below its own rounding: that of its value, and that of
-its rate. The latter is looked at where a step would be rejected: what the rounding of
+its rate. The latter is bounded where a step would be rejected: what the rounding of
 the state does to it, and what is rounded where it is computed. No unit enters: metres
 and millimetres give the same steps.
 """
@@ -42,9 +42,9 @@ WIDTH = 0.7
 # Of the length of an arc: too short to matter.
 INSTANT = 1e-6
 # A value is not known better than this part of itself.
-NOISE = 4.0 * 2.0**-53
-# At tight tolerances the floor is a part of the last place: truncation up to NOISE acts
-# the same way in every step and so outgrows rounding, of which sums lose little.
+ROUNDOFF = 4.0 * 2.0**-53
+# At tight tolerances the floor is a part of the last place: truncation up to ROUNDOFF
+# acts the same way in every step and so outgrows rounding, of which sums lose little.
 FINEST = 2.0**-55
 # Below this a number has no digits to control: some of the smallest steps between two.
 UNDERFLOW = 2.0**-1068
@@ -64,20 +64,20 @@ class Control(Output):
     atol: float  # below 0: rtol times the component's own scale
     energy: float  # the largest kinetic energy or change of potential so far
     potential: float  # at the start of the run
-    lost_below: float  # the rows have lost rank where their `health` is below this
-    looked: float  # 1 once rounding has been looked at in this step
+    lost_below: float  # the rows have lost rank where sigma is below this
+    rounding_known: float  # 1 once its roundoff has been bounded in this step
     sizes: Floats = array(lambda s: s.size)  # the largest of y so far
     # The least and the largest value of each component.
     low: Floats = array(lambda s: s.size, inf)
     high: Floats = array(lambda s: s.size, -inf)
     tolerances: Floats = array(lambda s: s.size)
-    # The terms of each rate, its rounding, what becomes of one at rest at first.
+    # The term magnitudes of each rate, its roundoff bound, what becomes of one at rest.
     parts: Floats = array(lambda s: s.size)
-    noise: Floats = array(lambda s: s.size)
+    roundoff: Floats = array(lambda s: s.size)
     foreseen: Floats = array(lambda s: s.size)
-    # What rounding has cut off of y, and what the step that is made leaves of it.
-    rest: Floats = array(lambda s: s.size)
-    left: Floats = array(lambda s: s.size)
+    # The compensation term of y, and that of the new state.
+    compensation: Floats = array(lambda s: s.size)
+    remainder: Floats = array(lambda s: s.size)
     # What `measure` gives: energies, the diagonal of M, and a 0 in the place of which
     # the sum of M_ii a_i^2 that forces could make is kept.
     measured: Floats = array(lambda s: s.n + 3)
@@ -118,14 +118,15 @@ def record_measured(s: Control, p: Parameters) -> None:
 
 def record_extents(s: Control) -> None:
     """Take the state into the largest sizes: all that a fixed step asks for."""
-    size, y, sizes, low, high, noise = s.size, s.y, s.sizes, s.low, s.high, s.noise
+    size, y, sizes, low, high = s.size, s.y, s.sizes, s.low, s.high
+    roundoff = s.roundoff
     for i in range(size):
         now = y[i]
         sizes[i] = max(sizes[i], abs(now))
         low[i] = min(low[i], now)
         high[i] = max(high[i], now)
-        noise[i] = 0.0
-    s.looked = 0.0
+        roundoff[i] = 0.0
+    s.rounding_known = 0.0
 
 
 def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
@@ -157,7 +158,8 @@ def set_tolerances(
             scale = max(abs(y[i]), abs(new[i]))
             tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
-    low, high, parts, noise, foreseen = s.low, s.high, s.parts, s.noise, s.foreseen
+    low, high, parts, roundoff = s.low, s.high, s.parts, s.roundoff
+    foreseen = s.foreseen
     law_pushes = p.law_pushes
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
@@ -165,7 +167,7 @@ def set_tolerances(
     instant = max(instant, 0.0)
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
-    floor = FINEST if s.rtol < TIGHT else NOISE
+    floor = FINEST if s.rtol < TIGHT else ROUNDOFF
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -179,11 +181,11 @@ def set_tolerances(
         if i < n:
             # Positions: what their velocities do in the step.
             part *= moment
-            noise[i] = max(floor * rate, noise[n + i] * h)
+            roundoff[i] = max(floor * rate, roundoff[n + i] * h)
             sized = max(sized, instant * instant * abs(rates[n + i]))
         sized = max(sized, FLOOR * moment * part)
         rough = floor * max(sizes[i], abs(after))
-        rough = max(rough, noise[i] * h, UNDERFLOW)
+        rough = max(rough, roundoff[i] * h, UNDERFLOW)
         tolerances[i] = max(rtol * sized, rough)
     if p.m > 0:
         share_tolerances(s)
@@ -241,38 +243,38 @@ def limit_works(s: Control, p: Parameters, new: Floats) -> None:
         tolerances[2 * n + k] = max(tolerances[2 * n + k], energies[k])
 
 
-def look_again(
-    s: Control, p: Parameters, h: float, new: Floats, k: Floats, health: float
+def allow_roundoff(
+    s: Control, p: Parameters, h: float, new: Floats, k: Floats, sigma: float
 ) -> bool:
     """Look at the rounding in a step h to `new`, and set the tolerances by it.
 
     Tells whether that had not been done. k : (size,), y' at the start of the step.
     """
-    if s.looked > 0.0:
+    if s.rounding_known > 0.0:
         return False
     size, n, t = s.size, s.n, s.t
-    look_at_rounding(s, p, t, s.y, k, health)
+    bound_roundoff(s, p, t, s.y, k, sigma)
     if SWITCHES and hardly_moves(s, p, h, k):
-        look_between(s, p, h, k)
-    if SWITCHES and health >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
-        look_ahead(s, p, h, k)
+        bound_roundoff_between(s, p, h, k)
+    if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
+        bound_roundoff_ahead(s, p, h, k)
     if size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
-        noise, z = s.noise, s.work
+        roundoff, z = s.roundoff, s.work
         rounding(t + h, new, p, z)
         for i in range(2 * n, size):
             if abs(z[i - n]) < 1e300:
-                noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+                roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
         # Nor has it where rows balance them, or surfaces, but velocities have.
         if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
             worked = p.worked
             for i in range(n):
                 own = 2 * n + int(worked[i])
-                power = abs(s.masses[i]) * s.parts[i] * noise[n + i] * h
+                power = abs(s.masses[i]) * s.parts[i] * roundoff[n + i] * h
                 if own >= 2 * n:
-                    noise[own] = max(noise[own], power)
+                    roundoff[own] = max(roundoff[own], power)
     set_tolerances(s, p, t + h, new, k, h)
-    s.looked = 1.0
+    s.rounding_known = 1.0
     return True
 
 
@@ -282,7 +284,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
     A force that begins at 0, as a power of the time does, gives them a motion without
     any size. One may set the next in motion. k : (size,), y' at the start.
     """
-    size, n, y, noise, foreseen, z = s.size, s.n, s.y, s.noise, s.foreseen, s.work
+    size, n, y, roundoff, foreseen, z = s.size, s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes = s.spare
     instant = INSTANT * (s.end - s.t)
     waiting = 0
@@ -291,7 +293,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
         z[i] = y[i] + instant * k[i]
         if i < n:
             z[i] += instant * instant * k[n + i]
-        elif abs(k[i]) <= noise[i]:
+        elif abs(k[i]) <= roundoff[i]:
             waiting += 1
     while waiting > 0:
         derivative(s.t + instant, z, p, slopes)
@@ -299,8 +301,8 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
         before = waiting
         for i in range(n, size):
             rate = abs(slopes[i])
-            rests = abs(k[i]) <= noise[i] and foreseen[i] == 0.0
-            if rests and noise[i] < rate and rate < 1e300:
+            rests = abs(k[i]) <= roundoff[i] and foreseen[i] == 0.0
+            if rests and roundoff[i] < rate and rate < 1e300:
                 foreseen[i] = instant * rate
                 z[i] = y[i] + instant * slopes[i]
                 if i < 2 * n:
@@ -318,11 +320,11 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     against that change, is within the tolerance.
     """
     size, y, z, slopes = s.size, s.y, s.work, s.spare
-    look_at_rounding(s, p, s.t, y, k, 1.0)
+    bound_roundoff(s, p, s.t, y, k, 1.0)
     foresee(s, p, k)
     span = s.end - s.t
     h = min(EULER * s.row_step, span)
-    part = (LOCAL * max(float(s.rtol), NOISE)) ** (1.0 / order)
+    part = (LOCAL * max(float(s.rtol), ROUNDOFF)) ** (1.0 / order)
     guess = h
     for _ in range(MOST_GUESSES):
         for i in range(size):
@@ -359,24 +361,25 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 # a state, and what small changes of the state do to them.
 #
 # A step adds little to a state, and what is lost of it each time grows with the steps,
-# or faster. The state is y and `rest`, which is smaller than half of y's last place:
-# what is cut off is found exactly and added with the next step (D. E. Knuth, The Art of
-# Computer Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G. Wanner,
-# Geometric Numerical Integration, 2nd ed., section VIII.5: compensated summation).
+# or faster. The state is y + `compensation`, which is smaller than half of y's last
+# place: what is cut off is found exactly and added with the next step (D. E. Knuth, The
+# Art of Computer Programming 2, 3rd ed., section 4.2.2; E. Hairer, C. Lubich and G.
+# Wanner, Geometric Numerical Integration, 2nd ed., section VIII.5: compensated
+# summation).
 #
 # The slopes of a step are those at y alone. Where the tolerance is tight what they lack
 # is found by a difference: that is as much as the rounding of forces does.
 #
-# An arc begins without a rest, as its state is a new one, or given as doubles; so does
-# a step that ends with a projection onto constraints, which rounds all that it moves.
-# And where there are switches there is none: steps that move by less than a last place
-# would sum up to a state on the surface itself, where a root has no slope, instead of
-# leaping over it.
+# An arc begins with a compensation of 0, as its state is a new one, or given as
+# doubles; so does a step that ends with a projection onto constraints, which rounds all
+# that it moves. And where there are switches it stays 0: steps that move by less than a
+# last place would sum up to a state on the surface itself, where a root has no slope,
+# instead of leaping over it.
 CONSTRAINED = True
 SWITCHES = True
 
 # Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_NOISE = 32.0 * 2.0**-53
+RATE_ROUNDOFF = 32.0 * 2.0**-53
 # Of what a relative change of the state by one would do; it is rounded to nearest.
 PROBED = 0.5
 # A relative change of the state this small shows what its rounding does to y'.
@@ -384,13 +387,13 @@ PROBE = 2.0**-36
 # And so does one of some last places. A step that moves by fewer than so many is short.
 ROUNDED = 2.0**-50
 # Of what that does, what rounding leaves in the error estimate.
-SHAKEN = RATE_NOISE * PROBED / ROUNDED
+PERTURBED = RATE_ROUNDOFF * PROBED / ROUNDED
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
 # rounding as can be.
 TIGHT = 5e-14
-# So much larger a rest is a change of y by a relative 1e-8 at most: little beside what
-# bends the forces, and much beside the rounding of y'.
+# So much larger a compensation is a change of y by a relative 1e-8 at most: little
+# beside what bends the forces, and much beside the rounding of y'.
 LARGER = 2.0**26
 
 
@@ -408,25 +411,26 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
     return False
 
 
-def look_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
-    """Take what rounding does to the rates in the middle of a step h for noise too.
+def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> None:
+    """Add the roundoff of the rates in the middle of a step h to the bound.
 
     Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
     step itself may lead anywhere. k : (size,), y' at its start.
     """
-    size, n, y, noise, middle, rates = s.size, s.n, s.y, s.noise, s.look, s.look_rates
+    size, n, y, roundoff, middle = s.size, s.n, s.y, s.roundoff, s.point
+    rates = s.point_rates
     found = s.far_before
     t = s.t + 0.5 * h
     for i in range(size):
         middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
     derivative(t, middle, p, rates)
     s.evaluations += 3.0
-    shake(s, p, t, middle, rates, found)
+    perturb(s, p, t, middle, rates, found)
     for i in range(n, size):
-        noise[i] = max(noise[i], SHAKEN * found[i])
+        roundoff[i] = max(roundoff[i], PERTURBED * found[i])
 
 
-def shake(
+def perturb(
     s: Control, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
 ) -> None:
     """Give what some last places of a state y, to both sides, do to its rates (size,).
@@ -445,51 +449,51 @@ def shake(
                 out[i] = max(out[i], change)
 
 
-def look_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None:
-    """Take what is rounded at the end of a step h for noise too.
+def bound_roundoff_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None:
+    """Add the roundoff at the end of a step h to the bound.
 
     What laws hold, or surfaces, rests against forces that may begin at 0. The step
     itself may lead anywhere. k : (size,), y' at its start.
     """
-    n, y, noise, z, ahead = s.n, s.y, s.noise, s.work, s.look
+    n, y, roundoff, z, ahead = s.n, s.y, s.roundoff, s.work, s.point
     for i in range(s.size):
         ahead[i] = y[i] + h * k[i] if i < n else y[i]
     rounding(s.t + h, ahead, p, z)
     for i in range(n, 2 * n):
         if abs(z[i - n]) < 1e300:
-            noise[i] = max(noise[i], RATE_NOISE * abs(z[i - n]))
+            roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
 
 
-def look_at_rounding(
-    s: Control, p: Parameters, t: float, y: Floats, k: Floats, health: float
+def bound_roundoff(
+    s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float
 ) -> None:
     """Find what rounding leaves in the rates k (size,) at y, for this step.
 
-    From a bound of what is rounded on the way, and from y' nearby. A health below 1 is
+    From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
     that of rows close to a loss of rank, which enlarges the former; y' off the
     constraints says nothing there.
     """
-    size, n, noise, z = s.size, s.n, s.noise, s.work
+    size, n, roundoff, z = s.size, s.n, s.roundoff, s.work
     rounding(t, y, p, z)
-    larger = 1.0 / max(health, float(s.lost_below))
+    larger = 1.0 / max(sigma, float(s.lost_below))
     for i in range(n, size):
-        noise[i] = larger * abs(z[i - n])
-    if health >= 1.0:
+        roundoff[i] = larger * abs(z[i - n])
+    if sigma >= 1.0:
         add_probe(s, p, t, y, k)
     for i in range(n, size):
-        if not noise[i] < 1e300:
-            noise[i] = 0.0
-        noise[i] = RATE_NOISE * (PROBED * abs(k[i]) + noise[i])
+        if not roundoff[i] < 1e300:
+            roundoff[i] = 0.0
+        roundoff[i] = RATE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
 
 
 def add_probe(s: Control, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     """Add what the rounding of the state does to its rates k."""
-    size, n, noise, z, slopes = s.size, s.n, s.noise, s.work, s.spare
+    size, n, roundoff, z, slopes = s.size, s.n, s.roundoff, s.work, s.spare
     move_aside(size, y, PROBE, z)
     derivative(t * (1.0 + PROBE), z, p, slopes)
     s.evaluations += 1.0
     for i in range(n, size):
-        noise[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
+        roundoff[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
@@ -520,29 +524,29 @@ def add_exactly(
 
 
 def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> None:
-    """Add `left` and the rest to a state `new` (size,) that a step h leads to.
+    """Add `remainder` and the compensation to a state `new` (size,) after a step h.
 
     k : (size,), y' at its start. Leaves what is cut off in `left`.
     """
-    size, left, rest = s.size, s.left, s.rest
+    size, remainder, compensation = s.size, s.remainder, s.compensation
     for i in range(size):
-        left[i] += rest[i]
+        remainder[i] += compensation[i]
     if s.rtol < TIGHT:
         drift = s.spare
         find_drift(s, p, k, drift)
         add_drift(s, drift, h)
-    carry(size, new, left, new, left)
+    add_compensated(size, new, remainder, new, remainder)
 
 
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
-    """Give what the rest adds to y' (size,), which is k at y alone."""
-    size, y, rest, z = s.size, s.y, s.rest, s.work
+    """Give what the compensation adds to y' (size,), which is k at y alone."""
+    size, y, compensation, z = s.size, s.y, s.compensation, s.work
     if CONSTRAINED or SWITCHES:
         for i in range(size):
             out[i] = 0.0
         return
     for i in range(size):
-        z[i] = y[i] + LARGER * rest[i]
+        z[i] = y[i] + LARGER * compensation[i]
     derivative(s.t, z, p, out)
     s.evaluations += 1.0
     for i in range(size):
@@ -551,39 +555,41 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
-    """Add to a change what the rest does in a step: it moves as the state does."""
-    size, n, left = s.size, s.n, s.left
+    """Add to a change what the compensation does in a step: it moves as y does."""
+    size, n, remainder = s.size, s.n, s.remainder
     for i in range(size):
-        left[i] += h * drift[i]
+        remainder[i] += h * drift[i]
         if i < n:
-            left[i] += 0.5 * h * h * drift[n + i]
+            remainder[i] += 0.5 * h * h * drift[n + i]
 
 
-def keep_rest(s: Control) -> None:
+def keep_compensation(s: Control) -> None:
     """Take what the step has cut off: it is accepted."""
     if CONSTRAINED or SWITCHES:
-        forget_rest(s)
+        drop_compensation(s)
         return
-    rest, left = s.rest, s.left
+    compensation, remainder = s.compensation, s.remainder
     for i in range(s.size):
-        rest[i] = left[i]
+        compensation[i] = remainder[i]
 
 
-def forget_rest(s: Control) -> None:
+def drop_compensation(s: Control) -> None:
     """Begin with a state as it is."""
-    rest = s.rest
+    compensation = s.compensation
     for i in range(s.size):
-        rest[i] = 0.0
+        compensation[i] = 0.0
 
 
-def add(n: int, y: Floats, rest: Floats, h: float, rate: Floats) -> None:
-    """Add h * rate to y (n,), and keep in `rest` (n,) what rounding cuts off."""
+def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
+    """Add h * rate to y (n,), and keep in `lost` (n,) what rounding cuts off."""
     for i in range(n):
-        rest[i] += h * rate[i]
-    carry(n, y, rest, y, rest)
+        lost[i] += h * rate[i]
+    add_compensated(n, y, lost, y, lost)
 
 
-def carry(n: int, y: Floats, change: Floats, out: Floats, left: Floats) -> None:
+def add_compensated(
+    n: int, y: Floats, change: Floats, out: Floats, left: Floats
+) -> None:
     """Give y + change (n,), and what rounding cuts off of it.
 
     Both results may take the place of what they are made of.

@@ -1,6 +1,6 @@
 """The loop around any method: rows on a grid, `until`, and an orderly return.
 
-Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, SLEEPERS and
+Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, LOCALIZED and
 ADAPTIVE; what a model does not need is left out.
 """
 
@@ -10,17 +10,17 @@ from math import inf, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import clear_of_loss, project, watch
-from lagsim.methods.parts.control import forget_rest
+from lagsim.methods.parts.control import drop_compensation
 from lagsim.methods.parts.missed import (
     BETWEEN,
     GOLDEN,
     Signals,
+    find_defect,
     hardly_varies,
-    look_at_signals,
-    overlooked,
-    stirs,
-    strayed,
-    take_back,
+    may_approach,
+    missed_feature,
+    reject_step,
+    signals_at,
 )
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 CONSTRAINED = True
 UNTIL = True
 SWITCHES = True
-SLEEPERS = True
+LOCALIZED = True
 ADAPTIVE = True
 
 # By then the first steps, which are guessed, have grown to what the motion needs.
@@ -151,7 +151,7 @@ def arrived(s: State, p: Parameters) -> int:
         return DONE
     if s.feature_width > 0.0 and s.t >= s.feature_end:
         return FEATURE_PASSED
-    if CONSTRAINED and s.health < s.degenerate_below:
+    if CONSTRAINED and s.sigma < s.degenerate_below:
         return DEGENERATE
     return NOWHERE
 
@@ -159,13 +159,13 @@ def arrived(s: State, p: Parameters) -> int:
 def has_missed(s: State, p: Parameters) -> int:
     """Take the last step back where it missed something; tell whether it did."""
     x = 0.0
-    if SLEEPERS and s.suspect > 0.0:
-        x = overlooked(s, p)
+    if LOCALIZED and s.feature_possible > 0.0:
+        x = missed_feature(s, p)
     if x == 0.0:
-        x = strayed(s, p)
+        x = find_defect(s, p)
     if x == 0.0:
         return 0
-    take_back(s, x)
+    reject_step(s, x)
     return 1
 
 
@@ -278,7 +278,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
 def begin(s: State, p: Parameters) -> None:
     """Begin an arc if this is one."""
     if s.fresh > 0.0:
-        forget_rest(s)
+        drop_compensation(s)
         start(s, p)
         if UNTIL:
             arm(s, p, s.work)
@@ -475,34 +475,35 @@ def record_speed(
 
 
 # --- events: the first switch, or `until`, within a step ------------------------------
-# Each surface has a margin: how far the state is from leaving the mode it is in; so has
-# `until`, while it is false. A step is looked at several times, and once more between
-# two looks: where that is not what the values and slopes at both ends tell, looks come
-# closer until it is. A margin that has become negative, and by the slopes one that has
-# been so in between (a touch, a narrow pulse), ends the step. The first moment is
-# located by bisection on the dense output, to the last bit. A step that wants more
-# looks than there may be ends where they do, and the next one begins there.
+# Each surface has an event function, its margin: how far the state is from leaving the
+# mode it is in; so has `until`, while it is false. Margins are evaluated at several
+# points of a step, and once more between each two: where the value there does not
+# follow from values and slopes at both, the points come closer until it does. A margin
+# that has become negative, and by the slopes one that has been so in between (a touch,
+# a narrow pulse), ends the step. The first root is located by bisection on the dense
+# output, to the last bit. A step that needs more points than are allowed ends where
+# they do, and the next one begins there.
 
-# A step is looked at at least this often.
-LOOKS = 8
-# Slopes are differences over this part of the way between looks: closer than anything
+# Event functions are evaluated at so many points of a step at least.
+POINTS = 8
+# Slopes are differences over this part of the way between points: closer than anything
 # that a method resolves.
 BESIDE = 2.0**-10
-# A margin is known between two looks where that in the middle is what the ends tell up
+# A margin is known between two points where that in the middle is what the ends tell up
 # to the first part of how it varies, or the last of the least of it; the slope there
-# counts as the second says. Of looks that are too far apart one of both may agree by
+# counts as the second says. Of points that are too far apart one of both may agree by
 # chance, hardly both.
 KNOWN = 0.1
 TURNED = 0.25
 CLEAR = 0.25
-# Looks come no closer than this, and there are so many in a step.
+# Points come no closer than this, and there are so many in a step.
 FINEST = 2.0**-14
-# Or than this about where a function wakes; this many times it where looks have run out
+# Or than this about a localized term; this many times it where points have run out
 # before this part of the step: so many steps at most for one.
 NARROWEST = 2.0**-40
 COARSER = 16.0
 LEAST_PART = 2.0**-5
-MOST_LOOKS = 2000
+MOST_POINTS = 2000
 # A least margin is located to this part of the stretch it lies in: its own error is of
 # the square of that.
 NARROW = 1e-8
@@ -539,11 +540,11 @@ def armed(s: State, p: Parameters) -> float:
     From then on it counts.
     """
     if s.equation > 0.0:
-        value = until_at(s, p, BESIDE / LOOKS)
+        value = until_at(s, p, BESIDE / POINTS)
         s.orientation = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
         return 0.0 if s.orientation != 0.0 else -1.0
-    for look in range(LOOKS + 1):
-        x = look / LOOKS
+    for point in range(POINTS + 1):
+        x = point / POINTS
         if until_at(s, p, x) < 0.0:
             s.orientation = -1.0
             return x
@@ -563,10 +564,10 @@ def search(s: State, p: Parameters, low: float) -> None:
     """Go through the last step from its fraction `low` on."""
     count = watched(p)
     first, middle, last = s.margins_first, s.margins_middle, s.margins_last
-    widest = 2.0 / LOOKS
+    widest = 2.0 / POINTS
     width = widest
     narrowest = NARROWEST
-    looks = 0
+    points = 0
     high = 0.0
     sample(s, p, low, BESIDE * width, first)
     while low < 1.0 and high == 0.0:
@@ -574,10 +575,10 @@ def search(s: State, p: Parameters, low: float) -> None:
         half = low + BETWEEN * (x - low)
         sample(s, p, half, -BESIDE * width, middle)
         sample(s, p, x, -BESIDE * width, last)
-        looks += 2
+        points += 2
         clear = x - low < FINEST or known(s, p, x - low)
-        if SLEEPERS and clear and x - low > narrowest:
-            clear = nothing_stirs(s, p, low, x)
+        if LOCALIZED and clear and x - low > narrowest:
+            clear = none_approaches(s, p, low, x)
         if clear:
             high = first_end(s, p, low, half, first, middle)
             if high > 0.0:
@@ -592,35 +593,35 @@ def search(s: State, p: Parameters, low: float) -> None:
                 first[i] = last[i]
             low = x
             width = min(2.0 * width, widest)
-        elif looks >= MOST_LOOKS and low > LEAST_PART:
+        elif points >= MOST_POINTS and low > LEAST_PART:
             s.cut = low
             s.t = s.step_t + low * s.step_h
             return
         else:
-            if looks >= MOST_LOOKS:
-                looks = 0
+            if points >= MOST_POINTS:
+                points = 0
                 narrowest *= COARSER
             width = 0.5 * (x - low)
             sample(s, p, low, BESIDE * width, first)
 
 
-def nothing_stirs(s: State, p: Parameters, low: float, x: float) -> bool:
-    """Tell whether nothing comes closer to waking inside a stretch than at its ends.
+def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
+    """Tell whether no signal comes closer inside a stretch than at its ends.
 
-    A margin that is made of one would be flat at every look.
+    A margin that is made of one would be flat at every point.
     """
     count = s.signals
-    look_at_signals(s, p, low, s.signals_first)
-    look_at_signals(s, p, low + BETWEEN * (x - low), s.signals_middle)
-    look_at_signals(s, p, x, s.signals_last)
+    signals_at(s, p, low, s.signals_first)
+    signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
+    signals_at(s, p, x, s.signals_last)
     still = True
     for k in range(count):
-        if still and stirs(s, k, (x - low) * s.step_h):
+        if still and may_approach(s, k, (x - low) * s.step_h):
             still = hardly_varies(s, p, k, x)
     return still
 
 
-def look(s: State, p: Parameters, x: float) -> None:
+def events_at(s: State, p: Parameters, x: float) -> None:
     """Leave the margins at the fraction x of the last step."""
     z, now = s.work, s.margins
     t = s.step_t + x * s.step_h
@@ -639,10 +640,10 @@ def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> Non
     """Give margins and slopes (2 C,) at the fraction x of the last step."""
     count = watched(p)
     now = s.margins
-    look(s, p, x + beside)
+    events_at(s, p, x + beside)
     for k in range(count):
         out[count + k] = now[k]
-    look(s, p, x)
+    events_at(s, p, x)
     for k in range(count):
         out[k] = now[k]
         out[count + k] = (out[count + k] - now[k]) / beside
@@ -733,7 +734,7 @@ def first_end(
 
 def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
     """Give one margin at the fraction x of the last step."""
-    look(s, p, x)
+    events_at(s, p, x)
     return float(s.margins[k])
 
 

@@ -7,8 +7,8 @@ from math import floor
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.control import (
-    NOISE,
-    look_at_rounding,
+    ROUNDOFF,
+    bound_roundoff,
     record_extents,
     record_sizes,
 )
@@ -93,13 +93,13 @@ def judge(
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
     """Tell whether changes of the velocities v (n,) are what rounding makes of them."""
     n = s.n
-    if s.looked == 0.0:
-        look_at_rounding(s, p, s.t, s.y, s.k, 1.0)
-        s.looked = 1.0
-    noise = at(s.noise, n)
+    if s.rounding_known == 0.0:
+        bound_roundoff(s, p, s.t, s.y, s.k, 1.0)
+        s.rounding_known = 1.0
+    roundoff = at(s.roundoff, n)
     most = 0.0
     for i in range(n):
-        known = NOISE * abs(v[i]) + h * noise[i]
+        known = ROUNDOFF * abs(v[i]) + h * roundoff[i]
         if not abs(change[i]) <= known:
             most = 1.0
     return most == 0.0

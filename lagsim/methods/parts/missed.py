@@ -1,15 +1,15 @@
-"""Looks into a step for functions that wake within it.
+"""Missed-feature check and defect check of an accepted step.
 
-A step whose ends and stages see nothing may have leapt over a hill, a wall or a gate
-that is flat to rounding where they lie. What wakes such a function is its argument (a
-signal): smooth, and resolved by the step. From its values and rates at both ends and
-between them follows whether it comes closer to waking inside than at either end. Only
-then the dense output is searched for the closest approach, and y' from the equations is
-compared there, and on its shoulders, with the slope of the dense output. Where they
-differ by more than the tolerance allows, the step is taken back and made half as long
-as the way to that place.
+A localized term (a hill, a wall, a gate) is flat to rounding except where its argument,
+the signal, is close to one value; ends and stages of a step may all lie where it is
+flat. A signal is smooth, and resolved by the step: from its values and rates at both
+ends and between them follows whether it comes closer to that value inside than at
+either end. Only then the dense output is searched for the closest approach, and y' from
+the equations is compared there, and on its shoulders, with the slope of the dense
+output. Where they differ by more than the tolerance allows, the step is rejected, and
+the next is half as long as the way to that place.
 
-A signal tells how far a function is from waking, in powers of e: its `distance`.
+The distance of a signal is the logarithm of how far below one its term is, base e.
 """
 
 from __future__ import annotations
@@ -18,7 +18,13 @@ from math import log, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import Rank
-from lagsim.methods.parts.control import RATE_NOISE, ROUNDED, SHAKEN, move_aside, shake
+from lagsim.methods.parts.control import (
+    PERTURBED,
+    RATE_ROUNDOFF,
+    ROUNDED,
+    move_aside,
+    perturb,
+)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     derivative,
@@ -40,10 +46,10 @@ SMALL = 2.0
 LARGE = 3.0
 
 # A function that becomes e^1.4, four times, larger inside a step than at either end is
-# looked at; less than that the stages of a step see.
-WAKES = 1.4
-# Between both ends a step is looked at here, not in the middle: what repeats itself may
-# do so twice.
+# searched for; less than that the stages of a step see.
+APPROACH = 1.4
+# Between both ends signals are evaluated here, not in the middle: a period may be half
+# of the step.
 BETWEEN = 0.6180339887498949
 # A signal there is known from the ends up to this part of its range; its rate
 # counts as the second says.
@@ -57,10 +63,11 @@ FOOT = 8.0
 DOUBLINGS = 60
 # A closest approach is found well enough once the distance changes by less than this.
 FLAT = 0.1
+# Multiples of it, less their whole parts, are spread evenly, too.
 GOLDEN = 0.6180339887498949
 SEARCH = 80
-# Looks at the signals of one step, at most; what needs more has to be shorter.
-MOST_LOOKS = 400
+# Signals are evaluated at so many points of a step; one that needs more is too long.
+MOST_POINTS = 400
 # Nothing is divided further, and a step not shortened to less than the second.
 FINEST = 2.0**-12
 PART = 0.25
@@ -78,8 +85,8 @@ class Signals(Rank):
     """Arguments of localized terms at points of a step; what a rejected step resets."""
 
     signals: int
-    suspect: float  # 1 if the last step is to be searched for a missed feature
-    doubted: float  # the row at which the last defect was found
+    feature_possible: float  # 1 if the last step is to be searched for a missed feature
+    defect_row: float  # the row at which the last defect was found
     most_step: float  # no step is longer until one has been made; 0: no such limit
     # Of each signal: its kind, the power that goes with it, the farthest it has been
     # since it was close; at three points and beside one values, then rates.
@@ -96,7 +103,7 @@ class Signals(Rank):
     high_before: Floats = array(lambda s: s.size)
 
 
-def suspect(
+def check_features(
     s: Signals,
     p: Parameters,
     h: float,
@@ -105,11 +112,11 @@ def suspect(
     new: Floats,
     new_rates: Floats,
 ) -> None:
-    """Set SUSPECT where a signal may come close to waking within a step from T.
+    """Set `feature_possible`: a signal may come close to its value within a step.
 
     From y and y' (size,) at both ends, between which both are interpolated.
     """
-    size, n, count, z, rates = s.size, s.n, s.signals, s.look, s.look_rates
+    size, n, count, z, rates = s.size, s.n, s.signals, s.point, s.point_rates
     for i in range(size):
         z[i] = old[i]
         rates[i] = old_rates[i]
@@ -134,14 +141,14 @@ def suspect(
             z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
         rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
     signals(s.t + BETWEEN * h, z, p, s.signals_middle)
-    s.suspect = 0.0
+    s.feature_possible = 0.0
     for k in range(count):
-        if stirs(s, k, h):
-            s.suspect = 1.0
+        if may_approach(s, k, h):
+            s.feature_possible = 1.0
 
 
-def stirs(s: Signals, k: int, h: float) -> bool:
-    """Tell whether signal k may come closer to waking inside a step than at its ends.
+def may_approach(s: Signals, k: int, h: float) -> bool:
+    """Tell whether the distance of signal k may be less inside a step than at its ends.
 
     Or is not known from its ends.
     """
@@ -157,13 +164,13 @@ def stirs(s: Signals, k: int, h: float) -> bool:
     dip = min(first, max(middle, right, last)) - left
     dip = max(dip, min(max(first, left), max(right, last)) - middle)
     dip = max(dip, min(max(first, left, middle), last) - right)
-    return dip > WAKES
+    return dip > APPROACH
 
 
 def goes_one_way(s: Signals, k: int, h: float) -> bool:
     """Tell whether signal k only rises or only falls in a step, and is never 0.
 
-    Then it is closest to waking at an end. From its polygons: a cubic between two looks
+    Then its distance is least at an end. From its polygons: a cubic between two points
     turns no oftener than a, a + A/3, b - B/3, b do.
     """
     rate = s.signals + k
@@ -183,7 +190,7 @@ def goes_one_way(s: Signals, k: int, h: float) -> bool:
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Give how far a signal is from waking what it wakes, in powers of e."""
+    """Give the distance of a signal u: powers of e by which its term is below one."""
     if kind == LARGEST:
         return -power * u
     if kind == NEAR_ZERO:
@@ -193,9 +200,9 @@ def distance(kind: float, power: float, u: float) -> float:
     return -power * log(max(abs(u), TINY))
 
 
-def away(s: Signals, k: int, at_look: Floats) -> float:
-    """Give that of signal k at a look."""
-    return distance(s.kinds[k], s.powers[k], at_look[k])
+def away(s: Signals, k: int, at_point: Floats) -> float:
+    """Give the distance of signal k, from the signals (2 K,) at a point."""
+    return distance(s.kinds[k], s.powers[k], at_point[k])
 
 
 def known(s: Signals, k: int, width: float) -> bool:
@@ -225,7 +232,7 @@ def known(s: Signals, k: int, width: float) -> bool:
 
 
 def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Give the least distance of signal k on the cubic between two looks."""
+    """Give the least distance of signal k on the cubic between two points."""
     kind = s.kinds[k]
     power = s.powers[k]
     a = left[k]
@@ -254,54 +261,54 @@ def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> fl
     return least
 
 
-def overlooked(s: Signals, p: Parameters) -> float:
-    """Give a place in the last step, as a fraction, where y' is not what it should be.
+def missed_feature(s: Signals, p: Parameters) -> float:
+    """Give a fraction of the last step at which the dense output misses a feature.
 
-    Or 0 where there is none. What cannot be searched by MOST_LOOKS looks counts too.
+    Or 0 where there is none. A step that cannot be searched by MOST_POINTS counts too.
     """
     count, h, first, last = s.signals, s.step_h, s.signals_first, s.signals_last
     farthest = s.farthest
-    look_at_signals(s, p, 0.0, first)
+    signals_at(s, p, 0.0, first)
     for k in range(count):
         farthest[k] = away(s, k, first)
     low = 0.0
     width = 0.5
-    looks = 0
+    points = 0
     while low < 1.0:
         high = min(low + width, 1.0)
-        look_at_signals(s, p, high, last)
-        look_at_signals(s, p, low + BETWEEN * (high - low), s.signals_middle)
-        looks += 2
+        signals_at(s, p, high, last)
+        signals_at(s, p, low + BETWEEN * (high - low), s.signals_middle)
+        points += 2
         clear = True
         for k in range(count):
             if clear and not known(s, k, (high - low) * h):
                 clear = hardly_varies(s, p, k, high)
         if clear or high - low < FINEST:
-            found = visit(s, p, low, high)
+            found = search_stretch(s, p, low, high)
             if found > 0.0:
                 return found
             for i in range(2 * count):
                 first[i] = last[i]
             low = high
             width = 2.0 * width
-        elif looks >= MOST_LOOKS:
+        elif points >= MOST_POINTS:
             return max(high, PART)
         else:
             width = 0.5 * (high - low)
     return 0.0
 
 
-def look_at_signals(s: Signals, p: Parameters, x: float, out: Floats) -> None:
+def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
-    z = s.look
+    z = s.point
     slopes(s, x)
     interpolate(s, x, z)
     signals(s.step_t + x * s.step_h, z, p, out)
 
 
 def slopes(s: Signals, x: float) -> None:
-    """Leave the slope of the dense output as that of the look."""
-    size, z, rates, a, b = s.size, s.look, s.look_rates, s.far_before, s.far_after
+    """Leave the slope of the dense output in `point_rates`."""
+    size, z, rates, a, b = s.size, s.point, s.point_rates, s.far_before, s.far_after
     c = s.near_before
     interpolate(s, x - 2.0 * BESIDE, a)
     interpolate(s, x + 2.0 * BESIDE, b)
@@ -312,8 +319,8 @@ def slopes(s: Signals, x: float) -> None:
         rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
 
 
-def visit(s: Signals, p: Parameters, low: float, high: float) -> float:
-    """Look where a signal comes close between two looks; give what `overlooked` does.
+def search_stretch(s: Signals, p: Parameters, low: float, high: float) -> float:
+    """Search between two points for signals that come close, see `missed_feature`.
 
     Keeps how far each has been since.
     """
@@ -326,16 +333,18 @@ def visit(s: Signals, p: Parameters, low: float, high: float) -> float:
             closest(s, k, middle, s.signals_last, (1.0 - BETWEEN) * width),
         )
         end = away(s, k, s.signals_last)
-        if farthest[k] - least > WAKES and found == 0.0:
-            found = visited(s, p, k, low, high)
+        if farthest[k] - least > APPROACH and found == 0.0:
+            found = search_approach(s, p, k, low, high)
             if end - least > FLAT:
                 farthest[k] = least
         farthest[k] = max(farthest[k], end)
     return found
 
 
-def visited(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
-    """Look at the closest approach of signal k in [low, high], and around it."""
+def search_approach(
+    s: Signals, p: Parameters, k: int, low: float, high: float
+) -> float:
+    """Compare slopes at the closest approach of signal k in [low, high], and around."""
     x = approach(s, p, k, low, high)
     if high - x < AT_END * (high - low):
         return 0.0  # it comes closer still, or the next step begins there
@@ -363,7 +372,7 @@ def visited(s: Signals, p: Parameters, k: int, low: float, high: float) -> float
 
 
 def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
-    """Give where signal k is closest to waking in [low, high], by golden section."""
+    """Give where signal k is closest in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = apart(s, p, k, left)
@@ -386,54 +395,53 @@ def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> floa
 
 def apart(s: Signals, p: Parameters, k: int, x: float) -> float:
     """Give the distance of one signal at the fraction x of the last step."""
-    interpolate(s, x, s.look)
-    signals(s.step_t + x * s.step_h, s.look, p, s.signals_middle)
+    interpolate(s, x, s.point)
+    signals(s.step_t + x * s.step_h, s.point, p, s.signals_middle)
     return away(s, k, s.signals_middle)
 
 
 def is_missed(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether the last step has missed something there."""
+    """Tell whether the last step has missed a feature at its fraction x."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
 
 
 # --- defect check: the dense output against y' from the equations ---------------------
-# A row shows q'' from the equations beside a state from the dense output. Where that
-# does not move by it, the step has passed over something that neither its stages nor
-# its series saw, whatever it is made of; it is taken back.
+# The defect at a row is y' from the equations less the slope of the dense output. Where
+# it is too large, the step has passed over a feature that neither its stages nor its
+# series saw, whatever its form; it is rejected.
 #
-# Of the rows in a step every tenth is asked: nothing that shows in ten rows is missed,
-# and where no step has so many it costs nothing. What is taken back without need is not
-# made shorter than five rows by that; towards the row that differed last, than LEAST of
-# one.
+# Of the rows in a step every tenth is checked: no feature of ten rows is missed, and
+# where no step has so many the check costs nothing. A step that is rejected without
+# need is not made shorter than five rows by that; towards the last row with a defect,
+# than LEAST of one.
 
-# In output steps. To ask costs about as much as a row.
+# In output steps. A check costs about as much as a row.
 APART = 10.0
 LEAST = 2.0**-4
-# What y' and the dense output's slope differ by in a step, in tolerances. Over the
+# The largest defect of a step that has missed nothing, in tolerances. Over the
 # shipped models, all their rows and five tolerances it was up to 14 (taylor), 100
 # (dop853) and 80 (radau), but for what `is_beyond` allows.
 LEFT = 1e3
 # Of what a force does in an output step.
 EXPECTED = 1e-2
-# Multiples of it, less their whole parts, are spread evenly.
 
 
-def strayed(s: Signals, p: Parameters) -> float:
-    """Give a row at which the last step differs, as a fraction of it, or 0."""
+def find_defect(s: Signals, p: Parameters) -> float:
+    """Give a row with a defect, as a fraction of the last step, or 0."""
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
         return 0.0
     reach = min(s.t, s.row_limit)
-    if s.doubted >= s.row and time_of(s, s.doubted) < reach:
-        x = place(s, s.doubted)
+    if s.defect_row >= s.row and time_of(s, s.defect_row) < reach:
+        x = place(s, s.defect_row)
         if x * s.step_h > LEAST * s.row_step and is_off(s, p, x):
             return x
     k = s.row + APART - 1.0
     while time_of(s, k) < reach:
         x = place(s, k)
         if is_off(s, p, x):
-            s.doubted = k
+            s.defect_row = k
             expect(s)
             return x
         k += APART
@@ -441,11 +449,11 @@ def strayed(s: Signals, p: Parameters) -> float:
 
 
 def expect(s: Signals) -> None:
-    """Let what a row shows count as a size of the motion, before it is there.
+    """Let the defect at a row count as a size of the motion, before it is there.
 
     Or the first traces of it would be controlled as finely as denormal numbers are.
     """
-    n, delta, right, slope = s.n, s.row_step, s.asked, s.look_rates
+    n, delta, right, slope = s.n, s.row_step, s.exact_rates, s.point_rates
     sizes = s.sizes_before
     for i in range(n, s.size):
         push = EXPECTED * delta * abs(right[i] - slope[i])
@@ -466,29 +474,30 @@ def place(s: Signals, k: float) -> float:
 
 
 def is_off(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether y' is not the slope of the dense output, for all that may be."""
+    """Tell whether there is a defect beyond rounding and tolerances."""
     if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
         return False
     return is_beyond(s, p, x)
 
 
 def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
-    """Tell whether y', as `differs` has left it, is off by the state's rounding alone.
+    """Tell whether the defect that `differs` has left is the state's rounding alone.
 
     Beside a root no slope tells what that does. most : as there; rounding itself leaves
     no more than it does.
     """
-    slope, right, found, tolerances = s.look_rates, s.asked, s.far_before, s.tolerances
-    shake(s, p, s.step_t + x * s.step_h, s.look, right, found)
+    slope, right, found = s.point_rates, s.exact_rates, s.far_before
+    tolerances = s.tolerances
+    perturb(s, p, s.step_t + x * s.step_h, s.point, right, found)
     for i in range(s.n, s.size):
-        allowed = most * tolerances[i] / s.step_h + SHAKEN * found[i]
+        allowed = most * tolerances[i] / s.step_h + PERTURBED * found[i]
         if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
             return False
     return True
 
 
 def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
-    """Tell whether signal k varies between three looks by no more than may be.
+    """Tell whether signal k varies by rounding and tolerances alone at three points.
 
     That is, than rounding the state does, or moving it by its tolerances, to one side,
     at the last, at x. What a push hands on along a chain at rest goes with ever higher
@@ -498,32 +507,33 @@ def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
     change = float(
         max(abs(s.signals_middle[k] - s.signals_first[k]), abs(b - s.signals_middle[k]))
     )
-    z = s.look
-    noise = 0.0
+    z = s.point
+    most = 0.0
     for way in range(2):
         interpolate(s, x, z)
         move_aside(s.size, z, ROUNDED if way == 0 else -ROUNDED, z)
         move_within(s, 1.0 if way == 0 else -1.0, z)
         signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
-        noise = max(noise, float(abs(s.signals_beside[k] - b)))
-    return change <= noise
+        most = max(most, float(abs(s.signals_beside[k] - b)))
+    return change <= most
 
 
 def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether y', as `differs` has left it, is off by more than may be.
+    """Tell whether the defect that `differs` has left exceeds what tolerances allow.
 
     The state is not known better than to as many tolerances. What a change by that does
     to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
     """
     n = s.n
     t = s.step_t + x * s.step_h
-    z, slope, right, noise, beside = s.look, s.look_rates, s.asked, s.work, s.spare
+    z, slope, right, bounds = s.point, s.point_rates, s.exact_rates, s.work
+    beside = s.spare
     tolerances = s.tolerances
-    rounding(t, z, p, noise)
+    rounding(t, z, p, bounds)
     move_within(s, LEFT, z)
     derivative(t, z, p, beside)
     for i in range(n, s.size):
-        allowed = LEFT * tolerances[i] / s.step_h + RATE_NOISE * abs(noise[i - n])
+        allowed = LEFT * tolerances[i] / s.step_h + RATE_ROUNDOFF * abs(bounds[i - n])
         allowed += abs(beside[i] - right[i])
         if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
             return True
@@ -542,11 +552,11 @@ def move_within(s: Signals, tolerances: float, z: Floats) -> None:
 
 
 def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
-    """Tell whether y' is not the slope of the dense output: by more than that.
+    """Tell whether the defect exceeds `most`, in tolerances; leave both rates.
 
     most : in tolerances.
     """
-    size, z, rates, right = s.size, s.look, s.look_rates, s.asked
+    size, z, rates, right = s.size, s.point, s.point_rates, s.exact_rates
     tolerances = s.tolerances
     interpolate_rates(s, x, rates)
     interpolate(s, x, z)
@@ -558,9 +568,9 @@ def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
     return False
 
 
-def take_back(s: Signals, x: float) -> None:
-    """Take the last step back; the next is half as long as to its fraction x."""
-    size, y, z, sizes, low, high = s.size, s.y, s.look, s.sizes, s.low, s.high
+def reject_step(s: Signals, x: float) -> None:
+    """Reject the last step; the next is half as long as to its fraction x."""
+    size, y, z, sizes, low, high = s.size, s.y, s.point, s.sizes, s.low, s.high
     sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
     interpolate(s, 0.0, z)
     for i in range(size):

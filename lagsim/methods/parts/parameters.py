@@ -9,7 +9,7 @@ from lagsim.native.layout import Memory, array, part
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-# `least_health` at this has the directions of the rows noted.
+# `least_sigma` at this has the directions of the rows noted.
 NOTE = 2.0
 
 # `slides` is this where the motion follows a surface and where one is carried along by
@@ -115,9 +115,9 @@ class Parameters(Memory):
 
     augmented: float  # 1: M alone is singular
     expected: float  # the rank that the rows have in general
-    reference: float  # the largest health so far: what is small is small against it
-    health: float  # size of the last independent column, now
-    least_health: float  # the smallest of it since a kernel set this to 1
+    reference: float  # the largest sigma so far, against which it is small
+    sigma: float  # size of the last independent column, now
+    least_sigma: float  # the smallest of it since a kernel set this to 1
     gain: float  # of what pulls the state to the constraints
     constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
     factored: float  # what of that has been factored

@@ -37,12 +37,12 @@ class Clock(Memory):
     work: Floats = array(lambda s: 2 * s.size + 4)  # for a state ...
     spare: Floats = part("work", lambda s: s.size, lambda s: s.size + 4)  # ... and more
     # A point within the step: y and y' there; states beside it, y' from the equations.
-    look: Floats = array(lambda s: 2 * s.size)
-    look_rates: Floats = part("look", lambda s: s.size, lambda s: s.size)
+    point: Floats = array(lambda s: 2 * s.size)
+    point_rates: Floats = part("point", lambda s: s.size, lambda s: s.size)
     far_before: Floats = array(lambda s: s.size)
     far_after: Floats = array(lambda s: s.size)
     near_before: Floats = array(lambda s: s.size)
-    asked: Floats = array(lambda s: s.size)
+    exact_rates: Floats = array(lambda s: s.size)
 
 
 class Output(Clock):

@@ -258,7 +258,7 @@ class System:
             plan.rank,
             plan.independence,
         )
-        p.health = p.least_health = 1.0
+        p.sigma = p.least_sigma = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
         if self.works:

@@ -176,7 +176,7 @@ class Runner:
         p = self.system.p
         p.reference = self.system.plan.independence
         p.factored = p.noted = 0.0
-        p.health = p.least_health = 1.0
+        p.sigma = p.least_sigma = 1.0
         p.flat[p.place("motion") :] = 0.0
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have none
@@ -246,6 +246,6 @@ def _statics(system: Compiled, name: str) -> dict[str, object]:
         "CONSTRAINED": system.m > 0 and system.plan.projected,
         "UNTIL": system.equations.model.until is not None,
         "SWITCHES": system.watched > 0,
-        "SLEEPERS": bool(system.sleepers),
+        "LOCALIZED": bool(system.sleepers),
         "ADAPTIVE": method(name).ADAPTIVE,
     }
