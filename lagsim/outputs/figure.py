@@ -8,11 +8,13 @@ from __future__ import annotations
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
 
 from lagsim.outputs.letters import mathtext
 from lagsim.outputs.sheet import (
@@ -20,13 +22,17 @@ from lagsim.outputs.sheet import (
     EDGE,
     FAINT,
     HEADING,
+    LINE,
     NORMAL,
     PENS,
     SMALL,
     WIDTH,
+    Pen,
     content,
+    fitted,
     in_house_style,
     mark,
+    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -41,8 +47,9 @@ ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # Inches: of a panel, of one that shows a path, and of what is above and below.
 PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.75
 MAP = 2.6
-# From above: of the line of the title, and of what is below it.
-LINE_OF_TITLE, TITLE = 0.22, 0.3
+# From above: of the line of the title, of what is below it, and of a legend; between
+# panels beside each other, in parts of their width.
+LINE_OF_TITLE, TITLE, LEGEND, APART = 0.22, 0.34, 0.22, 0.08
 COLOURS, NO_RESULT = "viridis", "#999999"
 # Of the largest amplitude, what a spectrum still shows.
 SHOWN = 1e-5
@@ -58,7 +65,12 @@ class Column(NamedTuple):
     @property
     def label(self) -> str:
         """What stands at its axis."""
-        return mathtext(f"{self.name} ({self.unit})" if self.unit else self.name)
+        return self.within(math.inf)
+
+    def within(self, room: float) -> str:
+        """Give the same, cut to so many inches."""
+        text = f"{self.name} ({self.unit})" if self.unit else self.name
+        return mathtext(fitted(text, room))
 
 
 class Picture(Figure):
@@ -85,7 +97,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
             axes.set_aspect("equal", adjustable="datalim")
     panels[-1].set_xlabel(against.label, size=NORMAL)
     found.align_ylabels()
-    _headed(found, title)
+    headed(found, title)
     return found
 
 
@@ -125,42 +137,78 @@ def spectrum_figure(
         ha="right", va="top", multialignment="left",
         bbox={"facecolor": "white", "edgecolor": "none"},
     )  # fmt: skip
-    _headed(found, title, f"spectrum of {up.name.removeprefix('amplitude of ')}")
+    headed(found, title, f"spectrum of {up.name.removeprefix('amplitude of ')}")
     return found
 
 
 @in_house_style
 def map_figure(
-    title: str, across: Column, up: Column, maps: Sequence[Column]
+    title: str,
+    across: Column,
+    up: Column,
+    maps: Sequence[Column],
+    *,
+    subject: str = "",
+    abreast: int = 1,
+    legend: Sequence[tuple[str, Pen]] = (),
+    notes: Sequence[str] = (),
 ) -> Picture:
-    """Draw maps, values (rows, columns), over two others: borders of their cells."""
-    height = MAP * len(maps) + REST
-    found = Picture(figsize=(WIDTH, height), layout="constrained")
-    panels = found.subplots(len(maps), sharex=True, squeeze=False)[:, 0]
-    for axes, column in zip(panels, maps, strict=True):
+    """Draw maps, values (rows, columns), over two others: borders of their cells.
+
+    So many beside each other; of what is nan the ground is seen.
+    """
+    rows = -(-len(maps) // abreast)
+    found = Picture(figsize=(WIDTH, MAP * rows + REST), layout="constrained")
+    panels = found.subplots(rows, abreast, sharex=True, sharey=True, squeeze=False)
+    for axes, column in zip(panels.flat, maps, strict=False):
         axes.set_facecolor(NO_RESULT)
         cells = np.ma.masked_invalid(column.values)
         drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
         bar = found.colorbar(drawn, ax=axes, aspect=15)
-        bar.set_label(column.label, size=NORMAL)
+        bar.set_label(column.within(0.85 * MAP), size=NORMAL)
         bar.ax.tick_params(labelsize=SMALL, length=0.0)
-        axes.set_ylabel(up.label, size=NORMAL)
         axes.tick_params(length=2.0, labelsize=SMALL)
-    panels[-1].set_xlabel(across.label, size=NORMAL)
-    _headed(found, title)
+    for axes in panels.flat[len(maps) :]:
+        axes.remove()
+    for axes in panels[:, 0]:
+        axes.set_ylabel(up.within(0.85 * MAP), size=NORMAL)
+    for axes in panels[-1, : len(maps) - abreast * (rows - 1)]:
+        axes.set_xlabel(across.within(WIDTH / (abreast + 0.5)), size=NORMAL)
+    headed(found, title, subject, legend, notes)
     return found
 
 
-def _headed(found: Figure, title: str, subject: str = "") -> None:
-    """Write a title at the left and what is shown at the right."""
+def headed(
+    found: Figure,
+    title: str,
+    subject: str = "",
+    legend: Sequence[tuple[str, Pen]] = (),
+    notes: Sequence[str] = (),
+) -> None:
+    """Write a title at the left and what is shown at the right, over all panels.
+
+    Under them a legend, of names and pens, and below the panels notes in small print.
+    """
     edge, high = EDGE / WIDTH, found.get_figheight()
+    lines = wrapped(notes, WIDTH - 2 * EDGE)
+    top, low = 1.0 - TITLE / high, LINE * (len(lines) + bool(lines)) / high
+    if legend:
+        samples = [Line2D([], [], **pen) for _, pen in legend]
+        found.legend(
+            samples, [name for name, _ in legend], loc="upper left",
+            bbox_to_anchor=(edge, top), ncols=len(legend),
+        ).set_in_layout(False)  # fmt: skip
+        top -= LEGEND / high
     # Above the panels, and with one line for both to stand on.
     engine = found.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)
-    engine.set(rect=(0.0, 0.0, 1.0, 1.0 - TITLE / high))
+    engine.set(rect=(0.0, low, 1.0, top - low), wspace=APART)
     level = 1.0 - LINE_OF_TITLE / high
-    found.text(edge, level, mathtext(title), size=HEADING, weight="bold")
+    title = mathtext(fitted(title, 0.65 * WIDTH, HEADING, bold=True))
+    found.text(edge, level, title, size=HEADING, weight="bold")
     found.text(1.0 - edge, level, mathtext(subject), ha="right", size=NORMAL, color=DIM)
+    text = "\n".join(map(mathtext, lines))
+    found.text(edge, 0.4 * LINE / high, text, size=SMALL, color=DIM, va="bottom")
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:

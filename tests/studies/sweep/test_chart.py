@@ -15,8 +15,10 @@ from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.grid import parsed
 from lagsim.studies.sweep.runs import Found, Runs, Work, packed
 from lagsim.studies.sweep.sweeping import sweep
-from tests.outputs.drawn import noted
+from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
+
+LONG = PENDULUM.replace("theta", "a" * 40).replace("g:", "b: 1, g:", 1)
 
 
 def found(text, *arguments, ends=False):
@@ -65,10 +67,16 @@ def test_cells_end_half_way(values, edges):
         (PENDULUM, ("g=1", "theta=0.1", "l=1,2")),
         (ON_THE_CURVE, ("u=0.3,0.4",)),  # no start is admissible
         (ON_THE_CURVE, ("u=0.3,0.4", "K=1,2")),
+        (LONG, ("b=1,10,100", f"{'a' * 40}=1,2")),
+        (LONG, (f"{'a' * 40}=1,2",)),
     ],
 )
-def test_every_sweep_has_a_picture(text, arguments):
-    assert drawing.chart(found(text, *arguments)).startswith(b"\x89PNG")
+def test_every_text_of_every_sweep_lies_on_the_sheet_and_over_no_other(text, arguments):
+    seen = drawn(drawing.chart, found(text, *arguments))
+    assert seen.sheet.startswith(b"\x89PNG")
+    # All is drawn twice: what comes first finds the places.
+    seen.texts, seen.panels = seen.texts[len(seen.texts) // 2 :], seen.panels[:0]
+    assert_legible(seen)
 
 
 def test_a_start_value_is_called_so_and_ends_are_points():
