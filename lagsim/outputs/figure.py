@@ -32,6 +32,7 @@ from lagsim.outputs.sheet import (
     fitted,
     in_house_style,
     mark,
+    text_width,
     wrapped,
 )
 
@@ -204,9 +205,11 @@ def headed(
     assert isinstance(engine, ConstrainedLayoutEngine)
     engine.set(rect=(0.0, low, 1.0, top - low), wspace=APART)
     level = 1.0 - LINE_OF_TITLE / high
-    title = mathtext(fitted(title, 0.65 * WIDTH, HEADING, bold=True))
-    found.text(edge, level, title, size=HEADING, weight="bold")
-    found.text(1.0 - edge, level, mathtext(subject), ha="right", size=NORMAL, color=DIM)
+    title = fitted(title, 0.65 * WIDTH, HEADING, bold=True)
+    room = WIDTH - 4 * EDGE - text_width(title, HEADING, bold=True)
+    subject = mathtext(fitted(subject, room))
+    found.text(edge, level, mathtext(title), size=HEADING, weight="bold")
+    found.text(1.0 - edge, level, subject, ha="right", size=NORMAL, color=DIM)
     text = "\n".join(map(mathtext, lines))
     found.text(edge, 0.4 * LINE / high, text, size=SMALL, color=DIM, va="bottom")
 

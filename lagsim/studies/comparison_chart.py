@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.outputs.curves import point, series
+from lagsim.outputs.figure import Column, Picture, headed
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, log_scale, time_scale, value_scale
 from lagsim.outputs.sheet import (
-    EDGE,
-    LINE,
     PENS,
     WIDTH,
     Named,
     Pen,
-    Sheet,
+    content,
     in_house_style,
     mark,
-    wrapped,
 )
 from lagsim.run.observers.thinning import Thinning
 
@@ -34,8 +32,8 @@ if TYPE_CHECKING:
 
 # So many columns are shown.
 MOST = 4
-# Inches: the space for the scales, the panels and what is between them.
-LEFT, TOP, HEIGHT, GAP, BELOW = 0.66, 0.62, 1.35, 0.36, 0.08
+# Inches: a panel with its scales, and what is above and below all of them.
+HEIGHT, REST = 1.6, 0.9
 # Differences so much smaller than the largest are not shown.
 LEAST = 1e-12
 # Rows that are thinned at once.
@@ -100,41 +98,36 @@ def drawn(
     title: str, subject: str, curves: Sequence[Curve], notes: Sequence[str] = ()
 ) -> bytes:
     """Draw columns below each other, and notes; give a PNG."""
-    lines = wrapped(notes, WIDTH - 2 * EDGE)
-    low = TOP + len(curves) * (HEIGHT + GAP) + BELOW
-    sheet = Sheet(WIDTH, low + LINE * len(lines) + (0.16 if lines else 0.0))
-    sheet.heading(title, subject)
-    sheet.notes(low + 0.14, lines)
-    width = WIDTH / 2 - LEFT - EDGE
-    right = WIDTH / 2 + LEFT
-    sheet.legend(LEFT, 0.46, [("golden", GOLDEN), ("new", NEW)], width)
-    entries = [("difference", APART), ("bound", BAND), ("worst", PLACE)]
-    sheet.legend(right - 0.4, 0.46, entries, width + 0.4)
-    for k, (deviation, named, rows) in enumerate(curves):
-        top = TOP + k * (HEIGHT + GAP)
+    found = Picture(figsize=(WIDTH, HEIGHT * len(curves) + REST), layout="constrained")
+    panels = found.subplots(len(curves), 2, squeeze=False)
+    for (worst, (name, unit), rows), (both, off) in zip(curves, panels, strict=True):
         (t, g), (_, n) = rows.series("golden"), rows.series("new")
-        below = ("t", "s") if k + 1 == len(curves) else (" ", "")
-        axes = sheet.panel(
-            (LEFT, top, width, HEIGHT), time_scale(t), value_scale(g, n),
-            below=below, side=(named[0], raised(named[1])), ticks=(5, 5),
-        )  # fmt: skip
-        series(axes, t, g, GOLDEN)
-        series(axes, rows.series("new")[0], n, NEW)
+        value_scale(g, n).put(both, "y", 5)
+        series(both, t, g, GOLDEN)
+        series(both, rows.series("new")[0], n, NEW)
         # The size of the difference, and the band that it has to stay in.
         (t, apart), (times, bound) = rows.series("apart"), rows.series("bound")
         whole = log_scale(apart, bound, margin=0.0, least=0.5)
-        scale = Scale(max(whole.low, LEAST * whole.high), whole.high, log=True)
-        axes = sheet.panel(
-            (right, top, width, HEIGHT), time_scale(t), scale,
-            below=below, side=("|new − golden|", raised(named[1])), ticks=(5, 5),
-            spare=0.3,
-        )  # fmt: skip
+        low = max(whole.low, LEAST * whole.high)
+        Scale(low, whole.high, log=True).put(off, "y", 5)
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
-        axes.fill_between(times, scale.low, bound, **shade, zorder=0.4)
-        series(axes, t, np.where(apart > 0.0, apart, np.nan), APART)
-        if 0.0 < deviation.difference < np.inf:
-            point(axes, deviation.t, deviation.difference, PLACE)
-    return sheet.content()
+        off.fill_between(times, low, bound, **shade, zorder=0.4)
+        series(off, t, np.where(apart > 0.0, apart, np.nan), APART)
+        if 0.0 < worst.difference < np.inf:
+            point(off, worst.t, worst.difference, PLACE)
+        for axes, what in ((both, name), (off, "|new − golden|")):
+            axes.grid(visible=True)
+            time_scale(t).put(axes, "x", 5)
+            axes.set_ylabel(Column(what, raised(unit), t).within(HEIGHT))
+    for axes in panels[-1]:
+        axes.set_xlabel("t (s)")
+    found.align_ylabels()
+    legend = [
+        ("golden", GOLDEN), ("new", NEW), ("difference", APART), ("bound", BAND),
+        ("worst", PLACE),
+    ]  # fmt: skip
+    headed(found, title, subject, legend, notes)
+    return content(found, "png")
 
 
 def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinning:
