@@ -372,7 +372,7 @@ def test_what_nobody_has_foreseen_is_kept_in_a_file(
         raise RuntimeError("unforeseen")
 
     monkeypatch.setenv("LAGSIM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("lagsim.run.session.check", broken)
+    monkeypatch.setattr("lagsim.cli.check.check", broken)
     model = write(PENDULUM)
     called = lagsim("check", model)
     assert (called.code, called.out) == (70, "")

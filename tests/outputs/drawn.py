@@ -51,6 +51,11 @@ class Drawing:
         return [text.said for text in self.texts]
 
 
+def below(letters, subscript):
+    """What matplotlib is given for a name with a subscript."""
+    return rf"{letters}$_\mathrm{{{subscript}}}$"
+
+
 def numbers(axis, part):
     """The numbers of an axis that are seen, with where they stand."""
     ticks = axis.get_major_ticks()[: len(axis.get_majorticklocs())]

@@ -16,7 +16,7 @@ from lagsim.model.model import Scene
 from lagsim.outputs import plots
 from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import DRIFT, Thinning
-from tests.outputs.drawn import against, drawn
+from tests.outputs.drawn import against, below, drawn
 
 EVENT, SHADE = "#444444", "#dddddd"
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
@@ -219,7 +219,11 @@ def test_constraint_forces_and_multipliers():
     columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
     run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
     shown = panels(drawn(plots.constraint_forces, run, ["x", "y"], ["rod"]))
-    assert [p.y.name for p in shown] == ["Qc_x", "Qc_y", "λ_rod"]
+    assert [p.y.name for p in shown] == [
+        below("Qc", "x"),
+        below("Qc", "y"),
+        below("λ", "rod"),
+    ]
     assert [p.y.unit for p in shown] == ["N", "N", ""]
     for p, name in zip(shown, list(columns)[1:], strict=True):
         [[(x, y)]] = p.lines.values()

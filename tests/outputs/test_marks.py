@@ -17,7 +17,7 @@ from lagsim.outputs.events import marked
 from lagsim.outputs.record import Record
 from lagsim.outputs.sheet import DPI
 from lagsim.run.observers.thinning import Thinning
-from tests.outputs.drawn import against, drawn
+from tests.outputs.drawn import against, below, drawn
 
 IMPACTS = MARKS["impact"].top
 
@@ -147,7 +147,7 @@ def test_jumps_are_upright_in_bands_too():
 def test_impulses_are_stems_and_what_is_zero_gives_way():
     drawing = forces(record(events={"impact": [1.0, 2.0]}))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
-    assert labels == ["Qc_y", "λ_floor", "impulse.floor"]
+    assert labels == [below("Qc", "y"), below("λ", "floor"), "impulse.floor"]
     assert "constraint forces and impulses; 3 more are 0" in drawing.written()
     panel = drawing.panels[2]
     low, high = panel.limits[1]
@@ -166,7 +166,7 @@ def test_what_is_zero_gives_way_without_impulses_too():
     columns["lambda_wall"] = 1e-16 * columns["lambda_floor"]
     drawing = forces(record(columns))
     labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
-    assert labels == ["Qc_y", "λ_floor"]
+    assert labels == [below("Qc", "y"), below("λ", "floor")]
     said = "constraint forces Qc and multipliers λ; 2 more are 0"
     assert said in drawing.written()
 
@@ -181,8 +181,8 @@ def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
         assert panel.labels[1] == ""
         places[panel.labels[2]] = (panel.box.x0, panel.box.y0)
     assert len(places) == len(names) + 1
-    for k in "₁₂₃":
-        (left, one), (right, other) = places[f"Qc_x{k}"], places[f"Qc_y{k}"]
+    for k in "123":
+        (left, one), (right, other) = (places[below("Qc", f"{x}{k}")] for x in "xy")
         assert left < right
         assert one == other
 
@@ -224,7 +224,8 @@ def test_equal_scales_count_in_one_power_of_ten():
 def test_friction_is_among_the_multipliers():
     columns = ball(**{"friction.floor": np.sin(T)})
     labels = [p.labels[1] or p.labels[2] for p in forces(record(columns)).panels]
-    assert labels == ["Qc_y", "λ_floor", "friction.floor", "impulse.floor"]
+    multipliers = [below("Qc", "y"), below("λ", "floor")]
+    assert labels == [*multipliers, "friction.floor", "impulse.floor"]
 
 
 def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():
