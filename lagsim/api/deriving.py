@@ -5,6 +5,9 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from lagsim.api.models import model_of
+from lagsim.mechanics import equations
+from lagsim.show.as_python import as_python
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -63,8 +66,6 @@ class Derivation:
     @cached_property
     def python(self) -> str:
         """A module with mass matrix, forces and constraints, without lagsim."""
-        from lagsim.show.as_python import as_python
-
         return as_python(self._equations, __version__)
 
     def __str__(self) -> str:
@@ -102,8 +103,5 @@ def derive(
     InputError
         Where the model has faults.
     """
-    from lagsim.api.models import model_of
-    from lagsim.mechanics.equations import derive
-
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
-    return Derivation(derive(model_of(model), chained=False), options)
+    return Derivation(equations.derive(model_of(model), chained=False), options)

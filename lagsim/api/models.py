@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
+from lagsim.api.arguments import in_python, number_or_text
 from lagsim.errors import LagsimError
+from lagsim.language.evaluate import evaluate_rows
+from lagsim.mechanics.equations import derive
 from lagsim.model.model import Model as Read
+from lagsim.model.reader import TEXT, read, read_file
+from lagsim.outputs.notebook import block, heading, listed, paragraph, table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,8 +58,6 @@ class Accelerations:
     """
 
     def __init__(self, model: Read) -> None:
-        from lagsim.mechanics.equations import derive
-
         e = derive(model, chained=False)
         if e.laws:
             names = ", ".join(f"`{law.constraint}`" for law in e.laws)
@@ -111,8 +114,6 @@ class Accelerations:
 
     def _solved(self, t: Floats, q: Floats, v: Floats, count: int) -> Floats:
         """Solve M q'' - A^T lambda = f, A q'' = b for (q'', -lambda) (count, n + m)."""
-        from lagsim.language.evaluate import evaluate_rows
-
         e = self._equations
         n, m = len(e.q), len(e.rows)
         values: dict[str, float | Floats] = {**self._numbers, "t": t}
@@ -134,8 +135,6 @@ class Accelerations:
         return found
 
     def __repr__(self) -> str:
-        from lagsim.outputs.notebook import block, listed
-
         lines = [("takes", "t, q, q_dot"), ("gives", "q''"),
                  ("q", listed(self._equations.q))]  # fmt: skip
         return block(f"Accelerations of {self._name}", lines)
@@ -203,8 +202,6 @@ class Model(Read):
         InputError
             Where there is no such name, or its value cannot be used.
         """
-        from lagsim.api.arguments import in_python, number_or_text
-
         given = {**(parameters or {}), **(initial or {}), **values}
         for name, value in given.items():
             number_or_text(name, value)
@@ -228,8 +225,6 @@ class Model(Read):
         return Accelerations(self)
 
     def __repr__(self) -> str:
-        from lagsim.outputs.notebook import block, listed
-
         named = [_unit(c.name, c.unit, "({})") for c in self.coordinates]
         values = [_unit(f"{p.name} = {p.value:.6g}", p.unit) for p in self.parameters]
         start = [f"{x.name} = {x.value:.6g}" for x in self.initial]
@@ -242,8 +237,6 @@ class Model(Read):
         return block(f"Model {self.name}", lines)
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.notebook import heading, paragraph, table
-
         start = {x.name: f"{x.value:.6g}" for x in self.initial}
         coordinates = [
             (c.name, start[c.name], start[f"{c.name}_dot"], c.unit, c.description)
@@ -279,8 +272,6 @@ def model_of(source: Read | str | Path) -> Model:
     if isinstance(source, Model):
         return source
     if isinstance(source, (str, Path)):
-        from lagsim.model.reader import TEXT, read, read_file
-
         text = str(source)
         source = read(text, TEXT) if "\n" in text else read_file(text)
     if not isinstance(source, Read):

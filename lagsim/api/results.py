@@ -10,7 +10,21 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
+from lagsim.api.arguments import one_of
+from lagsim.outputs import Format
+from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
+from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.notebook import block, counted, heading, listed, picture, table
+from lagsim.outputs.packed import check_format
+from lagsim.outputs.results import MANIFEST, open_results
+from lagsim.outputs.table import table_writer
 from lagsim.run.error import ErrorBar
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers.moments import Moments
+from lagsim.run.observers.thinning import picture_thinning
+from lagsim.studies.drawing import beside
+from lagsim.studies.spectrum import spectrum
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,8 +68,6 @@ class Error(ErrorBar):
         return new
 
     def _summary(self) -> list[tuple[str, str]]:
-        from lagsim.outputs.notebook import listed
-
         tight = "" if self.rtol is None else f" at rtol {self.rtol:.2g}"
         found = self.coordinates
         worst = sorted(found, key=lambda name: -found[name].relative)
@@ -75,12 +87,9 @@ class Error(ErrorBar):
         return f"{number} {self.units.get(name, '')}".rstrip()
 
     def __repr__(self) -> str:
-        from lagsim.outputs.notebook import block
-
         return block(f"Error of {self.model}", self._summary())
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.notebook import heading, picture, table
         from lagsim.outputs.sheet import content
 
         title = f"Error of {self.model}"
@@ -90,7 +99,6 @@ class Error(ErrorBar):
     def plot(self) -> Figure:
         """Draw the error of each coordinate against time; nothing is shown."""
         from lagsim.outputs.figure import Column, figure
-        from lagsim.outputs.letters import Letters, raised
 
         letters = Letters(self.names)
         columns = [
@@ -148,9 +156,6 @@ def rows_at(made: Attempt, times: Floats) -> Floats:
     ValueError
         Where a time lies outside the run.
     """
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers.moments import Moments
-
     first, last = made.trajectory.start, made.trajectory.end
     outside = ~((times >= first) & (times <= last))
     if outside.any():
@@ -294,7 +299,6 @@ class Result:
             Where there is no such column.
         """
         from lagsim.outputs.figure import Column, figure
-        from lagsim.outputs.letters import Letters, raised
 
         model = self._made.session.case.equations.model
         coordinates = [c.name for c in model.coordinates]
@@ -322,11 +326,8 @@ class Result:
         ValueError
             Where the model has nothing to draw.
         """
-        from lagsim.outputs.animation import NAME, nothing_to_draw
-
         for caution in nothing_to_draw(self._made.session.case.equations.model):
             raise ValueError(caution.text)
-        from lagsim.studies.drawing import beside
 
         page = dict(beside(self._made, None, self._frames()))[NAME]
         if not isinstance(page, bytes):
@@ -335,8 +336,6 @@ class Result:
 
     def _frames(self) -> Frames:
         """Give the rows for the page."""
-        from lagsim.outputs.animation import frames_of
-
         session = self._made.session
         frames = frames_of(session.case.equations, session.system.columns.names)
         frames.add(self._rows)
@@ -352,8 +351,6 @@ class Result:
         InputError
             Where the rows are too few, or not equally spaced.
         """
-        from lagsim.studies.spectrum import spectrum
-
         return spectrum(self.t, self[column], column, self.units[column])
 
     def __repr__(self) -> str:
@@ -367,8 +364,6 @@ class Result:
 
     def _summary(self) -> list[tuple[str, str]]:
         """Say in a few lines what came of it."""
-        from lagsim.outputs.notebook import counted
-
         record, bar, unit = self.record, self.error, self.units["energy"]
         span = f"t = {record['start']:g} to {record['end']:.9g}"
         kept = "energy - work" if "work" in self.columns else "energy"
@@ -392,8 +387,6 @@ class Result:
         ]
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.notebook import heading, picture, table
-        from lagsim.studies.drawing import beside
 
         drawn = dict(beside(self._made, self._thinned()))["trajectory.png"]
         parts = [heading(self._name), table(self._summary())]
@@ -403,8 +396,6 @@ class Result:
 
     def _thinned(self) -> Thinning:
         """Give the rows for pictures."""
-        from lagsim.run.observers.thinning import picture_thinning
-
         session = self._made.session
         model = session.case.equations.model
         thin = picture_thinning(model, session.system.columns.names)
@@ -440,18 +431,9 @@ class Result:
         OSError
             Where there is no room; then the folder is as it was.
         """
-        from lagsim.api.arguments import one_of
-        from lagsim.outputs import Format
-        from lagsim.outputs.manifest import encode
-        from lagsim.outputs.results import MANIFEST, open_results
-        from lagsim.outputs.table import table_writer
-        from lagsim.studies.drawing import beside
-
         known = [x.value for x in Format]
         made, form = self._made, Format(one_of("table", table, known))
         if form is not Format.CSV:
-            from lagsim.outputs.packed import check_format
-
             check_format(form, show_units=units)
         with open_results(Path(folder)) as results:
             path = results.part(form.file)

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from lagsim.api.arguments import given, with_settings
+from lagsim.api.arguments import given, in_python, one_of, with_settings
+from lagsim.api.models import model_of
 from lagsim.api.results import Result
 from lagsim.errors import LagsimError
+from lagsim.outputs.examined import document
+from lagsim.outputs.notebook import counted, heading, table
+from lagsim.run import session
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.observers import Keep
+from lagsim.run.session import Clock, StartError, open_case, wanted
+from lagsim.studies.attempts import Attempts, ErrorBars
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,14 +54,10 @@ class Examination:
         return f"<Examination of {self.record['model']['name']}: {self._verdict()}>"
 
     def _verdict(self) -> str:
-        from lagsim.outputs.notebook import counted
-
         word = "admissible" if self.admissible else "not admissible"
         return f"{word}, {counted(self.degrees_of_freedom, 'degree of freedom')}"
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.notebook import heading, table
-
         parts = [heading(f"{self.record['model']['name']}: {self._verdict()}")]
         rows = [
             (c["name"], c["mode"] or c["kind"], f"{c['residual']:.3g}",
@@ -95,11 +99,7 @@ def check(model: Model | str | Path) -> Examination:
         Where the model has faults, or asks for a method or a formulation that cannot be
         had.
     """
-    from lagsim.api.models import model_of
-    from lagsim.outputs.examined import document
-    from lagsim.run.session import check
-
-    case, choices = check(model_of(model))
+    case, choices = session.check(model_of(model))
     return Examination(document(case.equations, case.examined, choices))
 
 
@@ -148,14 +148,6 @@ def simulate(
     InadmissibleError
         Where the start is not admissible.
     """
-    from lagsim.api.arguments import in_python, one_of
-    from lagsim.api.models import model_of
-    from lagsim.outputs.examined import document
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Keep
-    from lagsim.run.session import Clock, StartError, open_case, wanted
-    from lagsim.studies.attempts import Attempts, ErrorBars
-
     asked = given(options)
     bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
     clock, keep = Clock(), Keep()

@@ -7,7 +7,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lagsim.api.arguments import given, with_settings
+from lagsim.api.arguments import given, in_python, lists, one_of, with_settings
+from lagsim.api.models import model_of
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.notebook import block, heading, listed, picture, table
+from lagsim.outputs.results import open_results
+from lagsim.run.session import wanted
+from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep.grid import grid_of
+from lagsim.studies.sweep.runs import Found, Work, packed
+from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
+from lagsim.studies.sweep.sweeping import sweep as make
+from lagsim.studies.workers import cores
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -18,7 +29,6 @@ if TYPE_CHECKING:
 
     from lagsim.api.arguments import Options
     from lagsim.api.models import Model
-    from lagsim.studies.sweep.runs import Found
 
 
 class Sweep:
@@ -33,8 +43,6 @@ class Sweep:
     """
 
     def __init__(self, found: Found) -> None:
-        from lagsim.studies.sweep.sweeping import cells, document, header
-
         self._found = found
         self.columns: tuple[str, ...] = tuple(header(found))
         rows = [list(cells(found, found.rows[k])) for k in sorted(found.rows)]
@@ -78,10 +86,6 @@ class Sweep:
         OSError
             Where there is no room; then the folder is as it was.
         """
-        from lagsim.outputs.manifest import encode
-        from lagsim.outputs.results import open_results
-        from lagsim.studies.sweep.sweeping import MANIFEST, document, made_of
-
         with open_results(Path(folder), MANIFEST) as results:
             undrawn = [
                 c.record for c in results.fill(made_of(self._found, plots=plots))
@@ -112,16 +116,12 @@ class Sweep:
         return sweep_figure(self._found, {name: self[name] for name in shown})
 
     def __repr__(self) -> str:
-        from lagsim.outputs.notebook import block
-
         name, complete = self.record["model"]["name"], self.record["complete"]
         head = f"Sweep of {name}: {complete} of {len(self)} runs complete"
         return block(head, self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
         """Say what was swept, and which runs have no result."""
-        from lagsim.outputs.notebook import listed
-
         lines = []
         for axis in self._found.grid.axes:
             unit = f" {axis.unit}" if axis.unit else ""
@@ -136,7 +136,6 @@ class Sweep:
         return [*lines, ("columns", listed(self.columns))]
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.notebook import heading, picture, table
         from lagsim.studies.sweep.chart import chart
 
         name, complete = self.record["model"]["name"], self.record["complete"]
@@ -182,15 +181,6 @@ def sweep(
         Where the model has faults, or a name, a value or an option cannot be had. A run
         that cannot begin or finish is a row with its outcome and its reason.
     """
-    from lagsim.api.arguments import in_python, lists, one_of
-    from lagsim.api.models import model_of
-    from lagsim.run.session import wanted
-    from lagsim.studies.attempts import ErrorBars
-    from lagsim.studies.sweep.grid import grid_of
-    from lagsim.studies.sweep.runs import Found, Work, packed
-    from lagsim.studies.sweep.sweeping import sweep as make
-    from lagsim.studies.workers import cores
-
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs={jobs}: 1 or more is expected")
     asked = given(options)

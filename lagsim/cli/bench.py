@@ -25,6 +25,20 @@ from lagsim.cli._shared import (
 from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
+from lagsim.model.reader import read_file
+from lagsim.run.session import open_case, wanted
+from lagsim.studies.bench.solving import SCIPY, GivenUpError
+from lagsim.studies.bench.work_precision import (
+    BUDGET,
+    OUT_OF_TIME,
+    TOLERANCES,
+    Wish,
+    document,
+    files,
+    measure,
+    read_document,
+)
+from lagsim.studies.bench.work_precision import table as rows_table
 
 # Of curves that there was no time for so many are named; the JSON has all.
 MOST_NAMES = 4
@@ -35,7 +49,7 @@ if TYPE_CHECKING:
     from lagsim.cli._writing import Experiment
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.work_precision import Wish, WorkPrecision
+    from lagsim.studies.bench.work_precision import WorkPrecision
 
     Progress = Callable[[float], None] | None
 
@@ -124,11 +138,6 @@ def _measured(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Experiment, Path]:
     """Give what measures a model, and where that goes by default."""
-    from lagsim.model.reader import read_file
-    from lagsim.run.session import open_case, wanted
-    from lagsim.studies.bench.solving import GivenUpError
-    from lagsim.studies.bench.work_precision import document, files, measure
-
     model = read_file(path, overrides)
     case = open_case(model, wanted(model, "bench"))
 
@@ -153,8 +162,6 @@ def _drawn_again(
     ------
     InputError
     """
-    from lagsim.studies.bench.work_precision import Wish, files, read_document
-
     if overrides or wish != Wish(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
@@ -170,7 +177,6 @@ def _written(
     content: dict[str, Any], shown: Any, form: str, summary: Callable[[str], str]
 ) -> Measured:
     """Give what is written of a document; the chart shows these rows."""
-    from lagsim.studies.bench.work_precision import table as rows_table
 
     def draw() -> bytes:
         from lagsim.studies.bench.chart import chart
@@ -194,8 +200,6 @@ def _wish(
     ------
     InputError
     """
-    from lagsim.studies.bench.work_precision import BUDGET, TOLERANCES, Wish
-
     problems: list[Problem] = []
     wanted = None
     if methods is not None:
@@ -213,8 +217,6 @@ def _wish(
 
 
 def _unknown(wanted: tuple[str, ...]) -> list[Problem]:
-    from lagsim.studies.bench.solving import SCIPY
-
     known = [*names(), *SCIPY]
     hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
     return [
@@ -260,8 +262,6 @@ def _summary(model: Model, found: WorkPrecision, files: str) -> str:
 
 def _time(found: WorkPrecision) -> str:
     """Say what all took, and what there was no time for."""
-    from lagsim.studies.bench.work_precision import OUT_OF_TIME
-
     cut = {e.curve: None for e in found.entries if e.outcome == OUT_OF_TIME}
     said = f"{found.seconds:.3g} s of {found.budget:g}"
     if not cut:

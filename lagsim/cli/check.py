@@ -9,6 +9,10 @@ import typer
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, Sets, Strict, assignments, refused, show_json
 from lagsim.cli._streams import complain, say
+from lagsim.cli._verdict import annotate_start, report
+from lagsim.model.reader import read_file
+from lagsim.outputs.examined import document
+from lagsim.run.session import check
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,11 +60,6 @@ def _one(
     documents: list[Any] | None,
 ) -> int:
     """Check one model; give the exit code."""
-    from lagsim.cli._verdict import report
-    from lagsim.model.reader import read_file
-    from lagsim.outputs.examined import document
-    from lagsim.run.session import check
-
     with faults_shown(documents, file=path) as code:
         model = read_file(path, assignments(sets))
         case, choices = check(model)
@@ -71,8 +70,6 @@ def _one(
         elif not (quiet and admissible and not alarmed):
             say(report(case.equations, case.examined, choices, repair=repair))
         if warnings or not admissible:
-            from lagsim.cli._verdict import annotate_start
-
             annotate_start(case.equations, case.examined)
         if alarmed:
             complain(refused(model.name, [w.code for w in warnings]))

@@ -21,6 +21,8 @@ from lagsim.cli._streams import say
 from lagsim.cli._writing import put_picture
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, Problem
+from lagsim.studies.comparison import compare
+from lagsim.studies.tables import read_results
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -109,9 +111,6 @@ def _compared(
     plot: Path | None,
 ) -> _Found:
     from concurrent.futures import ThreadPoolExecutor
-
-    from lagsim.studies.comparison import compare
-    from lagsim.studies.tables import read_results
 
     # NumPy and SciPy let two threads read at the same time, for the most part.
     with ThreadPoolExecutor(2) as pool:

@@ -13,6 +13,10 @@ from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import harmless, put
 from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem, visible
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read_file
+from lagsim.outputs.manifest import encode
+from lagsim.show.as_python import as_python
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -103,13 +107,8 @@ def _unwritable(output: Path, why: str | None) -> Problem:
 
 def _derived(path: str, sets: list[str] | None, form: Format, **options: bool) -> bytes:
     """Give what is written."""
-    from lagsim.mechanics.equations import derive
-    from lagsim.model.reader import read_file
-
     equations: Equations = derive(read_file(path, assignments(sets)), chained=False)
     if form is Format.python:
-        from lagsim.show.as_python import as_python
-
         return as_python(equations, __version__).encode()
     from lagsim.show.symbols import its_time
 
@@ -130,7 +129,6 @@ def _written(
 
     found = content(equations, substitute=substitute, solve=solve, with_gauss=gauss)
     if form is Format.json:
-        from lagsim.outputs.manifest import encode
         from lagsim.show.as_json import as_json
 
         return encode(as_json(found))

@@ -22,12 +22,17 @@ from lagsim.cli._writing import put_file, put_picture, writing
 from lagsim.cli.compare import DIFFERS, LISTED, as_mapping, differing
 from lagsim.codes import failure, number
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.model.reader import read_file
+from lagsim.outputs.junit import Outcome
+from lagsim.outputs.junit import document as written
+from lagsim.run.session import open_case, wanted
+from lagsim.studies.golden import measure
+from lagsim.studies.golden_files import folder_of, judge, load, picture, run, store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.model.model import Model
-    from lagsim.outputs.junit import Outcome
     from lagsim.run.session import Case
     from lagsim.studies.golden import Golden
     from lagsim.studies.golden_files import Judgement
@@ -75,8 +80,6 @@ def command(
         _refuse_twins(wanted)
         codes += [job.run(one) for one in wanted]
         if junit is not None:
-            from lagsim.outputs.junit import document as written
-
             put_file(junit, written(SUITE, job.outcomes), folders=True)
     code = max(codes)
     if as_json:
@@ -95,8 +98,6 @@ class _Wanted(NamedTuple):
 
 
 def _wanted(path: str, folder: Path | None) -> _Wanted:
-    from lagsim.model.reader import read_file
-    from lagsim.studies.golden_files import folder_of
 
     folder = folder or folder_of(path)
     try:
@@ -144,8 +145,6 @@ class _Job:
 
     def run(self, wanted: _Wanted) -> int:
         """Do it for one model; give the exit code."""
-        from lagsim.outputs.junit import Outcome
-
         path, model, folder = wanted
         began = time.perf_counter()
         told: list[Any] = []
@@ -173,23 +172,17 @@ class _Job:
 
     def _judged(self, model: Model, folder: Path) -> tuple[int, tuple[str, str, str]]:
         """Give the exit code, and what `Outcome` says of why."""
-        from lagsim.run.session import open_case, wanted
-        from lagsim.studies.golden_files import load
-
         settings = wanted(model, "golden")
         stored = None if self.update else load(folder, model.name)
         case = open_case(model, settings)
         if stored is None:
             return self._store(case, folder)
-        from lagsim.studies.golden_files import judge, run
 
         motion = run(case, stored)
         judgement = judge(case, motion, stored)
         found = document(model, judgement, stored.golden)
         lines = report(judgement)
         if not judgement.passed and self.plots is not None:
-            from lagsim.studies.golden_files import picture
-
             path = self.plots / f"{model.name}.png"
             draw = partial(picture, case, motion, stored, judgement)
             if put_picture(path, draw, folders=True):
@@ -207,8 +200,6 @@ class _Job:
         return 1, ("failure", DIFFERS, "\n".join([text, *lines]))
 
     def _store(self, case: Case, folder: Path) -> tuple[int, tuple[str, str, str]]:
-        from lagsim.studies.golden import measure
-        from lagsim.studies.golden_files import store
 
         model = case.equations.model
         golden, base = measure(case)

@@ -13,6 +13,9 @@ from lagsim.cli._shared import Quiet, counted
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_picture
 from lagsim.errors import InputError, Problem
+from lagsim.outputs import animation
+from lagsim.studies import overlay
+from lagsim.studies.overlay import read
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,7 +55,6 @@ def command(
         wanted = DEFAULT if output is None else (output,)
         for path in wanted:
             _known(path)
-        from lagsim.studies.overlay import read
 
         runs = read(folders)
         names = None if columns is None else _names(columns)
@@ -84,8 +86,6 @@ def _wrote(
     path: Path, runs: Sequence[Shown], names: Sequence[str] | None, also: bool
 ) -> bool:
     """Write a file, if it can be drawn; `also`: it was not asked for by name."""
-    from lagsim.studies import overlay
-
     if path.suffix.lower() in PICTURES:
         form = path.suffix.lower()[1:]
         columns = overlay.chosen(runs, names)
@@ -98,7 +98,6 @@ def _wrote(
         complain(f"warning: {text}")
     if not found:
         return False
-    from lagsim.outputs import animation
 
     title = f"{overlay.title(runs)}: {counted(len(found), 'run')}"
     return put_picture(path, lambda: animation.page(found, title), folders=True)

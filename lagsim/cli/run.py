@@ -42,7 +42,12 @@ from lagsim.cli._writing import (
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names, options
 from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
+from lagsim.model.reader import read
+from lagsim.native.link.ahead import helped
 from lagsim.outputs import Format
+from lagsim.outputs.packed import check_format
+from lagsim.outputs.results import MANIFEST, RESTART, open_results
+from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import Attempts, ErrorBars
@@ -260,11 +265,8 @@ class Job:
             text = "--resume needs --table csv, which is written row by row"
             raise InputError([Problem("usage", text)])
         if self.table is not Format.CSV:
-            from lagsim.outputs.packed import check_format
-
             check_format(self.table, show_units=self.show_units)
         self.clock.lap("import")
-        from lagsim.model.reader import read
 
         with self.interrupt.raised():
             model = read(text, file, overrides, options)
@@ -277,8 +279,6 @@ class Job:
             return self._do(model, {**options, "set": {**overrides}})
 
     def _do(self, model: Model, wishes: Mapping[str, Any]) -> int:
-        from lagsim.outputs.results import open_results
-
         with self.interrupt.raised():
             session = self._ready(model)
         model = session.case.equations.model
@@ -297,7 +297,6 @@ class Job:
         """Derive, examine, plan and compile."""
         settings = wanted(model, "run", hint="add it, or give --duration")
         self.clock.lap("read")
-        from lagsim.native.link.ahead import helped
 
         with helped() if is_watched() else contextlib.nullcontext():
             return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
@@ -314,8 +313,6 @@ class Job:
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
-        from lagsim.outputs.results import MANIFEST
-        from lagsim.outputs.units import of_table
 
         columns, interrupt = session.system.columns.of_table, self.interrupt
         units = of_table(session.case.equations, columns)
@@ -386,8 +383,6 @@ class Job:
     def _report(
         self, found: Attempt, document: Mapping[str, Any], folder: Path
     ) -> None:
-        from lagsim.outputs.results import RESTART
-
         if not document["complete"]:
             failed = document["failure"]
             numbered = f" [{failed['number']}]" if failed else ""

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 
 from lagsim.cli._streams import put
+from lagsim.methods import names
+from lagsim.model.reader import schema
+from lagsim.plan.formulation import formulations
 
 
 def command() -> int:
     """Print the JSON Schema of model files, for editors."""
-    from lagsim.methods import names
-    from lagsim.model.reader import schema
-    from lagsim.plan.formulation import formulations
-
     choices = {"method": ["auto", *names()], "formulation": formulations()}
     document = json.dumps(schema(choices), indent=2)
     put(lambda: print(document))

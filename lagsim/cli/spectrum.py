@@ -7,11 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lagsim import files
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import AsJson, aligned, counted, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_file, put_picture
 from lagsim.errors import InputError, Problem
+from lagsim.outputs.results import MANIFEST
+from lagsim.outputs.table import table_of
+from lagsim.studies.spectrum import spectrum
+from lagsim.studies.tables import read_results
 
 if TYPE_CHECKING:
     from lagsim.studies.spectrum import Spectrum
@@ -81,9 +86,6 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     """
     from difflib import get_close_matches
 
-    from lagsim.studies.spectrum import spectrum
-    from lagsim.studies.tables import read_results
-
     table = read_results(result)
     for remark in table.remarks:
         complain(f"warning: {remark}")
@@ -100,9 +102,6 @@ def _title(result: Path) -> str:
     """Give the model's name, else that of the file."""
     import orjson
 
-    from lagsim import files
-    from lagsim.outputs.results import MANIFEST
-
     folder = result if result.is_dir() else result.parent
     try:
         return str(orjson.loads(files.content(folder / MANIFEST))["model"]["name"])
@@ -118,8 +117,6 @@ def _write(file: Path, found: Spectrum, title: str) -> None:
     UnwritableError
     """
     if file.suffix == ".csv":
-        from lagsim.outputs.table import table_of
-
         rows = zip(found.frequency.tolist(), found.amplitude.tolist(), strict=True)
         put_file(file, table_of(("frequency", "amplitude"), rows))
     else:

@@ -27,6 +27,11 @@ from lagsim.cli._shared import (
 )
 from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
+from lagsim.methods import method_problems
+from lagsim.model.reader import read_file
+from lagsim.run.session import StartError, open_case, wanted
+from lagsim.studies.bench import stability
+from lagsim.studies.bench.stability import Wish, fastest_period
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -35,7 +40,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
-    from lagsim.studies.bench.stability import Border, Stability, Wish
+    from lagsim.studies.bench.stability import Border, Stability
 
 
 def command(
@@ -92,10 +97,6 @@ def _measured(
     ------
     InputError, StartError
     """
-    from lagsim.model.reader import read_file
-    from lagsim.run.session import StartError, open_case, wanted
-    from lagsim.studies.bench import stability
-
     model = read_file(path, overrides)
     settings = wanted(model, "stability")
     name = wish.name
@@ -148,9 +149,6 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
     ------
     InputError
     """
-    from lagsim.methods import method_problems
-    from lagsim.studies.bench.stability import Wish
-
     problems: list[Problem] = []
     wanted = None
     if methods is not None:
@@ -220,8 +218,6 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _borders(found: Stability) -> list[str]:
     """Give the borders of each method, in h and in the fastest period."""
-    from lagsim.studies.bench.stability import fastest_period
-
     if not found.borders:
         return []
     period = fastest_period(found.subject)

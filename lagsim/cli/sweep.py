@@ -29,15 +29,30 @@ from lagsim.cli._streams import UnwritableError, complain, say
 from lagsim.cli._writing import commit, sorted_out
 from lagsim.cli.run import ErrorBar, with_settings
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.files import content
+from lagsim.model.reader import read_file
+from lagsim.outputs.results import open_results
+from lagsim.run.interrupt import Interrupt
+from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep.grid import parsed
+from lagsim.studies.sweep.runs import INADMISSIBLE, Found, Work, packed
+from lagsim.studies.sweep.sweeping import (
+    JOURNAL,
+    MANIFEST,
+    Journal,
+    document,
+    identity,
+    made_of,
+    mark,
+    sweep,
+)
+from lagsim.studies.workers import cores, machines, processes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.outputs.results import Results
-    from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.sweep.runs import Found
-    from lagsim.studies.sweep.sweeping import Journal
     from lagsim.studies.workers import Hired
 
 # So many letters of a reason are shown; the table has all of it.
@@ -46,8 +61,6 @@ REASON = 160
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
     """Give what may be swept of the model that stands before it."""
-    from lagsim.model.reader import read_file
-
     try:
         model = read_file(str(context.params["model"]))
     except (LagsimError, KeyError):
@@ -108,8 +121,8 @@ def command(
     )  # fmt: skip
     with faults_shown(job.documents if as_json else None, file=model) as code:
         code.append(job.run(model, values, assignments(sets), options, error_bar))
-    for document in job.documents:
-        show_json(document)
+    for one in job.documents:
+        show_json(one)
     return code[-1]
 
 
@@ -137,13 +150,6 @@ class _Job:
         error_bars: ErrorBars,
     ) -> int:
         """Do it; give the exit code."""
-        from lagsim.model.reader import read_file
-        from lagsim.outputs.results import open_results
-        from lagsim.run.session import wanted
-        from lagsim.studies.sweep.grid import parsed
-        from lagsim.studies.sweep.runs import Found, Work, packed
-        from lagsim.studies.sweep.sweeping import MANIFEST
-
         model = read_file(path, overrides)
         hint = "add it, or give --duration"
         wanted(model, "sweep", options, hint)
@@ -169,8 +175,6 @@ class _Job:
         return ErrorBars.NEVER
 
     def _sweep(self, found: Found, results: Results) -> int:
-        from lagsim.run.interrupt import Interrupt
-        from lagsim.studies.sweep.sweeping import JOURNAL, Journal, identity
 
         if self.resume and (code := self._known(found, results.folder)) is not None:
             return code
@@ -200,9 +204,6 @@ class _Job:
 
     def _known(self, found: Found, folder: Path) -> int | None:
         """Give the exit code of a sweep that has come to its end before."""
-        from lagsim.files import content
-        from lagsim.studies.sweep.sweeping import JOURNAL, MANIFEST, mark
-
         try:
             there = json.loads(content(folder / MANIFEST))
         except (OSError, ValueError):
@@ -218,15 +219,10 @@ class _Job:
 
     def _make(self, found: Found, rows: Journal, interrupt: Interrupt) -> None:
         """Make the runs that are missing."""
-        from lagsim.studies.sweep.sweeping import sweep
-        from lagsim.studies.workers import cores, processes
-
         with contextlib.ExitStack() as stack:
             hired: Hired = processes
             most = self.jobs or cores()
             if self.dask is not None:
-                from lagsim.studies.workers import machines
-
                 hired, there = stack.enter_context(machines(self.dask))
                 most = self.jobs or there
             progress = stack.enter_context(progress_bar("sweep", quiet=self.quiet))
@@ -237,8 +233,6 @@ class _Job:
 
     def _finish(self, found: Found, results: Results) -> int:
         """Write what was found, and tell it; give the exit code."""
-        from lagsim.studies.sweep.sweeping import MANIFEST, document, made_of
-
         files, undrawn = sorted_out(made_of(found, plots=self.plots))
         content = document(found, [*files, MANIFEST]) | undrawn
         commit(results, content, files)
@@ -257,8 +251,6 @@ class _Job:
 
 
 def _code(outcomes: Mapping[str, int], complete: int, runs: int) -> int:
-    from lagsim.studies.sweep.runs import INADMISSIBLE
-
     if outcomes.get(INADMISSIBLE) == runs:
         return 1
     return 0 if complete == runs else 3
