@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from lagsim.native.graph import straight_line, tapes
-from lagsim.native.graph.lines import BOTH, LANES, NAME, VECTOR
+from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
 from lagsim.studies.golden import measure, motion_of
 from lagsim.studies.golden_files import Stored, judge, run
 from tests.golden.scenes import SHIPPED, judged, scene, told
@@ -41,8 +41,8 @@ define internal double @nudged.{name}({parameters}) {{
 # lagsim's own are the same on all machines, but may be improved one day.
 UP = f"<{', '.join(LANES * ['double 0x3FF0000000000001'])}>"
 SEVERAL = f"""
-define internal {BOTH} @{NAME}({VECTOR} %x) noinline {{
-  %exact = call {BOTH} @exact.{NAME}({VECTOR} %x)
+define internal {BOTH} @{SINCOS}({VECTOR} %x) noinline {{
+  %exact = call {BOTH} @exact.{SINCOS}({VECTOR} %x)
   %sines = extractvalue {BOTH} %exact, 0
   %cosines = extractvalue {BOTH} %exact, 1
   %s = fmul {VECTOR} %sines, {UP}
@@ -77,7 +77,7 @@ def nudged(ir):
         parameters = ", ".join(f"double {x}" for x in ("%a", "%b")[: 1 + two])
         ir = ir.replace(f"call double @{name}(", f"call double @nudged.{name}(")
         ir += NUDGED.format(name=name, parameters=parameters, arguments=parameters)
-    definition = f"define internal {BOTH} @{NAME}("
+    definition = f"define internal {BOTH} @{SINCOS}("
     if definition in ir:
         ir = ir.replace(definition, definition.replace("@", "@exact.")) + SEVERAL
     return ir
