@@ -141,17 +141,55 @@ def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
 
 # Forces balance to this part of what each of them could do: rounding is the rest.
 BALANCED = 2.0**-46
+# A product, a shift, and a shift that moves are rounded by this part of a coordinate.
+SHIFTED = 3.0
 
 
-def roundings(g: Graph, nodes: Iterable[int], moving: Collection[str]) -> list[int]:
-    """Give the bound of each of `nodes`, 0 where nothing of it is `moving`."""
+def roundings(
+    g: Graph, nodes: Iterable[int], moving: Collection[str], state: Collection[str] = ()
+) -> list[int]:
+    """Give the bound of each of `nodes`, 0 where nothing of it is `moving`.
+
+    state : variables of which it is known otherwise what their own rounding does. Far
+        from the origin that is all there is to what is linear in one, but for a shift,
+        and it is the same wherever that enters.
+    """
     nodes = list(nodes)
-    varying = g.dependent(nodes, moving)
+    varying, placed = g.dependent(nodes, moving), g.dependent(nodes, state)
     errors: dict[int, int] = {}
+    linear: dict[int, int] = {}
     for n in g.cone(nodes):
+        part = _linear_part(g, n, linear, placed, varying)
+        if part is not None:
+            linear[n] = part
         if n in varying and g.args[n]:
-            errors[n] = _bound(g, n, [errors.get(a, g.zero) for a in g.args[n]])
+            error = _bound(g, n, [errors.get(a, g.zero) for a in g.args[n]])
+            if part is not None:
+                own = g.call("mul", g.constant(SHIFTED), g.call("abs", part))
+                error = g.call("max", g.call("sub", error, own), g.zero)
+            errors[n] = error
     return [errors.get(n, g.zero) for n in nodes]
+
+
+def _linear_part(
+    g: Graph,
+    n: int,
+    linear: dict[int, int],
+    placed: Collection[int],
+    varying: Collection[int],
+) -> int | None:
+    """Give a x, if `n` is a x + b: x one of the state, a constant, b of the time."""
+    op, args = g.ops[n], g.args[n]
+    if n not in placed or not args:
+        return n if n in placed else None
+    own = [a for a in args if a in placed]
+    if len(own) != 1 or own[0] not in linear:
+        return None
+    if op in ("add", "sub", "neg"):
+        return linear[own[0]]
+    if op == "mul" and sum(a in varying for a in args) == 1:
+        return g.call("mul", *(linear.get(a, a) for a in args))
+    return None
 
 
 def addends(g: Graph, node: int) -> list[int]:

@@ -109,7 +109,8 @@ class Chains(NamedTuple):
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
         """Give the size of the terms of M x and of what rounds factors, for x >= 0."""
-        rounded = dict(zip(self.nodes, roundings(g, self.nodes, moving), strict=True))
+        bounds = roundings(g, self.nodes, moving, set(moving) - {"t"})
+        rounded = dict(zip(self.nodes, bounds, strict=True))
 
         def size(node: int) -> int:
             return g.call("add", g.call("abs", node), rounded[node])

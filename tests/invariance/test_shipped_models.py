@@ -43,20 +43,13 @@ def test_the_same_motion_in_other_words(name, change):
     holds(name, change)
 
 
-# Known faults: at the default tolerances steps are too long here (29 where 111 are good
-# to 3e-13), and the error is reported (8e-7). The bound of rounding is suspected.
-OFF = {("chain-angles", "shifted"), ("chain-angles", "boosted")}
-BOUND = pytest.mark.xfail(strict=True, reason="steps are too long far from the origin")
 # Of all pairs each twelfth is slow, so that each model and each change comes up, and
 # the rest is for the night.
 PAIRS = [
     pytest.param(
         name,
         change,
-        marks=[
-            pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow,
-            *([BOUND] if (name, change) in OFF else []),
-        ],
+        marks=pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow,
     )
     for i, name in enumerate(SHIPPED)
     for j, change in enumerate(CHANGES)

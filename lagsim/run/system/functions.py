@@ -175,8 +175,8 @@ def _loads(e: Equations) -> list[int]:
     would cancel if they were alike does not.
     """
     g = e.graph
-    moving = (*e.q, *e.velocities, "t")
-    found = roundings(g, (*e.f, *e.quadrature_rates), moving)
+    state = (*e.q, *e.velocities)
+    found = roundings(g, (*e.f, *e.quadrature_rates), (*state, "t"), state)
     loads = []
     for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
         whole = g.call("add", g.call("abs", force), error)
@@ -200,9 +200,8 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
         entries = row.entries
         parts = []
         if len(entries) > 1:
-            for j, error in zip(
-                entries, roundings(g, entries.values(), moving), strict=True
-            ):
+            errors = roundings(g, entries.values(), moving, e.q)
+            for j, error in zip(entries, errors, strict=True):
                 if g.depends([entries[j]]) & moving:
                     size = g.call("add", g.call("abs", entries[j]), error)
                     parts.append(g.call("mul", size, g.call("abs", rates[j])))
