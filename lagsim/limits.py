@@ -1,8 +1,8 @@
 """What lagsim takes at most: every budget that a stranger's file could exceed.
 
 Each is far beyond what a person writes, and holds memory and time in bounds: a file of
-100 kB is checked in 10 s and 1 GB, and derived, or refused, within a minute. What is
-beyond is told with the limit.
+100 kB is checked in 10 s and 1 GB, and derived, or refused, within 20 s. What is beyond
+is refused, and the message names the limit.
 """
 
 from __future__ import annotations
@@ -47,13 +47,16 @@ EXACT_DIGITS = 4000
 WRITTEN_OPERATIONS = 100_000
 """Of energies and constraints that are written out; nobody reads as many."""
 
+DERIVED_OPERATIONS = 700_000
+"""Of the equations that are written out: those of a chain of 60 rods in angles."""
+
 WRITTEN_DEPTH = 150
 """Of what is written out: sympy recurses into it."""
 
-TIDYING_SECONDS = 20.0
+TIDYING_SECONDS = 10.0
 """Of the processor, for making equations short; later they are written as they come."""
 
-DERIVING_SECONDS = 45.0
+DERIVING_SECONDS = 20.0
 """For all of a derivation; what is not done by then is refused."""
 
 

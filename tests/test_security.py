@@ -22,6 +22,7 @@ PROMISED = {
     "rows": ["MAX_ROWS"],
     "`derive`": [
         "DERIVING_SECONDS", "EXACT_DIGITS", "WRITTEN_OPERATIONS", "WRITTEN_DEPTH",
+        "DERIVED_OPERATIONS",
     ],
 }  # fmt: skip
 BUDGETS = vars(limits) | {"MAX_DEPTH": MAX_DEPTH, "MAX_ROWS": MAX_ROWS}

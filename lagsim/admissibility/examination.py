@@ -32,6 +32,7 @@ from lagsim.admissibility.unilateral import (
 )
 from lagsim.admissibility.verdict import Verdict, judge, judge_starts
 from lagsim.language.derivatives import slopes
+from lagsim.language.graph import TooMuchError
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
 
@@ -333,6 +334,7 @@ def _listed(names: Sequence[str], values: Floats) -> str:
 # What differs from what was stated by less than so many rounding errors is not reported
 # as a change.
 REPORTED = 225.0
+FAR = "to find the nearest admissible start takes too many operations"
 SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
 
 
@@ -408,7 +410,7 @@ class _Examiner:
             judged = self._exact(q, v, laws)
             q, v = judged.q, judged.v
         else:
-            judged = self._repaired(q, v)
+            judged = self._nearby(q, v)
         errors = self._errors(judged)
         always = Point(self.always, point.t)
         augmented = needs_constraints(always, judged.q, judged.v, errors)
@@ -530,6 +532,13 @@ class _Examiner:
         if judged.thin:
             return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         return judged
+
+    def _nearby(self, q: Floats, v: Floats) -> _Judged:
+        """Give what `_repaired` does, or that it takes too much work to find."""
+        try:
+            return self._repaired(q, v)
+        except TooMuchError:
+            return self._analysed(q, v, ())._replace(unsolved=FAR)
 
     def _repaired(self, q: Floats, v: Floats) -> _Judged:
         """Give the nearest admissible state over all values, and the names to change.

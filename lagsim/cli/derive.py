@@ -107,7 +107,12 @@ def _unwritable(output: Path, why: str | None) -> Problem:
 
 def _derived(path: str, sets: list[str] | None, form: Format, **options: bool) -> bytes:
     """Give what is written."""
-    equations: Equations = derive(read_file(path, assignments(sets)), chained=False)
+    model = read_file(path, assignments(sets))
+    if form is not Format.python:
+        from lagsim.show.symbols import refuse_long
+
+        refuse_long(model, substitute=options["substitute"])
+    equations: Equations = derive(model, chained=False)
     if form is Format.python:
         return as_python(equations, __version__).encode()
     from lagsim.show.symbols import its_time

@@ -32,6 +32,8 @@ Monomial = tuple[tuple[int, Fraction], ...]
 Sum = dict[Monomial, int]
 
 LARGEST_POWER = 16
+# Operations of the graph that take as long as to divide a factor out of a sum.
+FACTORED = 2
 
 
 def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list[int]:
@@ -72,6 +74,7 @@ def sum_node(
     collected.
     """
     form = _Form(g)
+    g.count(FACTORED * sum(map(len, terms)))
     whole: Sum = {}
     for factors, c in terms.items():
         fixed = form.raised({n: Fraction(e) for n, e in factors if n in still})
@@ -207,6 +210,9 @@ LARGEST_EXPONENT = 2**BITS - 1
 # Products of two terms, in all, or for each expression where there are many: where it
 # takes more, nothing is changed.
 MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
+# Operations of the graph that take as long as to write a node as a sum of products, and
+# to look for what joins a term.
+EXPANDED, JOINED = 7, 2
 
 
 class _TooManyProductsError(Exception):
@@ -232,8 +238,10 @@ def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list
         The names of what moves. All else is computed once, and counts nothing.
     """
     nodes = list(nodes)
+    cone = g.cone(nodes)
+    g.count(EXPANDED * len(cone))
     try:
-        terms = _Terms(g, g.cone(nodes), PRODUCTS_EACH * len(nodes))
+        terms = _Terms(g, cone, PRODUCTS_EACH * len(nodes))
     except _TooManyProductsError:
         return nodes
     joined = _Joined(g, terms)
@@ -358,6 +366,7 @@ class _Joined:
         whole, terms = dict(self.terms.sums[n]), -1
         while len(whole) != terms:  # what was joined may join others
             terms = len(whole)
+            self.g.count(JOINED * terms)
             for m in list(whole):
                 found = next(self._joint(whole, m), None) if m in whole else None
                 if found is not None:

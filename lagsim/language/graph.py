@@ -32,6 +32,10 @@ MOST_DEGREE = 32
 LOOKS = 7
 
 
+class TooMuchError(InputError):
+    """Work on a graph would exceed `limits.WORK`."""
+
+
 class Graph:
     """A store of expressions, shared wherever they are equal.
 
@@ -105,7 +109,7 @@ class Graph:
         alike[key] = node
         return node
 
-    def _too_much(self) -> InputError:
+    def _too_much(self) -> TooMuchError:
         text = (
             f"deriving and examining the equations takes more than {self._work:,.0f} "
             "operations, the limit for a file of this size; its longest expression "
@@ -113,19 +117,19 @@ class Graph:
         )
         hint = "fewer factors in one product, power or nested call take fewer; so do "
         hint += "fewer constraints, and a start that meets them"
-        return InputError([Problem("too-large", text, self.place, hint)])
+        return TooMuchError([Problem("too-large", text, self.place, hint)])
 
     def count(self, work: float) -> None:
-        """Count so much work, in operations made.
+        """Count so much work, in operations, before it is done.
 
         Raises
         ------
-        InputError
-            Where that is more than may be done.
+        TooMuchError
+            Where that is more than is left; then it is not counted.
         """
-        self._left -= work
-        if self._left < 0:
+        if work > self._left:
             raise self._too_much()
+        self._left -= work
 
     def unbind(self) -> None:
         """Count no more: the model is checked, and how it is solved is known."""

@@ -32,7 +32,14 @@ from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
 from lagsim.show.content import Condition, Content, Force, Gauss, Line, Solution
 from lagsim.show.names import Name
-from lagsim.show.symbols import TWINS, Translation, number, symbol, to_sympy
+from lagsim.show.symbols import (
+    TWINS,
+    Translation,
+    number,
+    refuse_long,
+    symbol,
+    to_sympy,
+)
 from lagsim.show.tidy import cost
 
 if TYPE_CHECKING:
@@ -383,6 +390,7 @@ def content(
         Where the energies are too long to be written out, or M is singular and Gauss's
         principle is asked for.
     """
+    refuse_long(equations.model, substitute=substitute)
     x = Translation(equations, substitute=substitute)
     return _Derivation(x).content(solve=solve, with_gauss=with_gauss)
 

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lagsim.language.functions import Function
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Parameter
+    from lagsim.model.model import Model, Parameter
 
 
 # Constants with a denominator up to this (1/2, 3/4: often made by differentiation and
@@ -210,9 +210,7 @@ class Translation:
         self.v = [symbol(f"{q}_dot") for q in equations.q]
         self.a = [symbol(f"{q}_ddot") for q in equations.q]
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
-        physics = self._physics()
-        values = {g.variable(p.name): p.value for p in model.parameters if substitute}
-        refuse_endless(g, physics, values)
+        physics, values = physics_of(model), _given(model, substitute=substitute)
         parameters = [symbol(p.name) for p in model.parameters]
         self._parameters = frozenset(parameters)
         self.known = {n: number(x) for n, x in values.items()}
@@ -224,20 +222,8 @@ class Translation:
         still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(Roles(constants, frozenset(moving)))
-
-    def _physics(self) -> list[int]:
-        """Give the nodes of what the derivation begins with."""
-        model = self.equations.model
-        nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
-        nodes += [x for f in model.forces for x in (f.node, f.direction)]
-        nodes += [c.relation.node for c in model.constraints]
-        for c in model.constraints:
-            nodes += [c.limit, c.when]
-            if c.law is not None:
-                nodes += [c.law.friction, c.law.static, *c.law.slips]
-        return [n for n in nodes if n is not None]
-
-    # Definitions
+        self._sizes: dict[int, int] = {}
+        self._operations = 0
 
     def _keep(self, physics: list[int], *, substitute: bool) -> list[Kept]:
         g = self.g
@@ -323,11 +309,30 @@ class Translation:
     # Expressions
 
     def sympy(self, nodes: Iterable[int | None], *, written: bool = False) -> list[Any]:
-        """Give nodes as tidy sympy expressions; None stays None."""
+        """Give nodes as tidy sympy expressions; None stays None.
+
+        Raises
+        ------
+        InputError
+            Where all that is asked for, written out, is longer than the limit.
+        """
+        nodes = list(nodes)
+        self._count([n for n in nodes if n is not None])
         return [
             None if n is None else self.tidy(self._value(n), written=written)
             for n in nodes
         ]
+
+    def _count(self, nodes: list[int]) -> None:
+        g, sizes = self.g, self._sizes
+        for n in g.cone(nodes, ends=sizes):
+            if n not in sizes:
+                sizes[n] = 1 + sum(sizes[a] for a in g.args[n])
+        self._operations += sum(sizes[n] for n in nodes)
+        if self._operations > limits.DERIVED_OPERATIONS:
+            most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
+            text = f"the equations, written out, have more than {most}"
+            raise InputError([Problem("too-long", text, None, HINT)])
 
     def node(self, e: Any, original: int) -> int:
         """Give a node for `e`, the tidy form of `original`.
@@ -466,6 +471,30 @@ class _Size(NamedTuple):
     digits: float = 0.0
     factor: float = 1.0
     logarithm: bool = False
+
+
+def physics_of(model: Model) -> list[int]:
+    """Give the nodes of what a derivation begins with."""
+    nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
+    nodes += [x for f in model.forces for x in (f.node, f.direction)]
+    nodes += [c.relation.node for c in model.constraints]
+    for c in model.constraints:
+        nodes += [c.limit, c.when]
+        if c.law is not None:
+            nodes += [c.law.friction, c.law.static, *c.law.slips]
+    return [n for n in nodes if n is not None]
+
+
+def _given(model: Model, *, substitute: bool) -> dict[int, float]:
+    """Give the values of parameters that are put in."""
+    g = model.graph
+    return {g.variable(p.name): p.value for p in model.parameters if substitute}
+
+
+def refuse_long(model: Model, *, substitute: bool = False) -> None:
+    """Refuse a model whose energies are too long to be written out, as below."""
+    given = _given(model, substitute=substitute)
+    refuse_endless(model.graph, physics_of(model), given)
 
 
 def refuse_endless(

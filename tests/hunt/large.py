@@ -79,6 +79,24 @@ def _definitions(letters: int, form: str, first: str = "x") -> str:
     return model(potential=f"d{many - 1}", more="\n".join(lines))
 
 
+def rods(count: int, length: float) -> str:
+    """Give rods of length 1 in a row, whose ends begin so far from each other."""
+    names = [f"{x}{k}" for k in range(1, count + 1) for x in "xy"]
+    squares = "+".join(f"{name}_dot^2" for name in names)
+    lines = ["  c1: x1^2 + y1^2 = 1"]
+    lines += [
+        f"  c{k}: (x{k} - x{k - 1})^2 + (y{k} - y{k - 1})^2 = 1"
+        for k in range(2, count + 1)
+    ]
+    text = model(
+        squares, coordinates=" ".join(names), more="\n".join(["constraints:", *lines])
+    )
+    start = [f"x{k}: {k * length}, y{k}: 0" for k in range(1, count + 1)]
+    begins = text.index("initial: ")
+    ends = text.index("\n", begins)
+    return f"{text[:begins]}initial: {{{', '.join(start)}}}{text[ends:]}"
+
+
 SHAPES: dict[str, Callable[[int], str]] = {
     "parentheses": lambda n: model(potential=_nested("(", "x", ")", n)),
     "calls in calls": lambda n: model(potential=_nested("sin(x + ", "x", ")", n)),
