@@ -8,7 +8,7 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 300
-LINES = 74_500
+LINES = 74_400
 LINES_OF_TESTS = 60_500
 
 

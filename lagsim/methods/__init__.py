@@ -72,6 +72,11 @@ class Structure(NamedTuple):
         return self.linear and self.autonomous
 
 
+def unrestricted(_scene: Structure) -> str:
+    """Give "": the refusal of a method that handles every scene."""
+    return ""
+
+
 @cache
 def names() -> tuple[str, ...]:
     """Give the names of all methods, in alphabetical order."""

@@ -14,6 +14,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
     bent,
     forget_removed,
@@ -52,7 +53,6 @@ from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"
@@ -61,6 +61,7 @@ DENSE_ORDER = 7
 ADAPTIVE = True
 IMAGINARY_LIMIT = 5.96
 HANDLES = "any model; equality constraints by projection"
+refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
 
@@ -83,11 +84,6 @@ SHRINKING = 0.25
 # independent there than at the start.
 BESIDE = 0.3
 ASIDE = 0.85
-
-
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
 
 
 class Dop853(State):

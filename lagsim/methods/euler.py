@@ -16,13 +16,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import meet_constraints
+from lagsim.methods import unrestricted
+from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
-    begin,
-    is_finite,
     next_time,
+    start,
     step_length,
     take,
 )
@@ -31,7 +31,8 @@ from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, deri
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
+
+__all__ = ["start"]
 
 NAME = "euler"
 TITLE = "explicit Euler"
@@ -43,21 +44,12 @@ HANDLES = "any model; equality constraints by projection"
 TABLEAU = Tableau(((),), (1.0,), (0.0,), ORDER)
 amplification = TABLEAU.amplification
 
+refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
 
 CONSTRAINED = True
 STATE = Fixed
-
-
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
-
-
-def start(s: Fixed, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
 
 
 def step(s: Fixed, p: Parameters) -> int:

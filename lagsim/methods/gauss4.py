@@ -17,14 +17,13 @@ from __future__ import annotations
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import largest_part
+from lagsim.methods.parts.constraints import is_finite, largest_part
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
     begin,
-    hermite,
-    is_finite,
+    interpolate,
     judge,
     next_time,
     step_length,
@@ -55,6 +54,8 @@ from lagsim.native.layout import array
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
+
+__all__ = ["interpolate"]
 
 NAME = "gauss4"
 TITLE = "Gauss collocation, 2 stages"
@@ -328,11 +329,6 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
             return 0
         previous = moved
     return 0
-
-
-def interpolate(s: Gauss, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)
 
 
 class Gauss4(Gauss):

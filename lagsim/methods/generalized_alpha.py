@@ -19,12 +19,11 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import largest_part, meet_constraints
+from lagsim.methods.parts.constraints import is_finite, largest_part, meet_constraints
 from lagsim.methods.parts.fixed import (
     Fixed,
     begin,
-    hermite,
-    is_finite,
+    interpolate,
     judge,
     next_time,
     step_length,
@@ -61,6 +60,8 @@ if TYPE_CHECKING:
 
         spectral_radius: float | str | None
 
+
+__all__ = ["interpolate"]
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"
@@ -264,8 +265,3 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
             factors[i * n + j] = -positions * row[j] - velocities * row[n + j]
         factors[i * n + i] += 1.0 - share(radius)
     return decompose(n, factors, s.pivots)
-
-
-def interpolate(s: GeneralizedAlpha, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)

@@ -21,10 +21,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.fixed import (
     begin,
     hermite,
-    is_finite,
     next_time,
     step_length,
     take,

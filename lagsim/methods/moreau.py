@@ -31,9 +31,11 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods import unrestricted
+from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import record_extents
 from lagsim.methods.parts.driver import State
-from lagsim.methods.parts.fixed import is_finite, next_time, step_length
+from lagsim.methods.parts.fixed import next_time, step_length
 from lagsim.methods.parts.parameters import (
     ALWAYS,
     CONTACT,
@@ -48,7 +50,6 @@ from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
 
 NAME = "moreau"
 TITLE = "Moreau's time stepping"
@@ -58,6 +59,7 @@ ADAPTIVE = False
 IMAGINARY_LIMIT = 2.0
 HANDLES = "any model with a regular M; contacts by hundreds"
 
+refusal = unrestricted
 NEEDS = ("balance",)
 EVENTS = False
 
@@ -75,11 +77,6 @@ class Moreau(State):
 
 
 STATE = Moreau
-
-
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
 
 
 def amplification(z: complex) -> float:

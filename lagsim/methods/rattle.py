@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import (
     ROUNDING,
+    is_finite,
     is_small,
     largest_part,
     project_level,
@@ -34,8 +35,7 @@ from lagsim.methods.parts.constraints import (
 from lagsim.methods.parts.fixed import (
     Fixed,
     begin,
-    hermite,
-    is_finite,
+    interpolate,
     next_time,
     step_length,
     take,
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
 
-__all__ = ["amplification"]
+__all__ = ["amplification", "interpolate"]
 
 NAME = "rattle"
 TITLE = "RATTLE"
@@ -205,8 +205,3 @@ def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
         return 0
     record_sigma(s, work[n + 1], h)
     return 1
-
-
-def interpolate(s: Rattle, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import meet_constraints
+from lagsim.methods import unrestricted
+from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.control import add_change, keep_compensation
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
-    begin,
-    hermite,
-    is_finite,
+    interpolate,
     next_time,
+    start,
     step_length,
     take,
 )
@@ -31,7 +31,8 @@ from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
+
+__all__ = ["interpolate", "start"]
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"
@@ -47,6 +48,7 @@ C = (0.0, 1 / 2, 1 / 2, 1.0)
 TABLEAU = Tableau(A, B, C, ORDER)
 amplification = TABLEAU.amplification
 
+refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
 
@@ -62,16 +64,6 @@ class Rk4(Fixed):
 
 
 STATE = Rk4
-
-
-def refusal(_scene: Structure) -> str:
-    """Give "": it handles everything."""
-    return ""
-
-
-def start(s: Rk4, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
 
 
 def step(s: Rk4, p: Parameters) -> int:
@@ -100,8 +92,3 @@ def step(s: Rk4, p: Parameters) -> int:
     keep_compensation(s)
     take(s, p, after)
     return DONE
-
-
-def interpolate(s: Rk4, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite (II.6)."""
-    hermite(s, x, out)

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
     leave_loss,
     met_part,
@@ -62,7 +63,6 @@ from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
 
 NAME = "taylor"
 TITLE = "Taylor series, order from the tolerance"
@@ -72,6 +72,7 @@ ADAPTIVE = True
 IMAGINARY_LIMIT = 1.66
 HANDLES = "smooth models, not large; equality constraints"
 
+refusal = unrestricted  # what it cannot handle shows when its code is estimated
 NEEDS = ("series",)
 
 CONSTRAINED = True
@@ -99,11 +100,6 @@ def order_for(rtol: float) -> int:
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, 1e-300)))
     most = TIGHT_ORDER if rtol < TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
-
-
-def refusal(_scene: Structure) -> str:
-    """Give "": what it cannot handle shows when its code is estimated."""
-    return ""
 
 
 def amplification(z: complex) -> float:

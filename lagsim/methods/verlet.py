@@ -24,13 +24,13 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import (
     Fixed,
-    begin,
-    hermite,
-    is_finite,
+    interpolate,
     next_time,
+    start,
     step_length,
     take,
 )
@@ -41,8 +41,9 @@ from lagsim.native.kernels.words import at
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
+
+__all__ = ["interpolate", "start"]
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"
@@ -55,11 +56,6 @@ HANDLES = "constant M, forces f(q, t); no constraints"
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
-
-
-def start(s: Symplectic, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
 
 
 def step(s: Symplectic, p: Parameters) -> int:
@@ -76,11 +72,6 @@ def step(s: Symplectic, p: Parameters) -> int:
     arrive(s, p, after)
     take(s, p, after)
     return DONE
-
-
-def interpolate(s: Symplectic, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)
 
 
 # --- kicks and drifts: of Verlet's method and its compositions ------------------------

@@ -157,11 +157,11 @@ def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> 
         velocity_step(t, y, p, out)
 
 
-def is_finite(n: int, step: Floats) -> bool:
-    """Tell whether a step (n,) can be made."""
+def is_finite(n: int, x: Floats) -> bool:
+    """Tell whether all components of x (n,) are finite."""
     largest = 0.0
     for i in range(n):
-        if not abs(step[i]) < 1e300:
+        if not abs(x[i]) < 1e300:
             largest = 1e300
     return largest < 1e300
 

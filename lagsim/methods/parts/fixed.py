@@ -43,6 +43,11 @@ def begin(s: Fixed, p: Parameters) -> None:
     record_sizes(s, p)
 
 
+def start(s: Fixed, p: Parameters) -> None:
+    """Begin an arc: evaluate at its start."""
+    begin(s, p)
+
+
 def next_time(s: State) -> float:
     """Give the end of the step: a whole number of steps into the arc, or its end."""
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
@@ -61,15 +66,6 @@ def step_length(s: State, after: float) -> float:
     if after < s.end:
         return float(s.fixed_step)
     return float(after - s.t)
-
-
-def is_finite(size: int, y: Floats) -> bool:
-    """Tell whether a state can be gone on with."""
-    largest = 0.0
-    for i in range(size):
-        if not abs(y[i]) < 1e300:
-            largest = 1e300
-    return largest < 1e300
 
 
 def judge(
@@ -140,6 +136,11 @@ def hermite(s: Fixed, x: float, out: Floats) -> None:
         change = y[i] - old[i]
         bend = u * (h * before[i] - change) - x * (h * k[i] - change)
         out[i] = old[i] + x * (change + u * bend)
+
+
+def interpolate(s: Fixed, x: float, out: Floats) -> None:
+    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
+    hermite(s, x, out)
 
 
 # --- Runge-Kutta tableaus -------------------------------------------------------------
