@@ -24,6 +24,7 @@ from lagsim.run.events.ranks import Dependence, RankLosses
 from lagsim.run.events.times import TimeBreaks
 from lagsim.run.fallback import FAILED, Fallback
 from lagsim.run.overflow import finite_rows, unless_overflow
+from lagsim.run.pace import Horizon
 from lagsim.run.reasons import reason_of
 from lagsim.run.recorder import Recorder
 from lagsim.run.states import most_pulled, named_extents
@@ -78,6 +79,7 @@ class Run:
         self.corners = corners
         self.pace = self.arc.runner.pace
         self.arcs = 0
+        self._horizon = Horizon()
         # The first row with a state that is not finite: no row of it is given.
         self.cut: Floats | None = None
 
@@ -137,6 +139,10 @@ class Run:
             return Ending(Outcome.STATE_JUMPS)
         if code == at.PAUSED and left <= budget:
             return Ending(Outcome.TOO_MANY_STEPS)
+        passed = self._horizon.before(arc.settings.end, arc.t, arc.steps, most_steps)
+        if code == at.PAUSED and passed is not None:
+            about = f"; {most_steps:,} would not pass t = {passed:.6g}"
+            return Ending(Outcome.TOO_MANY_STEPS, about)
         return self._decide(code)
 
     def _cut(self, row: Floats) -> Ending:

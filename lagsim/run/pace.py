@@ -1,6 +1,8 @@
-"""How long a kernel works at a time, so that interrupts are seen soon."""
+"""How long a kernel works at a time, and whether it will ever come to the end."""
 
 from __future__ import annotations
+
+import math
 
 # More steps than any run makes, unless it is told otherwise.
 MOST_STEPS = 100_000_000
@@ -35,3 +37,43 @@ class Pace:
             self.steps = max(1, int(self.steps * MOMENT / seconds))
         elif seconds < MOMENT:
             self.steps = min(2 * self.steps, MOST)
+
+
+# Steps at which it is first asked whether a run comes to its end, then twice as many.
+ASKED = 1 << 17
+# Twice the steps bring less than this part of the time that half of them brought.
+SLOWER = 0.75
+
+
+class Horizon:
+    """Where the time converges as steps are made: no number of them passes it.
+
+    Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
+    doubling of their number brings half of the time that the one before has brought.
+    """
+
+    def __init__(self) -> None:
+        self._ask_at = ASKED
+        self._times: list[float] = []
+
+    def before(self, end: float, t: float, steps: int, most: int) -> float | None:
+        """Give the time before `end` that `most` steps will not pass, if there is one.
+
+        Parameters
+        ----------
+        t, steps
+            The time reached, and the steps made.
+        """
+        if steps < self._ask_at:
+            return None
+        self._ask_at *= 2
+        self._times = [*self._times[-3:], t]
+        if len(self._times) < 4:
+            return None
+        a, b, c, _ = self._times
+        if not (0.0 < t - c < SLOWER * (c - b) and c - b < SLOWER * (b - a)):
+            return None
+        share = (t - c) / (c - b)
+        doublings = max(0.0, math.log2(most / steps))
+        passed = t + (t - c) * share * (1.0 - share**doublings) / (1.0 - share)
+        return passed if passed < end else None

@@ -36,7 +36,7 @@ def _what_failed(arc: Arc, ending: Ending, row: Floats | None) -> str:
     shown = arc.observed() if row is None else row
     where = f"at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
     if outcome is Outcome.TOO_MANY_STEPS:
-        return f"too many steps ({arc.steps}) {where}"
+        return f"too many steps ({arc.steps}{ending.about}) {where}"
     if outcome is Outcome.NOT_FINITE:
         return f"values that are not finite {where}"
     if outcome is Outcome.CONSTRAINT_JUMPS:

@@ -43,9 +43,7 @@ def test_entangled_expressions_are_refused(lagsim, tmp_path, monkeypatch):
         assert called.err.startswith("model.yaml:3:43: ")
 
 
-def test_equations_are_counted_before_they_are_written_out(
-    lagsim, tmp_path, monkeypatch
-):
+def test_equations_are_counted_before_they_are_written(lagsim, tmp_path, monkeypatch):
     (tmp_path / "model.yaml").write_text(SHAPES["turning sums"](500))
     assert calm(lagsim("derive", "model.yaml")).code == 0
     monkeypatch.setattr(limits, "DERIVED_OPERATIONS", 100)

@@ -82,19 +82,17 @@ def _definitions(letters: int, form: str, first: str = "x") -> str:
 def rods(count: int, length: float) -> str:
     """Give rods of length 1 in a row, whose ends begin so far from each other."""
     names = [f"{x}{k}" for k in range(1, count + 1) for x in "xy"]
-    squares = "+".join(f"{name}_dot^2" for name in names)
-    lines = ["  c1: x1^2 + y1^2 = 1"]
-    lines += [
+    lines = [
         f"  c{k}: (x{k} - x{k - 1})^2 + (y{k} - y{k - 1})^2 = 1"
         for k in range(2, count + 1)
     ]
-    text = model(
-        squares, coordinates=" ".join(names), more="\n".join(["constraints:", *lines])
-    )
-    start = [f"x{k}: {k * length}, y{k}: 0" for k in range(1, count + 1)]
-    begins = text.index("initial: ")
-    ends = text.index("\n", begins)
-    return f"{text[:begins]}initial: {{{', '.join(start)}}}{text[ends:]}"
+    whole = model(
+        "+".join(f"{name}_dot^2" for name in names), coordinates=" ".join(names),
+        more="\n".join(["constraints:", "  c1: x1^2 + y1^2 = 1", *lines]),
+    )  # fmt: skip
+    for k in range(1, count + 1):
+        whole = whole.replace(f"x{k}: 1, y{k}: 1", f"x{k}: {k * length}, y{k}: 0")
+    return whole
 
 
 SHAPES: dict[str, Callable[[int], str]] = {

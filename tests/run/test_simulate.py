@@ -131,6 +131,18 @@ def test_too_many_steps():
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e-9
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["", ", method: dop853"])
+def test_steps_that_never_pass_a_time(method):
+    # Smooth, and infinitely many swings before t = 0.6.
+    text = oscillator(f"duration: 1{method}", force="sin(1/(t - 0.6))")
+    trajectory = run(text).trajectory
+    assert trajectory.outcome is Outcome.TOO_MANY_STEPS
+    assert trajectory.statistics.steps < 3_000_000
+    assert trajectory.end == pytest.approx(0.6, abs=1e-6)
+    assert "100,000,000 would not pass t = 0.6)" in trajectory.reason
+
+
 def test_just_enough_steps_are_no_failure():
     steps = run(oscillator("duration: 10")).trajectory.statistics.steps
     found = run(oscillator("duration: 10"), most_steps=steps)
