@@ -107,7 +107,7 @@ def ask_for_room(session: Session, folder: Path, form: Format, *, quiet: bool) -
     settings, columns = session.case.settings, session.system.columns.table
     if settings.duration / settings.output_step * columns < MANY:
         return
-    from lagsim.outputs.room import refuse_without_room
+    from lagsim.outputs.results import refuse_without_room
 
     ends = session.case.equations.model.until is not None
     told = refuse_without_room(folder, form, settings, columns, ends=ends)
@@ -161,7 +161,7 @@ def tell_of_replaced(results: Results, document: dict[str, Any]) -> None:
     before = results.before()
     if not before:
         return
-    from lagsim.outputs.replaced import replaced
+    from lagsim.outputs.results import replaced
 
     caution = replaced(before, document, results.folder)
     document["warnings"] += [caution.record] if caution else []

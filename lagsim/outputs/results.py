@@ -13,21 +13,25 @@ gives are removed.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
+import shutil
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from lagsim import files
+from lagsim import files, limits
 from lagsim.errors import InputError, Problem
+from lagsim.notes import Caution
+from lagsim.outputs import Format
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
-    from lagsim.notes import Caution
+    from lagsim.model.model import Settings
     from lagsim.outputs.attempted import Made
 
 MANIFEST = "run.json"
@@ -365,3 +369,104 @@ def put(path: Path, content: bytes) -> None:
         with contextlib.suppress(OSError):
             files.drop(part)
         raise
+
+
+# --- Before a run
+
+# Bytes of a number and its comma, as people's scenes have them: 16 digits and a sign.
+# Packed, each is a double; Parquet and its kin may do with half.
+USUAL = {Format.CSV: 19.0, Format.NPZ: 8.0, Format.PARQUET: 8.0}
+# Below this it never is, but for columns of zeros.
+LEAST = 0.5
+
+
+def refuse_without_room(
+    folder: Path, form: Format, settings: Settings, columns: int, *, ends: bool
+) -> str:
+    """Refuse a table that the disk has no room for; warn of one that it may not have.
+
+    Parameters
+    ----------
+    folder
+        Where it comes; it need not be there yet.
+    ends
+        The run may end long before its time, by `until`.
+
+    Returns
+    -------
+    str
+        The warning, or nothing.
+
+    Raises
+    ------
+    InputError
+    """
+    rows = math.floor(settings.duration / settings.output_step) + 1
+    needed = rows * columns * USUAL[form]
+    free = _free(folder)
+    if needed <= free:
+        return ""
+    about = (
+        f"{rows:,} rows of {columns} columns take about {limits.size(int(needed))}, "
+        f"and where {folder} is, {limits.size(free)} are free"
+    )
+    if ends or LEAST * needed <= free:
+        return f"the disk may fill up: {about}"
+    hint = "a larger output_step, fewer `output.columns`, --table npz, or another -o"
+    raise InputError([Problem("no-room", f"there is no room: {about}", hint=hint)])
+
+
+def _free(folder: Path) -> int:
+    for place in (folder, *folder.absolute().parents):
+        try:
+            return shutil.disk_usage(place).free
+        except OSError:
+            continue
+    return 1 << 62
+
+
+# What a record says of how a result was made; so many differences are told.
+OPTIONS = ("method", "formulation", "rtol", "atol", "step")
+MOST_TOLD = 3
+
+
+def replaced(
+    before: Mapping[str, Any], now: Mapping[str, Any], folder: Path
+) -> Caution | None:
+    """Tell of a result of the same file with other parameters, or of another file.
+
+    A file that was edited since is what people do all day: nothing is said of that.
+
+    Parameters
+    ----------
+    before, now
+        The contents of two run.json; the first may be anything.
+    """
+    old, new = before.get("model"), now["model"]
+    if not isinstance(old, dict):
+        return None
+    if old.get("sha256") == new["sha256"]:
+        told = list(_differences(before, now))
+        more = f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
+        what = f"with {', '.join(told[:MOST_TOLD])}{more}" if told else ""
+    else:
+        file = str(old.get("file"))
+        what = f"of {file}" if Path(file) != Path(new["file"]) else ""
+    if not what:
+        return None
+    text = f"this replaces the result {what} in {folder}; with -o DIR both are kept"
+    return Caution("result-replaced", text)
+
+
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    values = before.get("parameters")
+    if isinstance(values, dict):
+        for name, value in now["parameters"].items():
+            if name in values and values[name] != value:
+                yield f"{name} = {values[name]!r}"
+    for name in OPTIONS:
+        if name in before and before[name] != now[name]:
+            yield f"{name} {before[name]}"
+    whole = before.get("outcome") == now["outcome"] == "done"
+    if whole and before.get("end") != now["end"]:
+        yield f"end {before.get('end')}"

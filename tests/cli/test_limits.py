@@ -16,7 +16,7 @@ import pytest
 from lagsim import limits
 from lagsim.model.model import Settings
 from lagsim.outputs import Format
-from lagsim.outputs.room import refuse_without_room
+from lagsim.outputs.results import refuse_without_room
 
 MODEL = """
 parameters: {k: 2}

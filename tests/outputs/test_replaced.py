@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.outputs.replaced import replaced
+from lagsim.outputs.results import replaced
 
 NOW = {
     "model": {"name": "a", "file": "a.yaml", "sha256": "1"},
