@@ -87,48 +87,30 @@ def columns(p: Parameters) -> int:
     return (p.n + p.m + p.works) * 2 * p.n
 
 
-class Parameters(Memory):
-    """The parameters of a model, the modes of its switches, and working memory."""
+class Scene(Memory):
+    """The sizes and the parameters of a model; the run sets them."""
 
     n: int  # coordinates
     m: int  # constraint rows, those of laws last
-    laws: int  # rows that hold at times
     size: int  # components of y
     works: int  # of these, the works
     values: int  # parameters, modes and lengths
-    surfaces: int  # that switches lie on
-    elements: int  # of J, their rows, that do not vanish
     loops: int  # 1 where something is solved by loops: they need their room
     slopes_known: int  # 1 where the Jacobian is asked for
-    # Where each step meets all rows by impulses: their number, elements of M in its
-    # envelope, and those of the rows that do not vanish.
-    met: int
-    inertial: int
-    sloping: int
-    # Of Newton's matrix where it is sparse, see `solve.newton`: its rows, the entries
-    # of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
-    unknowns: int
-    filled: int
-    still: int
-    damped: int
-    entries: int
-
     augmented: float  # 1: M alone is singular
-    expected: float  # the rank that the rows have in general
-    reference: float  # the largest sigma so far, against which it is small
-    sigma: float  # size of the last independent column, now
-    least_sigma: float  # the smallest of it since a kernel set this to 1
     gain: float  # of what pulls the state to the constraints
     constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
-    factored: float  # what of that has been factored
-    ranked: float  # the rank that was found then
-    noted: float  # how many directions of the rows have been noted
-    sliding: float  # how many surfaces the motion slides along
-    law_forces: float  # 1 where multipliers decide on the end of a mode
-    law_shares: float  # 1 where contacts hold more often than they must
 
     fixed: Floats = array(lambda p: p.values)
     worked: Floats = array(each_worked)  # the work that is done on a coordinate; or -1
+
+
+class Surfaces(Scene):
+    """Surfaces that switches lie on, their modes, and the motion along them."""
+
+    surfaces: int  # that switches lie on
+    elements: int  # of J, their rows, that do not vanish
+    sliding: float  # how many surfaces the motion slides along
 
     side: Floats = array(each_surface)  # the mode variables
     slides: Floats = array(each_surface)  # see FOLLOWED
@@ -141,29 +123,12 @@ class Parameters(Memory):
     most: Floats = array(each_surface)
     # Of the upper side, in the combination that stays on the surface.
     share: Floats = array(each_surface)
-    slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
-    band: Floats = array(each_watched)  # ... and must be past it for more than noise
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array(each_surface)
     noise: Floats = array(each_surface)  # a rate so small is rounding, while it slides
     # Roots of it are taken of no less, in the motion; see `switches.roots`.
     floor: Floats = array(each_surface)
     least_root: Floats = array(each_surface)  # what that is set to between rows
-
-    law_kind: Floats = array(each_law)
-    law_mode: Floats = array(each_law)
-    law_way: Floats = array(each_law)  # the sign of a force that is given
-    law_normal: Floats = array(each_law)  # the law of a slip's contact; or -1
-    law_pair: Floats = array(each_law)  # the other of two slips; or -1
-    law_still: Floats = array(each_law)  # two slips together no faster have stopped
-    # What the laws of an arc could do to each rate of the state.
-    law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
-    # Two slips that begin keep about this speed's direction; 0 once they are faster.
-    law_floor: Floats = array(each_law)
-    law_rounding: Floats = array(each_law)  # of its margin, while it is out of force
-    law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
-    impulses: Floats = array(each_law)  # of an impact, while its row is written
-
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
     row_columns: Floats = array(lambda p: p.elements)
@@ -181,6 +146,40 @@ class Parameters(Memory):
     right: Floats = array(lambda p: 3 * p.surfaces)
     former: Floats = array(lambda p: p.size if p.surfaces else 0)
 
+
+class Laws(Surfaces):
+    """Rows that hold at times: unilateral constraints, friction, limits."""
+
+    laws: int  # rows that hold at times
+    law_forces: float  # 1 where multipliers decide on the end of a mode
+    law_shares: float  # 1 where contacts hold more often than they must
+
+    slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
+    band: Floats = array(each_watched)  # ... and must be past it for more than noise
+    law_kind: Floats = array(each_law)
+    law_mode: Floats = array(each_law)
+    law_way: Floats = array(each_law)  # the sign of a force that is given
+    law_normal: Floats = array(each_law)  # the law of a slip's contact; or -1
+    law_pair: Floats = array(each_law)  # the other of two slips; or -1
+    law_still: Floats = array(each_law)  # two slips together no faster have stopped
+    # What the laws of an arc could do to each rate of the state.
+    law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
+    # Two slips that begin keep about this speed's direction; 0 once they are faster.
+    law_floor: Floats = array(each_law)
+    law_rounding: Floats = array(each_law)  # of its margin, while it is out of force
+    law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
+    impulses: Floats = array(each_law)  # of an impact, while its row is written
+
+
+class Impulses(Laws):
+    """Rows that each step meets by impulses, for `moreau`."""
+
+    # Where each step meets all rows by impulses: their number, elements of M in its
+    # envelope, and those of the rows that do not vanish.
+    met: int
+    inertial: int
+    sloping: int
+
     # Of each row that is met by impulses; and where `balance` has what.
     met_kind: Floats = array(each_met)
     met_normal: Floats = array(each_met)
@@ -189,6 +188,18 @@ class Parameters(Memory):
     inertia_first: Floats = array(lambda p: p.n if p.inertial else 0)
     slope_starts: Floats = array(lambda p: p.met + 1)
     slope_columns: Floats = array(lambda p: p.sloping)
+
+
+class SparseNewton(Impulses):
+    """The pattern of Newton's matrix where it is sparse, see `solve.newton`."""
+
+    # Of Newton's matrix where it is sparse, see `solve.newton`: its rows, the entries
+    # of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
+    unknowns: int
+    filled: int
+    still: int
+    damped: int
+    entries: int
 
     # Newton's matrix: of each entry its place among those of the factors, its row
     # there, and the component of y that its column stands for.
@@ -201,6 +212,18 @@ class Parameters(Memory):
     newton_starts: Floats = array(lambda p: p.unknowns + 1)
     newton_diagonals: Floats = array(lambda p: p.unknowns)
     newton_columns: Floats = array(lambda p: p.filled)
+
+
+class Parameters(SparseNewton):
+    """All of it, the rank of the constraint rows, and working memory."""
+
+    expected: float  # the rank that the rows have in general
+    reference: float  # the largest sigma so far, against which it is small
+    sigma: float  # size of the last independent column, now
+    least_sigma: float  # the smallest of it since a kernel set this to 1
+    factored: float  # what of that has been factored
+    ranked: float  # the rank that was found then
+    noted: float  # how many directions of the rows have been noted
 
     # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)
@@ -264,7 +287,6 @@ class Parameters(Memory):
         "slopes", columns, lambda p: p.works * (p.n + p.m) * p.slopes_known
     )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
-
     # What `balance` gives: M in its envelope, the elements of the rows, the forces;
     # then of each row its gap, what its rate is at rest, its bounds, whether it is in
     # force.
