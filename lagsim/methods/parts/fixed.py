@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import floor
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,8 @@ from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
+
+    Row = tuple[float, ...]
 
 CONSTRAINED = True
 
@@ -146,7 +147,6 @@ def interpolate(s: Fixed, x: float, out: Floats) -> None:
 # --- Runge-Kutta tableaus -------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
 class Tableau:
     """A Runge-Kutta method.
 
@@ -166,18 +166,14 @@ class Tableau:
         all rooted trees up to the order are checked by the tests.)
     """
 
-    A: tuple[tuple[float, ...], ...]
-    B: tuple[float, ...]
-    C: tuple[float, ...]
-    order: int
-
-    def __post_init__(self) -> None:
-        for i, (row, c) in enumerate(zip(self.A, self.C, strict=True)):
+    def __init__(self, A: tuple[Row, ...], B: Row, C: Row, order: int) -> None:
+        self.A, self.B, self.C, self.order = A, B, C, order
+        for i, (row, c) in enumerate(zip(A, C, strict=True)):
             size = 1.0 + sum(map(abs, row))
             if abs(sum(row) - c) > 1e-14 * size:
                 raise ValueError(f"row {i} of A adds up to {sum(row)!r}, not to {c!r}")
-        for k in range(1, self.order + 1):
-            terms = [b * c ** (k - 1) for b, c in zip(self.B, self.C, strict=False)]
+        for k in range(1, order + 1):
+            terms = [b * c ** (k - 1) for b, c in zip(B, C, strict=False)]
             if abs(sum(terms) - 1 / k) > 1e-14 * (1.0 + sum(map(abs, terms))):
                 raise ValueError(f"B fails the quadrature condition of order {k}")
 

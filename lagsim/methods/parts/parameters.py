@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from lagsim.native.layout import Memory, array, part
@@ -42,9 +43,8 @@ DRIVEN = 2.0
 IMPLIED = 3.0
 
 
-def each_surface(p: Parameters) -> int:
-    """Give the length of what each surface has one of."""
-    return p.surfaces
+# The lengths of what each surface, law, or row that is met by impulses has one of.
+each_surface, each_law, each_met = map(attrgetter, ("surfaces", "laws", "met"))
 
 
 def each_coordinate(p: Parameters) -> int:
@@ -57,16 +57,6 @@ def each_row(p: Parameters) -> int:
     return p.m if p.loops else 0
 
 
-def each_law(p: Parameters) -> int:
-    """Give the length of what each law has one of."""
-    return p.laws
-
-
-def each_met(p: Parameters) -> int:
-    """Give the length of what each row that is met by impulses has one of."""
-    return p.met
-
-
 def before_gaps(p: Parameters) -> int:
     """Give where in `balance` the gaps begin."""
     return p.inertial + p.sloping + (p.n if p.inertial else 0)
@@ -75,11 +65,6 @@ def before_gaps(p: Parameters) -> int:
 def each_watched(p: Parameters) -> int:
     """Give the length of what each margin of a mode has one of."""
     return p.surfaces + p.laws
-
-
-def each_worked(p: Parameters) -> int:
-    """Give the length of what each coordinate has one of where there are works."""
-    return p.n if p.works else 0
 
 
 def columns(p: Parameters) -> int:
@@ -102,7 +87,7 @@ class Scene(Memory):
     constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
 
     fixed: Floats = array(lambda p: p.values)
-    worked: Floats = array(each_worked)  # the work that is done on a coordinate; or -1
+    worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
 
 
 class Surfaces(Scene):
