@@ -22,9 +22,9 @@ from scipy.integrate import solve_ivp
 
 from lagsim.methods.parts import state as at
 from lagsim.model.reader import read_file
+from lagsim.run.arc import empty_state
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
-from lagsim.run.states import empty_state
 
 MODEL = MODELS / "elastic-pendulum.yaml"
 # Tolerances tried for scipy, four to a decade.

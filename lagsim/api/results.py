@@ -21,7 +21,7 @@ from lagsim.outputs.results import MANIFEST, open_results
 from lagsim.outputs.table import table_writer
 from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers.moments import Moments
+from lagsim.run.observers import Moments
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.studies.drawing import beside
 from lagsim.studies.spectrum import spectrum

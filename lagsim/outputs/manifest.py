@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
     from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.residual_monitor import ResidualMonitor
+    from lagsim.run.observers.monitors import ResidualMonitor
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
 

@@ -30,7 +30,7 @@ from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.reduction import Reduction, ignorable
+from lagsim.mechanics.reduction import Reduction, ignorable, pairs
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
 
@@ -344,8 +344,6 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, start.t)
-    from lagsim.mechanics.reduction import pairs  # with constraints only
-
     found = pairs(e, point.values(q, v), point.sizes(q, v))
     if found:
         return reduction.eliminate(found), ""

@@ -1,35 +1,391 @@
-"""From a scene to its plan: the structure found, the formulation, the method."""
+"""From a scene to its plan: structure, formulation, solve, method.
+
+A row's length, in the metric in which the motion is solved for, is that at the start.
+Only a row that is zero there is looked at nearby, at a distance that its own relation
+tells, or the motion: no size of a coordinate is one, since where the origin lies says
+nothing.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from lagsim.admissibility.large import is_large, row_lengths
+from lagsim.admissibility.newton import solving_metric
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import scaled_rows
 from lagsim.errors import InputError, Problem
+from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import UNIT_ROUNDOFF, addends, evaluate
+from lagsim.language.sparse import TooLongError
+from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
-from lagsim.methods import method
+from lagsim.methods import method, names, options_of
 from lagsim.notes import Choice
+from lagsim.plan.cost import step_parts
 from lagsim.plan.formulation import formulate
-from lagsim.plan.integration import STRAIGHT_ONLY, choose, locates, refuse, suits
-from lagsim.plan.lengths import usual_lengths
-from lagsim.plan.plan import ANY, Part, Plan
-from lagsim.plan.solve import (
-    eliminate,
-    from_tape,
-    independence_of,
-    many_slopes,
-    set_aside,
-)
+from lagsim.plan.plan import ANY, WELL_CONDITIONED, Part, Plan, newton_of
 from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
+from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lagsim.admissibility.report import Start
-    from lagsim.mechanics.equations import Equations
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.mechanics.switches import Switches
     from lagsim.methods import Structure
     from lagsim.model.model import Settings
+
+
+# How many states around the start are looked at, and how far away they are, against the
+# distance over which a relation changes.
+AROUND = 3
+NEARBY = 0.1
+# What a double leaves of a coordinate, a few times: an entry of this origin is zero.
+ROUNDED = 4.0 * UNIT_ROUNDOFF
+
+
+def usual_lengths(
+    equations: Equations, start: Instant, step: float
+) -> tuple[float, ...]:
+    """Give the length of each row at the start, or around it where it vanishes.
+
+    Around it is where the motion comes within a part of `step`.
+    """
+    if not equations.rows:
+        return ()
+    point = Point(equations, start.t)
+    lengths = _lengths(point, start.q, start.v)
+    vanishing = np.flatnonzero(~(lengths > 0.0))
+    if len(vanishing):
+        random = np.random.default_rng(4)  # the same states each time
+        for _ in range(AROUND):
+            for k in vanishing:
+                q, v = _nearby(point, equations.rows[k], start, step, random)
+                found = _lengths(point, q, v)[k]
+                lengths[k] = np.fmax(lengths[k], found)
+    return tuple(map(float, np.nan_to_num(lengths)))
+
+
+def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
+    """Give the lengths (m,), 0 of what is nothing but rounding; nan where M is not."""
+    if is_large(point):
+        found = row_lengths(point, q, v)
+        if np.all(np.isfinite(found)):
+            return found
+    if not np.all(np.isfinite(point.mass(q, v))):
+        return np.full(len(point.e.rows), np.nan)
+    names = (*point.e.q, *point.e.velocities)
+    values = np.concatenate([q, v])
+    errors = dict(zip(names, ROUNDED * np.abs(values), strict=True))
+    return scaled_rows(point, q, v, solving_metric, errors)[1]
+
+
+def _nearby(
+    point: Point, row: Row, start: Instant, step: float, random: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Give a state as far from the start as says something of a row."""
+    q, v = start.q, start.v
+    u, w = (random.standard_normal(point.n) / point.sizes(q, v) for _ in range(2))
+    if row.holonomic:
+        distance = _own_distance(point, row, q, u)
+        if distance > 0.0:
+            return q + NEARBY * distance * u, v
+    speed = float(np.linalg.norm(point.sizes(q, v) * v)) or 1.0
+    return q + NEARBY * speed * step * u, v + NEARBY * speed * w
+
+
+def _own_distance(point: Point, row: Row, q: Floats, u: Floats) -> float:
+    """Give how far along u the terms of a relation change by their own size."""
+    e, g = point.e, point.g
+    along = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
+    bend = tangent(g, tangent(g, [row.residual], along), along)
+    terms = addends(g, row.residual)
+    found = np.abs(point.array([*bend, *terms], q, u))
+    if not found[0] > 0.0 or not np.all(np.isfinite(found)):
+        return 0.0
+    return float(np.sqrt(np.max(found[1:]) / found[0]))
+
+
+# Needs of a method that are made from y' as nodes of the graph.
+STRAIGHT_ONLY = frozenset(("series", "linear"))
+# The exponential's matrices are dense: measured, 40 states take half of DOP853's time,
+# 120 nine times as much.
+MOST_STATES = 50
+# With more operations of y' that move no series pays, and nobody looks at it: what an
+# order keeps leaves the processor's nearest memory.
+MOST_MOVING = 1500
+# What a step takes, in ns (measured on six scenes of 4 to 40 components, within a third
+# but for ten rods at 1e-8): DOP853's for itself and each operation, a series' likewise.
+DOP853_STEP, DOP853_OPERATION = 450.0, 0.22
+SERIES_STEP, SERIES_OPERATION = 150.0, 0.18
+# DOP853 makes so many steps for one of the series at 1e-8 (measured: 1.0 to 1.3), and
+# so many times as many at a tenth of a tolerance (2.6 to 3.4 at 1e-12).
+MORE_STEPS, PER_DECADE = 1.2, 1.23
+# What gains less than this is not worth the time that a series takes to compile.
+PAYS = 1.25
+# At looser tolerances a tenth and more of its steps are made in vain.
+SERIES_RTOL = 1e-6
+
+
+def choose(
+    equations: Equations,
+    scene: Structure,
+    solved: Elimination | None,
+    settings: Settings,
+    choices: list[Choice],
+    *,
+    switching: bool,
+) -> str:
+    """Choose the method: what was asked for, or what suits the scene.
+
+    Parameters
+    ----------
+    solved
+        The equations as nodes of the graph; None where there are none to compile.
+    switching
+        The motion has switches that depend on the state.
+
+    Raises
+    ------
+    InputError
+        Where the method asked for is not known or cannot handle the model.
+    """
+    if settings.method == "auto":
+        plain = solved is not None and not switching and not equations.quadratures
+        chosen = _automatic(
+            equations, scene, solved if plain else None, settings.tolerance
+        )
+        choices.append(chosen)
+        return chosen.choice.removeprefix("method: ")
+    name = _asked(equations, scene, settings, choices)
+    if STRAIGHT_ONLY.intersection(method(name).NEEDS):
+        _check_straight(name, equations, solved, settings, choices)
+    return name
+
+
+def _automatic(
+    equations: Equations, scene: Structure, solved: Elimination | None, rtol: float
+) -> Choice:
+    if solved is not None:
+        if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
+            return Choice(
+                "method: exponential", ("linear equations, and constant in time")
+            )
+        gain = _gain(equations, solved, rtol)
+        if gain >= PAYS:
+            reason = f"estimated {gain:.1f} times as fast as {ANY}"
+            return Choice("method: taylor", reason)
+    return Choice(f"method: {ANY}", "order 8, accurate for smooth motion")
+
+
+def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
+    """Estimate DOP853's time in units of that of a series; 0 where it is too long."""
+    names = (*equations.q, *equations.velocities, "t")
+    moving = equations.graph.dependent(motion_rates(equations, solved), names)
+    if not 0.0 < rtol <= SERIES_RTOL or len(moving) > MOST_MOVING:
+        return 0.0
+    solves, stages = step_parts(equations, solved)
+    operations = solves + series_cost(equations, solved, rtol).operations
+    series = SERIES_STEP + SERIES_OPERATION * operations
+    dop853 = DOP853_STEP + DOP853_OPERATION * (solves + stages)
+    decades = math.log10(1e-8 / rtol)
+    steps = MORE_STEPS * math.pow(PER_DECADE, decades)
+    return steps * dop853 / series
+
+
+def _asked(
+    equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
+) -> str:
+    asked, place = settings.method, settings.method_place
+    if asked not in names():
+        known = ", ".join(names())
+        hint = f"one of auto, {known}; `lagsim methods` describes them"
+        text = f"there is no method `{asked}`"
+        raise InputError([Problem("unknown-method", text, place, hint)])
+    refuse(asked, method_refusal(asked, equations, scene), settings)
+    choices.append(Choice(f"method: {asked}", "asked for"))
+    given = dict(settings.options)
+    for key, option in options_of(asked).items():
+        value = f"{key.replace('_', ' ')}: {given.get(key, option.default):g}"
+        choices.append(Choice(value, "asked for" if key in given else "as usual"))
+    return asked
+
+
+def refuse(name: str, why: str, settings: Settings) -> None:
+    """Raise InputError where there is a reason why a method cannot handle a scene."""
+    if why:
+        text = f"`{name}` cannot handle this model: {why}"
+        hint = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
+        place = settings.method_place
+        raise InputError([Problem("method-refused", text, place, hint)])
+
+
+def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
+    """Say why a method cannot handle equations, or give ""."""
+    chosen = method(name)
+    if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
+        if equations.model.output.action:
+            return "it does not integrate the action, which `output` asks for"
+        return "it does not integrate ignorable coordinates by quadrature"
+    if equations.laws and chosen.NEEDS and locates(name):
+        return "constraints that come and go need a method that evaluates y' only"
+    why = str(chosen.refusal(scene))
+    return "" if why and newton_of(name, equations) is not None else why
+
+
+def locates(name: str) -> bool:
+    """Tell whether a method stops at switches and contacts; `auto` chooses such."""
+    return name not in names() or bool(getattr(method(name), "EVENTS", True))
+
+
+def suits(asked: str, equations: Equations) -> bool:
+    """Tell whether the method that is asked for can handle `equations`."""
+    if asked not in names():
+        return True
+    return not method_refusal(asked, equations, structure(equations))
+
+
+def _check_straight(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    settings: Settings,
+    choices: list[Choice],
+) -> None:
+    """Refuse a method that needs y' as nodes where there are none."""
+    text = "its equations are solved by loops, not by straight-line code"
+    hint = "`--method dop853` handles it"
+    if elimination is not None:
+        if "series" not in method(name).NEEDS:
+            return
+        cost = series_cost(equations, elimination, settings.tolerance)
+        operations = cost.operations
+        if operations <= MOST_OPERATIONS:
+            form = "a loop over the order" if cost.loop else "straight-line code"
+            reason = f"about {operations} operations per step"
+            choices.append(Choice(f"series: {form}", reason))
+            return
+        text = (
+            f"its series would take about {operations} operations a step, more than "
+            f"{MOST_OPERATIONS}"
+        )
+        hint += "; a larger --rtol makes the series shorter"
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, settings.method_place, hint)])
+
+
+# Loops of so many multiplications take a millisecond: that is no reason to do without
+# their QR decomposition.
+CHEAP = 10**6
+# Code that fills in more entries of M and A than these compiles for long.
+MOST_ENTRIES = 10_000
+# Functions of as many slopes as n (n + m), twice: see `system.functions`.
+SLOPES = frozenset(("jacobian", "lagrangian"))
+
+
+def eliminate(
+    equations: Equations,
+    start: Start,
+    lengths: Sequence[float],
+    choices: list[Choice],
+) -> Elimination | None:
+    """Solve on the graph; None, with the reason among the choices, where loops do."""
+    if start.augmented:
+        return None
+    if start.ranks.rank < len(equations.rows):
+        reason = f"{len(equations.rows)} constraints have rank {start.ranks.rank}"
+        choices.append(Choice("solve: loops with QR, least-norm lambda", reason))
+        return None
+    n, m = len(equations.q), len(equations.rows)
+    dense = dense_operations(n, m)
+    close = start.ranks.smallest < WELL_CONDITIONED
+    reason = f"the constraints are nearly dependent ({start.ranks.smallest:.1e})"
+    if close and dense <= CHEAP:
+        choices.append(Choice("solve: loops with QR", reason))
+        return None
+    try:
+        elimination = Elimination(equations, affordable(n, m))
+    except TooLongError:
+        text = f"elimination saves too little of their {dense} multiplications"
+        choices.append(Choice("solve: loops", text))
+        return None
+    if close:
+        independence = independence_of(equations, start, lengths, elimination)
+        if independence < WELL_CONDITIONED:
+            slow = f"{reason}, at the price of {dense} multiplications"
+            choices.append(Choice("solve: loops with QR", slow))
+            return None
+    count = elimination.operations
+    many = f"{count} multiplication{'s' * (count != 1)}"
+    where = (
+        ("of entries that are not zero") if equations.chains is None else "along chains"
+    )
+    if count <= BUDGET:
+        told = many if equations.chains is None else f"{many} {where}"
+        choices.append(Choice("solve: straight-line code", told))
+    else:
+        reason = f"{many} {where}; loops would take {dense}"
+        choices.append(Choice("solve: sparse elimination", reason))
+    return elimination
+
+
+def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
+    """Tell whether compiled code would be too long."""
+    if elimination is not None:
+        return elimination.operations > BUDGET
+    if equations.chains is not None:  # whose M is full, and made where it is read
+        return len(equations.q) ** 2 > MOST_ENTRIES
+    rows = sum(len(row.A.entries) for row in equations.rows)
+    return sum(len(row.entries) for row in equations.M) + rows > MOST_ENTRIES
+
+
+def many_slopes(
+    name: str,
+    equations: Equations,
+    elimination: Elimination | None,
+    choices: list[Choice],
+) -> bool:
+    """Tell whether the slopes that a method needs would compile for long."""
+    n, m = len(equations.q), len(equations.rows)
+    sparse = None if elimination is None else newton_of(name, equations)
+    slopes = 2 * n * (n + m)
+    if sparse is not None:
+        slopes = len(sparse.entries)
+        reason = f"{slopes} entries; {sparse.operations} multiplications factor them"
+        choices.append(Choice("Newton's matrix: sparse", reason))
+    if not SLOPES.intersection(method(name).NEEDS) or slopes <= MOST_ENTRIES:
+        return False
+    choices.append(Choice("tapes", f"{slopes} derivatives would take long to compile"))
+    return True
+
+
+def independence_of(
+    equations: Equations,
+    start: Instant,
+    lengths: Sequence[float],
+    elimination: Elimination,
+) -> float:
+    """Give how independent the rows are at the start by the pivots of `elimination`."""
+    values = Point(equations, start.t).values(start.q, start.v)
+    for row, length in zip(equations.rows, lengths, strict=True):
+        values[f"length.{row.name}"] = length
+    return float(evaluate(equations.graph, [elimination.health()], values)[0])
+
+
+def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
+    """Tell which rows others imply everywhere, shape (m,)."""
+    implied = {d.name for d in start.ranks.dependences if d.everywhere is not False}
+    return tuple(row.name in implied for row in equations.rows)
 
 
 def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:

@@ -2,9 +2,9 @@
 
 `session` hands every row to the observers; `arcs` is the loop, `arc` what one of them
 is, `apart` runs subsystems. `system` is what is compiled. What pauses or ends arcs is a
-source, and gives a decision (`decisions`) that the loop acts on; `recorder` keeps what
-is said. Of the sources `events` has what happens on the way: breaks in `times`;
-`switching`, the mode of each arc, with `shares` where it is on surfaces, and `sequence`
-for those that come ever faster; `ranks`, losses of rank. `stiffness` and `fallback` go
-on by other methods. `reasons` puts an outcome in words.
+source, and gives a decision that the loop acts on. Of the sources `events` has what
+happens on the way: breaks and features in `times`; `switching`, the mode of each arc,
+and `sequence` for switches that come ever faster; `contacts` and `impacts`; losses of
+rank in `singularities`. `stiffness` and `failures` go on by other methods, or put an
+outcome in words.
 """

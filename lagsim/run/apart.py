@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.run.arcs import Run
-from lagsim.run.decisions import Ending
-from lagsim.run.recorder import Recorder
+from lagsim.run.arcs import Recorder, Run
 from lagsim.run.system.runner import BLOCK
-from lagsim.run.trajectory import Outcome, Statistics, Trajectory
+from lagsim.run.trajectory import Ending, Outcome, Statistics, Trajectory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

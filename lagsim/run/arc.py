@@ -1,4 +1,7 @@
-"""An arc: a stretch of a motion by one plan, and the state that it has reached."""
+"""An arc: a stretch of a motion by one plan, and the state that it has reached.
+
+The memory of a method's state goes from arc to arc, and from method to method.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,12 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
+from lagsim.methods.parts.driver import ROUNDED
 from lagsim.plan.plan import WELL_CONDITIONED
-from lagsim.run.states import SLIDING, empty_state, taken_over
-from lagsim.run.system.coupling import held_together
+from lagsim.run.system.functions import held_together
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
@@ -23,6 +26,70 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner
+
+    Options = Sequence[tuple[str, float]]
+
+
+# The method where the motion slides along a surface and the method of the run needs
+# more of the model than y'.
+SLIDING = "dop853"
+# A method whose steps may fail for other reasons than stiffness: of them nothing is
+# said, and it is looked at after so many steps, some ten milliseconds.
+SERIES = "taylor"
+LONG = 20_000
+# A state that slides is pulled back by what a step errs: a few times the tolerance
+# by a method that has one, and this part of the motion by any other.
+MOST_PULLED = 1e-2
+LEAST_PULLED = 1e-9
+ERRED = 1e4
+
+
+def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
+    """Give how far a change goes, against the reach of what it moves.
+
+    As `methods.parts.driver.pulled`: each coordinate counts by the push that it gets.
+    """
+    more = np.abs(change) > ROUNDED * sizes
+    moved = float(masses @ np.where(more, change, 0.0) ** 2)
+    if moved == 0.0:
+        return 0.0
+    whole = float(np.linalg.norm(masses * change * reach))
+    return moved / whole if whole > 0.0 else 1.0
+
+
+def most_pulled(rtol: float | None) -> float:
+    """Give how far a state may be pulled, against the motion, before it jumps."""
+    if rtol is None:
+        return MOST_PULLED
+    return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
+
+
+def empty_state(runner: Runner, options: Options = ()) -> State:
+    """Give a state of a method that nothing but its own options has been put into."""
+    state = runner.empty.copy()
+    for name, value in options:
+        if name in state.fields:
+            setattr(state, name, value)
+    return state
+
+
+def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Give the least and the greatest values by the names of the components."""
+    low, high = state.low.tolist(), state.high.tolist()
+    return dict(zip(names, zip(low, high, strict=True), strict=True))
+
+
+def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
+    """Give a state as that of another method or system, at the start of an arc."""
+    new = empty_state(runner, options)
+    own = (new.kinds, new.powers, new.joined, new.linked)
+    kept = [values.copy() for values in own]
+    new.take(state)
+    for values, before in zip(own, kept, strict=True):
+        values[:] = before
+    new.fresh = 1.0
+    return new
+
 
 # The last row within this part of a row's spacing is the end's.
 SAME_ROW = 1e-9

@@ -8,7 +8,9 @@ forgotten, so memory does not grow with their number.
 
 from __future__ import annotations
 
+import math
 import time
+from collections import Counter
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -16,21 +18,26 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
-from lagsim.notes import Event
-from lagsim.run.arc import first_arc
-from lagsim.run.decisions import GO_ON, Decision, Ending, Turn
-from lagsim.run.events.coordinates import singularity_caution
-from lagsim.run.events.ranks import Dependence, RankLosses
-from lagsim.run.events.times import TimeBreaks
-from lagsim.run.fallback import FAILED, Fallback
+from lagsim.notes import Caution, Event
+from lagsim.run.arc import first_arc, most_pulled, named_extents
+from lagsim.run.events.contacts import Contacts
+from lagsim.run.events.impacts import at_start, before_event, impact
+from lagsim.run.events.singularities import Dependence, RankLosses, singularity_caution
+from lagsim.run.events.switching import Switching
+from lagsim.run.events.times import Features, TimeBreaks
+from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
+from lagsim.run.interrupt import Horizon
 from lagsim.run.overflow import finite_rows, unless_overflow
-from lagsim.run.pace import Horizon
-from lagsim.run.reasons import reason_of
-from lagsim.run.recorder import Recorder
-from lagsim.run.states import most_pulled, named_extents
 from lagsim.run.stiffness import Stiffness
-from lagsim.run.trajectory import Outcome, Statistics, Trajectory
-from lagsim.run.unmet import Unmet, unsettled
+from lagsim.run.trajectory import (
+    GO_ON,
+    Decision,
+    Ending,
+    Outcome,
+    Statistics,
+    Trajectory,
+    Turn,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -38,14 +45,86 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Settings
+    from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc
-    from lagsim.run.decisions import Source
     from lagsim.run.events.impacts import Before
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Observer
-    from lagsim.run.observers.corners import Corners
+    from lagsim.run.observers import Corners, Observer
     from lagsim.run.system import System
+    from lagsim.run.trajectory import Source
+
+
+# A switch or a dead point may be passed for ever: of such events so many are kept.
+MOST_EVENTS = 10_000
+# So many of the last of them show where they come from, and how fast.
+LATELY = 1000
+
+
+class Recorder:
+    """Keeps events, cautions and choices, and hands rows on.
+
+    Attributes
+    ----------
+    rows : int
+        Handed on so far.
+    last : float
+        The time of the last of them.
+    counts, unkept : dict
+        How many events there were of each kind, and how many of them are not kept.
+    full : float
+        The time of the first that is not kept.
+    """
+
+    def __init__(self, observers: Sequence[Observer]) -> None:
+        self.observers = observers
+        self.events: list[Event] = []
+        self.cautions: list[Caution] = []
+        self.choices: list[Choice] = []
+        self.counts: dict[str, int] = {}
+        self.unkept: dict[str, int] = {}
+        self.full = math.inf
+        self.rows = 0
+        self.last = math.nan
+
+    def keep(self, decision: Decision) -> None:
+        """Keep what a decision says."""
+        for event in decision.events:
+            kind = event.kind
+            self.counts[kind] = self.counts.get(kind, 0) + 1
+            often = event.switch is not None or event.constraint is not None
+            if not often or len(self.events) < MOST_EVENTS:
+                self.events.append(event)
+            else:
+                self.unkept[kind] = self.unkept.get(kind, 0) + 1
+                self.full = min(self.full, event.time)
+        self.cautions += decision.cautions
+        self.choices += decision.choices
+
+    def unlisted(self) -> list[Caution]:
+        """Say how many events were too many to be kept."""
+        if not self.unkept:
+            return []
+        kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
+        late = [e for e in self.events if e.constraint or e.switch][-LATELY:]
+        where, often = Counter(e.constraint or e.switch for e in late).most_common(1)[0]
+        text = (
+            f"only the first {MOST_EVENTS} events are listed: from t = {self.full:.9g} "
+            f"on there were {kinds} more; {often} of the last {len(late)} listed are "
+            f"at `{where}`, within {self.full - late[0].time:.3g} of time"
+        )
+        return [Caution("events-unlisted", text)]
+
+    def hand_on(self, rows: Floats) -> None:
+        """Hand rows of columns on."""
+        count = len(rows)
+        if not count:
+            return
+        self.rows += count
+        self.last = float(rows[-1, 0])
+        for observer in self.observers:
+            observer.add(rows)
+
 
 # Of the range of each component, and of what tells numbers of its size apart: nothing
 # in a picture, and clear of rounding.
@@ -193,16 +272,12 @@ class Run:
         ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
-        from lagsim.run.events.impacts import before_event
-
         return before_event(arc)
 
     def _at_start(self) -> Before | None:
         """Look at the start before its switches are those of the first arc."""
         if not (self.arc.system.m and self.arc.system.switches.modes):
             return None
-        from lagsim.run.events.impacts import at_start
-
         return at_start(self.arc)
 
     def _corner(self, code: int) -> Floats | None:
@@ -247,8 +322,6 @@ class Run:
         """Meet the constraints whose rates jump at the time reached."""
         if before is None:
             return None
-        from lagsim.run.events.impacts import impact
-
         struck = impact(self.arc, before)
         self._take(struck)
         return struck.ending
@@ -349,18 +422,12 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield Fallback()
     yield TimeBreaks(arc)
     if arc.system.surfaces:
-        from lagsim.run.events.switching import Switching
-
         yield Switching(arc)
     if arc.system.laws:
-        from lagsim.run.events.contacts import Contacts
-
         yield Contacts(arc)
     if arc.system.m:
         yield Dependence()
         yield RankLosses()
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
-        from lagsim.run.events.features import Features
-
         yield Features(arc)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts.state import BLOCK_FULL
+from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
-from lagsim.run.states import LONG
 from lagsim.run.system.sleepers import timed
 
 if TYPE_CHECKING:

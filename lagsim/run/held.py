@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import BALANCED, evaluate_rows, roundings
 from lagsim.mechanics.equations import pushes
-from lagsim.run.system.coupling import in_groups, joined
+from lagsim.run.system.functions import in_groups, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,7 +11,7 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.errors import InputError, LagsimError, Problem
-from lagsim.run.pace import MOST_STEPS
+from lagsim.run.interrupt import MOST_STEPS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from lagsim.run.apart import Apart
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Observer
-    from lagsim.run.observers.corners import Corners
+    from lagsim.run.observers import Corners, Observer
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 

@@ -17,15 +17,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
+from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
 from lagsim.plan.cost import STAGES
-from lagsim.run.decisions import GO_ON, Decision, Source
-from lagsim.run.pace import MOST_STEPS
-from lagsim.run.states import LONG, SERIES
+from lagsim.run.arc import LONG, SERIES
+from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.system import System
+from lagsim.run.trajectory import GO_ON, Decision, Source
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
@@ -103,8 +105,6 @@ class Stiffness(Source):
         return self._considered_once(arc)._replace(numbers=asked)
 
     def _considered_once(self, arc: Arc) -> Decision:
-        from lagsim.mechanics.structure import structure
-
         scene = arc.system.equations
         # Sliding has a method of its own.
         alone = arc.slides or scene.quadratures or scene.laws
@@ -167,8 +167,6 @@ class Stiffness(Source):
         n, equations = arc.system.n, arc.system.equations
         if equations.quadratures:
             return GO_ON
-        from lagsim.mechanics.linearisation import Linearisation  # of long runs
-
         try:
             linear = Linearisation(equations).at(arc.t, arc.y[:n], arc.y[n : 2 * n])
         except ValueError:  # not finite there
@@ -223,8 +221,6 @@ def _fastest(arc: Arc) -> Fast | None:
     J = _jacobian(arc)
     if not np.all(np.isfinite(J)):
         return None
-    from lagsim.mechanics.linearisation import eigenmodes, weighted  # few come here
-
     whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
     modes = eigenmodes(whole, _fast)
     masses = arc.masses

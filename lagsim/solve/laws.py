@@ -10,6 +10,15 @@ velocity, and a limited row l its bound. What slides makes the equations unsymme
 they are small, dense, and solved by elimination with pivoting. The rows that hold are
 independent: who sets the modes sees to it.
 
+Contacts that hold a body more often than they must share its weight with the least norm
+of all multipliers: the forces of those that hold, A_h^T lambda_h, are known, and of all
+multipliers of what touches, A, that give these, those of least norm are A A_h^T y with
+
+    (A_h A^T A A_h^T) y = A_h A_h^T lambda_h
+
+and the coordinates in units of the rows' elements. What would pull most is left out,
+and again. Where friction is bounded by them the multipliers stay as they were found.
+
 Source: F. Pfeiffer and C. Glocker, Multibody Dynamics with Unilateral Contacts, 1996,
 chapter 5.
 """
@@ -20,6 +29,7 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import (
+    CONTACT,
     DRIVEN,
     FREEWHEEL,
     HELD,
@@ -29,13 +39,250 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.native.kernels.words import at, external
-from lagsim.solve._cholesky import augment_force, backward, factor, forward
-from lagsim.solve._pushes import couple, impress, share_out, solve
-from lagsim.solve._shares import share
-from lagsim.solve.dense import gather
+from lagsim.solve.dense import augment_force, backward, factor, forward, gather
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
+
+
+def couple(p: Parameters, sliding: int) -> None:
+    """Make Y = L^-1 A^T of the rows that hold, what pushes with them, and S.
+
+    Each row of S, and of the right side, is brought to the size of its own diagonal.
+    """
+    n, A, Y, Z, S, L, order, right = p.n, p.A, p.Y, p.Z, p.S, p.L, p.order, p.w
+    count = int(p.ranked)
+    for k in range(count):
+        row = at(Y, k * n)
+        push = at(Z, k * n)
+        i = int(order[k])
+        for j in range(n):
+            row[j] = A[i * n + j]
+            push[j] = row[j]
+        forward(n, L, row)
+        if sliding > 0:
+            slide_along(p, i, push)
+        forward(n, L, push)
+    for k in range(count):
+        row = at(Y, k * n)
+        square = 0.0
+        for j in range(n):
+            square += row[j] * row[j]
+        scale = 1.0 / square if square > 0.0 else 0.0
+        for i in range(count):
+            push = at(Z, i * n)
+            value = 0.0
+            for j in range(n):
+                value += row[j] * push[j]
+            S[k * count + i] = value * scale
+        right[k] *= scale
+
+
+def slide_along(p: Parameters, i: int, push: Floats) -> None:
+    """Add to what row i pushes with the friction that goes with its multiplier."""
+    n = p.n
+    first = p.m - p.laws
+    normal, part, A = p.law_normal, p.law_part, p.A
+    if i < first:
+        return
+    for k in range(p.laws):
+        if int(normal[k]) == i - first and part[k] != 0.0:
+            row = at(A, (first + k) * n)
+            for j in range(n):
+                push[j] += part[k] * row[j]
+
+
+def impress(p: Parameters, sliding: int) -> None:
+    """Add to u (n,) the forces of the rows that hold, times L^-1."""
+    n, u, right = p.n, p.u, p.w
+    for k in range(int(p.ranked)):
+        push = at(p.Y, k * n)
+        if sliding > 0:
+            push = at(p.Z, k * n)
+        for j in range(n):
+            u[j] += right[k] * push[j]
+
+
+def share_out(p: Parameters) -> None:
+    """Leave the multiplier of each row."""
+    first = p.m - p.laws
+    out, order, right, part = p.multipliers, p.order, p.w, p.law_part
+    normal, kind = p.law_normal, p.law_kind
+    for i in range(p.m):
+        out[i] = 0.0
+    for k in range(int(p.ranked)):
+        out[int(order[k])] = right[k]
+    for k in range(p.laws):
+        if part[k] != 0.0:
+            out[first + k] = part[k]
+            if kind[k] == SLIP:
+                out[first + k] *= out[first + int(normal[k])]
+
+
+def solve(size: int, S: Floats, x: Floats) -> None:
+    """Solve S x = right side in place, with row pivoting."""
+    for k in range(size):
+        best = k
+        for i in range(k + 1, size):
+            if abs(S[i * size + k]) > abs(S[best * size + k]):
+                best = i
+        if best != k:
+            exchange(size, k, best, S, x)
+        for i in range(k + 1, size):
+            share = S[i * size + k] / S[k * size + k]
+            if share != 0.0:
+                for j in range(k + 1, size):
+                    S[i * size + j] -= share * S[k * size + j]
+                x[i] -= share * x[k]
+    for back in range(size):
+        k = size - 1 - back
+        for j in range(k + 1, size):
+            x[k] -= S[k * size + j] * x[j]
+        x[k] /= S[k * size + k]
+
+
+def exchange(size: int, k: int, i: int, S: Floats, x: Floats) -> None:
+    """Exchange two rows."""
+    for j in range(k, size):
+        S[k * size + j], S[i * size + j] = S[i * size + j], S[k * size + j]
+    x[k], x[i] = x[i], x[k]
+
+
+def share(p: Parameters, out: Floats) -> None:
+    """Share out the multipliers of contacts, of those of all rows (m,)."""
+    left_out = p.scales
+    for k in range(p.m):
+        left_out[k] = 0.0
+    for _ in range(p.laws):
+        if share_among(p, out) > 0.0:
+            return
+
+
+def share_among(p: Parameters, out: Floats) -> float:
+    """Share them out among those that are not left out; or leave one out, and give 0.
+
+    What is not left out may not do: then all stay as they are.
+    """
+    n = p.n
+    first = p.m - p.laws
+    mode, A, S, Z, w, x, total = p.law_mode, p.A, p.S, p.Z, p.w, p.x, p.v
+    count = 0
+    weigh(p)
+    for k in range(p.laws):
+        if touches(p, k) > 0.0 and mode[k] == HELD:
+            x[count] = first + k
+            count += 1
+    gather_pushes(p, count, x, out, total)
+    for i in range(count):
+        row = at(A, int(x[i]) * n)
+        w[i] = inner(p, row, total)
+        push = at(Z, i * n)
+        for j in range(n):
+            push[j] = 0.0
+        for k in range(p.laws):
+            if takes_part(p, k) > 0.0:
+                other = at(A, (first + k) * n)
+                part = inner(p, row, other)
+                for j in range(n):
+                    push[j] += part * other[j]
+    for i in range(count):
+        for k in range(count):
+            S[i * count + k] = inner(p, at(A, int(x[i]) * n), at(Z, k * n))
+    solve(count, S, w)
+    return put(p, count, x, out)
+
+
+def put(p: Parameters, count: int, x: Floats, out: Floats) -> float:
+    """Put A A_h^T w in the place of the multipliers, unless one would pull: 0."""
+    n = p.n
+    first = p.m - p.laws
+    A, w, total = p.A, p.w, p.v
+    for j in range(n):
+        total[j] = 0.0
+    for i in range(count):
+        row = at(A, int(x[i]) * n)
+        for j in range(n):
+            total[j] += w[i] * row[j]
+    left_out = p.scales
+    pulls = hardest(p, total)
+    if pulls >= 0:
+        left_out[first + pulls] = 1.0
+        return 0.0
+    for k in range(p.laws):
+        if touches(p, k) > 0.0 and abs(total[0]) < 1e300:
+            out[first + k] = takes_part(p, k) * inner(p, at(A, (first + k) * n), total)
+    return 1.0
+
+
+def hardest(p: Parameters, total: Floats) -> int:
+    """Give the law that would pull most; or -1."""
+    first = p.m - p.laws
+    A = p.A
+    found = -1
+    most = 0.0
+    for k in range(p.laws):
+        if takes_part(p, k) > 0.0:
+            push = inner(p, at(A, (first + k) * p.n), total)
+            if push < most:
+                most = push
+                found = k
+    return found
+
+
+def gather_pushes(
+    p: Parameters, count: int, x: Floats, multipliers: Floats, total: Floats
+) -> None:
+    """Give the forces (n,) of the rows x (count,)."""
+    n, A = p.n, p.A
+    for j in range(n):
+        total[j] = 0.0
+    for i in range(count):
+        k = int(x[i])
+        for j in range(n):
+            total[j] += multipliers[k] * A[k * n + j]
+
+
+def weigh(p: Parameters) -> None:
+    """Note the square of what makes the largest element of each coordinate 1."""
+    n = p.n
+    first = p.m - p.laws
+    A, weights = p.A, p.u
+    for j in range(n):
+        weights[j] = 0.0
+    for k in range(p.laws):
+        if touches(p, k) > 0.0:
+            for j in range(n):
+                weights[j] = max(weights[j], abs(A[(first + k) * n + j]))
+    for j in range(n):
+        if weights[j] > 0.0:
+            weights[j] = 1.0 / (weights[j] * weights[j])
+
+
+def inner(p: Parameters, a: Floats, b: Floats) -> float:
+    """Give the product of two rows (n,)."""
+    weights = p.u
+    found = 0.0
+    for j in range(p.n):
+        found += weights[j] * a[j] * b[j]
+    return found
+
+
+def takes_part(p: Parameters, k: int) -> float:
+    """Tell (1) whether a law is one among which multipliers are shared out."""
+    left_out = p.scales
+    return 0.0 if left_out[p.m - p.laws + k] > 0.0 else touches(p, k)
+
+
+def touches(p: Parameters, k: int) -> float:
+    """Tell (1) whether a law is a contact without friction that touches and holds."""
+    kind, mode, normal = p.law_kind, p.law_mode, p.law_normal
+    if kind[k] != CONTACT or not (mode[k] == HELD or mode[k] == IMPLIED):
+        return 0.0
+    for i in range(p.laws):
+        if int(normal[i]) == k:
+            return 0.0
+    return 1.0
+
 
 # What reflections leave of a vector, in units of the roundoff of its norm.
 REFLECTED = 4.0

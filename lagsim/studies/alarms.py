@@ -28,8 +28,8 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
-from lagsim.run.observers.energy_monitor import EnergyMonitor
-from lagsim.run.observers.energy_monitor import gained as grown
+from lagsim.run.observers.monitors import EnergyMonitor
+from lagsim.run.observers.monitors import gained as grown
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.balances import besides_jumps, jumps, label_of, worth
 from lagsim.studies.error_bar import beside
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.residual_monitor import ResidualMonitor
+    from lagsim.run.observers.monitors import ResidualMonitor
     from lagsim.run.overflow import Gap
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory

@@ -16,9 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.run.observers import Relay
-from lagsim.run.observers.checkpoints import Checkpoints
-from lagsim.run.observers.energy_monitor import EnergyMonitor
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import Checkpoints, EnergyMonitor, ResidualMonitor
 from lagsim.run.overflow import Gaps
 
 if TYPE_CHECKING:
@@ -28,8 +26,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Observer, Store
-    from lagsim.run.observers.corners import Corners
+    from lagsim.run.observers import Corners, Observer, Store
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.session import Clock, Session
@@ -228,7 +225,7 @@ class Attempts:
         checkpoints = Checkpoints(len(case.equations.q), case.settings)
         thin = frames = corners = None
         if self.cornered:
-            from lagsim.run.observers.corners import Corners
+            from lagsim.run.observers import Corners
 
             corners = Corners()
         if self.thinned:

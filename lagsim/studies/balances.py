@@ -22,7 +22,7 @@ import numpy as np
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.groups import groups, shares
-from lagsim.run.observers.energy_monitor import gained
+from lagsim.run.observers.monitors import gained
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.plan.plan import Plan
-    from lagsim.run.observers.energy_monitor import EnergyMonitor
-    from lagsim.run.observers.residual_monitor import ResidualMonitor
+    from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor
 
 # Rows that are looked at, and operations for them, at most.
 MOST_ROWS = 512

@@ -25,12 +25,12 @@ import numpy as np
 
 from lagsim.language.evaluate import BALANCED, UNIT_ROUNDOFF, evaluate
 from lagsim.plan.plan import ANY
+from lagsim.run.arc import SERIES
 from lagsim.run.error import LOST, ErrorBar, Failed
+from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers import Observer
-from lagsim.run.observers.checkpoints import Checkpoints
-from lagsim.run.pace import MOST_STEPS
-from lagsim.run.states import SERIES
-from lagsim.run.system.coupling import in_groups, joined, largest_beside
+from lagsim.run.observers.monitors import Checkpoints
+from lagsim.run.system.functions import in_groups, joined, largest_beside
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
 

@@ -19,8 +19,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.run.observers.checkpoints import numbers
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import kind, moved, nearest, partners, scales
 
 if TYPE_CHECKING:

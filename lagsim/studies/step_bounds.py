@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.linearisation import Linear
     from lagsim.plan.plan import Plan
-    from lagsim.run.observers.energy_monitor import EnergyMonitor
+    from lagsim.run.observers.monitors import EnergyMonitor
     from lagsim.run.trajectory import Trajectory
 
     Amplification = Callable[[complex], float]

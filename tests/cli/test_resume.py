@@ -14,7 +14,7 @@ import pytest
 
 from lagsim.cli import _writing
 from lagsim.native.link import cache
-from lagsim.run import pace
+from lagsim.run import interrupt
 from lagsim.studies import restart
 from tests.support import MODELS
 
@@ -28,7 +28,6 @@ pytestmark = [
 KILLED = """
 import os, sys
 from lagsim.cli import _writing, main
-from lagsim.run import pace
 from lagsim.studies import restart
 _writing.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
@@ -278,7 +277,7 @@ def can_be_kept(lagsim, monkeypatch, name, *more):
     monkeypatch.setattr(restart, "EVERY_SECONDS", 0.0)
     monkeypatch.setattr(restart, "MOST_OF_THE_TIME", 1e9)
     monkeypatch.setattr(_writing, "KEPT_AFTER_SECONDS", -1.0)
-    monkeypatch.setattr(pace, "MOST", 16)
+    monkeypatch.setattr(interrupt, "MOST", 16)
     more = (*more, "--error-bar", "never", "--no-plots")
     assert lagsim(*line(name, "out", *more)).code == 0
     assert kept

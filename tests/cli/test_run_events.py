@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.run import recorder
+from lagsim.run import arcs
 from tests.cli._results import manifest, names
 from tests.small_scenes import CONTACT, ON_THE_CURVE
 
@@ -111,7 +111,7 @@ def test_the_summary_where_nothing_happens(lagsim, write):
 
 @pytest.mark.parametrize("most", [3, 5])
 def test_what_is_not_listed_is_told(lagsim, write, monkeypatch, most):
-    monkeypatch.setattr(recorder, "MOST_EVENTS", most)
+    monkeypatch.setattr(arcs, "MOST_EVENTS", most)
     # At sqrt(2 h/g) times 1, 3, 5, ... up to 20.
     impacts = [FIRST * k for k in range(1, 100, 2) if FIRST * k < 20]
     lost = len(impacts) - most

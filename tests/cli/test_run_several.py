@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from tests.cli._results import manifest, names, table
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM

@@ -15,7 +15,7 @@ import pytest
 
 from lagsim.plan import making
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from tests.cli._results import manifest, names
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import ENDLESS, PENDULUM

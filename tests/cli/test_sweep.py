@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from lagsim.cli.sweep import _names as completed
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import manifest, names, table

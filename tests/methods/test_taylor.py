@@ -13,7 +13,7 @@ from lagsim.methods import taylor
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import met_part
 from lagsim.methods.taylor import sum_bend
-from lagsim.plan import integration
+from lagsim.plan import making
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
 from tests.small_scenes import angle, held_pendulum, pendulum, quarter, swing
@@ -227,7 +227,7 @@ def test_a_long_series(model):
 
 
 def test_what_is_too_long_is_refused(monkeypatch):
-    monkeypatch.setattr(integration, "MOST_OPERATIONS", 1000)
+    monkeypatch.setattr(making, "MOST_OPERATIONS", 1000)
     with pytest.raises(InputError) as raised:
         run("andrews", method="taylor")
     [problem] = raised.value.problems

@@ -11,7 +11,7 @@ import pytest
 
 from lagsim.outputs.manifest import encode, manifest, versions
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from tests.support import run
 
 BROKEN = """\

@@ -12,8 +12,7 @@ import pytest
 
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.run.interrupt import Interrupt
-from lagsim.run.pace import Pace
+from lagsim.run.interrupt import Interrupt, Pace
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator

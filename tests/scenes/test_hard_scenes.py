@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.run.events import ranks
+from lagsim.run.events import singularities
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times
 from tests.support import run
@@ -49,7 +49,7 @@ def test_rows_that_nearly_lose_their_independence_are_solved_by_loops(duration, 
 
 
 def test_where_loops_would_take_too_long_the_run_goes_on_without(monkeypatch):
-    monkeypatch.setattr(ranks, "MOST_DENSE", 0)
+    monkeypatch.setattr(singularities, "MOST_DENSE", 0)
     found = run(
         NEARLY.replace("DURATION", "1.099").replace("METHOD", ", method: dop853")
     )

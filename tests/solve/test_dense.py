@@ -14,7 +14,7 @@ from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
-from lagsim.solve import _rows
+from lagsim.solve import dense
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
 
 if TYPE_CHECKING:
@@ -292,8 +292,8 @@ def nearly_parallel(angle: float) -> System:
 def test_rank_lost_on_the_way_is_seen_against_what_it_was(call: Any) -> None:
     # In a model whose rows were far from parallel, it is noise that is left of their
     # independence; in one where they always were that close, it is digits.
-    angle = _rows.PASSING / 10
-    assert angle > 2 * _rows.RANK
+    angle = dense.PASSING / 10
+    assert angle > 2 * dense.RANK
     passing = replace(nearly_parallel(angle), reference=1.0)
     q_ddot, lam = passing.motion(call)
     expected, _ = least_norm(replace(passing, A=passing.A[:1], b=passing.b[:1]))

@@ -12,7 +12,7 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
-from lagsim.solve import _pushes, dense, laws
+from lagsim.solve import dense, laws
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -324,5 +324,5 @@ def test_elimination_divides_by_no_zero_on_the_diagonal():
     whole[np.diag_indices(5)] = 0.0
     whole[1, :2] = whole[2, :3] = 0.0
     found = right.copy()
-    _pushes.solve(5, whole.ravel().copy(), found)
+    laws.solve(5, whole.ravel().copy(), found)
     close(found, np.linalg.solve(whole, right))

@@ -20,11 +20,10 @@ from lagsim.mechanics.contact import impact
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.run.decisions import Decision, Ending, Source, Turn
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.events.settling import settle
 from lagsim.run.events.touching import Touching
-from lagsim.run.trajectory import Outcome
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

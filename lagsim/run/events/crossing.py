@@ -1,10 +1,20 @@
 """How the motion goes on from a state on some surfaces.
 
 A surface that is met at a rate is crossed. Where the rate vanishes, or is that of a
-velocity and so depends on the side, the forces decide (`shares`). A surface that steps
+velocity and so depends on the side, the forces decide (`modes`). A surface that steps
 together with another, `abs(x_dot) > 0` with `sign(x_dot)`, has no way of its own: on
 each side of the other it has the side that it has there. One that keeps its level on a
 whole stretch, as `sign(x - max(-1, min(1, x)))` does, is on neither side.
+
+Where the rates of a surface vanish, its slope (`x*abs(x)`, `x + x_dot*abs(x_dot)` at
+rest) or the forces on it, no derivative of first or second order tells to which side
+the motion goes. A few short steps do, whatever the order.
+
+At the end of a switching curve, `v + sign(x)*sqrt(2*abs(x))` at the target, the slope
+of the curve has no bound, or vanishes (`x + v*abs(v)/2`), and no rate along it says
+anything. But what is left of the motion is known: at a speed s against forces that lead
+back at a the position gets no farther than s^2/(2 a). Where that is its rounding, the
+motion rests.
 """
 
 from __future__ import annotations
@@ -14,15 +24,236 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.run.events.modes import ON
-from lagsim.run.events.probe import keeps_to
-from lagsim.run.events.shares import ABOVE, ALONG, BELOW, LEVEL, Crossroads
+from lagsim.run.events.modes import ABOVE, ALONG, BELOW, LEVEL, ON, Crossroads
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.events.modes import Modes, Rows
+
+
+# The first step is this part of the run, each next one so much longer, and so many.
+FIRST = 2.0**-44
+LONGER = 4.0
+MOST = 22
+# Past this many times its rounding a surface has been left.
+CLEAR = 16.0
+
+
+def keeps_to(
+    sides: Floats,
+    rates: Callable[[float, Floats], Floats],
+    values: Callable[[float, Floats], Floats],
+    t: float,
+    y: Floats,
+    span: float,
+    noise: Floats,
+) -> bool | None:
+    """Tell whether the motion from y leaves each surface to its side, -1 or 1.
+
+    None where it leaves none to the wrong side, nor all to the right one.
+
+    Parameters
+    ----------
+    rates, values
+        y' (size,), and by how much each surface is passed (k,).
+    span
+        The length of the run.
+    noise : ndarray, shape (k,)
+        The rounding of the values.
+    """
+    step = FIRST * span
+    for _ in range(MOST):
+        found = sides * values(t + step, _after(rates, t, y, step))
+        if np.any(found < -CLEAR * noise):
+            return False
+        if np.all(found > CLEAR * noise):
+            return True
+        step *= LONGER
+    return None
+
+
+def _after(
+    rates: Callable[[float, Floats], Floats], t: float, y: Floats, h: float
+) -> Floats:
+    """Give y after a step of the classical Runge-Kutta method."""
+    a = rates(t, y)
+    b = rates(t + 0.5 * h, y + 0.5 * h * a)
+    c = rates(t + 0.5 * h, y + 0.5 * h * b)
+    d = rates(t + h, y + h * c)
+    return np.asarray(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
+
+
+# What is left may be so many times the rounding of a position: that of several steps.
+FEW = 64.0
+# Beside rest in velocities the curve is looked at for speeds of this part of those
+# seen: their squares are clear of the rounding of positions.
+SLOW = 2.0**-20
+
+
+def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bool:
+    """Let the motion rest on a surface, if it does; tell whether.
+
+    Where the others that the state is on depend on its side, and the forces on both
+    sides of it lead back.
+    """
+    value, kind = modes.value.copy(), modes.kind.copy()
+    rows = modes.rows()
+    for k in levels:
+        others = [j for j in levels if j != k]
+        if not others or not all(k in modes.depends[j] for j in others):
+            continue
+        if _rests(modes, rows, k, others, levels, sizes[k]):
+            return True
+        modes.restore(value, kind)
+        modes.write()
+    return False
+
+
+def _rests(
+    modes: Modes,
+    rows: Rows,
+    k: int,
+    others: list[int],
+    levels: Mapping[int, float],
+    size: float,
+) -> bool:
+    """Try rest on surface k; the modes are left at it."""
+    arc, n, J = modes.arc, modes.arc.system.n, rows.J[k]
+    square = float(J @ J)
+    if not square > 0.0 or modes.whole[k]:
+        return False
+    speed, moving = float(rows.rates[k]), modes.of_velocities[k]
+    aside = ON * size
+    if moving:
+        size = float(np.abs(J) @ arc.seen[:n])
+        aside = SLOW * float(np.abs(J) @ arc.seen[n : 2 * n])
+    found = {}
+    for way, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
+        beside = arc.y.copy()
+        beside[n : 2 * n] -= speed / square * J
+        part = slice(n, 2 * n) if moving else slice(n)
+        beside[part] += (sign * aside - rows.residuals[k]) / square * J
+        modes.put(k, levels[k], way)
+        for j in others:
+            modes.write()
+            modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
+        modes.write()
+        a = modes.rates(arc.t, beside)[n : 2 * n]
+        back = -sign * float(J @ a - rows.b[k])
+        if not (back > 0.0 and speed * speed <= 2.0 * FEW * ON * size * back):
+            return False
+        found[way] = modes.value.copy()
+    modes.value[:] = found[BELOW]
+    for j in others:
+        if found[BELOW][j] != found[ABOVE][j]:
+            modes.carry(j, k, float(found[ABOVE][j]))
+    modes.put(k, levels[k], ALONG)
+    return True
+
+
+# A floor is this part of what the tolerance lets a velocity err in the run: ten times
+# what it may err in a step, so that no error leads through it.
+PART = 1.0
+USUAL = 1e-9  # of a method without a tolerance
+# Where nothing has moved, the forces are looked at so many times, at ever longer spans
+# from between two rows to the whole run.
+LOOKS = 12
+# How a root falls with its argument tells what velocity the forces can keep up.
+FARTHER = 16.0
+# What is this part of what cancels, or of what forces give, is their rounding.
+ROUNDED = 2.0**-44
+
+
+def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
+    """Set the floors of all roots for the arc to come.
+
+    met : the surface that has been reached, or is no more followed (`slipping`). There
+    what holds a slow motion falls well below its force: it would stick again.
+    """
+    rooted = [k for k, side in enumerate(modes.sides) if side.floor]
+    if not rooted:
+        return
+    modes.write()
+    former = modes.p.least_root.copy()
+    pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
+    seen = _seen(modes, pushed)
+    unseen = [k for k in rooted if not seen[k] > 0.0]
+    sizes = np.where(seen > 0.0, seen, pushed)
+    rtol = modes.arc.state.rtol or USUAL
+    floors = np.zeros(modes.count)
+    for k in rooted:
+        # What has no size yet, and no force on it, moves with the others, if at all.
+        size = sizes[k] if sizes[k] > 0.0 else np.max(sizes)
+        floors[k] = PART * rtol * size if size > 0.0 else PART * rtol
+    _put(modes, floors)
+    for k in rooted:
+        if k in unseen:
+            floors[k] = min(floors[k], PART * rtol * _kept_up(modes, k, floors))
+            if former[k] > 0.0 and (slipping or k != met):
+                part = FARTHER if k == met else 1.0
+                floors[k] = min(floors[k], former[k] / part)
+    _put(modes, floors)
+
+
+def _put(modes: Modes, floors: Floats) -> None:
+    modes.tell(floor=floors, least_root=floors)
+
+
+def _seen(modes: Modes, pushed: Floats) -> Floats:
+    """Give how large the expression of each surface has been (K,).
+
+    pushed : (K,), how large it would become between two rows.
+    """
+    arc, n = modes.arc, modes.arc.system.n
+    slopes = np.abs(modes.rows().J)
+    here = np.abs(modes.values(arc.t, arc.y))
+    # The rounding of what cancels is no size.
+    least = ROUNDED * (slopes @ arc.seen[n : 2 * n])
+    moved = slopes @ arc.ranges[n : 2 * n]
+    found = np.maximum(np.where(here > least, here, 0.0), moved)
+    # What has not left its floor has not been seen, nor has the rounding of forces.
+    least = np.maximum(modes.p.least_root, ROUNDED * pushed)
+    return np.where(found > least, found, 0.0)
+
+
+def _pushes(modes: Modes) -> Floats:
+    """Give the rates (LOOKS, K) of the surfaces by the forces at times to come."""
+    arc, n = modes.arc, modes.arc.system.n
+    rows = modes.rows()
+    left = arc.settings.end - arc.t
+    first = min(arc.state.row_step, left)
+    spans = np.geomspace(first, left, LOOKS) if left > 0.0 else np.zeros(LOOKS)
+    rates = [modes.rates(arc.t + span, arc.y)[n : 2 * n] for span in spans]
+    return np.array([np.nan_to_num(rows.J @ a - rows.b) for a in rates])
+
+
+def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
+    """Give the velocity at which the root is as large as the largest force."""
+    small = _jump(modes, k)
+    _put(modes, FARTHER * floors)
+    large = _jump(modes, k)
+    force = float(np.max(np.abs(_pushes(modes)[:, k])))
+    _put(modes, floors)
+    if not (0.0 < small < large and small < force):
+        return float("inf")
+    power = np.log(large / small) / np.log(FARTHER)
+    return float(floors[k] * np.exp(np.log(force / small) / power))
+
+
+def _jump(modes: Modes, k: int) -> float:
+    """Give half of what the sides of a surface differ in its rate."""
+    n, arc = modes.arc.system.n, modes.arc
+    value, found = modes.value[k], []
+    for side in (-1.0, 1.0):
+        modes.value[k] = side
+        modes.write()
+        found.append(float(modes.rows().J[k] @ modes.rates(arc.t, arc.y)[n : 2 * n]))
+    modes.value[k] = value
+    modes.write()
+    return 0.5 * abs(found[1] - found[0])
+
 
 # Rows of J this close to parallel are those of one surface.
 PARALLEL = 1e-9

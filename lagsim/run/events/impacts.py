@@ -8,10 +8,9 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
-from lagsim.run.decisions import GO_ON, Decision, Ending
+from lagsim.run.arc import pulled
 from lagsim.run.events.modes import ON
-from lagsim.run.states import pulled
-from lagsim.run.trajectory import Outcome
+from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats

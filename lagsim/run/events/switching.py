@@ -15,17 +15,12 @@ import numpy as np
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import SMALLEST
 from lagsim.notes import Caution, Event
-from lagsim.run.arc import NEAR
-from lagsim.run.decisions import Decision, Ending, Source, Turn
-from lagsim.run.events.crossing import Crossing
-from lagsim.run.events.floors import set_floors
-from lagsim.run.events.modes import ON, Modes
-from lagsim.run.events.resting import come_to_rest
+from lagsim.run.arc import NEAR, SERIES, most_pulled, pulled
+from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
+from lagsim.run.events.modes import ABOVE, BELOW, ON, Modes
 from lagsim.run.events.sequence import Sequence
-from lagsim.run.events.shares import ABOVE, BELOW
-from lagsim.run.fallback import FAILED, handed_over
-from lagsim.run.states import SERIES, most_pulled, pulled
-from lagsim.run.trajectory import Outcome
+from lagsim.run.failures import FAILED, handed_over
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

@@ -1,20 +1,40 @@
-"""Breaks in time, as a source of arcs: the branch of each switch is fixed in one."""
+"""What happens at times that are known before: switches of t alone, and features.
+
+The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
+of t alone is flat to rounding before it begins; no step sees it coming. Where such a
+function of t may rise is where its argument (see `system.sleepers`) is largest, passes
+zero or is least: `breaks` finds every such moment, however long the rest before it. How
+far the argument has to go from there for the function to fade tells how wide it is.
+Steps end where that begins and shrink towards the moment itself, see
+`methods._adaptive`.
+"""
 
 from __future__ import annotations
 
+import heapq
+import math
 from itertools import islice
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
+from lagsim.language.derivatives import tangent
+from lagsim.language.intervals import Enclosures
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
-from lagsim.notes import Event
-from lagsim.run.decisions import GO_ON, Decision, Ending, Source, Turn
-from lagsim.run.trajectory import Outcome
+from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO
+from lagsim.notes import Caution, Event
+from lagsim.run.events.breaks import Values, break_times
+from lagsim.run.system.sleepers import motion_nodes, timed_sleepers
+from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
+    from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
+    from lagsim.run.system.sleepers import Sleeper
 
 
 # Breaks accumulate if, after FEWEST, windows of so many get shorter so fast that all
@@ -81,8 +101,6 @@ def _breaks(arc: Arc) -> Iterator[float]:
     modes = arc.system.switches.modes
     if not modes:
         return iter(())
-    from lagsim.run.events.breaks import break_times
-
     settings = arc.settings
     return break_times(
         arc.equations.graph,
@@ -91,3 +109,227 @@ def _breaks(arc: Arc) -> Iterator[float]:
         settings.start,
         settings.end,
     )
+
+
+# Distances are in powers of e, as in `methods._looks`. The width of what happens is the
+# way on which it fades by the first, and it is over where it has faded by the second;
+# or, where it fades as a power does, after so many widths.
+FADED = 0.5
+GONE = 80.0
+FAR = 64.0
+# The part of what it does to a motion that counts as its size already before it begins:
+# until then the motion may change.
+FORESEEN = 1e-2
+# What varies by no more than this hides nothing: a method's own steps see it.
+SHALLOW = 3.0
+# Halvings of the way on which the distance has grown past what counts.
+REFINED = 6
+# So many turns of an argument without anything short: some seconds.
+PATIENCE = 20_000
+
+
+class Feature(NamedTuple):
+    """Something at `time`, of this width, that is over at this distance."""
+
+    time: float
+    width: float
+    reach: float
+
+
+class Features(Source):
+    """What is still to come in a run, in order."""
+
+    DERIVED = ("_coming",)
+
+    def __init__(self, arc: Arc) -> None:
+        self._arc = arc
+        self._cautions: list[Caution] = []
+        self._taken = 0
+        self._coming: Iterator[Feature] | None = None
+        self._next = self._following()
+        self._now: Feature | None = None
+
+    def _following(self) -> Feature | None:
+        """Give the next one; None after the last."""
+        if self._coming is None:
+            self._coming = _features(self._arc, self._cautions.append)
+            if self._taken:  # in a run that was resumed; what it told then is told
+                next(islice(self._coming, self._taken - 1, self._taken), None)
+                self._cautions.clear()
+        self._taken += 1
+        return next(self._coming, None)
+
+    def set_out(self, arc: Arc) -> Decision:
+        """Tell the kernel what comes first after the time reached."""
+        found = self._first(arc)
+        cautions = tuple(self._cautions)
+        self._cautions.clear()
+        return found._replace(cautions=cautions)
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Tell what comes after what is over."""
+        return self.set_out(arc) if code == at.FEATURE_PASSED else None
+
+    def _first(self, arc: Arc) -> Decision:
+        while self._now is None or self._ends(self._now) <= arc.t:
+            if self._next is None:
+                self._now = None
+                break
+            self._now, self._next = self._next, self._following()
+        now = self._now
+        if now is None:
+            return Decision(numbers={"feature_width": 0.0})
+        begins = now.time - now.reach - now.width
+        is_ahead = arc.t < begins
+        numbers = {
+            "feature": now.time,
+            "feature_width": now.width,
+            "feature_reach": now.reach,
+            "feature_end": begins if is_ahead else self._ends(now),
+        }
+        sizes = _expected(arc, now, FORESEEN if is_ahead else 1.0)
+        return Decision(numbers=numbers, sizes=sizes)
+
+    def _ends(self, now: Feature) -> float:
+        """Give when it is over, or when the next begins."""
+        over = now.time + now.reach
+        if self._next is not None:
+            over = min(over, max(now.time, self._next.time - self._next.reach))
+        return over
+
+
+def _features(arc: Arc, tell: Callable[[Caution], None]) -> Iterator[Feature]:
+    equations = arc.system.equations
+    g = equations.graph
+    lines = [
+        _Line(arc, sleeper, tell)
+        for sleeper in timed_sleepers(equations, motion_nodes(equations))
+        if g.depends([sleeper.node]) <= {"t", *arc.parameters}
+    ]
+    return heapq.merge(*(line.features() for line in lines if not line.shallow))
+
+
+def _expected(arc: Arc, now: Feature, part: float) -> Floats:
+    """Give sizes of the motion (size,) with what is about to happen.
+
+    Or the first traces of a pulse would be controlled against a body at rest, as
+    finely as rounding lets them be.
+    """
+    n = arc.system.n
+    rates = arc.runner.function("derivative", arc.system.size)
+    sizes = arc.sizes
+    for time in (now.time - now.width, now.time, now.time + now.width):
+        push = part * now.width * np.abs(rates(time, arc.y)[n : 2 * n])
+        moved = arc.y.copy()
+        moved[n : 2 * n] += push  # a body at rest takes no work
+        work = part * now.width * np.abs(rates(time, moved)[2 * n :])
+        change = np.concatenate([now.width * push, push, work])
+        if np.all(np.isfinite(change)):
+            sizes = np.maximum(sizes, change)
+    return sizes
+
+
+class _Line:
+    """The moments at which one argument may wake something."""
+
+    def __init__(
+        self, arc: Arc, sleeper: Sleeper, tell: Callable[[Caution], None]
+    ) -> None:
+        g = self.g = arc.equations.graph
+        start, end = arc.settings.start, arc.settings.end
+        self.tell, self.text = tell, expression_text(g, sleeper.node)
+        values = self.values = arc.parameters
+        self.sleeper, self.start, self.end = sleeper, start, end
+        self.argument = Values(g, [sleeper.node], values)
+        # Below the least step of a run nothing happens.
+        self.finest = 2.0**-40 * (end - start)
+        enclose = Enclosures(g, [sleeper.node], values)
+        (whole,) = enclose(np.array([start]), np.array([end]))
+        lo, hi = float(whole.lo[0]), float(whole.hi[0])
+        self.shallow = self._shallow(lo, hi)
+
+    def _shallow(self, lo: float, hi: float) -> bool:
+        """Tell whether an argument between these bounds hides nothing."""
+        kind, power = self.sleeper.kind, self.sleeper.power
+        if kind == LARGEST:
+            return power * (hi - lo) < SHALLOW
+        if kind == NEAR_ZERO:
+            return not lo <= 0.0 <= hi or power * max(-lo, hi) < SHALLOW
+        if lo <= 0.0 <= hi:
+            return False
+        small, large = sorted((abs(lo), abs(hi)))
+        return power * (math.log(large) - math.log(small)) < SHALLOW
+
+    def features(self) -> Iterator[Feature]:
+        """Give them in order."""
+        g, node = self.g, self.sleeper.node
+        discrete = g.call("sign", node)
+        if self.sleeper.kind != NEAR_ZERO:
+            (rate,) = tangent(g, [node], {g.variable("t"): g.one})
+            discrete = g.call("sign", rate)
+        if "t" not in g.depends([discrete]):
+            return
+        vain = 0
+        for time in break_times(g, [discrete], self.values, self.start, self.end):
+            found = self._at(time)
+            vain += 1
+            if found is not None:
+                vain = 0
+                yield found
+            if vain == PATIENCE:
+                self.tell(self._given_up(time))
+                return
+
+    def _given_up(self, time: float) -> Caution:
+        text = (
+            f"after t = {time:.9g} steps no longer end where `{self.text}` may "
+            f"have a pulse: it has turned {PATIENCE} times without one; a short "
+            "pulse could be missed there"
+        )
+        return Caution("short-times", text)
+
+    def _distance(self, t: float) -> float:
+        """Give how far from waking it is, as in `methods._looks`."""
+        (u,) = self.argument(t)
+        kind, power = self.sleeper.kind, self.sleeper.power
+        if math.isnan(u):
+            return math.inf
+        if kind == LARGEST:
+            return -power * u
+        if kind == NEAR_ZERO:
+            return 2.0 * power * abs(u)
+        size = math.log(max(abs(u), 1e-300))
+        return -power * size if kind == LARGE else power * size
+
+    def _at(self, time: float) -> Feature | None:
+        """Give what happens at a time, or None if nothing short does."""
+        least = self._distance(time)
+        beside = max(8.0 * math.ulp(time), self.finest)
+        width = None
+        fade = 0.0
+        while beside <= self.end - self.start:
+            sides = [self._distance(time - beside), self._distance(time + beside)]
+            if width is None and min(sides) - least < -FADED:
+                return None  # it is closer to waking beside that moment
+            faded = max(sides) - least
+            if width is None and faded >= FADED:
+                width = beside
+            fade = max(fade, min(sides) - least)
+            if fade >= GONE or (width is not None and beside >= FAR * width):
+                break
+            beside *= 2.0
+        if width is None or fade < SHALLOW:
+            return None
+        return Feature(time, width, self._reach(time, least + GONE, beside))
+
+    def _reach(self, time: float, gone: float, far: float) -> float:
+        """Give how far from `time`, at most `far`, it has faded on both sides."""
+        near = 0.5 * far
+        for _ in range(REFINED):
+            middle = 0.5 * (near + far)
+            sides = [self._distance(time - middle), self._distance(time + middle)]
+            if min(sides) >= gone:
+                far = middle
+            else:
+                near = middle
+        return far

@@ -114,3 +114,136 @@ class Relay:
             for other in self.others:
                 other.add(kept)
         self.seconds += time.perf_counter() - began
+
+
+# Where there are more, corners lie too close to be seen, and cost more than the table.
+MOST = 500
+
+
+class Corners:
+    """Keeps the first rows at events, in some ways each.
+
+    On the very surface of a switch an expression may have a value of its own, as sign
+    at 0: so that a row is told also for states a little aside, to either side. Of these
+    ways the one is right that goes on from the rows beside the event.
+
+    Attributes
+    ----------
+    events : list of pair of ndarray
+        Just before and just after each event: (ways, columns).
+    """
+
+    def __init__(self) -> None:
+        self.events: list[tuple[Floats, Floats]] = []
+
+    def __bool__(self) -> bool:
+        """Whether more are wanted."""
+        return len(self.events) < MOST
+
+    def add(self, before: Floats, after: Floats) -> None:
+        """Take the rows at an event; at one time, the first and the last count."""
+        if self.events and self.events[-1][0][0, 0] == after[0, 0]:
+            before, _ = self.events.pop()
+        self.events.append((before, after))
+
+    def rows(self) -> Floats:
+        """Return the rows in order of time: (2 k, ways, columns)."""
+        return np.array([row for event in self.events for row in event])
+
+
+class Moments:
+    """Keeps the last row at each of some times, and ends the run after them.
+
+    Parameters
+    ----------
+    times : ndarray
+        In order, each once.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (times, columns)
+        nan where the run gave none.
+    """
+
+    def __init__(self, times: Floats, columns: int, interrupt: Interrupt) -> None:
+        self._times, self._interrupt = times, interrupt
+        self.rows = np.full((len(times), columns), np.nan)
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        places = np.searchsorted(self._times, rows[:, 0])
+        places = np.minimum(places, len(self._times) - 1)
+        for k in np.flatnonzero(self._times[places] == rows[:, 0]):
+            self.rows[places[k]] = rows[k]
+        if rows[-1, 0] > self._times[-1]:
+            self._interrupt.stop()
+
+
+class Extremes:
+    """Keeps the last row, and the least and the greatest value of each column.
+
+    Values that are no numbers are passed over.
+
+    Parameters
+    ----------
+    columns : int
+        Of so many, the first of a row.
+
+    Attributes
+    ----------
+    end, low, high : ndarray, shape (columns,)
+    """
+
+    def __init__(self, columns: int) -> None:
+        self._columns = columns
+        self.begin_anew()
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+        self.rows = 0
+        self.last: float | None = None
+        self.end, self.low, self.high = np.full((3, self._columns), np.nan)
+
+    @property
+    def told(self) -> Floats:
+        """All three of them (3, columns)."""
+        return np.stack([self.end, self.low, self.high])
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        if not len(rows):
+            return
+        columns = np.ascontiguousarray(rows[:, : self._columns].T)
+        self.low = np.fmin(self.low, np.fmin.reduce(columns, axis=1))
+        self.high = np.fmax(self.high, np.fmax.reduce(columns, axis=1))
+        self.end = columns[:, -1].copy()
+        self.last = float(self.end[0])
+        self.rows += len(rows)
+
+
+class Followed:
+    """A store whose rows, as far as it takes them, go on to a follower.
+
+    Attributes
+    ----------
+    rows, last
+        Of the store.
+    """
+
+    def __init__(self, store: Store, follower: Extremes) -> None:
+        self._store, self._follower = store, follower
+        self.rows, self.last = store.rows, store.last
+
+    def begin_anew(self) -> None:
+        """Take all rows back."""
+        self._store.begin_anew()
+        self._follower.begin_anew()
+        self.rows, self.last = 0, None
+
+    def add(self, rows: Floats) -> None:
+        """Take rows; OSError where there is no room for all of them."""
+        try:
+            self._store.add(rows)
+        finally:
+            self._follower.add(rows[: self._store.rows - self.rows])
+            self.rows, self.last = self._store.rows, self._store.last

@@ -8,20 +8,27 @@ new values of parameters compile nothing.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.methods import method
+from lagsim.methods import method, moreau
 from lagsim.methods.parts.parameters import KEPT, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop
-from lagsim.native.link.cache import begin_kernel_object, object_code
+from lagsim.native.link.cache import begin_kernel_object, kernel_object, object_code
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
-from lagsim.run.system.columns import Columns
-from lagsim.run.system.functions import AFTER_FREEZING, functions, varying_inertias
-from lagsim.run.system.kernels import kernels
+from lagsim.run.system.functions import (
+    AFTER_FREEZING,
+    CODES,
+    Columns,
+    fill,
+    functions,
+    pattern,
+    surface_functions,
+    varying_inertias,
+)
 from lagsim.run.system.runner import Runner, of_method
 from lagsim.run.system.sleepers import (
     all_sleepers,
@@ -30,11 +37,11 @@ from lagsim.run.system.sleepers import (
     slope,
     timed,
 )
-from lagsim.run.system.switching import surface_functions
+from lagsim.solve import dense, laws, sliding
 from lagsim.solve.series import motion_series
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
@@ -42,8 +49,29 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Functions
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan.plan import Plan
+    from lagsim.run.system.runner import Compiled
     from lagsim.run.system.sleepers import Sleeper
-    from lagsim.run.system.stepping import Pattern
+
+
+def kernels(system: Compiled) -> Iterator[bytes]:
+    """Give the object code of what a method calls besides the model's functions."""
+    called: list[Callable[..., Any]]
+    if system.met is not None:
+        yield kernel_object([moreau.observe])
+    elif system.laws:
+        called = [laws.field, laws.rounding, laws.position_step, laws.velocity_step]
+        yield kernel_object([*called, laws.law_margins])
+    elif system.plan.elimination is None:
+        called = [dense.derivative, dense.observe]
+        called = [*([dense.field] if system.surfaces else called), dense.rounding]
+        called += [dense.position_step, dense.velocity_step] if system.m else []
+        yield kernel_object(called)
+    if system.has_jacobian:
+        yield kernel_object([dense.jacobian])
+    if system.watched:
+        called = [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+        yield kernel_object(called, {"LAWS": bool(system.laws)})
+
 
 # How straight-line code is written.
 MANNER: dict[str, tuple[str, ...]] = {
@@ -101,7 +129,7 @@ class System:
         self.laws = equations.laws
         needs = method(plan.method).NEEDS
         # Where each step meets all rows by impulses, none is left to do.
-        self.met = _met(equations) if "balance" in needs else None
+        self.met = pattern(equations) if "balance" in needs else None
         if self.met is not None:
             self.m, self.laws = 0, ()
         self.works = len(equations.works)
@@ -250,8 +278,6 @@ class System:
         if self.newton is not None:
             self.newton.fill(p)
         if self.met is not None:
-            from lagsim.run.system.stepping import fill
-
             fill(p, self.equations, self.met)
         p.augmented, p.expected, p.reference = (
             plan.augmented,
@@ -264,8 +290,6 @@ class System:
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
-            from lagsim.run.system.laws import CODES
-
             p.law_kind[:] = [CODES[law.kind] for law in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
@@ -348,9 +372,3 @@ class System:
         self.p.law_shares = other.p.law_shares
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
-
-
-def _met(equations: Equations) -> Pattern:
-    from lagsim.run.system.stepping import pattern
-
-    return pattern(equations)

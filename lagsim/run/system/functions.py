@@ -1,30 +1,405 @@
 """What is compiled from the graph: the name of a function -> what it writes to out.
 
 What a method needs beyond y' it names in NEEDS; a row of NEEDED makes it, so that
-nothing is differentiated or compiled that nobody asked for.
+nothing is differentiated or compiled that nobody asked for. `Columns` are what is
+computed for each row of the results.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.mechanics.constraints import Flow
-from lagsim.mechanics.equations import generalized_forces, pushes
+from lagsim.mechanics.constraints import Flow, Kind, scale_of
+from lagsim.mechanics.equations import ACTION, generalized_forces, pushes, reactions
 from lagsim.mechanics.groups import may_strike
+from lagsim.mechanics.ldl import without_rows
+from lagsim.methods.parts import parameters as kept
+from lagsim.methods.parts.parameters import ALWAYS, OFF
 from lagsim.plan.formulation import GAIN
-from lagsim.run.system.coupling import coupled
-from lagsim.solve.series import motion_rates
+from lagsim.solve.series import linear_form, motion_rates
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
+    from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
+    from lagsim.language.sparse import SparseVector
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
+    from lagsim.mechanics.surfaces import Side
+    from lagsim.mechanics.switches import Switches
+    from lagsim.methods.parts.parameters import Parameters
     from lagsim.plan.plan import Plan
-    from lagsim.run.system.columns import Columns
-    from lagsim.run.system.stepping import Pattern
+    from lagsim.run.system import System
+
+
+def coupled(e: Equations) -> list[int]:
+    """Give for each coordinate the first that M and all rows join it with."""
+    slopes = (row.entries for row in e.slopes)
+    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
+
+
+def held_together(system: System) -> list[int]:
+    """Give for each coordinate the first that the rows in force join it with."""
+    e, known = system.equations, system.together
+    on = system.p.law_mode != OFF
+    key = on.tobytes()
+    if key not in known:
+        acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
+        known[key] = joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
+    return known[key]
+
+
+def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
+    """Give for each of n coordinates the first one that `rows` join it with."""
+    first = list(range(n))
+
+    def root(i: int) -> int:
+        while first[i] != i:
+            i = first[i]
+        return i
+
+    for row in rows:
+        roots = sorted({root(i) for i in row})
+        for i in roots:
+            first[i] = roots[0]
+    return [root(i) for i in range(n)]
+
+
+def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
+    """Give `largest_beside` in each group of coordinates with one label."""
+    whole = np.array(found)
+    for label in sorted({k for i, k in enumerate(labels) if k != i}):
+        group = np.array(labels) == label
+        whole[group] = largest_beside(roots[group], found[group])
+    return whole
+
+
+def largest_beside(roots: Floats, found: Floats) -> Floats:
+    """Give the largest of range_j min(1, root_j/root_i): by size, without n^2."""
+    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
+    lightest = np.argsort(roots)
+    whole = np.zeros(len(found))
+    below = np.maximum.accumulate((finite * roots)[lightest])
+    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
+    own = roots[lightest]
+    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
+    whole[lightest] = np.fmax(lighter, above)
+    return whole
+
+
+class Columns:
+    """What is computed for each row: the columns of the table, then what plots need.
+
+    Attributes
+    ----------
+    nodes : dict of str to int
+        In the order of the table; expressions of the state, q'' and lambda, those that
+        are integrated: what a reduction leaves out is `recovered`.
+    table : int
+        How many of them the table shows.
+    """
+
+    def __init__(self, equations: Equations, recovered: Mapping[int, int]) -> None:
+        model, g = equations.model, equations.graph
+        nodes = {"t": g.variable("t")}
+        for group in (equations.q, equations.velocities, equations.accelerations):
+            nodes.update((name, g.variable(name)) for name in group)
+        defined = {d.name: d.node for d in model.definitions}
+        nodes.update((name, defined[name]) for name in model.output.columns)
+        if model.kinetic is not None and model.potential is not None:
+            nodes |= {"kinetic": model.kinetic, "potential": model.potential}
+        else:
+            nodes["lagrangian"] = model.lagrangian
+        nodes["energy"] = equations.energy
+        if equations.works:
+            nodes["work"] = equations.work
+        rows = _in_order(equations)
+        nodes.update((f"lambda_{name}", g.variable(f"lambda_{name}")) for name in rows)
+        forces = equations.constraint_forces() if rows else []
+        names = [f"Qc_{q}" for q in equations.q]
+        nodes.update(zip(names, forces, strict=False))
+        nodes.update((f"residual_{name}", row.residual) for name, row in rows.items())
+        nodes |= _optional(equations)
+        self.table = len(nodes)
+        nodes |= _judged(equations, rows)
+        nodes.update((x.name, g.variable(x.name)) for x in equations.works)
+        for name, components in model.scene.points.items():
+            for k, node in enumerate(components, 1):
+                nodes[f"point.{name}.{k}"] = node
+        for k, plot in enumerate(model.output.plots):
+            nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
+        new = {g.variable("energy"): equations.energy}
+        new |= {
+            g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)
+        }
+        reactions = [f"reaction.{x}" for x in model.output.reactions]
+        new |= {g.variable(name): nodes[name] for name in reactions}
+        written = g.substitute(nodes.values(), new)
+        self.nodes = dict(zip(nodes, g.substitute(written, recovered), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All names, in order."""
+        return tuple(self.nodes)
+
+    @property
+    def of_table(self) -> tuple[str, ...]:
+        """The names of those that the table shows."""
+        return self.names[: self.table]
+
+
+def _in_order(equations: Equations) -> dict[str, Row]:
+    """Give the rows of the constraints by name, in the order of the file."""
+    rows = {row.name: row for row in equations.rows}
+    rows |= {x.row.name: x.row for x in equations.laws if x.kind is not Kind.SLIP}
+    names = [c.name for c in equations.model.constraints]
+    return {name: rows[name] for name in names if name in rows}
+
+
+def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
+    """Give the scale of what each constraint must not miss, and that of one side."""
+    g = equations.graph
+    free = {x.constraint: x for x in equations.laws if x.kind is not Kind.SLIP}
+    nodes: dict[str, int] = {}
+    for name, row in rows.items():
+        law = free.get(name)
+        if law is not None:
+            if law.kind in (Kind.LIMITED, Kind.TIMED):
+                continue
+            missed = g.call("min", row.residual, g.zero)
+            if law.when is not None:
+                missed = g.call("mul", law.when, missed)
+            nodes[f"missed.{name}"] = missed
+        nodes[f"scale.{name}"] = row.residual_scale
+    return nodes
+
+
+def _optional(equations: Equations) -> dict[str, int]:
+    """Give the columns of contacts, and what keys of `output` ask for."""
+    e, g = equations, equations.graph
+    nodes: dict[str, int] = {}
+    for law in e.laws:
+        if law.kind is Kind.CONTACT:
+            name = f"impulse.{law.constraint}"
+            nodes[name] = g.variable(name)
+        elif law.kind is Kind.SLIP:
+            nodes[law.multiplier] = g.variable(law.multiplier)
+    if e.model.output.gauss:
+        alone = without_rows(e)
+        free = alone.motion()[0]
+        nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
+        # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with
+        # M (q'' - a) = Qc: no difference, and none of what switches hold.
+        held = e.constraint_forces()
+        square = g.product_sum(zip(held, alone.response(held), strict=True))
+        nodes["gauss.G"] = g.call("mul", g.constant(0.5), square)
+    if e.model.output.action:
+        nodes[ACTION] = g.variable(ACTION)
+    if e.model.output.reactions:
+        nodes.update((f"reaction.{name}", node) for name, node in reactions(e).items())
+    return nodes
+
+
+CODES = {
+    Kind.CONTACT: kept.CONTACT,
+    Kind.FREEWHEEL: kept.FREEWHEEL,
+    Kind.SLIP: kept.SLIP,
+    Kind.LIMITED: kept.LIMITED,
+    Kind.TIMED: kept.TIMED,
+}
+
+
+def law_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
+    """Give what the loops of `solve.laws` begin with, and what modes hang on."""
+    g = e.graph
+    rows = [*e.rows, *(law.row for law in e.laws)]
+    M = [node for row in e.M for node in row]
+    A = [node for row in rows for node in row.A]
+    held = [row.residual if row.holonomic else g.zero for row in rows]
+    return {
+        "dynamics": [
+            *M, *A, *e.f, *(row.b for row in rows),
+            *(law.row.rate for law in e.laws),
+            *(law.bound for law in e.laws),
+            *(law.static for law in e.laws),
+        ],
+        "geometry": [
+            *M, *A, *held, *(row.rate for row in rows),
+            *(row.residual_scale for row in rows),
+            *(row.rate_scale for row in rows),
+        ],
+        "quadratures": e.quadrature_rates,
+        "columns": list(columns.nodes.values()),
+        "gaps": [
+            law.row.residual if law.kind is Kind.CONTACT else law.row.rate
+            for law in e.laws
+        ],
+        "conditions": [g.one if law.when is None else law.when for law in e.laws],
+        "bends": [
+            *(_bend(e, row) for row in rows),
+            *(g.zero if row.holonomic or row.pfaffian else g.one for row in rows),
+        ],
+    }  # fmt: skip
+
+
+def _bend(e: Equations, row: Row) -> int:
+    """Give what a Newton step leaves of a residual, against its scale.
+
+    The step stands in the place of the velocities; see `functions.bends`.
+    """
+    g: Graph = e.graph
+    if not row.holonomic:
+        return g.zero
+    step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
+    (first,) = tangent(g, [row.residual], step)
+    (second,) = tangent(g, [first], step)
+    half = g.call("mul", g.constant(0.5), second)
+    whole = g.call("add", g.call("add", row.residual, first), half)
+    part = g.call("div", g.call("abs", whole), row.residual_scale)
+    return g.call("if", g.call("gt", row.residual_scale, g.zero), part, g.zero)
+
+
+class Pattern(NamedTuple):
+    """Which elements of M and of the rows there are.
+
+    first : the first column of each row of M; starts, columns : of the rows' elements.
+    """
+
+    first: list[int]
+    starts: list[int]
+    columns: list[int]
+
+    @property
+    def inertial(self) -> int:
+        """The elements of M in its envelope."""
+        return sum(i - j + 1 for i, j in enumerate(self.first))
+
+
+def pattern(e: Equations) -> Pattern:
+    """Find the pattern of some equations."""
+    starts, columns = [0], []
+    for A in e.slopes:
+        columns += list(A.entries)
+        starts.append(len(columns))
+    first = [min(i, *_before(row, i)) for i, row in enumerate(e.M)]
+    return Pattern(first, starts, columns)
+
+
+def _before(row: SparseVector, i: int) -> list[int]:
+    return [i, *(j for j in row.entries if j < i)]
+
+
+def fill(p: Parameters, e: Equations, found: Pattern) -> None:
+    """Tell the kernels what rows there are."""
+    count, laws = len(e.rows), e.laws
+    p.inertia_first[:] = found.first
+    p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
+    p.met_kind[:] = [ALWAYS] * count + [CODES[law.kind] for law in laws]
+    # Equalities come first.
+    for name, numbers in (
+        ("met_normal", [law.normal for law in laws]),
+        ("met_pair", [law.pair for law in laws]),
+    ):
+        shifted = [k + count if k >= 0 else -1 for k in numbers]
+        getattr(p, name)[:] = [-1] * count + shifted
+    p.met_restitution[:] = [0.0] * count + [law.restitution for law in laws]
+
+
+def stepping_functions(
+    e: Equations, columns: Columns, found: Pattern
+) -> dict[str, list[int]]:
+    """Give `balance`, `effort`, and the columns of rows, in which nothing strikes."""
+    g = e.graph
+    rows = [*e.rows, *(law.row for law in e.laws)]
+    always = [g.zero] * len(e.rows)
+    lam = {g.variable(name): g.zero for name in e.multipliers}
+    at_impacts = {
+        g.variable(f"impulse.{law.constraint}"): g.zero
+        for law in e.laws
+        if law.kind is Kind.CONTACT
+    }
+    return {
+        "balance": [
+            *(e.M[i][j] for i, k in enumerate(found.first) for j in range(k, i + 1)),
+            *(slope for row in rows for slope in row.A.entries.values()),
+            *e.f,
+            *(row.residual if row.holonomic else g.zero for row in rows),
+            *(_offset(e, row) for row in rows),
+            *always, *(law.bound for law in e.laws),
+            *always, *(law.static for law in e.laws),
+            *(g.one for _ in e.rows),
+            *(g.one if law.when is None else law.when for law in e.laws),
+        ],
+        "effort": g.substitute(e.powers, lam),
+        "columns": g.substitute(columns.nodes.values(), at_impacts),
+    }  # fmt: skip
+
+
+def _offset(e: Equations, row: Row) -> int:
+    """Give the rate less A q'."""
+    g = e.graph
+    if row.holonomic:
+        return g.call("neg", row.transport)
+    if row.pfaffian and row.transport == g.zero:
+        return g.zero
+    rates = [g.variable(name) for name in e.velocities]
+    moved = g.product_sum((slope, rates[j]) for j, slope in row.A.entries.items())
+    return g.call("sub", row.rate, moved)
+
+
+def on_velocities(equations: Equations, side: Side) -> bool:
+    """Tell whether a surface depends on velocities."""
+    names = equations.graph.depends([side.node])
+    return bool(names & frozenset(equations.velocities))
+
+
+class SurfaceFunctions(NamedTuple):
+    """What is compiled of the surfaces, see `solve.sliding`.
+
+    Attributes
+    ----------
+    starts, columns
+        Where in the elements of J each row begins, and the column of each element.
+    """
+
+    functions: dict[str, list[int]]
+    starts: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+def surface_functions(equations: Equations, switches: Switches) -> SurfaceFunctions:
+    """Give `surfaces` and `surface_rows`."""
+    g = equations.graph
+    positions = [g.variable(name) for name in equations.q]
+    rates = [g.variable(name) for name in equations.velocities]
+    flow = dict(zip(positions, rates, strict=True)) | {g.variable("t"): g.one}
+    nodes = switches.freeze([side.node for side in switches.sides])
+    residuals, speeds, b, scales = [], [], [], []
+    elements, starts, columns = [], [0], []
+    for side, node in zip(switches.sides, nodes, strict=True):
+        moving = on_velocities(equations, side)
+        variables = rates if moving else positions
+        slopes = gradient(g, node, variables)
+        (speed,) = [node] if moving else tangent(g, [node], flow)
+        residuals.append(g.zero if moving else node)
+        speeds.append(speed)
+        b.append(g.call("neg", tangent(g, [speed], flow)[0]))
+        scales.append(scale_of(g, node, variables, dict(enumerate(slopes))))
+        places = [j for j, slope in enumerate(slopes) if slope != g.zero]
+        elements += [slopes[j] for j in places]
+        columns += places
+        starts.append(len(columns))
+    rows = [*residuals, *speeds, *b, *scales, *elements]
+    some = nodes or equations.laws
+    made = {"surfaces": nodes, "surface_rows": rows} if some else {}
+    return SurfaceFunctions(made, tuple(starts), tuple(columns))
+
 
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
 # the time that it takes to compile.
@@ -59,12 +434,8 @@ def functions(
     if equations.model.until:
         found["until"] = [equations.model.until.node]
     if met is not None:
-        from lagsim.run.system.stepping import stepping_functions
-
         found |= stepping_functions(equations, columns, met)
     elif equations.laws:
-        from lagsim.run.system.laws import law_functions
-
         found |= law_functions(equations, columns)
         found["loads"] = _loads(equations)
     elif plan.elimination is None:
@@ -293,7 +664,7 @@ def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Give what `solve.jacobian` begins with; or the entries of Newton's matrix."""
+    """Give what `solve.dense` begins with; or the entries of Newton's matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}
@@ -330,8 +701,6 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     """Give the matrices of a linear scene."""
-    from lagsim.solve.linear import linear_form  # of one method
-
     assert plan.elimination is not None
     return {"linear": linear_form(equations, plan.elimination)}
 

@@ -14,8 +14,8 @@ from lagsim.methods.parts import driver
 from lagsim.native.layout import address
 from lagsim.native.link.cache import kernel_object
 from lagsim.native.link.engine import Engine
-from lagsim.run.pace import Pace
-from lagsim.run.system.coupling import coupled, joined
+from lagsim.run.interrupt import Pace
+from lagsim.run.system.functions import coupled, joined
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from lagsim.methods.parts.driver import State
     from lagsim.methods.parts.parameters import Parameters
     from lagsim.plan.plan import Plan
+    from lagsim.run.system.functions import Pattern
     from lagsim.run.system.sleepers import Sleeper
-    from lagsim.run.system.stepping import Pattern
     from lagsim.solve.newton import Newton
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.

@@ -27,7 +27,7 @@ from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
-from lagsim.plan.integration import refusal
+from lagsim.plan.making import method_refusal
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.bench.trial import FAILS, KICK, SEED, Cell, Subject
 from lagsim.studies.step_bounds import predicted
@@ -120,7 +120,7 @@ def methods_for(
     kind = structure(case.equations)
     for name in wish.methods or names():
         module = method_named(name)
-        reason = refusal(name, case.equations, kind)
+        reason = method_refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
             problems.append(Problem("method-refused", text))

@@ -13,7 +13,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method as method_named
 from lagsim.run.observers import Keep
-from lagsim.run.observers.residual_monitor import judged_columns
+from lagsim.run.observers.monitors import judged_columns
 from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome

@@ -23,7 +23,7 @@ from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.studies.bench.reference import index_one, make_reference, state_sizes
 from lagsim.studies.bench.solving import (
     DRIFT,

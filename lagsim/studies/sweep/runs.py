@@ -32,9 +32,9 @@ from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs.units import of_table
 from lagsim.run.ensemble import Ensemble, refusal
-from lagsim.run.observers.extremes import Extremes, Followed
+from lagsim.run.observers import Extremes, Followed
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
-from lagsim.run.system.columns import Columns
+from lagsim.run.system.functions import Columns
 from lagsim.run.system.sleepers import names_in_exponents
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED

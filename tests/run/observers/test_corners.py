@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.run.observers.corners import MOST, Corners
+from lagsim.run.observers import MOST, Corners
 from lagsim.run.observers.thinning import Thinning
 
 # Pushed until 0.503, between two rows, then pulled.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 
 PLAIN = ["t", "energy"]
 FULL = ["t", "energy", "work", "residual_a", "residual_b", "scale.a", "scale.b"]

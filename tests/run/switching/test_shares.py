@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.run.events.shares import ABOVE, ALONG, BELOW, Crossroads
+from lagsim.run.events.modes import ABOVE, ALONG, BELOW, Crossroads
 from lagsim.solve import sliding
 
 

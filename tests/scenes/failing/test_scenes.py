@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lagsim.methods import dop853
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import ResidualMonitor
 from tests.small_scenes import pendulum
 from tests.support import MODELS, run
 

@@ -9,7 +9,7 @@ import pytest
 
 import lagsim
 import lagsim.codes
-from lagsim.run.observers.energy_monitor import EnergyMonitor
+from lagsim.run.observers.monitors import EnergyMonitor
 from lagsim.studies.error_bar import Checkpoints, repeat
 from tests.studies.alarms.alarmed import cautions, codes
 from tests.support import MODELS, ROOT, run

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.run.observers.energy_monitor import EnergyMonitor
-from lagsim.run.observers.residual_monitor import ResidualMonitor
+from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor
 from lagsim.studies.alarms import Evidence, about_constraints
 from tests.studies.alarms.alarmed import codes
 from tests.support import run

@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.residual_monitor import Growth
+from lagsim.run.observers.monitors import Growth
 from lagsim.studies.attempts import Monitors
 from tests.small_scenes import held_pendulum
 from tests.studies.alarms.alarmed import codes

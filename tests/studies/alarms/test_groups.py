@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.run.observers.energy_monitor import EnergyMonitor
+from lagsim.run.observers.monitors import EnergyMonitor
 from lagsim.studies.attempts import Monitors
 from lagsim.studies.balances import group_balances
 from tests.studies.alarms.test_doubt import bump, doubt, spoilt

@@ -7,7 +7,7 @@ import pytest
 from mpmath import mp, mpf
 
 from lagsim.model.reader import read
-from lagsim.run.pace import MOST_STEPS
+from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.error_bar import Allowance, Price
 from tests.studies.error_bar.test_error_bar import PENDULUM, barred

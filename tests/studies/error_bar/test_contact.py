@@ -10,7 +10,7 @@ import pytest
 import lagsim
 from lagsim.cli._closing import _error
 from lagsim.model.reader import read
-from lagsim.run.observers.checkpoints import Checkpoints, numbers
+from lagsim.run.observers.monitors import Checkpoints, numbers
 from lagsim.run.session import open_case
 from lagsim.studies.error_bar import repeat
 from tests.scenes.contact import scenes

@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.model.reader import read, read_file
 from lagsim.run.error import TIMES, ErrorBar
-from lagsim.run.observers.checkpoints import MOST_ROWS
+from lagsim.run.observers.monitors import MOST_ROWS
 from lagsim.run.session import open_case
 from lagsim.studies.error_bar import LOOSER, Checkpoints, repeat
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states

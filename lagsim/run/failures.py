@@ -1,0 +1,201 @@
+"""Where a method cannot go on: another one does, or the run ends, and why, in words.
+
+A series has no finite coefficients where an expression has a value and no derivative
+(drag that grows with the speed, from rest; a root of the time); an implicit step may
+find no solution. What handles everything then takes over, and where it fails as well,
+the motion itself is at an end. So it is for the method of `auto`, and for a series that
+was asked for: that it does not exist says nothing about the motion. An implicit step
+over a loss of rank finds a false solution: that too is left to what passes it even
+where the implicit method was asked for.
+
+Constraints that are not satisfied, however long projection goes on, end a run too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lagsim.methods.moreau import MOST_SWEEPS
+from lagsim.methods.parts import state as at
+from lagsim.notes import Caution, Choice
+from lagsim.plan.plan import ANY
+from lagsim.run.arc import SERIES
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from lagsim.language.arrays import Floats
+    from lagsim.run.arc import Arc
+
+
+# What a kernel gives that cannot go on.
+FAILED = {
+    at.NOT_FINITE: Outcome.NOT_FINITE,
+    at.STEP_TOO_SMALL: Outcome.STEP_TOO_SMALL,
+    at.PROJECTION_FAILED: Outcome.PROJECTION_FAILED,
+    at.NEWTON_FAILED: Outcome.NEWTON_FAILED,
+}
+WHY = {
+    Outcome.NOT_FINITE: "{} finds no finite values there",
+    Outcome.STEP_TOO_SMALL: "{} finds no step from there on",
+    Outcome.PROJECTION_FAILED: "{} does not satisfy the constraints from there on",
+    Outcome.NEWTON_FAILED: "{} cannot solve its equations there",
+}
+LOSS = "the constraints become dependent there, which {} cannot integrate through"
+# What a method has noted of a loss of rank ahead of it is not another's.
+NO_LOSS = {"passes": 0.0, "planned": 0.0, "tried": 0.0}
+
+
+class Fallback(Source):
+    """Another method, for one that fails, or does not pass what is ahead."""
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Go on with it, if there is one."""
+        name = arc.runner.method.NAME
+        if code == at.LOSS_AHEAD:
+            return handed_over(arc, LOSS.format(name), NO_LOSS)
+        if code not in FAILED or name == ANY:
+            return None
+        if arc.settings.method != "auto" and name != SERIES:
+            return None
+        return handed_over(arc, WHY[FAILED[code]].format(name), {})
+
+
+def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
+    """Go on with the method that handles everything."""
+    return Decision(
+        choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),
+        arc=arc.by(replace(arc.plan, method=ANY), arc.system),
+        numbers={"h": 0.0, "at_bound": 0.0, **numbers},
+    )
+
+
+def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
+    """Say why a run ended so, in its last arc: at the state reached, or at `row`."""
+    outcome = ending.outcome
+    if outcome is Outcome.DONE:
+        return f"the end was reached at t = {arc.t!r}"
+    if outcome is Outcome.UNTIL:
+        until = arc.equations.model.until
+        assert until is not None
+        return f"`{until.text}` at t = {arc.t!r}"
+    if outcome is Outcome.INTERRUPTED:
+        return f"interrupted at t = {arc.t!r}; the rows up to there were kept"
+    what = _what_failed(arc, ending, row)
+    return f"{what}: {outcome.advice}{_other_means(arc, outcome)}"
+
+
+def _what_failed(arc: Arc, ending: Ending, row: Floats | None) -> str:
+    outcome = ending.outcome
+    shown = arc.observed() if row is None else row
+    where = f"at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
+    if outcome is Outcome.TOO_MANY_STEPS:
+        return f"too many steps ({arc.steps}{ending.about}) {where}"
+    if outcome is Outcome.NOT_FINITE:
+        return f"values that are not finite {where}"
+    if outcome is Outcome.CONSTRAINT_JUMPS:
+        return f"the position that constraint `{ending.about}` prescribes jumps {where}"
+    if outcome is Outcome.SWITCHES_ACCUMULATE:
+        return f"the switches {ending.about} accumulate {where}"
+    if outcome is Outcome.PARADOX:
+        return f"no contact forces satisfy the laws of {ending.about} {where}"
+    if outcome is Outcome.STATE_JUMPS:
+        return f"the state would have jumped {where}"
+    if outcome is Outcome.PROJECTION_FAILED:
+        return f"the constraints could not be satisfied {where}"
+    if outcome is Outcome.NO_ANSWER:
+        return f"constraint `{ending.about}` is not satisfied {where}"
+    if outcome is Outcome.NEWTON_FAILED:
+        return f"the equations of an implicit step could not be solved {where}"
+    return f"the step size became too small {where}; {_fastest(arc)}"
+
+
+def _other_means(arc: Arc, outcome: Outcome) -> str:
+    """Name a method that may go on, where it is not the one that failed."""
+    if outcome not in WHY or arc.runner.method.NAME == ANY:
+        return ""
+    if arc.plan.step is not None:
+        return f", take a smaller step, or `--method {ANY}`, which chooses its own"
+    return (
+        f"; `--method {ANY}` needs no Taylor series of the expressions, and may get "
+        "farther"
+    )
+
+
+def _described_state(arc: Arc, row: Floats) -> str:
+    names = (*arc.equations.q, *arc.equations.velocities)
+    shown = [f"{name} = {x:.6g}" for name, x in zip(names, row[1:], strict=False)]
+    if len(shown) > 12:
+        shown = [*shown[:12], f"... {len(shown) - 12} more"]
+    return ", ".join(shown)
+
+
+def _fastest(arc: Arc) -> str:
+    """Name the coordinate or velocity that grows fastest for its size."""
+    names = arc.system.state
+    moving = 2 * arc.system.n  # work follows what moves
+    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))
+    size = arc.system.size
+    sizes = np.maximum(np.abs(arc.y), 1e-300)
+    ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
+    # A component near zero changes fast for its size without any singularity.
+    large = np.abs(arc.y) > 1e-3 * np.max(np.abs(arc.y[:moving]))
+    k = int(np.argmax(np.where(large, ratio, -1.0)[:moving]))
+    return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"
+
+
+# A state that is projected is off its constraints by rounding. One that is off by more
+# than this part of their terms, looked at so often and each time so many steps later,
+# never meets them.
+MET = 1e-3
+LOOKS = 8
+APART = 10_000
+
+
+class Unmet(Source):
+    """Looks from time to time whether the constraints are met."""
+
+    def __init__(self) -> None:
+        self._looks = 0
+
+    def ask_at(self, arc: Arc) -> int:
+        """Give when it looks next."""
+        return (arc.steps // APART + 1) * APART
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """End a run whose constraints have not been met for a long time."""
+        held = arc.system.m and arc.plan.projected
+        if code != at.PAUSED or arc.steps % APART or not held:
+            return None
+        columns = dict(
+            zip(arc.system.columns.names, arc.observed().tolist(), strict=True)
+        )
+        found = next(
+            (
+                name
+                for name in (row.name for row in arc.equations.rows)
+                if abs(columns[f"residual_{name}"]) > MET * columns[f"scale.{name}"]
+            ),
+            None,
+        )
+        self._looks = 0 if found is None else self._looks + 1
+        if found is None or self._looks < LOOKS:
+            return None
+        return Decision(ending=Ending(Outcome.NO_ANSWER, found))
+
+
+def unsettled(arc: Arc) -> tuple[Caution, ...]:
+    """Tell of steps whose impulses were not found to the end."""
+    count = int(getattr(arc.state, "unsettled", 0))
+    if not count:
+        return ()
+    text = (
+        f"in {count} of {arc.steps} steps the impulses did not converge within "
+        f"{MOST_SWEEPS} sweeps: contacts overlap a little; shorter steps need "
+        "fewer sweeps"
+    )
+    return (Caution("unsettled-impulses", text),)
