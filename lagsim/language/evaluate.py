@@ -157,39 +157,24 @@ def roundings(
     nodes = list(nodes)
     varying, placed = g.dependent(nodes, moving), g.dependent(nodes, state)
     errors: dict[int, int] = {}
-    linear: dict[int, int] = {}
+    linear: dict[int, int] = {}  # a x, if a node is a x + b: x of the state, b of t
     for n in g.cone(nodes):
-        part = _linear_part(g, n, linear, placed, varying)
-        if part is not None:
-            linear[n] = part
-        if n in varying and g.args[n]:
-            error = _bound(g, n, [errors.get(a, g.zero) for a in g.args[n]])
-            if part is not None:
-                own = g.call("mul", g.constant(SHIFTED), g.call("abs", part))
-                error = g.call("max", g.call("sub", error, own), g.zero)
+        op, args = g.ops[n], g.args[n]
+        own = [a for a in args if a in placed]
+        if n in placed and not args:
+            linear[n] = n
+        elif len(own) == 1 and own[0] in linear:
+            if op in ("add", "sub", "neg"):
+                linear[n] = linear[own[0]]
+            elif op == "mul" and sum(a in varying for a in args) == 1:
+                linear[n] = g.call("mul", *(linear.get(a, a) for a in args))
+        if n in varying and args:
+            error = _bound(g, n, [errors.get(a, g.zero) for a in args])
+            if n in linear:
+                alike = g.call("mul", g.constant(SHIFTED), g.call("abs", linear[n]))
+                error = g.call("max", g.call("sub", error, alike), g.zero)
             errors[n] = error
     return [errors.get(n, g.zero) for n in nodes]
-
-
-def _linear_part(
-    g: Graph,
-    n: int,
-    linear: dict[int, int],
-    placed: Collection[int],
-    varying: Collection[int],
-) -> int | None:
-    """Give a x, if `n` is a x + b: x one of the state, a constant, b of the time."""
-    op, args = g.ops[n], g.args[n]
-    if n not in placed or not args:
-        return n if n in placed else None
-    own = [a for a in args if a in placed]
-    if len(own) != 1 or own[0] not in linear:
-        return None
-    if op in ("add", "sub", "neg"):
-        return linear[own[0]]
-    if op == "mul" and sum(a in varying for a in args) == 1:
-        return g.call("mul", *(linear.get(a, a) for a in args))
-    return None
 
 
 def addends(g: Graph, node: int) -> list[int]:

@@ -81,7 +81,6 @@ class Contacts(Source):
         p = arc.system.p
         p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = 0.0
-        p.law_forces = p.law_shares = 0.0
 
     def begin(self, arc: Arc) -> Decision:
         """Choose the modes at the state reached."""
@@ -149,9 +148,6 @@ class Contacts(Source):
         also = {met} if met is not None else set()
         closed = here.is_closed(also)
         ends = self._ends(here, closed)
-        if ends:
-            also |= set(ends)
-            closed = here.is_closed(also)
         for k, law in enumerate(self.laws):
             if closed[k] and self._jumps(here, k):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
@@ -161,7 +157,6 @@ class Contacts(Source):
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
             here = Touching(arc, found.y, known=here.shape)
-            self.left.clear()
         self.shape = here.shape
         edge = self.left if arc.t == self.left_at else set()
         settled = settle(here, edge, also)
@@ -239,9 +234,14 @@ class Contacts(Source):
         n = arc.system.n
         before = found.y.copy()
         found.rows = arc.runner.tabulate(arc.row())
+        stopped = ends
+        struck = [k for k in some if here.strikes(k)]
+        rests = {k: here.rest(k, self.laws[k].restitution) for k in struck}
+        ends = {k: arc.t + left for k, left in rests.items() if left is not None}
+        ends |= stopped
         e = [0.0 if k in ends else self.laws[k].restitution for k in some]
         problem, response = here.problem(some, np.array(e))
-        if ends:
+        if stopped:
             problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
@@ -261,11 +261,11 @@ class Contacts(Source):
             kind, name = self.laws[k].kind, self.laws[k].constraint
             if kind is Kind.SLIP or sizes[i] <= NO_IMPULSE * largest:
                 continue
-            struck = Event(
+            impact_of = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
                 rate_after=after[i], energy=float(np.sum(changes)),
             )  # fmt: skip
-            found.events.append(struck)
+            found.events.append(impact_of)
             self.bounces[k] += 1
             if k in ends:
                 if self.bounces[k] > SERIES:

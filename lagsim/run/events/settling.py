@@ -11,7 +11,6 @@ from lagsim.mechanics.contact import modes
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.touching import Touching
-from lagsim.solve.laws import BEGUN
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -56,8 +55,6 @@ def settle(here: Touching, left: Collection[int], also: Collection[int]) -> Sett
     leaning = np.zeros(here.count)
     for k in left:
         leaning[k] = 1.0
-        if (pair := here.laws[k].pair) >= 0:
-            leaning[pair] = 1.0
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
@@ -173,8 +170,6 @@ def _set_floors(here: Touching, found: Chosen, before: Floats) -> None:
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
         if kept.DRIVEN in before[pair]:
-            slow = speed < BEGUN * (1.0 - SOON) * p.law_floor[k]
-            floors[pair] = p.law_floor[k] if slow else 0.0
             stills[pair] = p.law_still[k]
             continue
         later = _soon_after(here, found)
@@ -198,10 +193,6 @@ def _set_slack(here: Touching, found: Chosen) -> None:
     slack[:] = 0.0
     size, band, rounding = np.zeros((3, here.count))
     push = dict(zip(found.some, found.D, strict=True))
-    for k, law in enumerate(here.laws):
-        if law.pair >= 0:
-            still = max(4.0 * here.still[k], rtol * here.reach[1][k])
-            p.law_still[k] = max(p.law_still[k], still)
     for k, mode in enumerate(found.mode.tolist()):
         law = here.laws[k]
         if mode == kept.HELD and push[k] > 0.0:
@@ -211,9 +202,8 @@ def _set_slack(here: Touching, found: Chosen) -> None:
             band[k] = 0.5 * p.law_floor[k]  # its way holds so far back
         elif mode == kept.OFF and law.kind in ONE_SIDED:
             position = law.kind is Kind.CONTACT
-            noise = here.slack[k] if position else here.still[k]
-            rounding[k] = noise
-            size[k] = noise if here.gaps[k] <= noise else 0.0
+            rounding[k] = here.slack[k] if position else here.still[k]
+            size[k] = rounding[k] if here.gaps[k] <= rounding[k] else 0.0
             if k in push:  # it touches, and parts without a speed
                 size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
     margins = arc.runner.margins(arc.t, here.y)[K:]

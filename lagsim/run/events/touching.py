@@ -178,6 +178,16 @@ class Touching:
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
         return np.asarray(BALANCED * np.maximum(self.pushes, stirred))
 
+    @cached_property
+    def present(self) -> Floats:
+        """The accelerations (L,) that there are with the laws that hold now."""
+        system = self.arc.system
+        if not np.any(system.p.law_mode):
+            return self.accelerations
+        field = self.arc.runner.function("field", system.size + system.m)
+        a = field(self.t, self.y)[system.n : 2 * system.n]
+        return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
+
     def _known(self) -> Floats:
         """Give the sizes (size,) by which a state is rounded: also those of its rows.
 
@@ -239,6 +249,20 @@ class Touching:
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
 
+    def rest(self, k: int, restitution: float) -> float | None:
+        """Give the time for which a contact goes on to bounce if that is no motion.
+
+        Its next flight is no higher than the tolerance of how far it has moved, or than
+        rounding.
+        """
+        speed, fall = -restitution * self.rates[k], -self.present[k]
+        if not (fall > 0.0 and restitution > 0.0):
+            return None
+        if speed * speed / (2.0 * fall) > self.least(k):
+            return None
+        left = 2.0 * speed / fall
+        return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
+
     def least(self, k: int) -> float:
         """Give the height of a flight that is none: of the tolerance, or rounding."""
         told = self.arc.plan.tolerance * self.reach[0][k]
@@ -258,7 +282,7 @@ class Touching:
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Tell whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
-        sizes = np.sqrt(np.abs(np.diag(D)))
+        sizes = np.sqrt(np.diag(D))
         return bool(np.any(np.abs(D[k, some]) > APART_FROM * sizes[k] * sizes[some]))
 
     def problem(
