@@ -31,6 +31,7 @@ from lagsim.outputs.sheet import (
     content,
     fitted,
     in_house_style,
+    in_lines,
     mark,
     text_width,
     wrapped,
@@ -45,8 +46,8 @@ if TYPE_CHECKING:
 
 # What has the unit of energy, known or not.
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
-# Inches: of a panel, of one that shows a path, and of what is above and below.
-PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.75
+# Inches: of a panel, of one that shows a path, and of what is below the last.
+PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.41
 MAP = 2.6
 # From above: of the line of the title, of what is below it, and of a legend; between
 # panels beside each other, in parts of their width.
@@ -189,29 +190,35 @@ def headed(
     """Write a title at the left and what is shown at the right, over all panels.
 
     Under them a legend, of names and pens, and below the panels notes in small print.
+    The figure grows by what they take.
     """
-    edge, high = EDGE / WIDTH, found.get_figheight()
     lines = wrapped(notes, WIDTH - 2 * EDGE)
-    top, low = 1.0 - TITLE / high, LINE * (len(lines) + bool(lines)) / high
-    if legend:
-        samples = [Line2D([], [], **pen) for _, pen in legend]
+    below = LINE * (len(lines) + bool(lines))
+    named = in_lines(legend, WIDTH - 2 * EDGE) if legend else []
+    above = TITLE + LEGEND * len(named)
+    high = found.get_figheight() + above + below
+    found.set_figheight(high)
+    edge = EDGE / WIDTH
+    for k, line in enumerate(named):
+        samples = [Line2D([], [], **pen) for _, pen in line]
         found.legend(
-            samples, [name for name, _ in legend], loc="upper left",
-            bbox_to_anchor=(edge, top), ncols=len(legend),
+            samples, [mathtext(name) for name, _ in line], loc="upper left",
+            bbox_to_anchor=(edge, 1.0 - (TITLE + k * LEGEND) / high), ncols=len(line),
         ).set_in_layout(False)  # fmt: skip
-        top -= LEGEND / high
     # Above the panels, and with one line for both to stand on.
     engine = found.get_layout_engine()
     assert isinstance(engine, ConstrainedLayoutEngine)
-    engine.set(rect=(0.0, low, 1.0, top - low), wspace=APART)
+    shown = (high - above - below) / high
+    engine.set(rect=(0.0, below / high, 1.0, shown), wspace=APART)
     level = 1.0 - LINE_OF_TITLE / high
     title = fitted(title, 0.65 * WIDTH, HEADING, bold=True)
     room = WIDTH - 4 * EDGE - text_width(title, HEADING, bold=True)
     subject = mathtext(fitted(subject, room))
     found.text(edge, level, mathtext(title), size=HEADING, weight="bold")
     found.text(1.0 - edge, level, subject, ha="right", size=NORMAL, color=DIM)
-    text = "\n".join(map(mathtext, lines))
-    found.text(edge, 0.4 * LINE / high, text, size=SMALL, color=DIM, va="bottom")
+    if lines:
+        text = "\n".join(map(mathtext, lines))
+        found.text(edge, 0.4 * LINE / high, text, size=SMALL, color=DIM, va="bottom")
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 # So many columns are shown.
 MOST = 4
-# Inches: a panel with its scales, and what is above and below all of them.
-HEIGHT, REST = 1.6, 0.9
+# Inches: a panel with its scales, and what is below all of them.
+HEIGHT, REST = 1.6, 0.2
 # Differences so much smaller than the largest are not shown.
 LEAST = 1e-12
 # Rows that are thinned at once.

@@ -17,6 +17,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.cbook import is_math_text
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
@@ -105,7 +106,17 @@ def panel_of(axes):
 def noted():
     """Note what is drawn."""
     drawing, inside = Drawing(), []
-    plain = {kind: kind.draw for kind in (Axes, Text, Line2D)}
+    plain = {kind: kind.draw for kind in (Axes, Text, Line2D, Figure)}
+
+    known = {}
+
+    def figure(self, renderer):
+        # A layout is found by drawing everything once before.
+        lists = drawing.panels, drawing.texts, drawing.samples
+        begun = known.setdefault(self, [len(x) for x in lists])
+        for noted, count in zip(lists, begun, strict=True):
+            del noted[count:]
+        plain[Figure](self, renderer)
 
     def axes(self, renderer):
         inside.append(self)
@@ -133,6 +144,7 @@ def noted():
         patch.setattr(Axes, "draw", axes)
         patch.setattr(Text, "draw", text)
         patch.setattr(Line2D, "draw", line)
+        patch.setattr(Figure, "draw", figure)
         yield drawing
 
 

@@ -9,29 +9,27 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import to_rgba
-from matplotlib.ticker import NullFormatter
 
 from lagsim.methods import method as method_named
 from lagsim.outputs.curves import curve, point
+from lagsim.outputs.figure import Column, Picture, headed
 from lagsim.outputs.manifest import versions
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.outputs.sheet import (
     DIM,
+    DPI,
     EDGE,
     INK,
-    LINE,
-    NOTHING,
     SMALL,
-    Named,
+    WIDTH,
     Pen,
-    Sheet,
+    content,
     in_house_style,
     mark,
-    wrapped,
 )
 from lagsim.studies.bench.chart import look_of
 from lagsim.studies.bench.stability import prediction
@@ -52,81 +50,205 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
 
-    from lagsim.outputs.sheet import Place
     from lagsim.studies.bench.stability import Stability
     from lagsim.studies.bench.trial import Cell
 
-WIDTH, RIGHT = 7.6, 0.2
-# Beside scales that are numbers.
-NUMBERS = 0.8
+# Inches: a strip, a map, a region, one of few, a panel of work; what is below them. And
+# so many of them in a row.
+STRIP, MAP, REGION, LARGE, WORK, BELOW = 0.27, 1.9, 1.75, 2.4, 1.0, 0.6
+MAPS, REGIONS = 3, 5
+# So often places are looked for: numbers and names take room that depends on them.
+LAYOUTS = 2
+STEPS = Column("step h", "s", np.empty(0))
+CHEAPER = "cheaper →"
 
+# Okabe and Ito's hues from pale to dark, so that they differ in grey as well.
+VERDICT_COLOURS = {
+    HOLDS: "#DDEFF9",
+    DECAYS: "#E3D22B",
+    GROWS: "#E69F00",
+    DIVERGES: "#D55E00",
+    BREAKS: "#8A3D6E",
+    FAILS: "#3C3C3C",
+}
+FOUND: Pen = {"color": INK, "linewidth": 1.8}
+# By the attribute of a border: of which states, and how it is drawn.
+PREDICTED: dict[str, tuple[str, Pen]] = {
+    "at_start": ("start", mark("D", 4.6, fill="white")),
+    "along": ("motion", mark("v", 5.0, fill="#0072B2")),
+}
+PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
 AT_START = mark("o", 3.6)
 ALONG = mark(".", 3.0, "#D55E00")
 ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
 
-# The part of the plane of z that is shown, and how finely it is looked at.
-REAL, IMAGINARY = (-3.6, 1.2), (0.0, 4.0)
-GRID = (64, 54)
-REGION_HEIGHT, REGION_GAP, REGION_ACROSS, REGIONS = 1.2, 0.55, 0.3, 5
-# Left of the first one, and the greatest height of one, where there are few.
-REGION_LEFT, TALLEST = 0.5, 1.8
-HEADROOM = 0.34
+# The part of the plane of z that is shown, more of it where there is room, and how
+# finely it is looked at.
+REAL, IMAGINARY, ROOM = (-3.6, 1.2), (0.0, 4.0), 2.0
+GRID = (128, 54)
 # Of a panel's height: eigenvalues so near those of the start are covered by them.
 COVERED = 0.01
 # An amplification of 1 that rounding has touched is one.
 TOUCHED = 1e-6
 
-WORK_HEIGHT, WORK_GAP = 0.9, 0.18
+
+@in_house_style
+def chart(title: str, found: Stability, varied: str | None, form: str = "png") -> bytes:
+    """Draw what was found as a parameter, or none, varied; as PNG, SVG or PDF."""
+    over, count = _named(found, varied), len(found.methods)
+    heights: list[float] = []
+    regions: list[Axes] = []
+    if count:
+        each = STRIP * count if varied is None else MAP * -(-count // MAPS)
+        region = LARGE if count <= MAPS else REGION
+        heights = [each + BELOW, BELOW / 2 + region * -(-count // REGIONS)]
+    heights += [3 * WORK + BELOW] if found.adaptive else []
+    size = WIDTH, sum(heights)
+    drawing = Picture(figsize=size, dpi=DPI, layout="constrained")
+    places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
+    parts = [drawing.add_subfigure(places[k]) for k in range(len(heights))]
+    if count:
+        if varied is None:
+            _strips(parts[0], found)
+        else:
+            _maps(parts[0], found, over)
+        regions = _regions(parts[1], found)
+    if found.adaptive:
+        _work(parts[-1], found, over)
+    legend = _legend(found, varied=varied is not None)
+    subject = "where methods hold and where they fail"
+    headed(drawing, title, subject, legend, _notes(found, varied))
+    engine = drawing.get_layout_engine()
+    assert engine is not None
+    for _ in range(LAYOUTS):
+        engine.execute(drawing)
+        for axes in regions:
+            _equal(axes)
+    drawing.set_layout_engine("none")
+    return content(drawing, form)
 
 
-class _Panel(NamedTuple):
-    """A region's panel: its place beside the others, its scales, and the step."""
-
-    method: str
-    place: Place
-    scales: tuple[Scale, Scale]
-    step: float
-    what: str
+def _named(found: Stability, varied: str | None) -> Column:
+    """Give what varies, and its unit."""
+    units = {p.name: p.unit for p in found.subject.equations.model.parameters}
+    values = np.array([x for x in found.values if x is not None], float)
+    return Column(varied or "", units.get(varied or "", ""), values)
 
 
-def _size(count: int) -> tuple[int, float, float]:
-    """Give how many panels stand in a row, and their width and height."""
-    rows = -(-count // REGIONS)
+def _legend(found: Stability, *, varied: bool) -> list[tuple[str, Pen]]:
+    """Name colours and marks."""
+    seen = {cell.verdict for cell in found.cells}
+    bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
+    bars = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
+    at_start, along = eigenvalues_shown(found)
+    shown: list[tuple[str, Pen, bool]] = [
+        ("border found", FOUND, any(b.found is not None for b in found.borders)),
+        ("predicted", PREDICTED_LINE, varied and any(map(prediction, found.borders))),
+    ]
+    across = spread(found.steps)[0] if found.methods else Scale(0.0, 0.0)
+    for key, (where, pen) in PREDICTED.items():
+        there = any(_within(getattr(b, key), across) for b in found.borders)
+        shown.append((f"predicted: {where}", pen, there and not varied))
+    shown += [("h·λ: start", AT_START, at_start), ("h·λ: motion", ALONG, along)]
+    return [*bars, *((name, pen) for name, pen, there in shown if there)]
+
+
+def _within(step: float | None, across: Scale) -> bool:
+    return step is not None and across.low < step < across.high
+
+
+def _strips(part: SubFigure, found: Stability) -> None:
+    """Draw a strip of verdicts over steps for each method."""
+    across, steps = spread(found.steps)
+    borders = {border.method: border for border in found.borders}
+    panels = part.subplots(len(found.methods), sharex=True, squeeze=False)[:, 0]
+    for axes, method in zip(panels, found.methods, strict=True):
+        across.put(axes, "x", 9)
+        Scale(-0.5, 0.5).put(axes, "y", 0)
+        _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
+        if border := borders.get(method):
+            if border.found is not None:
+                axes.axvline(border.found, **FOUND, zorder=2.4)
+            for key, (_, look) in PREDICTED.items():
+                if _within(getattr(border, key), across):
+                    point(axes, getattr(border, key), 0.0, look)
+        axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
+    axes.set_xlabel(STEPS.label)
+    axes.annotate(
+        CHEAPER, (1.0, 0.0), (0.0, -22.0), "axes fraction", "offset points",
+        size=SMALL, ha="right", va="top", color=DIM,
+    )  # fmt: skip
+
+
+def _cells(
+    axes: Axes, found: Stability, method: str, x: np.ndarray, y: np.ndarray
+) -> None:
+    """Fill the cells between borders in x and y with the colours of verdicts."""
+    steps = {step: k for k, step in enumerate(found.steps)}
+    columns = {value: k for k, value in enumerate(found.values)}
+    colours = np.zeros((len(steps), len(columns), 4))
+    for cell in found.of(method):
+        assert cell.step is not None
+        colour = to_rgba(VERDICT_COLOURS[cell.verdict])
+        colours[steps[cell.step], columns[cell.value]] = colour
+    if len(columns) != len(x) - 1:
+        colours = colours.swapaxes(0, 1)
+    # Edges of their own colour close the seams that viewers of vectors leave.
+    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
+
+
+def _grid(part: SubFigure, count: int, most: int, *, alike: bool) -> list[Axes]:
+    """Give so many panels, in rows of at most so many and at least two."""
+    rows = -(-count // most)
     columns = max(2, -(-count // rows))
-    room = WIDTH - REGION_LEFT - EDGE
-    width = (room - (columns - 1) * REGION_ACROSS) / columns
-    usual = (room - (REGIONS - 1) * REGION_ACROSS) / REGIONS
-    return columns, width, min(TALLEST, REGION_HEIGHT * width / usual)
+    panels = part.subplots(rows, columns, sharex=alike, sharey=alike, squeeze=False)
+    for axes in panels.flat[count:]:
+        axes.remove()
+    return list(panels.flat[:count])
 
 
-def _panels(found: Stability, top: float) -> list[_Panel]:
-    columns, width, height = _size(len(found.methods))
-    # As long across as up, whatever room there is.
-    wider = width / height * (IMAGINARY[1] - IMAGINARY[0]) / (REAL[1] - REAL[0])
-    panels = []
-    for k, name in enumerate(found.methods):
-        row, column = divmod(k, columns)
-        x = REGION_LEFT + column * (width + REGION_ACROSS)
-        y = top + HEADROOM + row * (height + REGION_GAP)
-        step, what = _step_shown(found, name)
-        # A bounded region fills its panel; of an unbounded one the eigenvalues decide.
-        reach = step * float(np.max(np.abs(found.subject.at_start), initial=0.0))
-        endless = math.isinf(method_named(name).IMAGINARY_LIMIT)
-        size = max(1.0, 1.2 * reach / IMAGINARY[1]) if endless else 1.0
-        across = Scale(size * wider * REAL[0], size * wider * REAL[1])
-        up = Scale(size * IMAGINARY[0], size * IMAGINARY[1])
-        place = (x, y, width, height)
-        panels.append(_Panel(name, place, (across, up), step, what))
-    return panels
+def _maps(part: SubFigure, found: Stability, varied: Column) -> None:
+    """Draw a map over the parameter and the step for each method."""
+    across, columns = spread(varied.values.tolist())
+    up, steps = spread(found.steps)
+    panels = _grid(part, len(found.methods), MAPS, alike=True)
+    for axes, method in zip(panels, found.methods, strict=True):
+        across.put(axes, "x", 4)
+        up.put(axes, "y", 6)
+        _cells(axes, found, method, columns, steps)
+        borders = [b for b in found.borders if b.method == method]
+        x = np.array([b.value for b in borders], float)
+        for pen, y in (
+            (FOUND, [b.found for b in borders]),
+            (PREDICTED_LINE, [prediction(b) for b in borders]),
+        ):
+            levels = np.array([step or np.nan for step in y])
+            curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
+        axes.set_title(method, weight="bold")
+        axes.set_xlabel(varied.within(WIDTH / MAPS))
+    for axes in panels[:: min(MAPS, max(2, len(panels)))]:
+        axes.set_ylabel(STEPS.label)
 
 
-def _inside(panel: _Panel, values: np.ndarray) -> np.ndarray:
-    """Give h times the eigenvalues that lie in a panel."""
-    across, up = panel.scales
-    z = panel.step * values[values.imag >= -1e-12 * np.abs(values)]
-    z = z[(z.real >= across.low) & (z.real <= across.high)]
-    return np.asarray(z[z.imag <= up.high])
+def _inside(found: Stability, name: str, values: np.ndarray) -> np.ndarray:
+    """Give h times the eigenvalues that lie in the panel of a method."""
+    (step, _), size = _step_shown(found, name), _size(found, name)
+    z = step * values[values.imag >= -1e-12 * np.abs(values)]
+    z = z[(z.real >= size * REAL[0]) & (z.real <= size * REAL[1])]
+    return np.asarray(z[z.imag <= size * IMAGINARY[1]])
+
+
+def _size(found: Stability, name: str) -> float:
+    """Give how much of the plane a panel shows.
+
+    A bounded region fills its panel; of an unbounded one the eigenvalues decide.
+    """
+    if math.isfinite(method_named(name).IMAGINARY_LIMIT):
+        return 1.0
+    largest = float(np.max(np.abs(found.subject.at_start), initial=0.0))
+    return max(1.0, 1.2 * _step_shown(found, name)[0] * largest / IMAGINARY[1])
 
 
 def eigenvalues_shown(found: Stability) -> tuple[bool, bool]:
@@ -135,37 +257,25 @@ def eigenvalues_shown(found: Stability) -> tuple[bool, bool]:
     Those of the motion are hidden where they are those of the start.
     """
     start = motion = False
-    for panel in _panels(found, 0.0) if found.methods else []:
-        first = _inside(panel, found.subject.at_start)
-        along = _inside(panel, found.subject.along)
+    for name in found.methods:
+        first = _inside(found, name, found.subject.at_start)
+        along = _inside(found, name, found.subject.along)
         start |= len(first) > 0
-        near = COVERED * panel.scales[1].high
+        near = COVERED * _size(found, name) * IMAGINARY[1]
         motion |= any(np.min(abs(first - z), initial=np.inf) > near for z in along)
     return start, motion
 
 
-def regions_height(found: Stability) -> float:
-    """Give the height that `regions` takes."""
-    if not found.methods:
-        return 0.0
-    columns, _, height = _size(len(found.methods))
-    rows = -(-len(found.methods) // columns)
-    return HEADROOM + rows * (height + REGION_GAP)
-
-
-def regions(sheet: Sheet, top: float, found: Stability) -> None:
+def _regions(part: SubFigure, found: Stability) -> list[Axes]:
     """Draw each method's region of stability with h times the eigenvalues."""
     text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
-    sheet.text(EDGE, top + 0.06, text, size=SMALL, color=DIM)
-    for panel in _panels(found, top):
-        x, y, width, height = panel.place
-        across, up = panel.scales
-        method, first = method_named(panel.method), x == REGION_LEFT
-        axes = sheet.panel(
-            panel.place, across, up, below=(" ", ""),
-            side=("Im z" if first else "", ""), ticks=(5, 5), reach=REGION_LEFT - 0.17,
-        )  # fmt: skip
+    part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
+    panels = _grid(part, len(found.methods), REGIONS, alike=False)
+    for axes, name in zip(panels, found.methods, strict=True):
+        method, size = method_named(name), _size(found, name)
+        across, up = (Scale(size * low, size * high) for low, high in (REAL, IMAGINARY))
         _region(axes, method.amplification, across, up)
+        axes.grid(visible=True)
         axes.axvline(0.0, color="#999999", linewidth=0.6)
         if method.IMAGINARY_LIMIT > 0.0:
             axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
@@ -174,18 +284,30 @@ def regions(sheet: Sheet, top: float, found: Stability) -> None:
             (found.subject.along, ALONG),
             (found.subject.at_start, AT_START),
         ):
-            z = _inside(panel, values)
-            axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
-        sheet.text(x, y - 0.05, panel.method, size=SMALL, bold=True)
-        said, size = f"h = {panel.step:.3g} s ({panel.what})", SMALL - 0.5
-        middle, below = x + width / 2, y + height + 0.3
-        sheet.text(middle, below, said, size=size, ha="center", color=DIM)
+            if len(z := _inside(found, name, values)):
+                axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
+        axes.set_xlim(across.low, across.high)
+        axes.set_ylim(up.low, up.high)
+        axes.set_title(name, weight="bold")
+        step, what = _step_shown(found, name)
+        label = f"h = {step:.3g} s ({what})"
+        axes.set_xlabel(label, size=SMALL - 1.0, color=DIM)
+    panels[0].set_ylabel("Im z")
+    return panels
+
+
+def _equal(axes: Axes) -> None:
+    """Make a panel that has its place as long across as up."""
+    low, high = axes.get_ylim()
+    width, height = axes.get_window_extent().size
+    across = (high - low) * width / height / (REAL[1] - REAL[0])
+    axes.set_xlim(REAL[0] * across, REAL[1] * across)
 
 
 def _region(
     axes: Axes, amplification: Callable[[complex], float], across: Scale, up: Scale
 ) -> None:
-    x = np.linspace(across.low, across.high, GRID[0])
+    x = np.linspace(ROOM * across.low, ROOM * across.high, GRID[0])
     y = np.linspace(up.low, up.high, GRID[1])
     with np.errstate(all="ignore"):
         size = np.array([[amplification(complex(a, b)) for a in x] for b in y])
@@ -229,36 +351,30 @@ def spread(places: Sequence[float]) -> tuple[Scale, np.ndarray]:
     return Scale(float(borders[0]), float(borders[-1]), log=log), borders
 
 
-def work_height(found: Stability) -> float:
-    """Give the height that `work` takes."""
-    return HEADROOM + 3 * (WORK_HEIGHT + WORK_GAP) + 0.35 if found.adaptive else 0.0
-
-
-def work(sheet: Sheet, top: float, found: Stability, varied: Named) -> None:
+def _work(part: SubFigure, found: Stability, varied: Column) -> None:
     """Draw what methods that choose their steps do as the parameter varies."""
-    across, _ = spread([value for value in found.values if value is not None])
-    width = WIDTH - NUMBERS - RIGHT
-    pens = {name: look_of(name).line for name in found.adaptive}
-    sheet.legend(NUMBERS, top + 0.16, list(pens.items()), width)
+    across, _ = spread(varied.values.tolist())
     asked: list[tuple[str, Callable[[Cell], float | None]]] = [
         ("evaluations / s", lambda cell: _share(cell.evaluations, cell)),
         ("1 + rejections", lambda cell: _plus_one(cell.rejections)),
         ("least step / run", lambda cell: _share(cell.smallest_step, cell)),
     ]
-    for row, (label, of) in enumerate(asked):
-        y = top + HEADROOM + row * (WORK_HEIGHT + WORK_GAP)
+    panels = part.subplots(len(asked), sharex=True, squeeze=False)[:, 0]
+    for axes, (label, of) in zip(panels, asked, strict=True):
         curves = {
             name: np.array([of(cell) or math.nan for cell in found.of(name)])
             for name in found.adaptive
         }
-        axes = sheet.panel(
-            (NUMBERS, y, width, WORK_HEIGHT), across, log_scale(*curves.values()),
-            below=varied if row == 2 else NOTHING, side=(label, ""), ticks=(9, 5),
-            reach=NUMBERS - 0.2, spare=0.2,
-        )  # fmt: skip
+        across.put(axes, "x", 9)
+        log_scale(*curves.values()).put(axes, "y", 5)
+        axes.grid(visible=True)
+        axes.set_ylabel(label)
         for name, values in curves.items():
             x = np.array([cell.value for cell in found.of(name)], float)
-            curve(axes, x, values, pens[name])
+            curve(axes, x, values, look_of(name).line | {"label": name})
+    axes.set_xlabel(varied.within(WIDTH))
+    part.align_ylabels()
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
 
 
 def _share(count: float | None, cell: Cell) -> float | None:
@@ -268,169 +384,6 @@ def _share(count: float | None, cell: Cell) -> float | None:
 def _plus_one(count: int | None) -> float | None:
     """Give a count as it is drawn on logarithms, which have no 0."""
     return None if count is None else 1.0 + count
-
-
-# Inches: above the maps; a strip and its distance; a map, its gaps, in rows of so many.
-TOP, LEFT = 0.82, 1.3
-STRIP, STRIP_GAP = 0.2, 0.06
-MAP_HEIGHT, MAP_GAP, MAP_ACROSS, MAPS = 1.5, 0.62, 0.5, 3
-BELOW = 0.5
-STEPS: Named = ("step h", "s")
-CHEAPER = "cheaper →"
-
-# Okabe and Ito's hues from pale to dark, so that they differ in grey as well.
-VERDICT_COLOURS = {
-    HOLDS: "#DDEFF9",
-    DECAYS: "#E3D22B",
-    GROWS: "#E69F00",
-    DIVERGES: "#D55E00",
-    BREAKS: "#8A3D6E",
-    FAILS: "#3C3C3C",
-}
-FOUND: Pen = {"color": INK, "linewidth": 1.8}
-PREDICTED = (mark("D", 4.6, fill="white"), mark("v", 5.0, fill="#0072B2"))
-PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
-
-
-@in_house_style
-def chart(title: str, found: Stability, varied: str | None, form: str = "png") -> bytes:
-    """Draw what was found as a parameter, or none, varied; as PNG, SVG or PDF."""
-    over = _named(found, varied)
-    notes = wrapped(_notes(found, varied), WIDTH - 2 * EDGE)
-    regions_at = TOP + _maps_height(found, varied)
-    work_at = regions_at + regions_height(found)
-    notes_at = work_at + work_height(found)
-    sheet = Sheet(WIDTH, notes_at + LINE * len(notes) + 0.1, form)
-    sheet.heading(title, "where methods hold and where they fail")
-    _legend(sheet, found, varied=varied is not None)
-    if found.methods:
-        if varied is None:
-            _strips(sheet, found)
-        else:
-            _maps(sheet, found, over)
-        regions(sheet, regions_at, found)
-    if found.adaptive:
-        work(sheet, work_at, found, over)
-    sheet.notes(notes_at + 0.04, notes)
-    return sheet.content()
-
-
-def _named(found: Stability, varied: str | None) -> Named:
-    """Give what varies, and its unit."""
-    units = {p.name: p.unit for p in found.subject.equations.model.parameters}
-    return NOTHING if varied is None else (varied, units[varied])
-
-
-def _maps_height(found: Stability, varied: str | None) -> float:
-    count = len(found.methods)
-    if not count:
-        return 0.0
-    if varied is None:
-        return count * (STRIP + STRIP_GAP) + BELOW
-    return -(-count // MAPS) * (MAP_HEIGHT + MAP_GAP) + 0.05
-
-
-def _legend(sheet: Sheet, found: Stability, *, varied: bool) -> None:
-    """Name colours and marks."""
-    seen = {cell.verdict for cell in found.cells}
-    verdicts = {v: VERDICT_COLOURS[v] for v in VERDICTS if v in seen}
-    bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
-    bars = [(name, bar | {"color": colour}) for name, colour in verdicts.items()]
-    sheet.legend(EDGE, 0.45, bars, WIDTH - 2 * EDGE)
-    start, motion = PREDICTED
-    seen_start, seen_motion = eigenvalues_shown(found)
-    shown = [
-        ("border found", FOUND, any(b.found is not None for b in found.borders)),
-        ("predicted", PREDICTED_LINE, varied and any(map(prediction, found.borders))),
-    ]
-    if not varied:
-        across, _ = spread(found.steps) if found.methods else (Scale(0.0, 0.0), None)
-        shown += [
-            (f"predicted: {where}", pen, any(_within(getattr(b, of), across)
-                                             for b in found.borders))
-            for where, pen, of in (
-                ("start", start, "at_start"), ("motion", motion, "along"),
-            )
-        ]  # fmt: skip
-    shown += [
-        ("h·λ: start", AT_START, seen_start),
-        ("h·λ: motion", ALONG, seen_motion),
-    ]
-    entries = [(name, pen) for name, pen, there in shown if there]
-    sheet.legend(EDGE, 0.66, entries, WIDTH - 2 * EDGE)
-
-
-def _within(step: float | None, across: Scale) -> bool:
-    return step is not None and across.low < step < across.high
-
-
-def _strips(sheet: Sheet, found: Stability) -> None:
-    """Draw a strip of verdicts over steps for each method."""
-    width = WIDTH - LEFT - RIGHT
-    across, steps = spread(found.steps)
-    borders = {border.method: border for border in found.borders}
-    for k, method in enumerate(found.methods):
-        top = TOP + k * (STRIP + STRIP_GAP)
-        below = STEPS if k + 1 == len(found.methods) else NOTHING
-        place = (LEFT, top, width, STRIP)
-        axes = sheet.panel(place, across, Scale(-0.5, 0.5), below=below, ticks=(9, 3))
-        axes.yaxis.set_major_formatter(NullFormatter())
-        _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
-        if border := borders.get(method):
-            if border.found is not None:
-                axes.axvline(border.found, **FOUND, zorder=2.4)
-            pairs = zip((border.at_start, border.along), PREDICTED, strict=True)
-            for predicted, look in pairs:
-                if predicted is not None and _within(predicted, across):
-                    point(axes, predicted, 0.0, look)
-        look = {"ha": "right", "va": "center_baseline"}
-        sheet.text(LEFT - 0.08, top + STRIP / 2, method, size=SMALL, **look)
-    low = TOP + len(found.methods) * (STRIP + STRIP_GAP) + 0.25
-    sheet.text(WIDTH - RIGHT, low, CHEAPER, size=SMALL, ha="right", color=DIM)
-
-
-def _cells(
-    axes: Axes, found: Stability, method: str, x: np.ndarray, y: np.ndarray
-) -> None:
-    """Fill the cells between borders in x and y with the colours of verdicts."""
-    steps = {step: k for k, step in enumerate(found.steps)}
-    columns = {value: k for k, value in enumerate(found.values)}
-    colours = np.zeros((len(steps), len(columns), 4))
-    for cell in found.of(method):
-        assert cell.step is not None
-        colour = to_rgba(VERDICT_COLOURS[cell.verdict])
-        colours[steps[cell.step], columns[cell.value]] = colour
-    if len(columns) != len(x) - 1:
-        colours = colours.swapaxes(0, 1)
-    # Edges of their own colour close the seams that viewers of vectors leave.
-    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
-
-
-def _maps(sheet: Sheet, found: Stability, varied: Named) -> None:
-    """Draw a map over the parameter and the step for each method."""
-    across, columns = spread([value for value in found.values if value is not None])
-    up, steps = spread(found.steps)
-    room = WIDTH - NUMBERS - EDGE
-    maps = min(MAPS, len(found.methods))
-    width = (room - (maps - 1) * MAP_ACROSS) / maps
-    for k, method in enumerate(found.methods):
-        row, column = divmod(k, maps)
-        left = NUMBERS + column * (width + MAP_ACROSS)
-        top = TOP + 0.12 + row * (MAP_HEIGHT + MAP_GAP)
-        axes = sheet.panel(
-            (left, top, width, MAP_HEIGHT), across, up, below=varied, spare=0.4,
-            side=NOTHING if column else STEPS, ticks=(4, 6), reach=NUMBERS - 0.2,
-        )  # fmt: skip
-        _cells(axes, found, method, columns, steps)
-        borders = [b for b in found.borders if b.method == method]
-        x = np.array([b.value for b in borders], float)
-        for pen, y in (
-            (FOUND, [b.found for b in borders]),
-            (PREDICTED_LINE, [prediction(b) for b in borders]),
-        ):
-            levels = np.array([step or np.nan for step in y])
-            curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
-        sheet.text(left, top - 0.06, method, size=SMALL, bold=True)
 
 
 def _notes(found: Stability, varied: str | None) -> list[str]:

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Inches: a panel of curves, and what is above and below all of them.
-CURVES, REST = 1.5, 1.0
+# Inches: a panel of curves, and what is below all of them.
+CURVES, REST = 1.5, 0.4
 # Panels at most, or rows of maps: of coordinates first, then of definitions.
 MOST = 6
 # Values that spread over so many times the least, and evenly so in their logarithms,

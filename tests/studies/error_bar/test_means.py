@@ -102,9 +102,6 @@ def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):  # noq
 
 
 def test_what_nobody_asked_for_is_no_warning():
-    account = SimpleNamespace(drift=1e-9, in_play=1)
-    run = SimpleNamespace(
-        equations=None, plan=SimpleNamespace(rtol=1e-11), balances=[account],
-        bar="not asked for",
-    )  # fmt: skip
-    assert about_error(run) == []
+    known = {"plan": SimpleNamespace(rtol=1e-11), "bar": "not asked for"}
+    balances = [SimpleNamespace(drift=1e-9, in_play=1)]
+    assert about_error(SimpleNamespace(equations=0, balances=balances, **known)) == []
