@@ -261,11 +261,11 @@ class Contacts(Source):
             kind, name = self.laws[k].kind, self.laws[k].constraint
             if kind is Kind.SLIP or sizes[i] <= NO_IMPULSE * largest:
                 continue
-            impact_of = Event(
+            event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
                 rate_after=after[i], energy=float(np.sum(changes)),
             )  # fmt: skip
-            found.events.append(impact_of)
+            found.events.append(event)
             self.bounces[k] += 1
             if k in ends:
                 if self.bounces[k] > SERIES:

@@ -209,6 +209,8 @@ def test_an_impact_obeys_the_exact_disc(mu):
         {"x": 0, "y": 0, "z": 1, "x_dot": 3, "y_dot": 1}, duration=0.6, output_step=0.1,
     )  # fmt: skip
     found = play(text)
+    # One impact: its friction is no other.
+    assert found.times("impact") == pytest.approx([math.sqrt(2 / G)], abs=GLOBAL)
     most = mu * 1.5 * math.sqrt(2 * G)
 
     def after(k):
