@@ -7,7 +7,7 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 263
+FILES = 261
 LINES = 73_900
 LINES_OF_TESTS = 60_500
 

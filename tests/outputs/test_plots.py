@@ -19,10 +19,10 @@ from lagsim.model.model import (
 )
 from lagsim.outputs import plots
 from lagsim.outputs.curves import BAND, ink
+from lagsim.outputs.plots import chosen, grouped
 from lagsim.outputs.record import Record
 from lagsim.outputs.scale import value_scale
 from lagsim.outputs.sheet import DPI, fitted, text_width
-from lagsim.outputs.time_panels import chosen, grouped
 from lagsim.run.observers.thinning import DRIFT, Thinning
 from tests.outputs.drawn import against, drawn, finite
 
