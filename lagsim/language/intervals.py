@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
@@ -25,12 +24,10 @@ from lagsim.language.functions import OPERATIONS
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.language.functions import Function
     from lagsim.language.graph import Graph
 
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 # Libraries differ in the last places of sin, pow, ...: four units are allowed for.
 SLACK = 2.0**-50

@@ -33,7 +33,7 @@ from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.model.model import Level
 from lagsim.show.names import Name
-from lagsim.show.tidy import Roles, Tidier
+from lagsim.show.tidy import Roles, Tidier, circular
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -53,9 +53,7 @@ LARGEST_WHOLE = 10**9
 
 def symbol(name: str) -> Any:
     """Give the sympy symbol of the variable `name`: real, and of exactly this name."""
-    import sympy
-
-    return sympy.Symbol(name, real=True)
+    return sp.Symbol(name, real=True)
 
 
 def to_sympy(
@@ -88,8 +86,6 @@ def to_sympy(
     TypeError, ValueError
         Where sympy finds that a condition compares what is not real.
     """
-    import sympy
-
     nodes = list(nodes)
     number, twins = number or _number, twins or {}
     found = {} if known is None else known
@@ -98,7 +94,7 @@ def to_sympy(
         if op == VARIABLE:
             found[n] = symbol(str(g.payload(n)))
         elif op == TRUTH:
-            found[n] = sympy.true if g.payload(n) else sympy.false
+            found[n] = sp.true if g.payload(n) else sp.false
         elif op == CONSTANT:
             value = g.value(n)
             assert value is not None
@@ -106,11 +102,11 @@ def to_sympy(
         elif op in _CHAINS:  # sympy sorts what it adds, or multiplies, each time
             signed = _operands(g, n, found)
             args = [-found[a] if negative else found[a] for a, negative in signed]
-            found[n] = (sympy.Mul if op == "mul" else sympy.Add)(*args)
+            found[n] = (sp.Mul if op == "mul" else sp.Add)(*args)
         else:
             args = [found[a] for a in g.args[n]]
             twin = twins.get(op)
-            found[n] = twin(*args) if twin else OPERATIONS[op].sympy(sympy, *args)
+            found[n] = twin(*args) if twin else OPERATIONS[op].sympy(sp, *args)
     return [found[n] for n in nodes]
 
 
@@ -149,14 +145,12 @@ _CHAINS = {"mul": ("mul",), "add": ("add", "sub"), "sub": ("add", "sub")}
 
 
 def _number(x: float) -> Any:
-    import sympy
-
     if not math.isfinite(x):
-        return sympy.Float(x)
+        return sp.Float(x)
     exact = Fraction(x)
     if exact.denominator > LARGEST_DENOMINATOR or abs(exact) > LARGEST_WHOLE:
-        return sympy.Float(x)
-    return sympy.Rational(exact.numerator, exact.denominator)
+        return sp.Float(x)
+    return sp.Rational(exact.numerator, exact.denominator)
 
 
 # Multiples of pi up to this many, in parts up to this small, are shown as such.
@@ -254,6 +248,7 @@ class Translation:
 
     def _value(self, node: int) -> Any:
         twins: dict[str, Callable[..., Any]] = {**TWINS, "if": self._choice}
+        twins |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
         return to_sympy(self.g, [node], known=self.known, twins=twins, number=number)[0]
 
     def _choice(self, asked: Any, then: Any, other: Any) -> Any:
@@ -404,7 +399,7 @@ def number(x: float) -> Any:
     multiple = part != 0 and abs(part.numerator) <= _PARTS_OF_PI
     if multiple and part.numerator * math.pi / part.denominator == x:
         return sp.Rational(part) * sp.pi
-    part = Fraction(x).limit_denominator(LARGEST_PART)
+    part = Fraction(x).limit_denominator(LARGEST_DENOMINATOR)
     if part.numerator / part.denominator == x:
         return sp.Rational(part)
     return _LOGARITHMS.get(x) or sp.Rational(repr(x))
@@ -413,7 +408,6 @@ def number(x: float) -> Any:
 _WHOLE = range(2, 17)
 _LOGARITHMS = {math.log(k): sp.log(k) for k in _WHOLE}
 _LOGARITHMS |= {1 / math.log(k): 1 / sp.log(k) for k in _WHOLE}
-LARGEST_PART = 16
 
 
 class Spelled(sp.Function):  # type: ignore[misc]

@@ -274,6 +274,8 @@ def _sums_of_angles(terms: Terms, monomial: Monomial, meter: Meter) -> Monomial 
     number = terms[monomial]
     sines = _trigonometric(monomial, sp.sin)
     cosines = _trigonometric(monomial, sp.cos)
+    if len(sines) + len(cosines) < 2:
+        return None
     for k, (x, _) in enumerate(sines):
         without = with_factor(monomial, sp.sin(x), -1)
         for y, _ in sines[k + 1 :]:
@@ -283,7 +285,9 @@ def _sums_of_angles(terms: Terms, monomial: Monomial, meter: Meter) -> Monomial 
             other = terms.get(partner)
             if other is not None and abs(other) == abs(number):
                 angle = x - y if other == number else x + y
-                return _merge(terms, (monomial, partner), rest, sp.cos(angle), other)
+                return _merge(
+                    terms, (monomial, partner), rest, circular(sp.cos, angle), other
+                )
         for y, _ in cosines:
             if y == x:
                 continue
@@ -293,14 +297,36 @@ def _sums_of_angles(terms: Terms, monomial: Monomial, meter: Meter) -> Monomial 
             other = terms.get(partner)
             if other is not None and abs(other) == abs(number):
                 angle = x + y if other == number else x - y
-                return _merge(terms, (monomial, partner), rest, sp.sin(angle), number)
+                return _merge(
+                    terms, (monomial, partner), rest, circular(sp.sin, angle), number
+                )
     return None
+
+
+def circular(function: Any, angle: Any) -> Any:
+    """Give the sine or cosine of an angle, as sympy does, which looks for more.
+
+    A sum of symbols is no multiple of pi: all that is asked of it is its sign.
+    """
+    parts = angle.args if angle.is_Add else ()
+    if not parts or not all(p.as_coeff_Mul()[1].is_Symbol for p in parts):
+        return function(angle)
+    positive, turned = _direction(angle)
+    value = function(positive, evaluate=False)
+    return -value if turned and function is sp.sin else value
+
+
+@functools.lru_cache(maxsize=10_000)
+def _direction(angle: Any) -> tuple[Any, bool]:
+    """Give the one of an angle and its opposite that sympy keeps; is it that one."""
+    turned = angle.could_extract_minus_sign()
+    return -angle if turned else angle, turned
 
 
 def _merge(
     terms: Terms, gone: tuple[Monomial, ...], rest: Monomial, factor: Any, number: Any
 ) -> Monomial:
-    """Put rest * factor in the place of `gone`; sympy may have turned its sign."""
+    """Put rest * factor in the place of `gone`; its sign may have turned."""
     sign, factor = factor.as_coeff_Mul()
     new = rest if factor == 1 else with_factor(rest, factor, 1)
     _replace(terms, gone, new, exact(sign) * number)

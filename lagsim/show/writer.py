@@ -7,6 +7,7 @@ style gives the form of each operation: the model language, plain text or LaTeX.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 from decimal import Decimal
@@ -366,6 +367,7 @@ _MOVING = {4: 0, 3: 1, 5: 2}
 _VARYING = 1
 
 
+@functools.lru_cache(maxsize=50_000)
 def _sign(e: Any) -> tuple[bool, Any]:
     """Tell whether a term is written with a minus, and give it without."""
     coefficient, rest = e.as_coeff_Mul()

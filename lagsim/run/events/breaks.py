@@ -46,8 +46,6 @@ from lagsim.language.intervals import (
     RULES,
     SLACK,
     Enclosures,
-    Flags,
-    Floats,
     Interval,
     interval,
     point,
@@ -58,6 +56,7 @@ from lagsim.mechanics.switches import prevailing
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.surfaces import Surface
 
