@@ -54,12 +54,9 @@ def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
     for n in g.cone(nodes):
         form.sums[n] = form.of(n)
     whole = [form.single(form.sums[n]) for n in nodes if n != g.zero]
-    exponents = [dict(monomial) for monomial, _ in whole]
-    shared = set(exponents[0]).intersection(*exponents[1:])
-    least = {atom: min(e[atom] for e in exponents) for atom in sorted(shared)}
-    inverse = tuple((atom, -e) for atom, e in least.items())
+    shared, inverse = _shared(monomial for monomial, _ in whole)
     rest = iter([form.written({_product(m, inverse): c}) for m, c in whole])
-    common = form.written({tuple(least.items()): g.one})
+    common = form.written({shared: g.one})
     return common, [g.zero if n == g.zero else next(rest) for n in nodes]
 
 
@@ -137,12 +134,7 @@ class _Form:
         """Give `a` as one monomial: a sum becomes an atom, without common factors."""
         if len(a) == 1:
             return next(iter(a.items()))
-        exponents = [dict(m) for m in a]
-        shared = set(exponents[0]).intersection(*exponents[1:])
-        common = tuple(
-            (atom, min(e[atom] for e in exponents)) for atom in sorted(shared)
-        )
-        inverse = tuple((atom, -e) for atom, e in common)
+        common, inverse = _shared(a)
         rest = {_product(m, inverse): c for m, c in a.items()}
         return _product(common, ((self._sum(rest), Fraction(1)),)), self.g.one
 
@@ -192,6 +184,14 @@ class _Form:
                 if whole:
                     power = g.call("mul", power, power)
         return total
+
+
+def _shared(monomials: Iterable[Monomial]) -> tuple[Monomial, Monomial]:
+    """Give the greatest common divisor of monomials, and its inverse."""
+    exponents = [dict(m) for m in monomials]
+    atoms = sorted(set(exponents[0]).intersection(*exponents[1:]))
+    least = [(atom, min(e[atom] for e in exponents)) for atom in atoms]
+    return tuple(least), tuple((atom, -e) for atom, e in least)
 
 
 def _product(a: Monomial, b: Monomial) -> Monomial:

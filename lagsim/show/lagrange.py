@@ -69,7 +69,7 @@ def solution(
 ) -> Solution | None:
     """Give accelerations and multipliers, or None where they are too long."""
     found = _closed(x, M, f, constraints)
-    if found is not None and _short(found):
+    if found and _readable((*found.accelerations, *found.multipliers)):
         return found
     why = _no_steps(x, constraints, insist=insist)
     if not why:
@@ -95,11 +95,6 @@ def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool)
     if not insist:
         return "the accelerations are too long to be read; `--solve` gives them"
     return ""
-
-
-def _short(found: Solution) -> bool:
-    parts = (*found.accelerations, *found.multipliers)
-    return all(cost(e) <= READABLE for e in parts)
 
 
 def _closed(

@@ -86,8 +86,7 @@ def to_sympy(
     TypeError, ValueError
         Where sympy finds that a condition compares what is not real.
     """
-    nodes = list(nodes)
-    number, twins = number or _number, twins or {}
+    nodes, number, twins = list(nodes), number or _number, twins or {}
     found = {} if known is None else known
     for n in _above(g, nodes, found):
         op = g.ops[n]

@@ -304,23 +304,19 @@ def _sums_of_angles(terms: Terms, monomial: Monomial, meter: Meter) -> Monomial 
 
 
 def circular(function: Any, angle: Any) -> Any:
-    """Give the sine or cosine of an angle, as sympy does, which looks for more.
-
-    A sum of symbols is no multiple of pi: all that is asked of it is its sign.
-    """
-    parts = angle.args if angle.is_Add else ()
-    if not parts or not all(p.as_coeff_Mul()[1].is_Symbol for p in parts):
+    """Give sin or cos as sympy does; a sum of symbols is no multiple of pi."""
+    if not angle.is_Add or not all(p.as_coeff_Mul()[1].is_Symbol for p in angle.args):
         return function(angle)
-    positive, turned = _direction(angle)
+    turned, positive = _direction(angle)
     value = function(positive, evaluate=False)
     return -value if turned and function is sp.sin else value
 
 
 @functools.lru_cache(maxsize=10_000)
-def _direction(angle: Any) -> tuple[Any, bool]:
-    """Give the one of an angle and its opposite that sympy keeps; is it that one."""
+def _direction(angle: Any) -> tuple[bool, Any]:
+    """Tell whether sympy keeps the opposite of a sum, and give what it keeps."""
     turned = angle.could_extract_minus_sign()
-    return -angle if turned else angle, turned
+    return turned, -angle if turned else angle
 
 
 def _merge(
@@ -421,7 +417,7 @@ class Tidier:
         if e.is_Relational or e.is_Boolean or self._is_late():
             return e
         forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
-        for whole in (self._still, self._plain, _none):
+        for whole in (self._still, self._plain, lambda _: False):
             found = self._terms(e, whole)
             if found is None:
                 continue
@@ -484,7 +480,7 @@ class Tidier:
         """Give the sum of `terms`, those with the same velocities together."""
         groups: dict[Monomial, Terms] = {}
         for monomial, number in terms.items():
-            outer = self._part(monomial, self._moves)
+            outer = self._part(monomial, self.roles.moving.__contains__)
             rest = times(monomial, _inverse(outer))
             add_to(groups.setdefault(outer, {}), rest, number)
         return sp.Add(
@@ -529,9 +525,6 @@ class Tidier:
     def _part(self, monomial: Monomial, belongs: Callable[[Any], bool]) -> Monomial:
         return frozenset((x, k) for x, k in monomial if belongs(x))
 
-    def _moves(self, base: Any) -> bool:
-        return base in self.roles.moving
-
     def _varies(self, base: Any) -> bool:
         return not base.free_symbols <= self.roles.constants
 
@@ -570,10 +563,6 @@ def _powers(monomial: Monomial) -> Iterator[Any]:
 
 def _has_minus(e: Any) -> bool:
     return bool(e.as_coeff_Mul()[0] < 0)
-
-
-def _none(_: Any) -> bool:
-    return False
 
 
 def _inverse(monomial: Monomial) -> Monomial:

@@ -34,7 +34,6 @@ _FUNCTIONS = {
     "Abs": "abs", "sign": "sign", "ceiling": "ceil", "floor": "floor", "Min": "min",
     "Max": "max",
 }  # fmt: skip
-_COMPARED = {"<": "<", "<=": "<=", ">": ">", ">=": ">="}
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +57,7 @@ class Style:
 
     between = "*"
     plus, minus, negative = " + ", " - ", "-"
-    comparisons: ClassVar[Mapping[str, str]] = _COMPARED
+    comparisons: ClassVar = {sign: sign for sign in ("<", "<=", ">", ">=")}
     joins: ClassVar[Mapping[str, str]] = {"and": " and ", "or": " or ", "not": "not "}
 
     def __init__(self, names: Typeset, digits: int | None = None) -> None:
