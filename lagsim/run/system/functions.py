@@ -7,12 +7,14 @@ computed for each row of the results.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
+from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Flow, Kind, scale_of
 from lagsim.mechanics.equations import ACTION, generalized_forces, pushes, reactions
 from lagsim.mechanics.groups import may_strike
@@ -57,18 +59,11 @@ def held_together(system: System) -> list[int]:
 
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
     """Give for each of n coordinates the first one that `rows` join it with."""
-    first = list(range(n))
-
-    def root(i: int) -> int:
-        while first[i] != i:
-            i = first[i]
-        return i
-
+    sets = DisjointSets(n)
     for row in rows:
-        roots = sorted({root(i) for i in row})
-        for i in roots:
-            first[i] = roots[0]
-    return [root(i) for i in range(n)]
+        for i, j in pairwise(row):
+            sets.merge(i, j)
+    return [sets.leader(i) for i in range(n)]
 
 
 def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
@@ -251,7 +246,8 @@ def law_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
 def _bend(e: Equations, row: Row) -> int:
     """Give what a Newton step leaves of a residual, against its scale.
 
-    The step stands in the place of the velocities; see `functions.bends`.
+    The step stands in the place of the velocities: the residual and its first two
+    derivatives, of which the first cancels it where the rows are independent.
     """
     g: Graph = e.graph
     if not row.holonomic:
@@ -261,8 +257,13 @@ def _bend(e: Equations, row: Row) -> int:
     (second,) = tangent(g, [first], step)
     half = g.call("mul", g.constant(0.5), second)
     whole = g.call("add", g.call("add", row.residual, first), half)
-    part = g.call("div", g.call("abs", whole), row.residual_scale)
-    return g.call("if", g.call("gt", row.residual_scale, g.zero), part, g.zero)
+    return _against(g, whole, row.residual_scale)
+
+
+def _against(g: Graph, value: int, scale: int) -> int:
+    """Give the size of a value against its scale; 0 where that is 0."""
+    part = g.call("div", g.call("abs", value), scale)
+    return g.call("if", g.call("gt", scale, g.zero), part, g.zero)
 
 
 class Pattern(NamedTuple):
@@ -610,25 +611,16 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     return [*found, *loads[n:]]
 
 
-def bends(equations: Equations) -> tuple[int, int]:
+def bends(e: Equations) -> tuple[int, int]:
     """Give what a Newton step leaves, largest against the scales, of both levels.
 
-    The step stands in the place of the velocities. On the level of positions that is
-    the residual and its first two derivatives, of which the first cancels it where the
-    rows are independent; on that of velocities nothing, or 1: not known.
+    On the level of velocities nothing, or 1: not known.
     """
-    e, g = equations, equations.graph
-    step = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
-    held = [row for row in e.rows if row.holonomic]
-    moved = tangent(g, [row.residual for row in held], step)
-    bent = tangent(g, moved, step)
+    g = e.graph
     left = g.zero
-    for row, first, second in zip(held, moved, bent, strict=True):
-        half = g.call("mul", g.constant(0.5), second)
-        whole = g.call("add", g.call("add", row.residual, first), half)
-        part = g.call("div", g.call("abs", whole), row.residual_scale)
-        some = g.call("gt", row.residual_scale, g.zero)
-        left = g.call("max", g.call("if", some, part, g.zero), left)
+    for row in e.rows:
+        if row.holonomic:
+            left = g.call("max", _bend(e, row), left)
     linear = all(row.holonomic or row.pfaffian for row in e.rows)
     return left, g.zero if linear else g.one
 
@@ -645,9 +637,7 @@ def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
     def worst(pairs: list[tuple[int, int]]) -> int:
         largest = g.zero
         for residual, scale in pairs:
-            part = g.call("div", g.call("abs", residual), scale)
-            some = g.call("gt", scale, g.zero)
-            largest = g.call("max", g.call("if", some, part, g.zero), largest)
+            largest = g.call("max", _against(g, residual, scale), largest)
         return largest
 
     return (
