@@ -239,6 +239,7 @@ Experiment: TypeAlias = (
 
 
 def experiment(
+    command: str,
     measure: Experiment,
     folder: Path,
     manifest: str,
@@ -257,7 +258,7 @@ def experiment(
 
     interrupt = Interrupt()
     with open_results(folder, manifest) as results, interrupt.noted():
-        with progress_bar(manifest.partition(".")[0], quiet=quiet) as progress:
+        with progress_bar(command, quiet=quiet) as progress:
             found = measure(interrupt, progress)
         if found is None:
             return 128 + (interrupt.signal or 0)

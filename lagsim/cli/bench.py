@@ -119,8 +119,8 @@ def command(
             target = folder / Path(path).stem if folder and models[1:] else folder
             code.append(
                 experiment(
-                    measure, target or usual, "work_precision.json", documents,
-                    quiet=quiet, as_json=as_json,
+                    "bench", measure, target or usual, "work_precision.json",
+                    documents, quiet=quiet, as_json=as_json,
                 )
             )  # fmt: skip
         codes += code

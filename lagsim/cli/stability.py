@@ -79,8 +79,8 @@ def command(
         measure, usual = _measured(model, assignments(sets), wish, form.value)
         code.append(
             experiment(
-                measure, folder or usual, "stability.json", documents, quiet=quiet,
-                as_json=as_json,
+                "stability", measure, folder or usual, "stability.json", documents,
+                quiet=quiet, as_json=as_json,
             )
         )  # fmt: skip
     if as_json and documents:
