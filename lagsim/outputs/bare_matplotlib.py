@@ -64,7 +64,7 @@ def without_docstrings() -> None:
 
     They are for people who read them, whom a process that runs a command has not.
     """
-    if "matplotlib.artist" in sys.modules:
+    if "matplotlib.axes" in sys.modules:
         return
     import matplotlib as mpl
     from matplotlib import _docstring

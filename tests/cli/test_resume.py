@@ -28,10 +28,11 @@ pytestmark = [
 KILLED = """
 import os, sys
 from lagsim.cli import _writing, main
+from lagsim.run import interrupt
 from lagsim.studies import restart
 _writing.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
-pace.MOST = 16
+interrupt.MOST = 16
 left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
 keep = restart.Restart._keep
 def kept(self, *given):
