@@ -85,6 +85,19 @@ ENDLESS = PENDULUM.replace(
     "duration: 2, output_step: 0.1", "duration: 1e7, output_step: 1"
 )
 
+# Of a clock beside rows whose angle falls to nothing at x = 1.1.
+NEARLY = """
+coordinates: {x: {}, y: {}, z: {}, clock: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2 + z_dot^2 + clock_dot^2)/2
+  potential: 200*clock^2
+constraints:
+  plane: z = 0
+  tilted: "z = (1.1 - x)*y"
+initial: {x: 0, y: 0, z: 0, x_dot: 1, clock: 1}
+simulation: {duration: DURATION, output_step: 0.01METHOD}
+"""
+
 
 def oscillator(simulation=None, *, x=1, v=0, force=None):
     """x'' = -x: x cos(t) + v sin(t)."""

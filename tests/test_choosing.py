@@ -52,8 +52,8 @@ def test_slices_are_read():
 def test_no_test_asserts_how_late_it_is():
     found = []
     for path, text in sources():
-        names = {one[1] for one in NAMED.finditer(text)}
-        asked = re.compile(rf"assert .*(?:{'|'.join([CLOCK, *map(since, names)])})")
+        since = {rf"- {one[1]}\b" for one in NAMED.finditer(text)}
+        asked = re.compile(rf"assert .*(?:{'|'.join([CLOCK, *since])})")
         found += [f"{path}: {line}" for line in text.splitlines() if asked.search(line)]
     assert not found, found
 
@@ -72,10 +72,6 @@ def sources():
     for path in sorted((ROOT / "tests").rglob("*.py")):
         if path != Path(__file__):
             yield path.relative_to(ROOT), path.read_text("utf-8")
-
-
-def since(name):
-    return rf"- {name}\b"
 
 
 def pytest_of(folder, text, *options, **environment):

@@ -247,10 +247,20 @@ def test_rows_between_steps():
         assert np.max(np.abs(between[name] - found[name])) < 1e-13
 
 
-def test_until():
-    text = ONE.format(k=1.0, c=0.0, F=0.0, x=1.0, v=0.0, duration=10, step=1.0)
-    found = run(text.replace("method", "until: x <= 0, method"))
-    assert found["t"][-1] == pytest.approx(math.pi / 2, abs=1e-15)
+@pytest.mark.parametrize(
+    ("until", "end"),
+    [
+        ("x <= 0", math.pi / 2),
+        # What is true at the start counts once it has been false.
+        *((f"x >= {c}", 2 * math.pi - math.acos(c)) for c in (0.5, 0.0, -0.9)),
+        ("x >= -1.1", 63.0),
+    ],
+)
+def test_until(until, end):
+    # One step has ten periods of x = cos t.
+    text = ONE.format(k=1.0, c=0.0, F=0.0, x=1.0, v=0.0, duration=63, step=63)
+    found = run(text.replace("method", f"until: {until}, method"))
+    assert found["t"][-1] == pytest.approx(end, abs=1e-14)
 
 
 def test_gauss_legendre():

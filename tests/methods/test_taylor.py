@@ -16,7 +16,7 @@ from lagsim.methods.taylor import sum_bend
 from lagsim.plan import making
 from lagsim.run.system.runner import FUNCTION
 from tests.methods.plain import Plain, fresh_state, linked, state_of
-from tests.small_scenes import angle, held_pendulum, pendulum, quarter, swing
+from tests.small_scenes import NEARLY, angle, held_pendulum, pendulum, quarter, swing
 from tests.support import run
 
 SIMULATION = "duration: 20, output_step: 0.1, method: taylor, rtol: RTOL"
@@ -243,23 +243,12 @@ def test_loops_are_refused():
     assert "loops" in raised.value.problems[0].text
 
 
-NEARLY = """
-coordinates: {x: {}, y: {}, z: {}, clock: {}}
-energy:
-  kinetic: (x_dot^2 + y_dot^2 + z_dot^2 + clock_dot^2)/2
-  potential: 200*clock^2
-constraints:
-  plane: z = 0
-  tilted: "z = (1.1 - x)*y"
-initial: {x: 1, y: 0, z: 0, x_dot: 0.049, clock: 1}
-simulation: {duration: 2, output_step: 0.01, method: taylor, formulation: full}
-"""
-
-
 def test_where_loops_take_over_another_method_goes_on():
     # The angle between the rows falls to 0.002, slowly; a loss of rank that is passed
     # in one step would need no loops.
-    found = run(NEARLY)
+    text = NEARLY.replace("x: 0", "x: 1").replace("x_dot: 1", "x_dot: 0.049")
+    text = text.replace("METHOD", ", method: taylor, formulation: full")
+    found = run(text.replace("DURATION", "2"))
     assert "nearly-dependent" in [w.code for w in found.trajectory.warnings]
     assert found.trajectory.outcome.word == "done"
     assert len(found.rows) == 201

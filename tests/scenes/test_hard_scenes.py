@@ -9,23 +9,10 @@ import pytest
 
 from lagsim.run.events import singularities
 from lagsim.run.trajectory import Outcome
-from tests.small_scenes import expected_times
+from tests.small_scenes import NEARLY, expected_times
 from tests.support import run
 
 # Mechanisms near singular positions
-
-
-NEARLY = """
-coordinates: {x: {}, y: {}, z: {}, clock: {}}
-energy:
-  kinetic: (x_dot^2 + y_dot^2 + z_dot^2 + clock_dot^2)/2
-  potential: 200*clock^2
-constraints:
-  plane: z = 0
-  tilted: "z = (1.1 - x)*y"
-initial: {x: 0, y: 0, z: 0, x_dot: 1, clock: 1}
-simulation: {duration: DURATION, output_step: 0.01METHOD}
-"""
 
 
 @pytest.mark.parametrize("duration", [1.0999, 2.0])

@@ -14,6 +14,7 @@ from lagsim.methods.parts.control import drop_compensation
 from lagsim.methods.parts.missed import (
     BETWEEN,
     GOLDEN,
+    TINY,
     Signals,
     find_defect,
     hardly_varies,
@@ -526,29 +527,43 @@ def find_end(s: State, p: Parameters) -> None:
     """
     low = 0.0
     if UNTIL and s.orientation == 0.0:
-        low = armed(s, p)
-        if low < 0.0:
-            low = 0.0
-            if not SWITCHES:
+        s.orientation = side(s, p)
+        if s.orientation == 0.0 and s.equation == 0.0:
+            low = end_of_truth(s, p)
+            if low < 0.0:
                 return
     search(s, p, low)
 
 
-def armed(s: State, p: Parameters) -> float:
-    """Give where in the last step `until` becomes false, which it was not; -1: nowhere.
+def side(s: State, p: Parameters) -> float:
+    """Give the orientation of `until` from where the state is just after it began."""
+    value = until_at(s, p, BESIDE / POINTS)
+    if value < 0.0:
+        return -1.0
+    if s.equation > 0.0 and value > 0.0:
+        return 1.0
+    return 0.0
 
-    From then on it counts.
+
+def end_of_truth(s: State, p: Parameters) -> float:
+    """Give where in the last step `until` becomes false, which it was not.
+
+    From then on it counts. -1 where it does not, or where a switch comes first.
     """
-    if s.equation > 0.0:
-        value = until_at(s, p, BESIDE / POINTS)
-        s.orientation = 1.0 if value > 0.0 else (-1.0 if value < 0.0 else 0.0)
-        return 0.0 if s.orientation != 0.0 else -1.0
-    for point in range(POINTS + 1):
-        x = point / POINTS
-        if until_at(s, p, x) < 0.0:
-            s.orientation = -1.0
-            return x
-    return -1.0
+    t = s.t
+    rows = s.row_limit
+    s.orientation = 1.0
+    search(s, p, 0.0)
+    s.orientation = 0.0
+    if s.event == 0.0:
+        return -1.0
+    x = s.cut
+    s.orientation = -1.0
+    s.event = 0.0
+    s.cut = 0.0
+    s.t = t
+    s.row_limit = rows
+    return x
 
 
 def until_at(s: State, p: Parameters, x: float) -> float:
@@ -634,6 +649,8 @@ def events_at(s: State, p: Parameters, x: float) -> None:
         now[last] *= s.orientation
         if s.orientation == 0.0:
             now[last] = 1.0
+        if s.orientation > 0.0 and s.equation == 0.0 and now[last] == 0.0:
+            now[last] = TINY  # of an inequality that is true, 0 is not its end
 
 
 def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
