@@ -260,7 +260,7 @@ def test_until(until, end):
     # One step has ten periods of x = cos t.
     text = ONE.format(k=1.0, c=0.0, F=0.0, x=1.0, v=0.0, duration=63, step=63)
     found = run(text.replace("method", f"until: {until}, method"))
-    assert found["t"][-1] == pytest.approx(end, abs=1e-14)
+    assert found["t"][-1] == pytest.approx(end, abs=1e-15)
 
 
 def test_gauss_legendre():
