@@ -10,7 +10,8 @@ import numpy as np
 from lagsim.admissibility.large import is_large, is_positive
 from lagsim.admissibility.newton import RANK, null_space, sizes_of
 from lagsim.errors import InputError, Problem
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_rows
+from lagsim.language.evaluate import evaluate_rows
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

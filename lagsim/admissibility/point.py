@@ -12,7 +12,8 @@ import numpy as np
 
 from lagsim.admissibility.newton import MET, SOLVED, Relations, sizes_of
 from lagsim.language.derivatives import slopes, tangent
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -23,10 +23,11 @@ from lagsim.admissibility.verdict import (
     body_motions,
     measured,
 )
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
+from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
 from lagsim.notes import Caution
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-UNIT_ROUNDOFF = 2.0**-53
 # Beside a look at each node, so many values take as long as an operation that is made;
 # so do values with their errors.
 VALUES = 7

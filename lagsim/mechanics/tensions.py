@@ -36,12 +36,13 @@ from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import rate_of, slopes
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
+from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence

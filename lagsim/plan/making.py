@@ -21,7 +21,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
-from lagsim.language.evaluate import UNIT_ROUNDOFF, addends, evaluate
+from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.mechanics.structure import structure
@@ -33,6 +33,7 @@ from lagsim.plan.formulation import formulate
 from lagsim.plan.plan import ANY, WELL_CONDITIONED, Part, Plan, newton_of
 from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -19,9 +19,10 @@ import numpy as np
 import sympy as sp
 
 from lagsim.language.derivatives import gradient
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate, evaluate_with_error
+from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.model.model import Level
 from lagsim.show.content import Conserved
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

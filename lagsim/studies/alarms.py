@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate
+from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
@@ -33,6 +33,7 @@ from lagsim.run.observers.monitors import gained as grown
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.balances import besides_jumps, jumps, label_of, worth
 from lagsim.studies.error_bar import beside
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

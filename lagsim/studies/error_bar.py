@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from lagsim.language.evaluate import BALANCED, UNIT_ROUNDOFF, evaluate
+from lagsim.language.evaluate import BALANCED, evaluate
 from lagsim.plan.plan import ANY
 from lagsim.run.arc import SERIES
 from lagsim.run.error import LOST, ErrorBar, Failed
@@ -33,6 +33,7 @@ from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.system.functions import in_groups, joined, largest_beside
 from lagsim.run.system.sleepers import timed
 from lagsim.run.trajectory import Outcome
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping

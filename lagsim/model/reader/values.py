@@ -6,7 +6,7 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.evaluate import UNIT_ROUNDOFF, evaluate_with_error
+from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.model.model import (
     Coordinate,
@@ -37,6 +37,7 @@ from lagsim.model.reader.fields import (
 )
 from lagsim.model.reader.names import Kind, naming
 from lagsim.model.reader.quantities import is_unit
+from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
