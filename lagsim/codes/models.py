@@ -16,35 +16,35 @@ ROWS = (
     # E1xx: files, YAML, and the sections of a model.
     Row(
         "E101", "unreadable",
-        "A model is a regular file that may be read.",
+        "The path is that of a file that you may read, or `-` for standard input.",
         "look at the path, and at who may read it",
         commands=("lagsim check nowhere.yaml",),
         found="The model file cannot be read.",
     ),
     Row(
         "E102", "not-utf8",
-        "Text is UTF-8.",
+        "A model file is text in the encoding UTF-8.",
         "save the file as UTF-8",
         commands=(r"printf 'name: p\351ndulo\n' > old.yaml", "lagsim check old.yaml"),
         found="The file is not UTF-8.",
     ),
     Row(
         "E103", "empty-file",
-        "A model file has sections.",
+        "A model file has at least the sections `coordinates`, `energy` and `initial`.",
         "`lagsim new NAME` writes one to begin from",
         commands=("printf '# later\\n' > empty.yaml", "lagsim check empty.yaml"),
         found="The file has no sections.",
     ),
     Row(
         "E104", "several-documents",
-        "A file holds one model.",
+        "A file holds one model: no line `---` begins another.",
         "put what follows `---` into a file of its own",
         "simulation: {duration: 1}\n---\nname: another\n",
         found="The file holds more than one YAML document.",
     ),
     Row(
         "E105", "yaml-syntax",
-        "Brackets and quotes are closed, and the entries of a section begin in one "
+        "Every bracket and quote is closed, and the keys of one section begin in one "
         "column.",
         "an editor that knows YAML shows where it goes wrong; `lagsim schema` gives it "
         "the keys",
@@ -60,7 +60,7 @@ ROWS = (
     ),
     Row(
         "E107", "yaml-character",
-        "Every character of a file can be seen.",
+        "Every character is a letter, a digit, a sign, a space or a line end.",
         "delete the character and type it again",
         "simulation: {duration: 1\x07}\n",
         found="The file has a character that cannot be seen, or that YAML does not "
@@ -68,21 +68,22 @@ ROWS = (
     ),
     Row(
         "E108", "missing-space",
-        "A space follows the colon after a key.",
+        "A space follows the colon after a key: `theta: 1`.",
         "write `key: value`",
         "initial: {theta:1}\n",
         found="The space after a colon is missing.",
     ),
     Row(
         "E109", "split-by-comma",
-        "Within `{}` and `[]` a comma ends a value.",
+        "Within `{}` and `[]` a comma ends a value: one that contains a comma is "
+        "quoted.",
         "quote the value",
         "definitions: {x: atan2(theta, 1), y: 0}\n",
         found="A comma has ended a value too early.",
     ),
     Row(
         "E110", "too-deep",
-        "Brackets and sections nest a few levels deep.",
+        "Brackets and sections nest at most 100 levels deep.",
         "no section of a model needs this",
         f"initial: {{theta: {'[' * 110}{']' * 110}}}\n",
         found="Brackets or sections are nested too deep.",
@@ -104,78 +105,83 @@ ROWS = (
     ),
     Row(
         "E113", "tag",
-        "Values have no tags: their keys determine their kind.",
+        "A value is written without a tag: its key says whether it is a number or a "
+        "text.",
         "leave the tag out, or quote the value",
         "parameters: {m: !!float 1, g: 9.81, l: 1}\n",
         found="A value has a tag of YAML, such as `!!float`.",
     ),
     Row(
         "E114", "merge-key",
-        "Sections are not merged with `<<`.",
+        "Every entry of a section is written out in it.",
         "write the entries out",
         "initial: {<<: {theta: 1}}\n",
         found="The file has a merge key of YAML, `<<`.",
     ),
     Row(
         "E115", "complex-key",
-        "A key is plain text.",
+        "A key is one word, such as `theta`, and no list or mapping.",
         "write `name: value`",
         "initial: {[theta]: 1}\n",
         found="A key is not a plain text.",
     ),
     Row(
         "E116", "duplicate-key",
-        "A key is given once in its section.",
+        "A key appears once in its section.",
         "delete one of the two",
         "initial: {theta: 1, theta: 2}\n",
         found="A key appears twice in one section.",
     ),
     Row(
         "E117", "unknown-key",
-        "Every key of a section is one of its known keys.",
+        "A section has only keys that docs/model-file.md describes, or keys that "
+        "begin with `x-`.",
         "`lagsim schema` lists all keys, and lets an editor complete them",
         "simulation: {duratoin: 1}\n",
         found="A section has an unknown key.",
     ),
     Row(
         "E118", "misplaced-key",
-        "Each key is in its section.",
+        "Sections begin at the left margin, and their keys are indented below them, "
+        "as `duration` below `simulation:`.",
         "move it there",
         "energy: {kinetic: m*theta_dot^2/2, potential: 0, output: {}}\n",
         found="A key is in the wrong section.",
     ),
     Row(
         "E119", "missing-key",
-        "A model has coordinates, an energy and a start, a run has a duration, and "
-        "some keys need others.",
+        "A model has `coordinates`, `energy` and `initial`, a run a `duration` or an "
+        "`end`, a contact a `restitution`, friction a `slip`.",
         "add the key; `lagsim new NAME` writes a model with all that is needed",
         "energy: {potential: m*g*y}\n",
         found="A key is missing that the model, the run or another key needs.",
     ),
     Row(
         "E120", "both-given",
-        "Of keys that exclude each other, one is given.",
+        "Either `duration` or `end` is given, and either `lagrangian` or `kinetic` "
+        "and `potential`.",
         "give one of them",
         "simulation: {duration: 1, end: 2}\n",
         found="Two keys are given that exclude each other.",
     ),
     Row(
         "E121", "not-a-mapping",
-        "A section is a mapping, `key: value`.",
+        "A section, or an entry with several properties, consists of lines `key: "
+        "value`.",
         "write each entry as `key: value`, indented below the section or within `{}`",
         "initial: [1, 0]\n",
         found="A section is not a mapping.",
     ),
     Row(
         "E122", "not-a-list",
-        "Several values are a list.",
+        "The value is a list in brackets, such as [x, y], even of one entry.",
         "a list is written [a, b]",
         "output: {columns: x}\n",
         found="A value is not a list.",
     ),
     Row(
         "E123", "not-a-text",
-        "A name, a title or a description is a text.",
+        "A name, a title, a unit or a description is a text, and no list or mapping.",
         "write one text, in quotes where it has special letters",
         "name: [pendulum]\n",
         found="A value is not a text.",
@@ -189,21 +195,22 @@ ROWS = (
     ),
     Row(
         "E125", "wrong-count",
-        "A list has as many entries as its key asks for.",
+        "A point has 2 or 3 components, a link 2 points, a `slip` 1 or 2 expressions, "
+        "an axis of a plot 1 to 6.",
         "count what the message asks for",
         "scene: {points: {bob: [x]}}\n",
         found="A list has too many entries, or too few.",
     ),
     Row(
         "E126", "empty",
-        "A key that is written has a value.",
+        "`method` and `formulation` have a name after the colon, or are left out.",
         "give a value, or leave the key out",
         "simulation: {duration: 1, method: }\n",
         found="A key has no value.",
     ),
     Row(
         "E127", "format-version",
-        "The format of model files is version 1.",
+        "The key `lagsim`, where it is given, is 1.",
         "leave `lagsim` out, or install the version of lagsim that the file asks for",
         "lagsim: 7\n",
         found="The file asks for a version of the format that this lagsim does not "
@@ -211,42 +218,44 @@ ROWS = (
     ),
     Row(
         "E128", "bad-model-name",
-        "A model's name can be the name of a folder.",
+        "A name has no slash, backslash, tab, line break or invisible letter, and is "
+        "not `.` or `..`.",
         "leave out separators and invisible letters",
         "name: one/two\n",
         found="The name of the model cannot be used for a folder.",
     ),
     Row(
         "E129", "out-of-range",
-        "A number is within its range.",
+        "Durations and steps are positive, tolerances and friction at least 0, "
+        "restitution is from 0 to 1, and `output_step` is at most the duration.",
         "choose a number within the range that the message names",
         "simulation: {duration: -1}\n",
         found="A number is outside its range.",
     ),
     Row(
         "E130", "unknown-axis",
-        "`log` names axes that a plot has: x, y, y2.",
+        "`log` names axes of its plot: x, y, and y2 where the plot has `y2`.",
         "name one of x, y, y2",
         "output: {plots: [{x: x, y: y, log: z}]}\n",
         found="`log` names an axis that the plot does not have.",
     ),
     Row(
         "E131", "duplicate-column",
-        "A column is asked for once.",
+        "A name appears once in `columns`.",
         "delete one of the two",
         "output: {columns: [x, x]}\n",
         found="A column is listed twice.",
     ),
     Row(
         "E132", "duplicate-reaction",
-        "A reaction is asked for once.",
+        "A name appears once in `reactions`.",
         "delete one of the two",
         "output: {reactions: [x, x]}\n",
         found="A reaction is listed twice.",
     ),
     Row(
         "E133", "more-faults",
-        "The first thousand faults of a file are shown.",
+        "The first 1000 faults of a file are shown.",
         "mend those above, and look again",
         commands=(
             "{ cat pendulum.yaml; seq -f 'key%g: 1' 1200; } > long.yaml",
@@ -256,8 +265,7 @@ ROWS = (
     ),
     Row(
         "E134", "too-many-values",
-        "A file has at most as many values and collections as fit a model that can be "
-        "run.",
+        "A file has at most 1,000,000 values, lists and mappings.",
         "tables of numbers belong into a program that calls lagsim: docs/python.md",
         commands=(
             "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
@@ -268,14 +276,15 @@ ROWS = (
     # E2xx: expressions, names and relations.
     Row(
         "E201", "expression-syntax",
-        "An expression is numbers, names and calls with an operator between each two.",
+        "Operators + - * / ^ stand between numbers, names and function calls, as in "
+        "2*sin(theta).",
         "operators are + - * / ^, and every product is written with `*`",
         "definitions:\n  x: l*sin theta\n  y: -l*cos(theta)\n",
         found="An expression cannot be parsed.",
     ),
     Row(
         "E202", "expression-name",
-        "A name begins with a letter, and is in its plain form.",
+        "A name is a letter, then letters, digits and `_`, such as `x_1`.",
         "use letters, digits and `_`",
         "parameters: {m: 1, g: 9.81, l: 2*_m}\n",
         found="A name in an expression is not allowed.",
@@ -296,42 +305,46 @@ ROWS = (
     ),
     Row(
         "E205", "expression-parenthesis",
-        "Each parenthesis is opened and closed.",
+        "Every `(` has its `)`.",
         "count the parentheses",
         "definitions:\n  x: l*sin(theta\n  y: -l*cos(theta)\n",
         found="A parenthesis is not closed, or was never opened.",
     ),
     Row(
         "E206", "expression-arity",
-        "A function has as many arguments as it takes.",
+        "`atan2`, `hypot`, `min` and `max` take 2 arguments, `if` takes 3, the other "
+        "functions 1.",
         "docs/model-file.md lists the functions and their arguments",
         "definitions:\n  x: l*atan2(theta)\n  y: -l*cos(theta)\n",
         found="A function has too many arguments, or too few.",
     ),
     Row(
         "E207", "expression-unknown-function",
-        "Every function is one of the language.",
+        "A function is `sin`, `exp`, `sqrt`, `abs`, `if`, or another that "
+        "docs/model-file.md lists.",
         "docs/model-file.md lists the functions; one of your own is a definition",
         "definitions:\n  x: l*sinn(theta)\n  y: -l*cos(theta)\n",
         found="An expression calls a function that does not exist.",
     ),
     Row(
         "E208", "not-an-expression",
-        "The value is one expression, a text or a number.",
+        "The value is a number or a formula, such as 9.81 or m*g*l.",
         "write one expression, in quotes where it has a comma",
         "definitions: {x: [l, theta], y: -l*cos(theta)}\n",
         found="A value is not an expression.",
     ),
     Row(
         "E209", "unknown-name",
-        "A name is a parameter, a coordinate or a definition, or the rate of one.",
+        "A name is `t`, `pi`, or a parameter, coordinate, definition or rate "
+        "(`theta_dot`) of this model.",
         "look for a name that is spelt otherwise",
         "definitions: {x: l*sin(thta), y: -l*cos(theta)}\n",
         found="An expression uses a name that is not defined.",
     ),
     Row(
         "E210", "unknown-parameter",
-        "`--set` changes parameters and start values, `--vary` a parameter.",
+        "`--set` names a parameter or a start value of the model, `--vary` a "
+        "parameter.",
         "correct the name, or give the parameter in the file",
         commands=("lagsim check pendulum.yaml --set mass=2",),
         found="An option names a parameter or a start value that the model does "
@@ -346,28 +359,30 @@ ROWS = (
     ),
     Row(
         "E212", "reserved-name",
-        "A name differs from the reserved names of the language.",
+        "A name is none of `t`, `pi`, `kinetic`, `potential`, `lagrangian`, `energy`, "
+        "`work`, `and`, `or`, `not`, and does not end in `_dot` or `_ddot`.",
         "choose another name",
         "parameters: {m: 1, g: 9.81, l: 1, t: 2}\n",
         found="A name is reserved.",
     ),
     Row(
         "E213", "name-clash",
-        "Each name is given once in the whole file.",
+        "Parameters, coordinates and definitions have different names.",
         "rename one of the two",
         "parameters: {m: 1, g: 9.81, l: 1, theta: 2}\n",
         found="One name is given to two quantities.",
     ),
     Row(
         "E214", "column-clash",
-        "A name differs from those of the table's columns.",
+        "A name is none of the columns that constraints add, such as `lambda_rod`, "
+        "`residual_rod` and `Qc_theta`.",
         "choose another name",
         "definitions: {x: l*sin(theta), y: -l*cos(theta), Qc_theta: 1}\n",
         found="A name is that of a column of the table.",
     ),
     Row(
         "E215", "cycle",
-        "No definition depends on itself.",
+        "A definition does not use itself, neither directly nor through others.",
         "write one of them without the others",
         "definitions: {x: y + 1, y: x - 1}\n",
         found="Definitions depend on each other in a cycle.",
@@ -381,7 +396,7 @@ ROWS = (
     ),
     Row(
         "E217", "not-constant",
-        "The value is a number, made of parameters and `pi`.",
+        "The value is a number: an expression of parameters and `pi` alone.",
         "name parameters and `pi` alone",
         "simulation: {duration: theta}\n",
         found="An expression that must be a number depends on the motion.",
@@ -397,7 +412,8 @@ ROWS = (
     ),
     Row(
         "E219", "velocity-not-allowed",
-        "A quantity of positions does not depend on velocities.",
+        "The gap of a contact, a relation with `>=` or `<=`, depends on positions and "
+        "time only.",
         "use positions only, or velocities only",
         "constraints: {wall: {relation: theta + theta_dot >= 0, restitution: 0}}\n",
         found="An expression depends on velocities, which is not allowed in its "
@@ -405,7 +421,8 @@ ROWS = (
     ),
     Row(
         "E220", "no-rate",
-        "Coordinates have rates, and definitions of positions and time.",
+        "`_dot` follows a coordinate, or a definition of positions and time without "
+        "velocities.",
         "rates are those of coordinates and of definitions of positions and time",
         "definitions: {x: l*theta_dot, y: x_dot}\n",
         found="An expression asks for the rate of a quantity that has none.",
@@ -420,15 +437,15 @@ ROWS = (
     ),
     Row(
         "E222", "not-affine",
-        "A slip, and a quantity that a force acts on, is a sum of velocities with "
-        "factors that do not depend on velocities.",
+        "A `slip`, or a definition of velocities that a force acts on, is linear in "
+        "the velocities, such as x_dot - r*phi_dot.",
         "write powers of velocities into the force",
         "definitions: {y: -l*cos(theta), v2: theta_dot^2}\nforces: {v2: 1}\n",
         found="An expression is not linear in the velocities.",
     ),
     Row(
         "E223", "not-of-time",
-        "`when` is a comparison of time and parameters.",
+        "`when` compares time and parameters, such as t < 0.3.",
         "write such as `t < 0.3`",
         "constraints: {held: {relation: theta = 1, when: theta < 2}}\n",
         found="The condition `when` depends on the motion.",
@@ -442,65 +459,68 @@ ROWS = (
     ),
     Row(
         "E225", "not-a-contact",
-        "Restitution and friction belong to gaps, relations of positions with `>=` or "
-        "`<=`.",
+        "`restitution`, `friction` and `slip` belong to contacts: relations of "
+        "positions with `>=` or `<=`.",
         "leave the key out",
         "constraints: {way: {relation: theta_dot >= 0, restitution: 0.5}}\n",
         found="A relation of velocities has a key of contacts.",
     ),
     Row(
         "E226", "not-one-sided",
-        "Restitution and friction belong to relations with `>=` or `<=`.",
+        "`restitution`, `friction` and `slip` belong to relations with `>=` or `<=`.",
         "write the relation with `>=`, or leave the key out",
         "constraints: {held: {relation: theta = 1, restitution: 0.5}}\n",
         found="An equality has a key of contacts.",
     ),
     Row(
         "E227", "not-an-equality",
-        "`limit` and `when` belong to relations with `=`.",
+        "`limit` belongs to relations with `=`.",
         "write the relation with `=`, or leave the key out",
         "constraints: {held: {relation: theta >= 0, restitution: 0, limit: 1}}\n",
         found="A one-sided relation has a key of equalities.",
     ),
     Row(
         "E228", "not-a-velocity",
-        "`limit` belongs to relations of velocities.",
+        "`limit` belongs to relations of velocities, such as x_dot = 0.",
         "write the rates of both sides",
         "constraints: {held: {relation: theta = 1, limit: 1}}\n",
         found="A relation of positions has a `limit`.",
     ),
     Row(
         "E229", "not-homogeneous",
-        "A one-sided relation of velocities is homogeneous in them.",
+        "Every term of a relation of velocities with `>=` or `<=` has a velocity as a "
+        "factor, as in b_dot >= a_dot.",
         "leave out the terms without velocities",
         "constraints: {way: theta_dot >= 1}\n",
         found="A one-sided relation of velocities has a term without velocities.",
     ),
     Row(
         "E230", "not-a-direction",
-        "A force acts along a coordinate, or along a definition of positions.",
+        "A force acts on a coordinate, or on a definition of positions or of "
+        "velocities.",
         "name a coordinate, or a definition of what the force pushes",
         "forces: {m: 1}\n",
         found="A force acts on a name along which no force can act.",
     ),
     Row(
         "E231", "not-a-definition",
-        "`columns` and `reactions` list names of definitions.",
+        "`columns` and `reactions` list definitions, and no coordinates, parameters "
+        "or rates.",
         "write a definition for it",
         "output: {columns: [theta]}\n",
         found="A listed name is not a definition.",
     ),
     Row(
         "E232", "no-reaction",
-        "A reaction belongs to a definition of positions that a constraint, an energy "
-        "or a force uses.",
+        "`reactions` lists definitions of positions and time, without velocities.",
         "name a definition that a constraint, an energy or a force uses",
         "definitions: {y: -l*cos(theta), v: theta_dot}\noutput: {reactions: [v]}\n",
         found="A definition has no reaction.",
     ),
     Row(
         "E233", "multiple-root",
-        "A relation has a simple zero: it is not a power.",
+        "In a model with `reactions` no relation is a power: x = 0 is written, not "
+        "x^2 = 0.",
         "take the root of both sides",
         """\
 coordinates: {q: {}, z: {}}
@@ -516,7 +536,7 @@ output: {reactions: [x]}
     ),
     Row(
         "E234", "expression-too-long",
-        "An expression is no longer than the limit that the message names.",
+        "An expression has at most 1,000,000 letters.",
         "split it into definitions",
         commands=(
             "{ printf 'forces: {theta: '; seq -s+ 300000; echo '}'; } > long.yaml",
@@ -535,7 +555,7 @@ output: {reactions: [x]}
     ),
     Row(
         "E302", "missing-initial",
-        "Each coordinate has a start value.",
+        "`initial` has a value for each coordinate.",
         "give one, or `{guess: ...}` where constraints determine it",
         "initial: {theta_dot: 1}\n",
         found="A coordinate has no start value.",
@@ -557,7 +577,7 @@ output: {reactions: [x]}
     ),
     Row(
         "E305", "not-a-guess",
-        "Only coordinates and velocities are guessed.",
+        "`{guess: ...}` is given for a coordinate or a velocity.",
         "guess a coordinate or a velocity, and give the definition its value",
         "initial: {theta: 1, x: {guess: 1}}\n",
         found="A guess is given for a definition.",
@@ -579,7 +599,8 @@ output: {reactions: [x]}
     ),
     Row(
         "E308", "no-motion",
-        "Forces, impacts and friction allow a motion from the start on.",
+        "From the start on, some accelerations and contact forces satisfy the "
+        "equations of motion and all laws of contact.",
         "start with the bodies apart, or with less friction",
         """\
 parameters: {mu: 1.4, angle: atan(0.5)}
@@ -595,7 +616,7 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "E309", "out-of-scale",
-        "The numbers of a model are within the range of double precision.",
+        "Masses, lengths and their products lie between about 1e-308 and 1e308.",
         "choose units in which masses and lengths are nearer to 1",
         "coordinates: {x: {}, y: {}}\ndefinitions: {}\n"
         "energy: {kinetic: 1e-200*x_dot^2/2 + y_dot^2/2, potential: x}\n"
@@ -623,7 +644,8 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "E402", "method-refused",
-        "The method suits the model.",
+        "The method can integrate this model's forces, constraints, contacts and "
+        "switches.",
         "`lagsim methods` lists what each handles; `auto` chooses one that suits",
         "forces: {theta: -theta_dot}\n",
         ("lagsim run pendulum.yaml --method kahan-li6 --step 0.01",),
@@ -638,7 +660,8 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "E404", "formulation-refused",
-        "The formulation suits the constraints of the model.",
+        "The formulation can treat this model's contacts, limits and constraints that "
+        "come and go.",
         "`auto` chooses one that suits",
         "simulation: {duration: 1, formulation: elimination}\n"
         "constraints: {wall: {relation: theta >= 0, restitution: 0.5}}\n",
@@ -647,7 +670,8 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "E405", "adaptive-method",
-        "A stability limit is that of a method with a fixed step.",
+        "The method has a fixed step, such as rk4: only such a step has a stability "
+        "limit.",
         "use --vary to see how the work of this method changes with a parameter",
         commands=("lagsim stability pendulum.yaml --methods dop853",),
         found="A stability limit is asked for, and the method chooses its steps "
@@ -672,7 +696,8 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     ),
     Row(
         "E408", "too-long",
-        "The equations are derived within the limits of length and time.",
+        "Deriving the equations takes at most 20 s, and written out they have at most "
+        "700,000 operations.",
         "couple fewer terms; `derive --format python` uses the energies as written",
         """\
 definitions:

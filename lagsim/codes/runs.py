@@ -16,7 +16,7 @@ ROWS = (
     # E5xx: a run that began and could not finish, or whose rows cannot be trusted.
     Row(
         "E501", "step-too-small",
-        "The step size stays above the limit that rounding sets.",
+        "A step is large enough to change the time in double precision.",
         "the motion runs into a singularity (a division by zero, a coordinate that "
         "loses its meaning) or is very stiff: look at the component named, stop before "
         "that time, choose other coordinates there, or loosen rtol",
@@ -28,7 +28,7 @@ ROWS = (
     ),
     Row(
         "E502", "too-many-steps",
-        "A run ends within the allowed number of steps.",
+        "A run takes at most 10^8 steps.",
         "the motion has much faster parts than the run is long: shorten the duration, "
         "or look for a stiffness or a frequency that is larger than it should be",
         commands=(),
@@ -48,7 +48,8 @@ ROWS = (
     ),
     Row(
         "E504", "projection-failed",
-        "Each state can be projected onto the constraints.",
+        "Near each computed state Newton's method finds one that satisfies the "
+        "constraints.",
         "the constraints cannot all be satisfied near this state: the mechanism is at "
         "a dead point or cannot be assembled, or a fixed step is too large",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
@@ -58,7 +59,7 @@ ROWS = (
     ),
     Row(
         "E505", "newton-failed",
-        "The equations of an implicit step have a solution near its start.",
+        "The iteration for the equations of each implicit step converges.",
         "the motion runs into a singularity there, a force jumps, or a step is too "
         "large for forces as nonlinear as these: look at this state",
         "coordinates: {x: {}}\ndefinitions: {}\n"
@@ -69,7 +70,7 @@ ROWS = (
     ),
     Row(
         "E506", "constraint-jumps",
-        "The position that a constraint prescribes, and a gap, is continuous.",
+        "The position that a constraint prescribes, or a gap, changes without jumps.",
         "a constraint, or a gap, may change its speed abruptly, not its position: join "
         "the pieces of its motion, or of the ground",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
@@ -79,7 +80,7 @@ ROWS = (
     ),
     Row(
         "E507", "switches-accumulate",
-        "The times at which forces switch do not accumulate.",
+        "Forces and friction switch a finite number of times in a finite time.",
         "no motion continues from there: change the forces near their switches, or "
         "stop before that time",
         """\
@@ -107,7 +108,8 @@ initial: {x: 0, z: 0}
     ),
     Row(
         "E509", "paradox",
-        "Contact forces exist that satisfy all contact laws.",
+        "At every time some contact forces push, obey the law of friction, and keep "
+        "the bodies apart.",
         "friction and the bodies' inertia allow no motion there (Painleve's paradox): "
         "reduce the friction, or let a body yield a little",
         """\
@@ -144,7 +146,7 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
     Row(
         "E601", "differs",
-        "Two results are the same within their bounds.",
+        "At each time each column differs by no more than its bound.",
         "look at the column and the time that are named first: `--plot FILE` draws "
         "them; `lagsim golden --update` stores what is right now",
         commands=(
@@ -163,14 +165,15 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     ),
     Row(
         "E603", "no-golden",
-        "A golden is stored before a model is compared with it.",
+        "The model has a stored result, `NAME.csv` and `NAME.json`, in the folder "
+        "`golden`.",
         "`lagsim golden --update` stores one",
         commands=("lagsim golden pendulum.yaml",),
         found="There is no golden of this model.",
     ),
     Row(
         "E604", "bad-golden",
-        "A golden is a table and a record that belong together.",
+        "`NAME.csv` and `NAME.json` of a golden are complete and come from one run.",
         "`lagsim golden --update` stores it again",
         commands=(
             "lagsim golden pendulum.yaml --update -q",
@@ -191,7 +194,7 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     ),
     Row(
         "E606", "no-results",
-        "A folder holds what `lagsim run` has written.",
+        "The folder holds trajectory.csv and run.json, as `lagsim run` writes them.",
         "`lagsim run MODEL -o FOLDER` makes such a folder",
         commands=("lagsim overlay nowhere",),
         found="A folder holds no results.",
@@ -213,14 +216,14 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     ),
     Row(
         "E609", "not-json",
-        "What is read is a document of `lagsim bench`, in JSON.",
+        "The file is work_precision.json, as `lagsim bench` writes it.",
         "give the file work_precision.json, or its folder",
         commands=("printf { > work_precision.json", "lagsim bench work_precision.json"),
         found="A file is not JSON.",
     ),
     Row(
         "E610", "not-a-bench",
-        "The document is that of `lagsim bench`.",
+        "The document has the keys that `lagsim bench` writes.",
         "run `lagsim bench` again",
         commands=(
             "printf {} > work_precision.json",
@@ -274,21 +277,21 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     ),
     Row(
         "E703", "exists",
-        "`lagsim new` writes where there is nothing yet.",
+        "`lagsim new NAME` makes NAME.yaml, which does not exist yet.",
         "choose another name",
         commands=("lagsim new pendulum",),
         found="The file exists already.",
     ),
     Row(
         "E704", "unwritable",
-        "The model file can be written.",
+        "The folder of the new file exists, and you may write there.",
         "look at the folder, and at who may write there",
         commands=("lagsim new nowhere/pendulum",),
         found="The model file cannot be written.",
     ),
     Row(
         "E705", "no-room",
-        "The results can be written.",
+        "The disk has room for what is written.",
         "make room on the disk, or choose another one with -o",
         commands=("lagsim methods > /dev/full",),
         found="There is no room for the results.",
@@ -313,7 +316,8 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
     # E8xx: the command line.
     Row(
         "E801", "usage",
-        "A command gets the arguments and options that it takes.",
+        "Arguments and options are those of the command's `--help`, with values of "
+        "the right kind, such as --set m=2.",
         "`lagsim COMMAND --help` lists them",
         commands=("lagsim check pendulum.yaml --set m",),
         found="An argument or an option is wrong.",
