@@ -1,22 +1,18 @@
-"""Graph -> a tape for each function of a model, and the small machine that runs it.
+"""Graph -> a tape for each function of a model, and the interpreter that runs it.
 
 Takes the place of `straight_line` for large models. A tape is data: nothing is compiled
-but the machine, and what is computed is the same to the last bit. Most of a large model
-are the same steps many times, body by body: the machine has a block for each of these
-sequences, a loop that runs nearly as fast as straight-line code and takes as long to
-compile for a thousand bodies as for ten. What occurs once has a block for each step.
+but the interpreter, and what is computed is the same to the last bit.
 
-An instruction is an opcode, how many times it is done, and then each time the fields of
-its steps: 32 bits each, the index to which a value goes and those of operands that are
-not made by the same instruction. An index is free again once its value has been used
-for the last time, so that the memory in use stays small. Truth values are 0 and 1.
+An instruction is an opcode, a count, and as many times the fields of one evaluation:
+indices into p (32 bits) of its values and of its operands. Evaluations of one kind
+whose operands are known are gathered into one instruction, so that the interpreter
+decodes few instructions: a large model has the same kinds of operations body by body.
+The index of a value is free again after its last use. Truth values are 0 and 1.
 """
 
 from __future__ import annotations
 
-import struct
 from collections import Counter
-from heapq import heapify, heappop, heappush
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,8 +20,8 @@ import numpy as np
 
 from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.graph import VARIABLE
-from lagsim.native.graph.lines import CIRCULAR, LANES, Lines, exponent_of
-from lagsim.native.graph.straight_line import Code, fixed_nodes, ordered
+from lagsim.native.graph.lines import CIRCULAR, LANES, Lines, exponent_of, number
+from lagsim.native.graph.straight_line import Code, fixed_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -34,456 +30,57 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Layout
 
 
-# Longer ones would take as long to compile as straight-line code.
-LONGEST = 256
-# What is repeated less often, or is shorter in all, is not worth a loop.
-LEAST_TIMES = 4
-LEAST_LENGTH = 16
-
-
-class Repeat(NamedTuple):
-    """From `start` on, `times` times `period` elements, each time the same."""
-
-    start: int
-    period: int
-    times: int
-
-    @property
-    def length(self) -> int:
-        """How many elements they are together."""
-        return self.period * self.times
-
-
-def repeats(sequence: Sequence[int]) -> list[Repeat]:
-    """Find stretches that repeat themselves, apart from each other, in order.
-
-    The longest first, and of those that are equally long the one of least period.
-    """
-    elements = np.asarray(sequence, dtype=np.int64)
-    queue = [_rank(x) for x in _all(elements)]
-    heapify(queue)
-    free = np.ones(len(elements) + 1, dtype=bool)
-    free[-1] = False
-    found = []
-    while queue:
-        _, period, start, times = heappop(queue)
-        whole = Repeat(start, period, times)
-        pieces = [
-            Repeat(first, period, (end - first) // period)
-            for first, end in _stretches(free, whole)
-        ]
-        if pieces == [whole]:
-            found.append(whole)
-            free[start : start + whole.length] = False
-            continue
-        for piece in pieces:
-            if piece.times >= LEAST_TIMES and piece.length >= LEAST_LENGTH:
-                heappush(queue, _rank(piece))
-    return sorted(found)
-
-
-def _all(elements: np.ndarray) -> Iterator[Repeat]:
-    """Give all stretches that repeat themselves, however they overlap."""
-    for period in range(1, min(LONGEST, len(elements) // LEAST_TIMES) + 1):
-        same = np.zeros(len(elements) - period + 2, dtype=np.int8)
-        same[1:-1] = elements[period:] == elements[:-period]
-        starts, ends = np.flatnonzero(np.diff(same)).reshape(-1, 2).T
-        times = (ends - starts) // period + 1
-        worth = (times >= LEAST_TIMES) & (times * period >= LEAST_LENGTH)
-        for start, count in zip(starts[worth], times[worth], strict=True):
-            yield Repeat(int(start), period, int(count))
-
-
-def _rank(repeat: Repeat) -> tuple[int, int, int, int]:
-    return -repeat.length, repeat.period, repeat.start, repeat.times
-
-
-def _stretches(free: np.ndarray, repeat: Repeat) -> list[tuple[int, int]]:
-    """Give the parts of `repeat` that nothing longer has."""
-    within = np.zeros(repeat.length + 2, dtype=np.int8)
-    within[1:-1] = free[repeat.start : repeat.start + repeat.length]
-    edges = np.flatnonzero(np.diff(within)).reshape(-1, 2) + repeat.start
-    return [(start, end) for start, end in edges.tolist()]
-
-
-# The operation, the exponent of a power, and which of its operands are products that
-# the same step makes: most of an elimination is a - b*c.
-Operation = tuple[str, float | None, tuple[bool, ...]]
-
-# Opcodes; those of blocks begin at FIRST.
-STOP, NUMBER, FIRST = range(3)
-
 SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 
-# Where an operand comes from: what t, y and p are, the value of an earlier step of the
-# same time, or what an earlier step has loaded.
-TIME, STATE, MEMORY, STEP, AGAIN = "t", "y", "p", "step", "again"
-LOADED = (STATE, MEMORY)
-RESULT: Operation = ("result", None, (False,))
 
+class Kind(NamedTuple):
+    """An operation, the exponent of a power, and which operands are products.
 
-class Operand(NamedTuple):
-    """One operand: of STEP its place in the block, of AGAIN that and which operand."""
-
-    kind: str
-    step: int = 0
-    operand: int = 0
-
-
-class Step(NamedTuple):
-    """An operation of a block.
-
-    Attributes
-    ----------
-    stored : bool
-        Its value goes to p; of RESULT to out.
-    together : int
-        How many steps from here on are sines and cosines that are made at once.
+    Those are made by the same evaluation: most of an elimination is a - b*c.
     """
 
-    operation: Operation
-    operands: tuple[Operand, ...]
-    stored: bool
-    together: int
-
-    @property
-    def fields(self) -> int:
-        """How many fields it has."""
-        return self.stored + sum(x.kind in LOADED for x in self.operands)
+    op: str
+    exponent: float | None = None
+    products: tuple[bool, ...] = ()
 
 
-class Block(NamedTuple):
-    """What an instruction does; where it `loops`, many times."""
-
-    steps: tuple[Step, ...]
-    loops: bool
-
-
-def machine(opcodes: Mapping[Block, int]) -> str:
-    """Give the function that runs a tape."""
-    writer = _Machine()
-    writer.number()
-    for block, opcode in opcodes.items():
-        _Block(writer, block, opcode).write()
-    return writer.text()
-
-
-class _Machine(Lines):
-    def __init__(self) -> None:
-        super().__init__()
-        self.cases: list[str] = []
-        self.ends: list[str] = []
-
-    def number(self) -> None:
-        """Write the block that keeps a number."""
-        self.begin(NUMBER)
-        place = self.address("p", "%pc", 1)
-        halves = self.line("getelementptr inbounds i32, ptr %pc, i64 2")
-        value = self.line(f"load double, ptr {halves}, align 4")
-        self.lines.append(f"store double {value}, ptr {place}")
-        self.end(NUMBER, self.line("getelementptr inbounds i32, ptr %pc, i64 4"))
-
-    def begin(self, opcode: int) -> None:
-        """Begin the block of an opcode."""
-        self.lines.append(f"op{opcode}:")
-        self.cases.append(f"i32 {opcode}, label %op{opcode}")
-
-    def end(self, opcode: int, after: str, label: str = "op") -> None:
-        """Go to the next instruction."""
-        self.lines.append("br label %next")
-        self.ends.append(f"[{after}, %{label}{opcode}]")
-
-    def address(self, array: str, at: str, k: int) -> str:
-        """Give the address in `array` that field k from `at` on tells."""
-        field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
-        index = self.line(f"load i32, ptr {field}")
-        return self.line(f"getelementptr inbounds double, ptr %{array}, i32 {index}")
-
-    def text(self) -> str:
-        """Give the whole function."""
-        head = f"ptr noalias readonly %tape, {SIGNATURE}"
-        return "\n".join(
-            [
-                *sorted(self.declared),
-                f"define internal void @tape.run({head}) {{",
-                "begin:",
-                "br label %next",
-                "next:",
-                f"%pc = phi ptr [%tape, %begin], {', '.join(self.ends)}",
-                "%opcode = load i32, ptr %pc",
-                f"switch i32 %opcode, label %stop [{' '.join(self.cases)}]",
-                *self.lines,
-                "stop:",
-                "ret void",
-                "}",
-            ]
-        )
-
-
-class _Block:
-    """Writes one block."""
-
-    def __init__(self, to: _Machine, block: Block, opcode: int) -> None:
-        self.to, self.opcode = to, opcode
-        self.steps, self.loops = block
-        self.values: list[str] = []
-        self.loaded: dict[tuple[int, int], str] = {}
-        self.begins = [0]
-        for step in self.steps:
-            self.begins.append(self.begins[-1] + step.fields)
-        self.at = "%pc"
-
-    def write(self) -> None:
-        to, k = self.to, self.opcode
-        to.begin(k)
-        first = to.line(f"getelementptr inbounds i32, ptr %pc, i64 {1 + self.loops}")
-        self.at = first
-        if not self.loops:
-            self._steps()
-            to.end(k, self._after())
-            return
-        last = self.begins[-1]
-        place = to.line("getelementptr inbounds i32, ptr %pc, i64 1")
-        times = to.line(f"load i32, ptr {place}")
-        self.at = f"%at{k}"
-        to.lines += [
-            f"br label %loop{k}",
-            f"loop{k}:",
-            f"{self.at} = phi ptr [{first}, %op{k}], [%after{k}, %loop{k}]",
-            f"%left{k} = phi i32 [{times}, %op{k}], [%less{k}, %loop{k}]",
-        ]
-        self._steps()
-        to.lines += [
-            f"%after{k} = getelementptr inbounds i32, ptr {self.at}, i64 {last}",
-            f"%less{k} = sub i32 %left{k}, 1",
-            f"%more{k} = icmp ne i32 %less{k}, 0",
-            f"br i1 %more{k}, label %loop{k}, label %done{k}",
-            f"done{k}:",
-        ]
-        to.end(k, f"%after{k}", "done")
-
-    def _after(self) -> str:
-        last = self.begins[-1]
-        return self.to.line(f"getelementptr inbounds i32, ptr {self.at}, i64 {last}")
-
-    def _steps(self) -> None:
-        for k, step in enumerate(self.steps):
-            if k == len(self.values):
-                self.values += self._values(k)
-            if step.stored:
-                array = "out" if step.operation == RESULT else "p"
-                place = self.to.address(array, self.at, self.begins[k])
-                self.to.lines.append(f"store double {self.values[k]}, ptr {place}")
-
-    def _values(self, k: int) -> list[str]:
-        """Give the values of what is made with step k."""
-        step = self.steps[k]
-        if step.together:
-            return self._circular(k, step.together)
-        op, exponent, products = step.operation
-        given = iter([self._operand(k, i) for i in range(len(step.operands))])
-        operands = []
-        for place, product in enumerate(products):
-            value = next(given)
-            if product:
-                value = self.to.operation("mul", None, [value, next(given)])
-            if op in JOINING or (op == "if" and place == 0):
-                value = self.to.line(f"fcmp one double {value}, 0.0")
-            operands.append(value)
-        if step.operation == RESULT:
-            return operands
-        value = self.to.operation(op, exponent, operands)
-        if OPERATIONS[op].condition:
-            value = self.to.line(f"uitofp i1 {value} to double")
-        return [value]
-
-    def _circular(self, k: int, together: int) -> list[str]:
-        angles: dict[str, int] = {}
-        wanted = []
-        for j in range(k, k + together):
-            angle = self._operand(j, 0)
-            wanted.append(
-                (self.steps[j].operation[0], angles.setdefault(angle, len(angles)))
-            )
-        return self.to.circular(list(angles), wanted)
-
-    def _operand(self, k: int, i: int) -> str:
-        operands = self.steps[k].operands
-        kind, step, operand = operands[i]
-        if kind == TIME:
-            return "%t"
-        if kind == STEP:
-            return self.values[step]
-        if kind == AGAIN:
-            return self.loaded[step, operand]
-        before = sum(x.kind in LOADED for x in operands[:i])
-        field = self.begins[k] + self.steps[k].stored + before
-        place = self.to.address(kind, self.at, field)
-        value = self.to.line(f"load double, ptr {place}")
-        self.loaded[k, i] = value
-        return value
-
-
-def circular(operation: Operation) -> bool:
-    """Tell whether it is a sine or a cosine."""
-    return operation[0] in CIRCULAR
-
-
-# A loop is rolled out to about so many steps: several bodies' then go side by side.
-ROLLED_OUT = 16
-# Steps of all loops of a function: they compile in a second or two.
-MOST_STEPS = 3000
+# Fields of a LOAD: index in p, index in y; of a STORE: index in p, index in out. Sine
+# and cosine of LANES angles: indices of the angles, of the sines, of the cosines.
+LOAD, STORE, SINCOS = map(Kind, ("load", "store", "sincos"))
+STOP = 0
 
 
 class Task(NamedTuple):
-    """A step of a function: `node` is made of `operands`, or written to out[place].
+    """An evaluation: the nodes that it gives, and those that it takes."""
 
-    `kinds` are those of the operands where nothing else is known of them.
-    """
-
-    node: int
-    operation: Operation
+    kind: Kind
+    values: tuple[int, ...]
     operands: tuple[int, ...]
-    kinds: tuple[str, ...]
-    place: int
 
 
-def blocks(
-    tasks: Sequence[Task], uses: Mapping[int, int]
-) -> Iterator[tuple[Block, int]]:
-    """Give the blocks that do `tasks` in order, each with how often.
+def scheduled(tasks: Sequence[Task]) -> Iterator[tuple[Kind, list[Task]]]:
+    """Put tasks into an order in which many of one kind follow each other.
 
-    Parameters
-    ----------
-    uses
-        How often each node is used, by tasks and others.
+    List scheduling: of what has its operands, all of the most frequent kind is next.
     """
-    signs: dict[object, int] = {}
-    found = repeats(
-        [signs.setdefault((x.operation, x.kinds), len(signs)) for x in tasks]
-    )
-    made = {x.node: k for k, x in enumerate(tasks) if x.operation != RESULT}
-    steps, taken = 0, []
-    for repeat in sorted(found, key=lambda x: -x.length):
-        steps += repeat.period
-        if steps <= MOST_STEPS:
-            taken.append(repeat)
-    at = 0
-    for start, period, times in sorted(taken):
-        yield from _apart(tasks[at:start])
-        more = max(1, min(ROLLED_OUT // period, times // 2))
-        loop = _Loop(tasks, made, start, period * more, times // more)
-        yield loop.block(uses), loop.times
-        at = start + loop.times * loop.period
-    yield from _apart(tasks[at:])
-
-
-def _apart(tasks: Sequence[Task]) -> Iterator[tuple[Block, int]]:
-    """Give a block for each of these."""
-    for task in tasks:
-        operands = tuple(Operand(kind) for kind in task.kinds)
-        step = Step(task.operation, operands, True, int(circular(task.operation)))
-        yield Block((step,), False), 1
-
-
-class _Loop:
-    """Tasks that repeat themselves: finds what is the same each time."""
-
-    def __init__(
-        self,
-        tasks: Sequence[Task],
-        made: Mapping[int, int],
-        start: int,
-        period: int,
-        times: int,
-    ) -> None:
-        self.made, self.period, self.times = made, period, times
-        end = start + period * times
-        self.starts = range(start, end, period)
-        # For each step of the loop its tasks, time by time.
-        self.columns = [tasks[start + j : end : period] for j in range(period)]
-
-    def block(self, uses: Mapping[int, int]) -> Block:
-        """Give the block of the loop."""
-        operands = self._operands()
-        inside = Counter(x.step for row in operands for x in row if x.kind == STEP)
-        together = self._together(operands)
-        steps = [
-            Step(
-                column[0].operation,
-                operands[j],
-                column[0].operation == RESULT
-                or any(uses[task.node] != inside[j] for task in column),
-                together[j],
-            )
-            for j, column in enumerate(self.columns)
-        ]
-        return Block(tuple(steps), True)
-
-    def _operands(self) -> list[tuple[Operand, ...]]:
-        loaded: dict[int, tuple[int, int]] = {}
-        rows = []
-        for j, column in enumerate(self.columns):
-            row = []
-            for i, kind in enumerate(column[0].kinds):
-                operand = self._operand(j, i, kind, loaded)
-                if operand.kind not in (STEP, AGAIN, TIME):
-                    loaded[column[0].operands[i]] = j, i
-                row.append(operand)
-            rows.append(tuple(row))
-        return rows
-
-    def _operand(
-        self, j: int, i: int, kind: str, loaded: Mapping[int, tuple[int, int]]
-    ) -> Operand:
-        if kind == TIME:
-            return Operand(TIME)
-        nodes = [task.operands[i] for task in self.columns[j]]
-        by = self.made.get(nodes[0], -1) - self.starts[0]
-        if 0 <= by < j and nodes == [task.node for task in self.columns[by]]:
-            return Operand(STEP, by)
-        if nodes[0] in loaded:
-            step, operand = loaded[nodes[0]]
-            if nodes == [task.operands[operand] for task in self.columns[step]]:
-                return Operand(AGAIN, step, operand)
-        return Operand(kind)
-
-    def _together(self, operands: Sequence[tuple[Operand, ...]]) -> list[int]:
-        """Give how many sines and cosines from each step on are made at once."""
-        found = [0] * self.period
-        j = 0
-        while j < self.period:
-            first, angles = j, set[Operand]()
-            while j < self.period and self._joins(first, j, operands, angles):
-                j += 1
-            found[first] = j - first
-            j = max(j, first + 1)
-        return found
-
-    def _joins(
-        self,
-        first: int,
-        j: int,
-        operands: Sequence[tuple[Operand, ...]],
-        angles: set[Operand],
-    ) -> bool:
-        """Tell whether step j can be made at once with those from `first` on."""
-        column = self.columns[j]
-        if not circular(column[0].operation):
-            return False
-        [operand] = operands[j]
-        if operand.kind == STEP and operand.step >= first:
-            return False
-        waits = operand.kind == MEMORY and any(
-            start + first <= self.made.get(task.operands[0], -1) < start + j
-            for start, task in zip(self.starts, column, strict=True)
-        )
-        fresh = operand.kind not in (STEP, AGAIN)
-        angle = Operand(AGAIN, j, 0) if fresh else operand
-        if waits or len(angles | {angle}) > LANES:
-            return False
-        angles.add(angle)
-        return True
+    makes = {value: k for k, task in enumerate(tasks) for value in task.values}
+    missing, users = [], dict[int, list[int]]()
+    ready: dict[Kind, list[int]] = {}
+    for k, task in enumerate(tasks):
+        before = {makes[a] for a in task.operands if a in makes}
+        missing.append(len(before))
+        for j in before:
+            users.setdefault(j, []).append(k)
+        if not before:
+            ready.setdefault(task.kind, []).append(k)
+    while ready:
+        kind = max(ready, key=lambda x: len(ready[x]))
+        group = ready.pop(kind)
+        yield kind, [tasks[k] for k in group]
+        for user in chain.from_iterable(users.get(k, ()) for k in group):
+            missing[user] -= 1
+            if not missing[user]:
+                ready.setdefault(tasks[user].kind, []).append(user)
 
 
 def generate(
@@ -496,74 +93,84 @@ def generate(
 
     Those named in `sparse` do not write what is zero identically: they find zeros.
     """
-    writer = _Writer(g, layout, fixed_nodes(g, functions, layout))
-    tapes = {
-        name: writer.function(nodes, sparse=name in sparse)
-        for name, nodes in functions.items()
-    }
-    tapes["prepare"] = writer.preparation()  # the last: it knows all numbers
-    parts = [machine(writer.opcodes)]
-    parts += [_function(name, tape) for name, tape in tapes.items()]
-    return Code("\n".join(parts), writer.size)
+    tapes = _Tapes(g, layout, functions)
+    lines = []
+    for name, nodes in functions.items():
+        written = [(n, k) for k, n in enumerate(nodes)]
+        if name in sparse:
+            written = [(n, k) for n, k in written if n != g.zero]
+        lines += _function(name, tapes.tape(written, tapes.fixed, {}))
+    filled = [f"double {number(float(g.payload(n)))}" for n in tapes.numbers]
+    table = f"[{len(filled)} x double]"
+    first = tapes.first_number
+    lines += [
+        f"@numbers = private constant {table} [{', '.join(filled)}]",
+        "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)",
+        *_function(
+            "prepare",
+            tapes.tape([], {}, tapes.fixed),
+            f"%to = getelementptr double, ptr %p, i64 {first}",
+            "call void @llvm.memcpy.p0.p0.i64"
+            f"(ptr %to, ptr @numbers, i64 {8 * len(filled)}, i1 0)",
+        ),
+    ]
+    machine = _Interpreter(tapes.opcodes, tapes.time).text()
+    return Code("\n".join([machine, *lines, ""]), tapes.size)
 
 
-def _function(name: str, tape: Sequence[int]) -> str:
+def _function(name: str, tape: Sequence[int], *before: str) -> list[str]:
     """Give a function that runs `tape`."""
     data = np.array(tape, dtype=np.int32).tobytes()
     text = "\\" + data.hex("\\")
-    return (
-        f'@tape.{name} = private constant [{len(data)} x i8] c"{text}", align 4\n'
-        f"define void @{name}({SIGNATURE}) {{\n"
-        f"call void @tape.run(ptr @tape.{name}, {SIGNATURE})\nret void\n}}\n"
-    )
+    return [
+        f'@tape.{name} = private constant [{len(data)} x i8] c"{text}", align 4',
+        f"define void @{name}({SIGNATURE}) {{",
+        *before,
+        f"call void @tape.run(ptr @tape.{name}, {SIGNATURE})",
+        "ret void",
+        "}",
+    ]
 
 
-class _Writer:
-    """Writes the tapes of all functions, which share numbers and memory in p.
+class _Tapes:
+    """The tapes of all functions, which share numbers and memory in p.
 
     Attributes
     ----------
+    fixed, numbers : dict of int to int
+        Node -> index in p: of what `prepare` computes, and of constants.
+    time : int
+        The index of t.
+    nowhere : int
+        That of sines and cosines that nobody uses.
     size : int
         The length of p.
     opcodes : dict
-        Of the blocks that occur.
+        Of the kinds that occur.
     """
 
-    def __init__(self, g: Graph, layout: Layout, fixed: Sequence[int]) -> None:
+    def __init__(
+        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]]
+    ) -> None:
         self.g, self.layout = g, layout
-        self.opcodes: dict[Block, int] = {}
-        # What lasts while a kernel runs: what `prepare` computes, and numbers.
-        self.places = {node: layout.size + k for k, node in enumerate(fixed)}
-        self.numbers: dict[int, int] = {}
-        self.size = layout.size + len(fixed)
-        # What is not in p.
-        self.elsewhere = {g.variable(name): STATE for name in layout.y}
-        self.elsewhere[g.variable("t")] = TIME
-        self.elsewhere |= {g.variable(name): MEMORY for name in layout.p}
-        # Indices that are used again and again, and those of them that are free.
-        self.temporary: set[int] = set()
-        self.free: list[int] = []
+        self.opcodes: dict[Kind, int] = {}
+        fixed = fixed_nodes(g, functions, layout)
+        self.fixed = {node: layout.size + k for k, node in enumerate(fixed)}
+        self.first_number = layout.size + len(fixed)
+        cone = g.cone(chain.from_iterable(functions.values()))
+        leaves = [n for n in cone if not g.args[n] and g.ops[n] != VARIABLE]
+        self.numbers = {n: self.first_number + k for k, n in enumerate(leaves)}
+        self.time = self.first_number + len(leaves)
+        self.nowhere = self.time + 1
+        self.size = self.time + 2
+        self.leaves = self.numbers | {g.variable("t"): self.time}
+        self.leaves |= {g.variable(name): k for name, k in layout.p.items()}
+        self.state = {g.variable(name): k for name, k in layout.y.items()}
+        self.free: list[int] = []  # indices of values that are not used again
 
-    def function(self, nodes: Sequence[int], *, sparse: bool) -> list[int]:
-        """Give the tape that writes `nodes` to out."""
-        results: dict[int, list[int]] = {}
-        for k, node in enumerate(nodes):
-            if node != self.g.zero or not sparse:
-                results.setdefault(node, []).append(k)
-        return self._tape(results, self.places, {})
-
-    def preparation(self) -> list[int]:
-        """Give the tape of what lasts."""
-        tape = self._tape(dict.fromkeys(self.places, ()), {}, self.places)
-        filled: list[int] = []
-        for node, index in self.numbers.items():
-            halves = struct.unpack("=ii", struct.pack("=d", self.g.payload(node)))
-            filled += [NUMBER, index, *halves]
-        return filled + tape
-
-    def _tape(
+    def tape(
         self,
-        results: Mapping[int, Sequence[int]],
+        written: Sequence[tuple[int, int]],
         known: Mapping[int, int],
         pinned: Mapping[int, int],
     ) -> list[int]:
@@ -571,116 +178,212 @@ class _Writer:
 
         Parameters
         ----------
-        results
-            Node -> indices in out.
+        written
+            Nodes, and indices in out.
         known, pinned
-            Node -> index in p: of what needs no evaluation, and of what is to be left
-            where it is told.
+            Node -> index in p: of what needs no evaluation, and of what is left there.
         """
-        tasks = self._tasks(results, known)
-        uses = Counter(a for task in tasks for a in task.operands)
-        uses.update(pinned.keys())  # by whoever reads them later
-        code: list[int] = []
-        index = dict(known)
-        steps = iter(tasks)
-        for block, times in blocks(tasks, uses):
-            opcode = self.opcodes.setdefault(block, FIRST + len(self.opcodes))
-            code += [opcode, times] if block.loops else [opcode]
-            for _ in range(times):
-                for step, task in zip(block.steps, steps, strict=False):
-                    fields = self._taken(step, task, index, uses)
-                    if task.operation == RESULT:
-                        code.append(task.place)
-                    elif step.stored:
-                        code.append(self._place(task.node, index, uses, pinned))
-                    code += fields
+        results: dict[int, list[int]] = {}
+        for node, k in written:
+            results.setdefault(node, []).append(k)
+        tasks = self._tasks([*results, *pinned], known)
+        uses = Counter(chain.from_iterable(task.operands for task in tasks))
+        uses.update((*results, *pinned))
+        index = {**self.leaves, **known}
+        code = self._stored([n for n in results if n in index], results, index)
+        for kind, group in scheduled(tasks):
+            self._append(code, kind, self._fields(kind, group, index, uses, pinned))
+            made = [n for task in group for n in task.values if n in results]
+            code += self._stored(made, results, index)
+            for n in made:
+                self._use(n, index, uses)
         return [*code, STOP]
 
-    def _tasks(
-        self, results: Mapping[int, Sequence[int]], known: Mapping[int, int]
-    ) -> list[Task]:
-        """Give what is done, one after the other."""
-        g, elsewhere = self.g, self.elsewhere
-        order = ordered(g, results, known)
-        uses = Counter(chain(*(g.args[n] for n in order if n not in known)))
-        inner = self._inner(order, uses, {*results, *known})
-        tasks = []
-        for n in order:
-            operands = g.args[n]
-            if operands and n not in known and n not in inner:
-                products = tuple([a in inner for a in operands])
-                if True in products:
-                    groups = (g.args[a] if a in inner else (a,) for a in operands)
-                    operands = tuple(chain(*groups))
-                kinds = tuple([elsewhere.get(a, MEMORY) for a in operands])
-                operation = g.ops[n], exponent_of(g, n), products
-                tasks.append(Task(n, operation, operands, kinds, -1))
-            if n in results:
-                kinds = (elsewhere.get(n, MEMORY),)
-                tasks += [Task(n, RESULT, (n,), kinds, k) for k in results[n]]
-        return tasks
+    def _append(self, code: list[int], kind: Kind, fields: list[list[int]]) -> None:
+        opcode = self.opcodes.setdefault(kind, 1 + len(self.opcodes))
+        code += [opcode, len(fields), *chain.from_iterable(fields)]
 
-    def _inner(
-        self, order: Sequence[int], uses: Counter[int], kept: set[int]
-    ) -> set[int]:
-        """Give the products that are only used in one sum or difference."""
+    def _stored(
+        self,
+        nodes: Sequence[int],
+        results: Mapping[int, Sequence[int]],
+        index: Mapping[int, int],
+    ) -> list[int]:
+        """Give the instruction that writes results out, if there are any."""
+        code: list[int] = []
+        if nodes:
+            fields = [[index[n], k] for n in nodes for k in results[n]]
+            self._append(code, STORE, fields)
+        return code
+
+    def _tasks(self, roots: Collection[int], known: Mapping[int, int]) -> list[Task]:
+        """Give the evaluations of what is not known."""
         g = self.g
-        return {
+        order = [n for n in g.cone(roots, known) if n not in known]
+        uses = Counter(chain.from_iterable(g.args[n] for n in order))
+        kept = {*roots, *known}
+        inner = {
             a
             for n in order
             if g.ops[n] in ("add", "sub")
             for a in g.args[n]
             if g.ops[a] == "mul" and uses[a] == 1 and a not in kept
         }
+        tasks, angles = [], dict[int, list[int]]()
+        for n in order:
+            args = g.args[n]
+            if n in self.state:
+                tasks.append(Task(LOAD, (n,), ()))
+            elif g.ops[n] in CIRCULAR:
+                pair = angles.setdefault(args[0], [-1, -1])
+                pair[CIRCULAR[g.ops[n]]] = n
+            elif args and n not in inner:
+                products = tuple([a in inner for a in args])
+                taken = chain.from_iterable(
+                    g.args[a] if a in inner else (a,) for a in args
+                )
+                kind = Kind(g.ops[n], exponent_of(g, n), products)
+                tasks.append(Task(kind, (n,), tuple(taken)))
+        tasks += [Task(SINCOS, tuple(pair), (a,)) for a, pair in angles.items()]
+        return tasks
 
-    def _taken(
-        self, step: Step, task: Task, index: dict[int, int], uses: Counter[int]
-    ) -> list[int]:
-        """Give the fields of operands, and free what is not used again."""
-        fields, over = [], []
-        for n, operand in zip(task.operands, step.operands, strict=True):
-            if operand.kind == MEMORY:
-                fields.append(index[n] if n in index else self._leaf(n))
-            elif operand.kind == STATE:
-                fields.append(self.layout.y[str(self.g.payload(n))])
-            uses[n] -= 1
-            if not uses[n]:
-                over.append(n)
-        for n in over:
-            self._release(n, index)
-        return fields
-
-    def _place(
+    def _fields(
         self,
-        n: int,
+        kind: Kind,
+        group: Sequence[Task],
         index: dict[int, int],
         uses: Counter[int],
         pinned: Mapping[int, int],
-    ) -> int:
-        """Give the index of p where a value is kept, if it is needed again."""
-        if n in pinned:
-            place = pinned[n]
-        elif self.free:
-            place = self.free.pop()
-        else:
-            place = self.size
-            self.temporary.add(place)
-            self.size += 1
-        index[n] = place
-        if not uses[n]:
-            self._release(n, index)
-        return place
+    ) -> list[list[int]]:
+        """Give the fields of evaluations of one kind, in this order."""
+        if kind == LOAD:
+            return [
+                [self._place(n, index, pinned), self.state[n]] for (_, (n,), _) in group
+            ]
+        fields = []
+        together = LANES if kind == SINCOS else 1
+        for k in range(0, len(group), together):
+            some = group[k : k + together]
+            operands = [index[a] for task in some for a in task.operands]
+            operands += operands[-1:] * (together - len(some))
+            for task in some:
+                for a in task.operands:
+                    self._use(a, index, uses)
+            values = [
+                self.nowhere if n < 0 else self._place(n, index, pinned)
+                for many in zip(*(task.values for task in some), strict=True)
+                for n in (*many, *[-1] * (together - len(some)))
+            ]
+            fields.append([*values, *operands])
+        return fields
 
-    def _release(self, n: int, index: dict[int, int]) -> None:
-        """Let others have the index of a value that is not used again."""
-        if n in index and index[n] in self.temporary:
+    def _place(self, n: int, index: dict[int, int], pinned: Mapping[int, int]) -> int:
+        """Give the index of a value to come."""
+        if n in pinned:
+            index[n] = pinned[n]
+        elif self.free:
+            index[n] = self.free.pop()
+        else:
+            index[n] = self.size
+            self.size += 1
+        return index[n]
+
+    def _use(self, n: int, index: dict[int, int], uses: Counter[int]) -> None:
+        """Count a use; after the last one others may have the index."""
+        uses[n] -= 1
+        if not uses[n] and index[n] > self.nowhere:
             self.free.append(index.pop(n))
 
-    def _leaf(self, n: int) -> int:
-        """Give the index in p of a number or a variable."""
-        if self.g.ops[n] == VARIABLE:
-            return self.layout.p[str(self.g.payload(n))]
-        if n not in self.numbers:
-            self.numbers[n] = self.size
-            self.size += 1
-        return self.numbers[n]
+
+class _Interpreter(Lines):
+    """The function that runs a tape: a loop for each opcode."""
+
+    def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
+        super().__init__()
+        self.opcodes = opcodes
+        for kind, k in opcodes.items():
+            self.lines += [
+                f"op{k}:",
+                f"%count{k} = getelementptr i32, ptr %pc, i64 1",
+                f"%times{k} = load i32, ptr %count{k}",
+                f"%first{k} = getelementptr i32, ptr %pc, i64 2",
+                f"br label %loop{k}",
+                f"loop{k}:",
+                f"%at{k} = phi ptr [%first{k}, %op{k}], [%after{k}, %loop{k}]",
+                f"%left{k} = phi i32 [%times{k}, %op{k}], [%less{k}, %loop{k}]",
+            ]
+            width = self._evaluation(kind, f"%at{k}")
+            self.lines += [
+                f"%after{k} = getelementptr i32, ptr %at{k}, i64 {width}",
+                f"%less{k} = sub i32 %left{k}, 1",
+                f"%more{k} = icmp ne i32 %less{k}, 0",
+                f"br i1 %more{k}, label %loop{k}, label %next",
+            ]
+        self.time = time
+
+    def _evaluation(self, kind: Kind, at: str) -> int:
+        """Write the evaluation of a kind; give how many fields it has."""
+        if kind == LOAD:
+            self._store(self._load("y", at, 1), "p", at, 0)
+            return 2
+        if kind == STORE:
+            self._store(self._load("p", at, 0), "out", at, 1)
+            return 2
+        if kind == SINCOS:
+            angles = [self._load("p", at, 2 * LANES + k) for k in range(LANES)]
+            wanted = [(op, k) for op in CIRCULAR for k in range(LANES)]
+            for k, value in enumerate(self.circular(angles, wanted)):
+                self._store(value, "p", at, k)
+            return 3 * LANES
+        fields, operands = 1, []
+        for place, product in enumerate(kind.products):
+            value = self._load("p", at, fields)
+            fields += 1
+            if product:
+                other = self._load("p", at, fields)
+                value = self.operation("mul", None, [value, other])
+                fields += 1
+            if kind.op in JOINING or (kind.op == "if" and place == 0):
+                value = self.line(f"fcmp one double {value}, 0.0")
+            operands.append(value)
+        value = self.operation(kind.op, kind.exponent, operands)
+        if OPERATIONS[kind.op].condition:
+            value = self.line(f"uitofp i1 {value} to double")
+        self._store(value, "p", at, 0)
+        return fields
+
+    def _address(self, array: str, at: str, k: int) -> str:
+        """Give the address in `array` that field k from `at` on tells."""
+        field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
+        index = self.line(f"load i32, ptr {field}")
+        return self.line(f"getelementptr inbounds double, ptr %{array}, i32 {index}")
+
+    def _load(self, array: str, at: str, k: int) -> str:
+        return self.line(f"load double, ptr {self._address(array, at, k)}")
+
+    def _store(self, value: str, array: str, at: str, k: int) -> None:
+        self.lines.append(f"store double {value}, ptr {self._address(array, at, k)}")
+
+    def text(self) -> str:
+        """Give the whole function."""
+        codes = self.opcodes.values()
+        ends = "".join(f", [%after{k}, %loop{k}]" for k in codes)
+        cases = " ".join(f"i32 {k}, label %op{k}" for k in codes)
+        return "\n".join(
+            [
+                *sorted(self.declared),
+                f"define internal void @tape.run(ptr readonly %tape, {SIGNATURE}) {{",
+                "begin:",
+                f"%time = getelementptr double, ptr %p, i64 {self.time}",
+                "store double %t, ptr %time",
+                "br label %next",
+                "next:",
+                f"%pc = phi ptr [%tape, %begin]{ends}",
+                "%opcode = load i32, ptr %pc",
+                f"switch i32 %opcode, label %stop [{cases}]",
+                *self.lines,
+                "stop:",
+                "ret void",
+                "}",
+            ]
+        )
