@@ -146,6 +146,8 @@ class Contacts(Source):
         """Go through impacts, then choose the modes."""
         here, found = Touching(arc, arc.y, known=self.shape), Found(arc.y.copy())
         also = {met} if met is not None else set()
+        here.grazing = _grazing(here, here.is_closed(also))
+        also.difference_update(here.grazing)
         closed = here.is_closed(also)
         ends = self._ends(here, closed)
         for k, law in enumerate(self.laws):
@@ -156,7 +158,9 @@ class Contacts(Source):
         some = [k for k in some if self.laws[k].kind in STRIKING]
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
+            grazing = here.grazing
             here = Touching(arc, found.y, known=here.shape)
+            here.grazing = grazing
         self.shape = here.shape
         edge = self.left if arc.t == self.left_at else set()
         settled = settle(here, edge, also)
@@ -318,6 +322,23 @@ class Contacts(Source):
             return []
         self.told.add(code)
         return [Caution(code, text)]
+
+
+def _grazing(here: Touching, closed: list[bool]) -> dict[int, float]:
+    """Give the contacts in flight that turn back at their ground -> the depth.
+
+    A depth within the errors of a gap is no impact: its speed, the root of that, would
+    be a jump a thousand times the tolerance. What turns it back has to act before the
+    ground: none is told on the surface of a switch, past which forces are others.
+    """
+    system = here.arc.system
+    if np.any(system.p.slack[: system.surfaces] > 0.0):
+        return {}
+    struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
+    depths = {k: here.depth(k) for k in struck}
+    found = {k: depth for k, depth in depths.items() if depth <= here.least(k, CLOSING)}
+    others = struck.difference(found)
+    return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
 
 
 def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:

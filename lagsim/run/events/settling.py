@@ -204,6 +204,7 @@ def _set_slack(here: Touching, found: Chosen) -> None:
             position = law.kind is Kind.CONTACT
             rounding[k] = here.slack[k] if position else here.still[k]
             size[k] = rounding[k] if here.gaps[k] <= rounding[k] else 0.0
+            size[k] += 2.0 * here.grazing.get(k, 0.0)
             if k in push:  # it touches, and parts without a speed
                 size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
     margins = arc.runner.margins(arc.t, here.y)[K:]

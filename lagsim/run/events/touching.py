@@ -83,6 +83,8 @@ class Touching:
     seen : ndarray, shape (size,)
         The largest sizes of the state's components so far.
     in_force : list of bool, of L
+    grazing : dict
+        Contacts that turn back at their ground without an impact -> the depth.
     reach : ndarray, shape (L,)
         How far the motion so far has moved each row's residual, and its rate.
     shape : Shape
@@ -124,6 +126,7 @@ class Touching:
         # Within rounding of the time a gap changes, and what moves it as time goes by.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ y[n : 2 * n])
         self.slack = BALANCED * held + MOMENTS * math.ulp(t) * moved
+        self.grazing: dict[int, float] = {}
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
@@ -228,7 +231,8 @@ class Touching:
                 closed.append(in_force[k])
             else:
                 holds = mode[k] in (kept.HELD, kept.IMPLIED) or k in also
-                closed.append((holds or self.near[k]) and in_force[k])
+                touches = (holds or self.near[k]) and k not in self.grazing
+                closed.append(touches and in_force[k])
         return closed
 
     def strikes(self, k: int) -> bool:
@@ -249,6 +253,14 @@ class Touching:
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
 
+    def depth(self, k: int) -> float:
+        """Give how far below 0 the gap of a contact in flight gets; inf elsewhere."""
+        flies = self.arc.system.p.law_mode[k] == kept.OFF
+        back = self.present[k]
+        if self.laws[k].kind is not Kind.CONTACT or not (flies and back > 0.0):
+            return math.inf
+        return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
+
     def rest(self, k: int, restitution: float) -> float | None:
         """Give the time for which a contact goes on to bounce if that is no motion.
 
@@ -263,10 +275,14 @@ class Touching:
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
-    def least(self, k: int) -> float:
-        """Give the height of a flight that is none: of the tolerance, or rounding."""
-        told = self.arc.plan.tolerance * self.reach[0][k]
-        return float(max(told, HIGHER * self.slack[k]))
+    def least(self, k: int, tolerances: float = 1.0) -> float:
+        """Give the height of a flight that is none: of the tolerance, or rounding.
+
+        That of the time is part of it: a place is known no better.
+        """
+        told = tolerances * self.arc.plan.tolerance * self.reach[0][k]
+        rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
+        return float(max(told, HIGHER * rounded))
 
     def is_spent(self, k: int) -> bool:
         """Tell whether a slip could go no farther than the tolerance.
