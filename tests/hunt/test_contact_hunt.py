@@ -94,7 +94,7 @@ def test_a_scene_in_other_words_comes_back():
 
 @pytest.mark.slow
 def test_a_few_contacts_hold(lagsim, tmp_path):
-    _, told = hunted("few", 2, lagsim, folder_of(tmp_path))
+    _, told = hunted("few", 8, lagsim, folder_of(tmp_path))
     assert not told, told
 
 
