@@ -36,6 +36,7 @@ from lagsim.methods.parts.newton import (
     RENEW,
     decompose,
     solve,
+    take_finite,
     too_large,
 )
 from lagsim.methods.parts.parameters import Parameters
@@ -259,6 +260,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
         place(s, stage, h, z)
         t = s.t + nodes[stage] * h
         lagrangian_slopes(t, z, p, at(slopes, stage * block))
+    take_finite(stages * block, slopes)
     s.factorisations += 1.0
     s.factored_h = h
     for i in range(stages):

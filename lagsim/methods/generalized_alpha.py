@@ -36,6 +36,7 @@ from lagsim.methods.parts.newton import (
     RENEW,
     decompose,
     solve,
+    take_finite,
     too_large,
 )
 from lagsim.methods.parts.parameters import Parameters
@@ -257,6 +258,7 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     positions = part * h * h * displacement(radius)
     velocities = part * h * weight(radius)
     jacobian(after, s.new, p, J)
+    take_finite(2 * n * n, J)
     s.factorisations += 2.0
     s.factored_h = h
     for i in range(n):

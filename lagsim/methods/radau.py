@@ -48,6 +48,7 @@ from lagsim.methods.parts.newton import (
     solve_real,
     sparse_pair,
     sparse_real,
+    take_finite,
     too_large,
 )
 from lagsim.methods.parts.parameters import Parameters
@@ -372,6 +373,7 @@ def renew(s: Radau, p: Parameters, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
+        take_finite(s.entries if SPARSE else (s.size - s.n) * 2 * s.n, s.J)
         s.factorisations += 1.0
         s.jacobian = 2.0
         s.factored_h = 0.0

@@ -252,3 +252,52 @@ def test_scenes_too_large_for_dense_matrices_are_refused(name):
     assert scene.unknowns == 2
     assert method(name).refusal(scene) == ""
     assert "301" in method(name).refusal(scene._replace(unknowns=301))
+
+
+# Forces of a norm that vanishes at the start, where the derivative of a root is 0/0.
+KINK = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: FIELD}
+forces: {x: "FORCE*X", y: "FORCE*Y"}
+initial: {x: 0.2, y: -1}
+simulation: {duration: 2, output_step: 0.1, method: METHOD}
+"""
+STEPS = {"radau": ("", 1e-11), "gauss4": (", step: 0.01", 1e-8),
+         "midpoint": (", step: 0.002", 3e-6),
+         "generalized-alpha": (", step: 0.002", 1e-5)}  # fmt: skip
+NORMS = {
+    "root": "-2*sqrt(x_dot^2 + y_dot^2)", "norm": "-2*hypot(x_dot, y_dot)",
+    "power": "-2*(x_dot^2 + y_dot^2)^0.5",
+}  # fmt: skip
+
+
+def fallen(norm, method, field):
+    text = KINK.replace("FORCE", NORMS[norm]).replace("FIELD", field)
+    text = text.replace("X", "x_dot").replace("Y", "y_dot")
+    steps, within = STEPS[method]
+    return run(text.replace("METHOD", method + steps)), within
+
+
+@pytest.mark.parametrize("method", STEPS)
+@pytest.mark.parametrize("norm", NORMS)
+def test_drag_by_a_norm_begins_at_rest(norm, method):
+    rests, _ = fallen(norm, method, "0*x")
+    assert np.all(rests["x"] == 0.2)
+    assert np.all(rests["y"] == -1.0)
+    found, within = fallen(norm, method, "8*y")
+    # v' = -8 + 2 v^2: v = -2 tanh(4 t).
+    assert np.all(found["x"] == 0.2)
+    exact = -1 - np.log(np.cosh(4 * found["t"])) / 2
+    assert np.max(np.abs(found["y"] - exact)) < within
+
+
+@pytest.mark.parametrize("method", STEPS)
+def test_a_spring_by_a_norm_begins_at_its_end(method):
+    text = KINK.replace("FORCE", "-hypot(x - 0.2, y + 1)").replace("FIELD", "-x - y")
+    text = text.replace("X", "(x - 0.2)").replace("Y", "(y + 1)")
+    steps, within = STEPS[method]
+    found = run(text.replace("METHOD", method + steps))
+    u, v = np.sqrt(2) * (found["x"] - 0.2), np.sqrt(2) * found["x_dot"]
+    assert np.max(u) > 1.5
+    assert np.max(np.abs(v**2 / 2 - (np.sqrt(2) * u - u**3 / 3))) < within
+    assert np.max(np.abs(found["x"] - 0.2 - found["y"] - 1)) < 1e-12

@@ -44,6 +44,18 @@ def progress(iteration: int, change: float, previous: float) -> int:
     return RENEW if rate > SLOW else GO_ON
 
 
+def take_finite(count: int, slopes: Floats) -> None:
+    """Let slopes (count,) without a value be 0, for Newton's method.
+
+    The force |v| v has the slope 0 where v = 0, but written with a root its derivative
+    is 0/0 there. Where such a slope is more than nothing, steps that are short enough
+    for the iteration lead to a state at which it has a value.
+    """
+    for k in range(count):
+        if not abs(slopes[k]) < 1e300:
+            slopes[k] = 0.0
+
+
 # --- dense L U with row interchanges --------------------------------------------------
 # Source: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., section 3.4.
 
