@@ -49,6 +49,8 @@ _SCRIPT = re.compile(
     r"""|(?<=[=(]\s)/[^/\n]+/|\(/[^/\n]+/|===|!==|=>|\+\+|--|>>|<<|\*\*|\?\.|\|\||&&"""
     r"""|[-+<>=!*/]=?|\d+(?:\.\d+)?(?:e-?\d+)?|\.\d+|[A-Za-z_$][\w$]*|\S"""
 )
+# How a file of kernels says so: by its words, or by what a kernel takes.
+_KERNELS = re.compile(r"native\.kernels\.words import|\bs: \w+, p: Parameters")
 
 
 class Room(NamedTuple):
@@ -94,6 +96,11 @@ ROOMS = {
 }  # fmt: skip
 # So many rooms a night, beside the page.
 A_NIGHT = 4
+# Where behaviour is held: a mutant that the tests of its room let live meets these, too.
+WAISTS = (
+    "tests/golden", "tests/scenes", "tests/invariance", "tests/hunt", "tests/cli",
+    "tests/api", "tests/run", "tests/studies",
+)  # fmt: skip
 
 
 class Mutant(NamedTuple):
@@ -213,9 +220,11 @@ def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]
 class Copy:
     """A copy of the tree in which mutants are tried, with native code of its own.
 
-    Coverage of a room's tests without a mutant tells which of them run a line: a
-    mutant is shown to these alone. What is translated to native code leaves no lines:
-    there it is those that run any line of the file, or else all tests of the room.
+    A mutant meets the tests of its room, all cases of them, and where these let it live
+    the quick ones of all that holds behaviour. Coverage without a mutant tells which of
+    them run a line: it is shown to these alone. Kernels are translated and leave no
+    lines, but those of the few tests that run them as Python: a mutant in a file with
+    kernels meets all tests.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -231,14 +240,14 @@ class Copy:
         self.covered: dict[tuple[str, ...], dict[str, dict[int, list[str]]]] = {}
 
     def _passes(
-        self, options: list[str], cache: Path, limit: float | None
+        self, options: list[str], cache: Path, limit: float | None, *, quick: bool
     ) -> bool | None:
         """Tell whether tests pass; None where they have not ended in time."""
         line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-        line += ["--no-header", *options]
+        line += ["--no-header", "-nauto" if quick else "-n0", *options]
         known = dict(os.environ, PYTHONPATH=str(self.tree), LAGSIM_CACHE=str(cache))
         known |= {"PYTHONDONTWRITEBYTECODE": "1", "COVERAGE_FILE": str(self.lines)}
-        known["LAGSIM_TEST_CASES"] = "all"
+        known["LAGSIM_TEST_CASES"] = "" if quick else "all"
         known.pop("PYTEST_XDIST_WORKER", None)
         try:
             done = subprocess.run(
@@ -254,8 +263,8 @@ class Copy:
         """Run tests without a mutant: how long they take, and which lines each runs."""
         self.cache.mkdir(exist_ok=True)
         began = time.monotonic()
-        cover = ["--cov=lagsim", "--cov-context=test", "--cov-report="]
-        passed = self._passes([*tests, *cover], self.cache, None)
+        cover = [*tests, "--cov=lagsim", "--cov-context=test", "--cov-report="]
+        passed = self._passes(cover, self.cache, None, quick=tests == WAISTS)
         assert passed, f"{tests} fail without a mutant"
         self.limits[tests] = 60.0 * PATIENCE + 3.0 * (time.monotonic() - began)
         data = CoverageData(str(self.lines))
@@ -265,21 +274,20 @@ class Copy:
         self.lines.unlink()
 
     def exercising(self, mutant: Mutant, tests: tuple[str, ...]) -> list[str]:
-        """Give those of some tests that run the line of a mutant."""
-        path = str(self.tree / mutant.path)
-        by_line = self.covered[tests].get(path, {})
-        here = by_line.get(mutant.line, [])
-        everywhere = [context for some in by_line.values() for context in some]
-        for contexts in (here, everywhere):
-            # `file::test[case]|run`; empty where a module is read.
-            found = sorted({context.rpartition("|")[0] for context in contexts} - {""})
-            if found:
-                return found
-        return list(tests)
+        """Give those of some tests that run the line of a mutant, or all of them."""
+        if _KERNELS.search((ROOT / mutant.path).read_text("utf-8")):
+            return list(tests)
+        contexts = self.covered[tests].get(str(self.tree / mutant.path), {})
+        # `file::test[case]|run`; empty where a module is read.
+        found = {one.rpartition("|")[0] for one in contexts.get(mutant.line, [])} - {""}
+        return sorted(found) or list(tests)
 
     def survives(self, mutant: Mutant, tests: tuple[str, ...] = ()) -> bool:
-        """Tell whether all tests of its room pass with a mutant; `tests` instead."""
-        tests = tests or ROOMS[mutant.room].tests
+        """Tell whether no test notices a mutant; of `tests` alone where given."""
+        every = (tests,) if tests else (ROOMS[mutant.room].tests, WAISTS)
+        return all(self._survives(mutant, some) for some in every)
+
+    def _survives(self, mutant: Mutant, tests: tuple[str, ...]) -> bool:
         if tests not in self.limits:
             self._begin(tests)
         # What a broken mutant leaves in the cache is not for the next one.
@@ -290,8 +298,8 @@ class Copy:
         text = path.read_text("utf-8")
         path.write_text(mutant.applied(text), "utf-8")
         try:
-            options = ["-n0", f"@{chosen}"]
-            return self._passes(options, cache, self.limits[tests]) is True
+            limit, quick = self.limits[tests], tests == WAISTS
+            return self._passes([f"@{chosen}"], cache, limit, quick=quick) is True
         finally:
             path.write_text(text, "utf-8")
 
