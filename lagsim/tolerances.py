@@ -1,12 +1,110 @@
-"""What decides that a number is zero, equal, small or done: each tolerance, once.
+"""Tolerances: constants that decide that a number is zero, equal, small or done.
 
-A value is a multiple of the unit roundoff where rounding decides, and a share of the
-scale that its name says where an error of a method or of a solve decides. Budgets (how
-many, how long, how large a file) stand in `limits`, a method's parameters in its file.
+Each stands here once, with its meaning. Where rounding decides, the value is a multiple
+of the unit roundoff; where an error of a method or of a solve decides, it is a share of
+the scale that its docstring names. Budgets (how many, how long, how large a file) stand
+in `limits`; coefficients, safety factors and step ratios of a method in its file.
 Kernels read these like any global of their module: they are constants when compiled.
 """
 
 from __future__ import annotations
 
+# --- floating-point numbers -----------------------------------------------------------
+
 UNIT_ROUNDOFF = 2.0**-53
 """The largest relative error of one operation in double precision."""
+
+OVERFLOW = 1e300
+"""The size from which on a number counts as not finite: what follows may overflow."""
+
+UNDERFLOW = 2.0**-1068
+"""The size below which a number has no digits: some of the least steps between two."""
+
+TINY = 1e-300
+"""What a divisor, or the argument of a logarithm, is at least: it has no zero then."""
+
+SQUARABLE = 1e140
+"""The size up to which squares, and sums of some of them, are finite."""
+
+# --- rounding -------------------------------------------------------------------------
+
+STATE_ROUNDOFF = 4.0 * UNIT_ROUNDOFF
+"""The relative error of a component of the state: what a double leaves of it, a few
+times. No tolerance is below it, and an entry that such a change makes is zero."""
+
+TERM_ROUNDOFF = 8.0 * UNIT_ROUNDOFF
+"""The relative error of a few operations: numbers that differ by less are equal, and a
+residual this small against its terms is rounding, whatever led to it."""
+
+TIME_ROUNDOFF = 16.0 * UNIT_ROUNDOFF
+"""The shortest step, as a part of t: below it a step makes no progress."""
+
+RATE_ROUNDOFF = 32.0 * UNIT_ROUNDOFF
+"""What the rounding of rates leaves in an error estimate, as a part of them."""
+
+RESIDUAL_ROUNDOFF = 64.0 * UNIT_ROUNDOFF
+"""The residual of a constraint after a Newton step, as a part of its terms."""
+
+STEP_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
+"""A Newton step onto constraints, as a part of the coordinates that it moves: rows all
+of whose terms vanish have no other scale."""
+
+SURFACE_ROUNDOFF = 512.0 * UNIT_ROUNDOFF
+"""How far off a surface rounding leaves a state, as a part of its size."""
+
+PROBE = 2.0**-36
+"""The relative change of a state that shows what its rounding does to y': large enough
+that the difference has digits, small enough that nothing bends."""
+
+# --- iterations -----------------------------------------------------------------------
+
+STALLED_RESIDUAL = 1e-12
+"""The residual against its terms up to which a projection may stop falling."""
+
+STALLED_STEP = 1e-9
+"""The Newton step against the state up to which steps of an implicit method may stop
+shrinking."""
+
+SAME_STEP = 1e-9
+"""Steps, and times, that differ by this part of a step are the same."""
+
+LEAST_PIVOT = 1e-13
+"""The least pivot as a part of the terms that it is left of: three digits are right
+then, which is enough for iterations."""
+
+SETTLED_IMPULSE = 1e-10
+"""The change of its own rate, by an impulse, at which relaxation of impulses ends, as a
+part of the rates around it."""
+
+SETTLED_POSITION = 1e-11
+"""The step against the size of the positions that ends the search of an equilibrium."""
+
+# --- zero, beside a scale -------------------------------------------------------------
+
+DEPENDENT_ROWS = 1e-10
+"""The singular value, against the largest, below which constraint rows are dependent in
+a linearisation."""
+
+NEARLY_DEPENDENT_ROWS = 1e-2
+"""The smallest singular value of scaled rows below which they are solved by QR: normal
+equations square their condition, and lambda loses half of its digits."""
+
+NEUTRAL_STIFFNESS = 1e-9
+"""The stiffness, against the largest, that counts as none."""
+
+NEUTRAL_EIGENVALUE = 1e-6
+"""The eigenvalue, against the largest, of a neutral direction: rounding sets its two
+zeros apart by the root of its size."""
+
+ASYMMETRY = 1e-8
+"""The asymmetry of a stiffness matrix, against it, where an energy gives the forces."""
+
+RESIDUAL_FORCE = 1e-6
+"""The force at an equilibrium, as a part of those around the start: at the centre of an
+attraction steps become small as well."""
+
+SLIP_AT_REST = 1e-8
+"""The slip, as a part of its rates, that relaxation leaves of one that rests."""
+
+UNCOUPLED = 2.0**-100
+"""The norm of what acts back, against that of a matrix, that counts as none."""

@@ -16,6 +16,13 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.linearisation import eigenmodes
 from lagsim.mechanics.structure import structure
+from lagsim.tolerances import (
+    ASYMMETRY,
+    NEUTRAL_EIGENVALUE,
+    NEUTRAL_STIFFNESS,
+    RESIDUAL_FORCE,
+    SETTLED_POSITION,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,20 +33,8 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 60
 MOST_HALVINGS = 12
-# A step this small against the size of the positions ends the iteration.
-SETTLED = 1e-11
-# A stiffness smaller than this part of the largest is none.
-NEUTRAL = 1e-9
-# Forces that are this symmetric come from an energy.
-SYMMETRIC = 1e-8
 # A step goes at most so far, against the size of the positions.
 REACH = 0.5
-# At an equilibrium nothing pulls harder than this part of the forces around the start:
-# steps become small at the centre of an attraction too.
-CALM = 1e-6
-# An eigenvalue smaller than this part of the largest is that of a neutral direction,
-# whose two zeros rounding sets apart by the root of its size.
-ZERO = 1e-6
 
 
 class Mode(NamedTuple):
@@ -74,7 +69,9 @@ class Mode(NamedTuple):
 
 def modes(linear: Linear) -> tuple[Mode, ...]:
     """Give the modes by rising frequency; neutral directions are left out."""
-    moving = eigenmodes(linear.R, lambda x: x > ZERO * np.max(x, initial=0.0))
+    moving = eigenmodes(
+        linear.R, lambda x: x > NEUTRAL_EIGENVALUE * np.max(x, initial=0.0)
+    )
     found = []
     k = linear.Zh.shape[1]
     for value, vector in zip(moving.values, moving.right.T, strict=True):
@@ -130,7 +127,7 @@ class _Search:
         """Give the change of a."""
         K, force = linear.stiffness, linear.force
         if not downhill:
-            found = np.linalg.lstsq(K, force, rcond=NEUTRAL)[0]
+            found = np.linalg.lstsq(K, force, rcond=NEUTRAL_STIFFNESS)[0]
             length = float(np.linalg.norm(found))
             return np.asarray(found * min(1.0, REACH * self.size / (length or 1.0)))
         w, U = np.linalg.eigh(0.5 * (K + K.T))
@@ -149,7 +146,7 @@ class _Search:
         self.reach = REACH * float(np.max(np.abs(q), initial=0.0) or 1.0)
         square = K.shape[0] == K.shape[1] and not self.e.model.forces
         skew = np.max(np.abs(K - K.T), initial=0.0) if square else np.inf
-        downhill = bool(skew <= SYMMETRIC * stiffest)
+        downhill = bool(skew <= ASYMMETRY * stiffest)
         for _ in range(MOST_STEPS):
             change = linear.Zh @ self.step(linear, downhill=downhill)
             change *= min(1.0, self.reach / (np.max(np.abs(change)) or 1.0))
@@ -182,15 +179,15 @@ class _Search:
         if not len(linear.force):
             return True
         K, force = linear.stiffness, linear.force
-        if np.linalg.norm(force) > CALM * self.pull:
+        if np.linalg.norm(force) > RESIDUAL_FORCE * self.pull:
             return False
         U, s, _ = np.linalg.svd(K, full_matrices=True)
         stiffest = float(s[0]) if len(s) else 0.0
-        firm = int(np.sum(s > NEUTRAL * stiffest))
+        firm = int(np.sum(s > NEUTRAL_STIFFNESS * stiffest))
         along = U.T @ force
         change = along[:firm] / s[:firm]
         loose = np.linalg.norm(along[firm:])
-        bound = SETTLED * self.size
+        bound = SETTLED_POSITION * self.size
         return bool(np.linalg.norm(change) <= bound and loose <= bound * stiffest)
 
 
@@ -212,7 +209,7 @@ def find_equilibrium(
         raise NoEquilibriumError("the equations depend on time")
     found = _Search(equations, linearisation, t, size).whole(np.array(q, dtype=float))
     linear = linearisation.at(t, found, np.zeros_like(found), resting=True)
-    if np.any(np.abs(linear.rates) > SETTLED * max(1.0, size)):
+    if np.any(np.abs(linear.rates) > SETTLED_POSITION * max(1.0, size)):
         raise NoEquilibriumError("the constraints do not let it rest")
     return found
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
+from lagsim.tolerances import DEPENDENT_ROWS, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -70,12 +71,8 @@ def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
 def weighted(moved: Complexes, masses: Floats) -> Floats:
     """Give shapes (n, k) by the roots of masses (n,), each at most 1."""
     shapes: Floats = np.abs(moved) * np.sqrt(masses)[:, None]
-    shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), 1e-300)
+    shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), TINY)
     return shapes
-
-
-# Rows more dependent than this count as dependent.
-DEPENDENT = 1e-10
 
 
 class Linear(NamedTuple):
@@ -242,7 +239,7 @@ class _Metric:
         sizes = np.linalg.norm(rows, axis=1)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
         U, s, V = np.linalg.svd(rows / sizes[:, None], full_matrices=True)
-        rank = int(np.sum(s > DEPENDENT * max(1.0, s[0] if len(s) else 1.0)))
+        rank = int(np.sum(s > DEPENDENT_ROWS * max(1.0, s[0] if len(s) else 1.0)))
         back = np.linalg.inv(self.L.T)
         self._scaled = (U[:, :rank], s[:rank], V[:rank], sizes)
         self.free = back @ V[rank:].T.reshape(n, -1)

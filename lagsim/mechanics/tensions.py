@@ -42,7 +42,7 @@ from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -480,10 +480,6 @@ class Squares:
         return x
 
 
-# Of a few operations: what numbers in a file may differ by.
-ROUNDED = 8 * UNIT_ROUNDOFF
-
-
 def accelerations(e: Equations) -> list[int] | None:
     """Give q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
@@ -552,7 +548,7 @@ def _alike(g: Graph, nodes: Vector) -> Vector:
     for k, node in nodes.items():
         number, rest = _number(g, node)
         numbers = met.setdefault(rest, [])
-        same = (x for x in numbers if math.isclose(x, number, rel_tol=ROUNDED))
+        same = (x for x in numbers if math.isclose(x, number, rel_tol=TERM_ROUNDOFF))
         number = next(same, number)
         numbers.append(number)
         found[k] = g.call("mul", g.constant(number), rest)

@@ -30,6 +30,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at, unrolled
 from lagsim.native.layout import array, part
+from lagsim.tolerances import OVERFLOW, SAME_STEP, UNCOUPLED
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -54,10 +55,6 @@ SMALL = 0.5
 TERMS = 14
 FORM_TERMS = 20
 SWEEPS = 64
-# Beyond, or if not finite, nothing is balanced.
-LARGEST = 1e300
-# Of the norm, where nothing that acts back has one.
-NEGLIGIBLE = 2.0**-100
 # Gauss-Legendre on [0, 1], 8 points (Abramowitz and Stegun, table 25.4). A quadratic
 # form of what moves by less than SMALL is off by 1e-17.
 NODES = (
@@ -203,7 +200,7 @@ def step(s: Exponential, p: Parameters) -> int:
     y, z, new, t = s.y, s.z, s.new, s.t
     after = next_time(s)
     h = after - t
-    if abs(h - s.made_for) > 1e-9 * s.made_for:
+    if abs(h - s.made_for) > SAME_STEP * s.made_for:
         make(s, h)
     for i in range(m - 1):
         z[i] = y[i]
@@ -211,7 +208,7 @@ def step(s: Exponential, p: Parameters) -> int:
     times_columns(m, s.F, z, new)
     for i in range(m - 1):
         new[i] = y[i] + new[i]
-        if not abs(new[i]) < 1e300:
+        if not abs(new[i]) < OVERFLOW:
             return NOT_FINITE
     if CONSTRAINED:
         work = s.work
@@ -347,15 +344,15 @@ def isolate(m: int, a: Floats, d: Floats) -> None:
     the rates of the motion are those of the rest. Parlett and Reinsch permute them out.
     """
     largest = coupled_norm(m, a)
-    largest = max(largest, NEGLIGIBLE * norm(m, m - 1, a))
+    largest = max(largest, UNCOUPLED * norm(m, m - 1, a))
     for i in range(m - 1):
         row = off_diagonal(m, a, i, m, 1)
         column = off_diagonal(m, a, i, 1, m)
         factor = 1.0
-        if column == 0.0 and row < LARGEST:
+        if column == 0.0 and row < OVERFLOW:
             while row > largest * factor:
                 factor = 2.0 * factor
-        elif row == 0.0 and column < LARGEST:
+        elif row == 0.0 and column < OVERFLOW:
             while column * factor > largest:
                 factor = 0.5 * factor
         if factor != 1.0:
@@ -388,7 +385,7 @@ def balancing(m: int, a: Floats, i: int) -> float:
     """Give the power of two that column i is to be multiplied by, row i divided."""
     column = off_diagonal(m, a, i, 1, m)
     row = off_diagonal(m, a, i, m, 1)
-    if column == 0.0 or row == 0.0 or not column + row < LARGEST:
+    if column == 0.0 or row == 0.0 or not column + row < OVERFLOW:
         return 1.0
     before = column + row
     factor = 1.0

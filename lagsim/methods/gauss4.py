@@ -51,6 +51,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -189,7 +190,7 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
     n, V, stages = s.n, s.V, s.stages
     unknowns = stages * n
     right = s.right
-    if abs(s.factored_h - h) > 1e-9 * h:
+    if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
     previous = 0.0
     for iteration in range(MOST):

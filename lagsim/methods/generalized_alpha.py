@@ -50,6 +50,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array, option
+from lagsim.tolerances import SAME_STEP
 
 if TYPE_CHECKING:
     from typing import TypedDict
@@ -211,7 +212,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     for i in range(n):
         a_new[i] = a[i]
     advance(s, h)
-    if abs(s.factored_h - h) > 1e-9 * h:
+    if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
     previous = 0.0
     for iteration in range(MOST):

@@ -47,6 +47,7 @@ from lagsim.methods.parts.parameters import (
 from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effort
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, SETTLED_IMPULSE, SLIP_AT_REST
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -96,7 +97,7 @@ def start(s: Moreau, p: Parameters) -> None:
     s.multipliers = s.size - p.met
     attempt(s, p, min(float(s.fixed_step), s.end - s.t))
     for i in range(s.size - p.met, s.size):
-        if abs(new[i]) < 1e300:
+        if abs(new[i]) < OVERFLOW:
             y[i] = new[i]
     record_extents(s)
 
@@ -211,18 +212,13 @@ def interpolate(s: Moreau, x: float, out: Floats) -> None:
 # Eng. 177 (1999) 235-257.
 
 NAN = float("nan")
-# Relaxation ends where no impulse changes its own rate by more than this part of the
-# rates it is among; or after so many sweeps, and that is told.
-SETTLED = 1e-10
-MOST_SWEEPS = 5000
+MOST_SWEEPS = 5000  # after which relaxation ends unsettled, and that is reported
 # A row that is met farther than it needs to be passes on what it changes to the next
 # ones faster: long stacks take a tenth of the sweeps (R. W. Cottle, J.-S. Pang and R.
 # E. Stone, The Linear Complementarity Problem, 1992, section 5.2: any factor below 2
 # converges). Few rows need none of it.
 PATIENT = 30
 BEYOND = 1.7
-# A slip is none below this part of its rates: what relaxation leaves of one that rests.
-AT_REST = 1e-8
 # A gap that opens by this part of the step's motion is touched: what relaxation leaves
 # must not let a pile fall for a step.
 NEAR = 1e-3
@@ -393,7 +389,7 @@ def relax(p: Parameters, count: int, h: float, v: Floats, w: Floats) -> int:
             worst = max(worst, meet(p, i, h, v, w, beyond))
         for back in range(count):
             worst = max(worst, meet(p, count - 1 - back, h, v, w, beyond))
-        if worst <= SETTLED:
+        if worst <= SETTLED_IMPULSE:
             return sweep + 1
     return 0
 
@@ -459,6 +455,6 @@ def limit(p: Parameters, k: int, h: float, v: Floats, asked: float) -> float:
     if p.met_statics[k] == p.met_bounds[k]:
         return float(static)
     i = int(p.among[k]) - 1
-    if asked <= static and abs(rate(p, k, v)) <= AT_REST * p.reaches[i]:
+    if asked <= static and abs(rate(p, k, v)) <= SLIP_AT_REST * p.reaches[i]:
         return float(static)
     return float(p.met_bounds[k] * factor_of)

@@ -66,6 +66,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, SAME_STEP, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -169,7 +170,7 @@ def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
 
 def verdict(s: Radau, p: Parameters, h: float, error: float) -> int:
     """Give DONE, or what is wrong with the step and, in s.h, the one to try next."""
-    if not error < 1e300:
+    if not error < OVERFLOW:
         s.h = 0.1 * h
         return NOT_FINITE
     if error < 0.0:
@@ -331,7 +332,7 @@ def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
 MOST = 10  # iterations
 # What Newton's method may leave, in parts of the tolerance; not below rounding.
 LEFT = 0.03
-ROUNDING = 10.0 * 2.0**-52
+ROUNDING = 20.0 * UNIT_ROUNDOFF
 
 
 class Radau(State):
@@ -378,7 +379,7 @@ def renew(s: Radau, p: Parameters, h: float) -> int:
         s.jacobian = 2.0
         s.factored_h = 0.0
     # The last bits of h do not matter to the iteration.
-    if abs(h - s.factored_h) <= 1e-9 * h:
+    if abs(h - s.factored_h) <= SAME_STEP * h:
         return 1
     s.factored_h = h
     s.factorisations += 2.0
@@ -442,12 +443,12 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
     rate = 0.0
     for iteration in range(MOST):
         size = newton_step(s, p, h)
-        if not size < 1e300:
+        if not size < OVERFLOW:
             return 0
         if iteration > 0:
             latest = size / previous
             rate = latest if iteration == 1 else sqrt(rate * latest)
-            left_over = rate / (1.0 - rate) if rate < 0.99 else 1e300
+            left_over = rate / (1.0 - rate) if rate < 0.99 else OVERFLOW
             ahead = MOST - 2 - iteration
             coming = left_over * size * rate**ahead / limit
             hopeless = coming >= 1.0 and left_over * size > limit

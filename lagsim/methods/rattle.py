@@ -25,7 +25,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import (
-    ROUNDING,
     is_finite,
     is_small,
     largest_part,
@@ -52,6 +51,7 @@ from lagsim.methods.parts.state import (
 from lagsim.methods.verlet import amplification, inseparable
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -73,7 +73,7 @@ CONSTRAINED = True
 
 # The iteration ends at this residual against its terms, or at this change against the
 # positions, or where rounding keeps the residual from falling.
-EXACT = 2.0**-52
+EXACT = 2.0 * UNIT_ROUNDOFF
 MOST = 30
 
 
@@ -144,16 +144,18 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
     n, y, masses, new, work, steps = s.n, s.y, s.masses, s.new, s.change, s.history
-    previous = 1e300
+    previous = OVERFLOW
     for made in range(MOST):
         position_step(after, new, p, work)
         residual = work[n]
         if residual <= EXACT or largest_part(0, s, h, new, work) <= EXACT:
             return 1
         stalled = residual > 0.5 * previous
-        if stalled and (residual <= ROUNDING or is_small(0, s, h, new, work) > 0):
+        if stalled and (
+            residual <= RESIDUAL_ROUNDOFF or is_small(0, s, h, new, work) > 0
+        ):
             return 1
-        if not residual < 1e300:
+        if not residual < OVERFLOW:
             return 0
         previous = residual
         moved = at(steps, made * n)

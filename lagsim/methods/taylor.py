@@ -32,7 +32,6 @@ from lagsim.methods.parts.constraints import (
     record_between,
 )
 from lagsim.methods.parts.control import (
-    HUGE,
     TIGHT,
     add_compensated,
     add_drift,
@@ -60,6 +59,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at, exponent, fused, mantissa, two_to
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, SQUARABLE
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -191,7 +191,7 @@ def conclude(s: Taylor, p: Parameters) -> bool:
         return True
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
-    if error < 1e300:
+    if error < OVERFLOW:
         shorter = two_to_the(log2_of(PASSED / error) / (s.series[0] + 1.0))
         s.h = h * max(SHORTEST, SHORTER * shorter)
         s.trouble = STEP_TOO_SMALL
@@ -232,7 +232,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
     error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     # Perhaps it is nothing but rounding.
-    doubtful = error > PASSED and error < 1e300
+    doubtful = error > PASSED and error < OVERFLOW
     if doubtful and allow_roundoff(s, p, h, new, at(c, 1 + size), 1.0):
         error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
     return passable(s, error) if CONSTRAINED else error
@@ -389,7 +389,7 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
             second = max(second, abs(c[k - size]) * part)
             third = max(third, abs(c[k - 2 * size]) * part)
             fourth = max(fourth, abs(c[k - 3 * size]) * part)
-    if not max(last, second, third, fourth) < 1e300:
+    if not max(last, second, third, fourth) < OVERFLOW:
         return 0.0
     logarithm = min(
         bound(fourth, 4.0 * LOG_SHRINK, order - 3),
@@ -468,8 +468,8 @@ def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> fl
     for i in range(size):
         if tolerances[i] > 0.0:
             off = abs(slope[i] - rates[i]) * part
-            found = min(HUGE, off / max(LEAST_NUMBER, tolerances[i]))
-            worst = max(worst, found if off < 1e300 else 1e300)
+            found = min(SQUARABLE, off / max(LEAST_NUMBER, tolerances[i]))
+            worst = max(worst, found if off < OVERFLOW else OVERFLOW)
     return worst
 
 
@@ -477,7 +477,7 @@ def is_finite(size: int, y: Floats) -> bool:
     """Tell whether all components of y (size,) are."""
     finite = True
     for i in range(size):
-        finite = finite and abs(y[i]) < 1e300
+        finite = finite and abs(y[i]) < OVERFLOW
     return finite
 
 

@@ -30,10 +30,10 @@ from lagsim.methods import method, names, options_of
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
 from lagsim.plan.formulation import formulate
-from lagsim.plan.plan import ANY, WELL_CONDITIONED, Part, Plan, newton_of
+from lagsim.plan.plan import ANY, Part, Plan, newton_of
 from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
 from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
 # distance over which a relation changes.
 AROUND = 3
 NEARBY = 0.1
-# What a double leaves of a coordinate, a few times: an entry of this origin is zero.
-ROUNDED = 4.0 * UNIT_ROUNDOFF
 
 
 def usual_lengths(
@@ -87,7 +85,7 @@ def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
         return np.full(len(point.e.rows), np.nan)
     names = (*point.e.q, *point.e.velocities)
     values = np.concatenate([q, v])
-    errors = dict(zip(names, ROUNDED * np.abs(values), strict=True))
+    errors = dict(zip(names, STATE_ROUNDOFF * np.abs(values), strict=True))
     return scaled_rows(point, q, v, solving_metric, errors)[1]
 
 
@@ -309,7 +307,7 @@ def eliminate(
         return None
     n, m = len(equations.q), len(equations.rows)
     dense = dense_operations(n, m)
-    close = start.ranks.smallest < WELL_CONDITIONED
+    close = start.ranks.smallest < NEARLY_DEPENDENT_ROWS
     reason = f"the constraints are nearly dependent ({start.ranks.smallest:.1e})"
     if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
@@ -322,7 +320,7 @@ def eliminate(
         return None
     if close:
         independence = independence_of(equations, start, lengths, elimination)
-        if independence < WELL_CONDITIONED:
+        if independence < NEARLY_DEPENDENT_ROWS:
             slow = f"{reason}, at the price of {dense} multiplications"
             choices.append(Choice("solve: loops with QR", slow))
             return None

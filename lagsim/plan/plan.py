@@ -28,9 +28,6 @@ def newton_of(name: str, equations: Equations) -> Newton | None:
 
 # The method that handles everything.
 ANY = "dop853"
-# Normal equations square the condition of the rows: below this the loops with their QR
-# decomposition take over (numerics: S loses half of the digits of lambda).
-WELL_CONDITIONED = 1e-2
 
 
 class Part(NamedTuple):

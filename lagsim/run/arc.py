@@ -12,9 +12,8 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
-from lagsim.methods.parts.driver import ROUNDED
-from lagsim.plan.plan import WELL_CONDITIONED
 from lagsim.run.system.functions import held_together
+from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, SURFACE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -49,7 +48,7 @@ def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> floa
 
     As `methods.parts.driver.pulled`: each coordinate counts by the push that it gets.
     """
-    more = np.abs(change) > ROUNDED * sizes
+    more = np.abs(change) > SURFACE_ROUNDOFF * sizes
     moved = float(masses @ np.where(more, change, 0.0) ** 2)
     if moved == 0.0:
         return 0.0
@@ -335,4 +334,4 @@ def _set_watch(state: State, plan: Plan) -> None:
     state.close_below = CLOSE * plan.independence
     state.lost_below = LOST * plan.independence
     straight = plan.elimination is not None
-    state.degenerate_below = WELL_CONDITIONED if straight else 0.0
+    state.degenerate_below = NEARLY_DEPENDENT_ROWS if straight else 0.0

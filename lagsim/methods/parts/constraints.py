@@ -20,22 +20,18 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import (
+    OVERFLOW,
+    RESIDUAL_ROUNDOFF,
+    STALLED_RESIDUAL,
+    STEP_ROUNDOFF,
+    TERM_ROUNDOFF,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-# What a Newton step leaves of a residual is rounding if this small against its terms.
-# Terms know what a double can hold of a position, whatever else stands in the scene.
-LAST = 2.0**-50
-# No row gets a residual of more than this, of its terms, by what a step is off.
-UNIT = 2.0**-53
-# A residual this small against its terms is rounding.
-ROUNDING = 2.0**-47
-# Where steps no longer shrink, they are rounding if the residual is smaller than this.
-STALLED = 1e-12
-# A step this small against the coordinates that it moves is rounding, too: there may be
-# rows all of whose terms vanish.
-SMALL = 2.0**-46
 MOST = 12
 
 
@@ -92,9 +88,9 @@ def met_part(s: Rank, order: float) -> float:
     """
     if s.fixed_rows == 0.0:
         return 0.0
-    if s.missed <= UNIT:
+    if s.missed <= UNIT_ROUNDOFF:
         return 1.0
-    return float((UNIT / s.missed) ** (1.0 / order))
+    return float((UNIT_ROUNDOFF / s.missed) ** (1.0 / order))
 
 
 def project_level(
@@ -112,11 +108,11 @@ def project_level(
             s.missed = max(s.missed, work[n])
         # Residuals shrink by more than half, or they are rounding.
         stalled = iteration > 0 and work[n] >= 0.5 * previous
-        done = work[n + 2] <= LAST or work[n] <= ROUNDING
+        done = work[n + 2] <= TERM_ROUNDOFF or work[n] <= RESIDUAL_ROUNDOFF
         if not done:
             done = is_small(level, s, h, part, work) > 0
         if stalled:
-            return 1 if done or work[n] <= STALLED else 0
+            return 1 if done or work[n] <= STALLED_RESIDUAL else 0
         for i in range(n):
             part[i] += work[i]
         if done:
@@ -146,7 +142,7 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
         share = masses[i] * step[i] * step[i] / moved
         largest = max(abs(x[i]), sizes[i], moment * parts[i])
         whole += share * masses[i] * largest * largest
-    return 1 if moved <= SMALL * SMALL * whole else 0
+    return 1 if moved <= STEP_ROUNDOFF * STEP_ROUNDOFF * whole else 0
 
 
 def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -161,9 +157,9 @@ def is_finite(n: int, x: Floats) -> bool:
     """Tell whether all components of x (n,) are finite."""
     largest = 0.0
     for i in range(n):
-        if not abs(x[i]) < 1e300:
-            largest = 1e300
-    return largest < 1e300
+        if not abs(x[i]) < OVERFLOW:
+            largest = OVERFLOW
+    return largest < OVERFLOW
 
 
 def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
@@ -180,11 +176,11 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
     largest = 0.0
     for i in range(n):
         change = abs(step[i])
-        if not change < 1e300:
-            return 1e300
+        if not change < OVERFLOW:
+            return OVERFLOW
         if change > 0.0:
             own = max(abs(x[i]), sizes[i], moment * parts[i])
-            part = change / own if change < own * 1e300 else 1.0
+            part = change / own if change < own * OVERFLOW else 1.0
             largest = max(largest, part)
     return float(largest)
 

@@ -25,6 +25,16 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import apart, at, fused
 from lagsim.native.layout import array, part
+from lagsim.tolerances import (
+    OVERFLOW,
+    PROBE,
+    RATE_ROUNDOFF,
+    SQUARABLE,
+    STATE_ROUNDOFF,
+    TERM_ROUNDOFF,
+    UNDERFLOW,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -41,15 +51,10 @@ LEAK = 1e-2
 WIDTH = 0.7
 # Of the length of an arc: too short to matter.
 INSTANT = 1e-6
-# A value is not known better than this part of itself.
-ROUNDOFF = 4.0 * 2.0**-53
-# At tight tolerances the floor is a part of the last place: truncation up to ROUNDOFF
-# acts the same way in every step and so outgrows rounding, of which sums lose little.
-FINEST = 2.0**-55
-# Below this a number has no digits to control: some of the smallest steps between two.
-UNDERFLOW = 2.0**-1068
-# The square of this is finite.
-HUGE = 1e140
+# At tight tolerances the floor is a part of the last place: truncation up to the
+# roundoff of the state acts the same way in every step and so outgrows rounding, of
+# which sums lose little.
+FINEST = 0.25 * UNIT_ROUNDOFF
 # The first step of all, an Euler step, is this part of what lies between two rows; and
 # how much longer the next may be, and how often the guess is made again.
 EULER = 1e-2
@@ -167,7 +172,7 @@ def set_tolerances(
     instant = max(instant, 0.0)
     moment = max(h, instant)
     rtol = LOCAL * s.rtol
-    floor = FINEST if s.rtol < TIGHT else ROUNDOFF
+    floor = FINEST if s.rtol < TIGHT else STATE_ROUNDOFF
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
@@ -221,8 +226,8 @@ def against(error: float, tolerance: float) -> float:
     It may be rounding, though much more than a component that rests should have.
     """
     part = abs(error / tolerance)
-    if abs(error) < 1e300:
-        part = min(part, HUGE)
+    if abs(error) < OVERFLOW:
+        part = min(part, SQUARABLE)
     return part
 
 
@@ -263,7 +268,7 @@ def allow_roundoff(
         roundoff, z = s.roundoff, s.work
         rounding(t + h, new, p, z)
         for i in range(2 * n, size):
-            if abs(z[i - n]) < 1e300:
+            if abs(z[i - n]) < OVERFLOW:
                 roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
         # Nor has it where rows balance them, or surfaces, but velocities have.
         if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
@@ -302,7 +307,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
         for i in range(n, size):
             rate = abs(slopes[i])
             rests = abs(k[i]) <= roundoff[i] and foreseen[i] == 0.0
-            if rests and roundoff[i] < rate and rate < 1e300:
+            if rests and roundoff[i] < rate and rate < OVERFLOW:
                 foreseen[i] = instant * rate
                 z[i] = y[i] + instant * slopes[i]
                 if i < 2 * n:
@@ -324,7 +329,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     foresee(s, p, k)
     span = s.end - s.t
     h = min(EULER * s.row_step, span)
-    part = (LOCAL * max(float(s.rtol), ROUNDOFF)) ** (1.0 / order)
+    part = (LOCAL * max(float(s.rtol), STATE_ROUNDOFF)) ** (1.0 / order)
     guess = h
     for _ in range(MOST_GUESSES):
         for i in range(size):
@@ -346,10 +351,10 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """
     tolerances = s.tolerances
-    least = 1e300
+    least = OVERFLOW
     for i in range(s.size):
         change = abs(slopes[i] - k[i])
-        if not change < 1e300:
+        if not change < OVERFLOW:
             return 1e-3 * h
         if h * change > tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
             least = min(least, h * abs(k[i]) / change)
@@ -378,16 +383,11 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 CONSTRAINED = True
 SWITCHES = True
 
-# Rates of the size of one leave so much in the error estimate, by their rounding.
-RATE_ROUNDOFF = 32.0 * 2.0**-53
 # Of what a relative change of the state by one would do; it is rounded to nearest.
 PROBED = 0.5
-# A relative change of the state this small shows what its rounding does to y'.
-PROBE = 2.0**-36
-# And so does one of some last places. A step that moves by fewer than so many is short.
-ROUNDED = 2.0**-50
 # Of what that does, what rounding leaves in the error estimate.
-PERTURBED = RATE_ROUNDOFF * PROBED / ROUNDED
+PERTURBED = RATE_ROUNDOFF * PROBED / TERM_ROUNDOFF
+# A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
 # rounding as can be.
@@ -441,11 +441,11 @@ def perturb(
     for i in range(size):
         out[i] = 0.0
     for way in range(2):
-        move_aside(size, y, ROUNDED if way == 0 else -ROUNDED, z)
+        move_aside(size, y, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
         derivative(t, z, p, slopes)
         for i in range(size):
             change = abs(slopes[i] - rates[i])
-            if change < 1e300:
+            if change < OVERFLOW:
                 out[i] = max(out[i], change)
 
 
@@ -460,7 +460,7 @@ def bound_roundoff_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None
         ahead[i] = y[i] + h * k[i] if i < n else y[i]
     rounding(s.t + h, ahead, p, z)
     for i in range(n, 2 * n):
-        if abs(z[i - n]) < 1e300:
+        if abs(z[i - n]) < OVERFLOW:
             roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
 
 
@@ -481,7 +481,7 @@ def bound_roundoff(
     if sigma >= 1.0:
         add_probe(s, p, t, y, k)
     for i in range(n, size):
-        if not roundoff[i] < 1e300:
+        if not roundoff[i] < OVERFLOW:
             roundoff[i] = 0.0
         roundoff[i] = RATE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
 
@@ -551,7 +551,7 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
     s.evaluations += 1.0
     for i in range(size):
         drift = (out[i] - k[i]) / LARGER
-        out[i] = drift if abs(drift) < 1e300 else 0.0
+        out[i] = drift if abs(drift) < OVERFLOW else 0.0
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:

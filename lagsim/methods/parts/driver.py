@@ -14,7 +14,6 @@ from lagsim.methods.parts.control import drop_compensation
 from lagsim.methods.parts.missed import (
     BETWEEN,
     GOLDEN,
-    TINY,
     Signals,
     find_defect,
     hardly_varies,
@@ -45,6 +44,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -58,9 +58,6 @@ ADAPTIVE = True
 # By then the first steps, which are guessed, have grown to what the motion needs.
 SETTLING = 10.0
 NOWHERE = -1
-# A state that is pulled by this part of its size was off by rounding: some of 2^-47,
-# within which it is on a surface.
-ROUNDED = 2.0**-44
 
 
 class State(Signals):
@@ -266,7 +263,7 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
         if first == 0:
             reach = high[i] - low[i] + h * reach
         whole += (masses[i] * change * reach) ** 2
-        if not change <= ROUNDED * sizes[k]:
+        if not change <= SURFACE_ROUNDOFF * sizes[k]:
             moved += masses[i] * change * change
     if moved == 0.0:
         return 0.0
@@ -395,9 +392,6 @@ def tabulate(
 # Steps towards what happens at its own time are this part of the way to it.
 CLOSER = 0.25
 
-# Below this many units in the last place of t a step makes no progress.
-SMALLEST = 8.0 * 2.0**-52
-
 # What is closer than so many of the smallest steps has been reached.
 REACHED = 4.0
 
@@ -426,7 +420,7 @@ def usable_step(s: State, p: Parameters) -> float:
     # Not t + 1.01 h >= END: rounded, that holds for ever at the last digit of t.
     if 1.01 * h >= rest:
         return float(rest)
-    if not h > SMALLEST * max(abs(t), 1e-6 * rest):
+    if not h > TIME_ROUNDOFF * max(abs(t), 1e-6 * rest):
         return 0.0
     return float((t + h) - t)
 
@@ -438,7 +432,7 @@ def up_to_feature(s: State, h: float) -> float:
     """
     away = s.feature - s.t
     before = away - s.feature_reach - s.feature_width
-    if before > REACHED * SMALLEST * abs(s.t):
+    if before > REACHED * TIME_ROUNDOFF * abs(s.t):
         return float(min(h, before))
     if away < -s.feature_reach:
         return h

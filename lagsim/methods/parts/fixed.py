@@ -6,7 +6,6 @@ from math import floor
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.control import (
-    ROUNDOFF,
     bound_roundoff,
     record_extents,
     record_sizes,
@@ -17,6 +16,7 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import derivative
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, SAME_STEP, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -53,7 +53,7 @@ def next_time(s: State) -> float:
     """Give the end of the step: a whole number of steps into the arc, or its end."""
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
-    if after + 1e-9 * s.fixed_step >= s.end:
+    if after + SAME_STEP * s.fixed_step >= s.end:
         return float(s.end)
     return float(after)
 
@@ -80,7 +80,7 @@ def judge(
     stay 0 under forces that cancel, of positions far from the origin.
     """
     state = progress(iteration, moved, previous)
-    if state == CONVERGED or iteration == 0 or not moved < 1e300:
+    if state == CONVERGED or iteration == 0 or not moved < OVERFLOW:
         return state
     if moved >= 0.5 * previous and is_rounding(s, p, h, v, change):
         return CONVERGED
@@ -96,7 +96,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
     roundoff = at(s.roundoff, n)
     most = 0.0
     for i in range(n):
-        known = ROUNDOFF * abs(v[i]) + h * roundoff[i]
+        known = STATE_ROUNDOFF * abs(v[i]) + h * roundoff[i]
         if not abs(change[i]) <= known:
             most = 1.0
     return most == 0.0

@@ -20,8 +20,6 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.constraints import Rank
 from lagsim.methods.parts.control import (
     PERTURBED,
-    RATE_ROUNDOFF,
-    ROUNDED,
     move_aside,
     perturb,
 )
@@ -34,6 +32,7 @@ from lagsim.methods.parts.state import (
     signals,
 )
 from lagsim.native.layout import array
+from lagsim.tolerances import OVERFLOW, RATE_ROUNDOFF, TERM_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -77,7 +76,6 @@ PASSED = 1e4
 # Slopes are differences over this part of a step, of fourth order: exact to rounding
 # for the polynomials that they are taken of.
 BESIDE = 2.0**-8
-TINY = 1e-300
 AT_END = 1e-9
 
 
@@ -221,7 +219,7 @@ def known(s: Signals, k: int, width: float) -> bool:
     guess = a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
     turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * middle[rate]
     off = max(abs(guess - m), TURNED * abs(turned))
-    if not off < 1e300:
+    if not off < OVERFLOW:
         return False
     if off <= KNOWN * max(abs(m - a), abs(m - b)):
         return True
@@ -457,7 +455,7 @@ def expect(s: Signals) -> None:
     sizes = s.sizes_before
     for i in range(n, s.size):
         push = EXPECTED * delta * abs(right[i] - slope[i])
-        if push < 1e300:
+        if push < OVERFLOW:
             sizes[i] = max(sizes[i], push)
             if i < 2 * n:
                 sizes[i - n] = max(sizes[i - n], delta * push)
@@ -511,7 +509,7 @@ def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
     most = 0.0
     for way in range(2):
         interpolate(s, x, z)
-        move_aside(s.size, z, ROUNDED if way == 0 else -ROUNDED, z)
+        move_aside(s.size, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
         move_within(s, 1.0 if way == 0 else -1.0, z)
         signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
         most = max(most, float(abs(s.signals_beside[k] - b)))

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
+from lagsim.tolerances import LEAST_PIVOT, OVERFLOW, STALLED_STEP, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
 
-# What is left is rounding below this, against the size of what is solved for.
-ROUNDING = 2.0**-53
-# Steps that no longer shrink are rounding if smaller than this.
-STALLED = 1e-9
 # At a slower rate the derivatives are evaluated anew.
 SLOW = 0.05
 MOST = 30
@@ -30,14 +27,16 @@ LOST = 3
 
 def progress(iteration: int, change: float, previous: float) -> int:
     """Judge by the size of a step and of the one before, relative to the whole."""
-    if not change < 1e300:
+    if not change < OVERFLOW:
         return LOST
     if change == 0.0:
         return CONVERGED
     if iteration == 0:
         return GO_ON
     rate = change / previous
-    if change * min(1.0, rate) <= ROUNDING or (rate >= 0.5 and change <= STALLED):
+    if change * min(1.0, rate) <= UNIT_ROUNDOFF or (
+        rate >= 0.5 and change <= STALLED_STEP
+    ):
         return CONVERGED
     if iteration == MOST - 1:
         return LOST
@@ -84,7 +83,7 @@ def decompose(n: int, A: Floats, pivots: Floats) -> int:
         pivots[i] = 0.0
         for j in range(n):
             pivots[i] = max(pivots[i], abs(A[i * n + j]))
-        if not 0.0 < pivots[i] < 1e300:
+        if not 0.0 < pivots[i] < OVERFLOW:
             return 0
     for k in range(n):
         best = largest_in_column(n, k, A, pivots)
@@ -148,10 +147,6 @@ def solve(n: int, A: Floats, pivots: Floats, x: Floats) -> None:
 #
 # Source: T. A. Davis, Direct Methods for Sparse Linear Systems (2006), chapter 6.
 
-# The part of its terms that a pivot must be: three digits are right then, which is
-# enough for iterations.
-LEFT_OVER = 1e-13
-
 
 def sum_real(p: Parameters, g: float, J: Floats, K: Floats) -> None:
     """Give C0 + g C1 + g^2 C2 of their entries J, where the factors will be."""
@@ -189,7 +184,7 @@ def factor_real(p: Parameters, g: float, J: Floats, K: Floats, x: Floats) -> int
             for j in range(diagonal + 1, int(starts[above + 1])):
                 x[int(columns[j])] -= part * K[j]
             largest = max(largest, abs(before - x[i]))
-        if not LEFT_OVER * largest < abs(x[i]) < 1e300:
+        if not LEAST_PIVOT * largest < abs(x[i]) < OVERFLOW:
             return 0
         for k in range(first, end):
             K[k] = x[int(columns[k])]
@@ -235,7 +230,7 @@ def factor_pair(
             for j in range(diagonal + 1, int(starts[above + 1])):
                 subtract(at(x, 2 * int(columns[j])), part[0], part[1], at(K, 2 * j))
             largest = max(largest, abs(before - own[0]) + abs(before_i - own[1]))
-        if not LEFT_OVER * largest < abs(own[0]) + abs(own[1]) < 1e300:
+        if not LEAST_PIVOT * largest < abs(own[0]) + abs(own[1]) < OVERFLOW:
             return 0
         for k in range(first, end):
             take(at(x, 2 * int(columns[k])), at(K, 2 * k))

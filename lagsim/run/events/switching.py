@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.driver import SMALLEST
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR, SERIES, most_pulled, pulled
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
@@ -21,6 +20,7 @@ from lagsim.run.events.modes import ABOVE, BELOW, ON, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.tolerances import TIME_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -297,7 +297,7 @@ class Switching(Source):
         k, ahead = self._next(arc)
         if not arc.t + ahead < arc.end:
             return None
-        met = self._is_on(arc, k) or ahead <= SMALLEST * abs(arc.t)
+        met = self._is_on(arc, k) or ahead <= TIME_ROUNDOFF * abs(arc.t)
         return k if met else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:

@@ -1,0 +1,562 @@
+"""q'' and lambda as nodes of the graph: values, digits, and how many operations.
+
+They are found along chains, by the forces in massless links, or entry by entry; the
+same equations with M and A written out tell what they are.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import Meter, TooLongError
+from lagsim.mechanics.equations import derive
+from lagsim.mechanics.ldl import Elimination, affordable, factored_mass, without_rows
+from lagsim.mechanics.tensions import accelerations
+from lagsim.model.reader import read, read_file
+from tests.support import MODELS, run
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
+
+
+def document(
+    coordinates: Iterable[str], definitions: Iterable[str], energy: str, more: str = ""
+) -> str:
+    names = list(coordinates)
+    return "\n".join(
+        [
+            "parameters: {m: 0.7, l: 0.3, g: 9.81, M: 2.0}",
+            f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}",
+            "definitions:",
+            *(f"  {line}" for line in definitions),
+            f"energy: {{{energy}}}",
+            more,
+            f"initial: {{{', '.join(f'{name}: {{guess: 0.4}}' for name in names)}}}",
+            "simulation: {duration: 0.1, output_step: 0.01}",
+        ]
+    )
+
+
+def bodies(
+    above: Sequence[int],
+    *,
+    pivot: tuple[str, str] = ("0", "0"),
+    own: Sequence[str] = (),
+    relative: bool = False,
+    energy: tuple[str, str] = ("0", "0"),
+    loss: str = "",
+    masses: Sequence[float] = (),
+    lengths: Sequence[float] = (),
+    more: str = "",
+) -> str:
+    """Give the text of masses on links, link k on the mass above[k - 1] or the pivot.
+
+    Parameters
+    ----------
+    own
+        Coordinates beside the angles.
+    relative
+        Angles are those between links.
+    energy
+        What is added to the kinetic and to the potential energy.
+    """
+    numbers = range(1, len(above) + 1)
+    m = dict(zip(numbers, map(repr, map(float, masses)), strict=False))
+    lengths_of = dict(zip(numbers, map(repr, map(float, lengths)), strict=False))
+    angle = "b" if relative else "a"
+    lines = []
+    for k, j in zip(numbers, above, strict=True):
+        if relative:
+            lines.append(f"b{k}: {f'b{j} + ' if j else ''}a{k}")
+        x, y = (f"x{j}", f"y{j}") if j else pivot
+        length = lengths_of.get(k, "l")
+        lines += [
+            f"x{k}: {x} + {length}*sin({angle}{k})",
+            f"y{k}: {y} - {length}*cos({angle}{k})",
+        ]
+    squares = (f"{m.get(k, 'm')}*(x{k}_dot^2 + y{k}_dot^2)/2" for k in numbers)
+    heights = (f"{m.get(k, 'm')}*g*y{k}" for k in numbers)
+    return document(
+        [*own, *(f"a{k}" for k in numbers)],
+        lines,
+        f"kinetic: {' + '.join((*squares, energy[0]))}, "
+        f"potential: {' + '.join((*heights, energy[1]))}{loss}",
+        more,
+    )
+
+
+def chain(n: int) -> str:
+    return bodies(range(n))
+
+
+def tree(seed: int, n: int, *, relative: bool = False, closed: bool = False) -> str:
+    """Give a random tree of masses and wheels on links of a pivot that moves."""
+    random = np.random.default_rng(seed)
+    above = [0, *(int(random.integers(max(0, k - 4), k)) for k in range(2, n + 1))]
+    wheels = (f"0.05*a{k}_dot^2" for k in range(3, n + 1, 3))
+    shut = f"constraints: {{shut: x{n}^2 + y{n}^2 = x{n - 1} + 1}}\n" if closed else ""
+    return bodies(
+        above,
+        pivot=("0.2*sin(3*t)", "0.1*cos(2*t)"),
+        relative=relative,
+        energy=(
+            " + ".join((*wheels, f"0.05*x2_dot*y{n}_dot")),
+            f"2*((x{n} - x1)^2 + y{n}^2)",
+        ),
+        loss=f", dissipation: 0.1*(x{n}_dot^2 + a2_dot^2)",
+        masses=random.uniform(0.3, 1.0, n),
+        lengths=random.uniform(0.3, 1.0, n),
+        more=f"{shut}forces: {{x{n - 1}: 1.5*cos(t), a1: 0.3}}",
+    )
+
+
+def in_space(n: int) -> str:
+    """Give a chain of masses on links in space, in two angles each."""
+    lines, squares = [], []
+    for k in range(1, n + 1):
+        x, y, z = (f"{c}{k - 1} + " if k > 1 else "" for c in "xyz")
+        lines += [
+            f"x{k}: {x}sin(u{k})*cos(w{k})",
+            f"y{k}: {y}sin(u{k})*sin(w{k})",
+            f"z{k}: {z}cos(u{k})",
+        ]
+        squares.append(f"x{k}_dot^2 + y{k}_dot^2 + z{k}_dot^2")
+    heights = " + ".join(f"z{k}" for k in range(1, n + 1))
+    energy = f"kinetic: ({' + '.join(squares)})/2, potential: {heights}"
+    return document((f"{c}{k}" for k in range(1, n + 1) for c in "uw"), lines, energy)
+
+
+def springs(n: int) -> str:
+    """Give masses that hang on each other by massless springs."""
+    numbers = range(1, n + 1)
+    lines = ["x0: 0", "y0: 0"]
+    for k in numbers:
+        lines += [
+            f"x{k}: x{k - 1} + (l + r{k})*sin(a{k})",
+            f"y{k}: y{k - 1} - (l + r{k})*cos(a{k})",
+        ]
+    squares = " + ".join(f"m*(x{k}_dot^2 + y{k}_dot^2)/2" for k in numbers)
+    work = " + ".join(f"m*g*y{k} + 20*r{k}^2/2" for k in numbers)
+    energy = f"kinetic: {squares}, potential: {work}"
+    return document((f"{c}{k}" for k in numbers for c in "ra"), lines, energy)
+
+
+def by_velocities(n: int) -> str:
+    """Give a chain whose velocities are written by hand: nothing tells its places."""
+    lines = ["vx0: 0", "vy0: 0"]
+    for k in range(1, n + 1):
+        lines += [
+            f"vx{k}: vx{k - 1} + cos(a{k})*a{k}_dot",
+            f"vy{k}: vy{k - 1} + sin(a{k})*a{k}_dot",
+        ]
+    squares = " + ".join(f"vx{k}^2 + vy{k}^2" for k in range(1, n + 1))
+    heights = " - ".join(f"{n - k + 1}*cos(a{k})" for k in range(1, n + 1))
+    energy = f"kinetic: ({squares})/2, potential: -{heights}"
+    return document((f"a{k}" for k in range(1, n + 1)), lines, energy)
+
+
+def couples(n: int) -> str:
+    """Give pairs of coordinates that do not meet."""
+    names = [f"a{k}" for k in range(2 * n)]
+    pairs = (f"(a{k}_dot + sin(a{k})*a{k + 1}_dot)^2" for k in range(0, 2 * n, 2))
+    squares = (f"{name}_dot^2" for name in names)
+    energy = f"kinetic: {' + '.join((*pairs, *squares))}, potential: 0"
+    return document(names, ["far: 0"], energy)
+
+
+LINE = tuple(range(7))
+TREE = (0, 1, 1, 2, 2, 2, 4)
+DRIVEN = "forces: {x4: 1.5*cos(t), a1: 0.3}"
+LOSSES = ", dissipation: 0.1*(x5_dot^2 + a2_dot^2)"
+TWISTED = " + ".join(f"2.5*(a{k} - a{k - 1})^2/2" for k in range(2, 8))
+# Masses on massless links.
+LINKS = {
+    "pair": bodies(LINE[:2]),
+    "two trees": bodies((*TREE, 0, 8)),
+    "cart": bodies(LINE, pivot=("s", "0"), own=("s",), energy=("M*s_dot^2/2", "0")),
+    "free": bodies(
+        LINE,
+        pivot=("s", "h"),
+        own=("s", "h"),
+        energy=("M*(s_dot^2 + 3*h_dot^2)/2", "M*g*h"),
+    ),
+    "moving": bodies(
+        LINE, pivot=("0.2*sin(3*t)", "0.1*cos(2*t)"), loss=LOSSES, more=DRIVEN
+    ),
+    "twisted": bodies(LINE, energy=("0", TWISTED)),
+    "springs": bodies(LINE, energy=("0", "2*((x7 - x1)^2 + y7^2)")),
+    "relative tree": bodies(
+        TREE, relative=True, pivot=("0.2*sin(3*t)", "0"), loss=LOSSES, more=DRIVEN
+    ),
+    "springs in a row": springs(4),
+    "in space": in_space(4),
+}
+# Whose M is that of chains.
+CHAINS = {
+    "tree": tree(1, 24),
+    "large tree": tree(2, 32),
+    "relative angles": tree(3, 28, relative=True),
+    "closed loop": tree(4, 14, closed=True),
+    "closed, relative": tree(5, 28, relative=True, closed=True),
+    "long in space": in_space(8),
+    "chain": chain(20),
+    "by velocities": by_velocities(12),
+}
+# Rows: of relations between positions, between velocities, and both.
+ROWS = (
+    "andrews",
+    "appell-hamel",
+    "bead-hoop-cartesian",
+    "car-axis",
+    "chain-cartesian",
+    "chaplygin-sleigh",
+    "elastic-pendulum-steered",
+    "pendulum-cartesian",
+    "rolling-disk",
+)
+
+
+@cache
+def equations_of(name: str, *, chained: bool = True) -> Equations:
+    if name in ROWS:
+        return derive(read_file(str(MODELS / f"{name}.yaml")), chained=chained)
+    return derive(read((LINKS | CHAINS)[name], "links"), chained=chained)
+
+
+def states(model: Model, number: int = 2) -> list[dict[str, float]]:
+    """Give random states; they need not meet constraints."""
+    random = np.random.default_rng(5)
+    given = {p.name: p.value for p in model.parameters}
+    found = []
+    for _ in range(number):
+        state = {"t": random.uniform(0, 3)}
+        for c in model.coordinates:
+            state[c.name] = random.uniform(0.3, 2.8)
+            state[f"{c.name}_dot"] = random.normal()
+        found.append(given | state)
+    return found
+
+
+def written_out(
+    e: Equations, values: dict[str, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give q'' and lambda of M, A, f and b in numbers; M; and what rounding changes."""
+    g, n, m = e.graph, len(e.q), len(e.rows)
+    M = np.reshape(evaluate(g, [x for row in e.M for x in row], values), (n, n))
+    A = np.reshape(evaluate(g, [x for r in e.rows for x in r.A], values), (m, n))
+    right = evaluate(g, [*e.f, *(row.b for row in e.rows)], values)
+    whole = np.block([[M, -A.T], [A, np.zeros((m, m))]])
+    with mp.workdps(40):
+        found = np.array(
+            [float(x) for x in mp.lu_solve(mp.matrix(whole.tolist()), mp.matrix(right))]
+        )
+    # Rounding of the matrix, times its condition: bodies and rows of other units.
+    lost = 1e-15 * np.linalg.cond(whole, 1) * np.max(np.abs(found))
+    return found, M, lost
+
+
+def moving_operations(e: Equations, nodes: Iterable[int]) -> int:
+    """Count what each evaluation takes."""
+    return sum(bool(e.graph.args[k]) for k in e.graph.dependent(nodes, e.moving))
+
+
+@pytest.mark.parametrize("name", [*LINKS, *CHAINS, *ROWS])
+def test_motion_is_that_of_the_matrices(name: str) -> None:
+    full = equations_of(name, chained=False)
+    e = full if name in LINKS else equations_of(name)
+    assert (e.chains is not None) == (name in CHAINS)
+    q, lam = Elimination(e).motion()
+    for values in states(e.model):
+        expected, _, lost = written_out(full, values)
+        found = evaluate(e.graph, [*q, *lam], values)
+        assert found == pytest.approx(expected, rel=1e-9, abs=lost)
+        assert lost < 1e-3 * np.max(np.abs(expected))
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_tensions_take_fewer_operations(name: str) -> None:
+    e = equations_of(name, chained=False)
+    found = accelerations(e)
+    assert found is not None
+    assert Elimination(e).motion()[0] == found
+    before = factored_mass(e, Meter()).solve(dict(enumerate(e.f)))
+    assert moving_operations(e, found) < 0.85 * moving_operations(e, before.values())
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_what_else_is_made_of_the_mass_matrix(name: str) -> None:
+    e, full = (equations_of(name, chained=chained) for chained in (True, False))
+    g, n = e.graph, len(e.q)
+    if name != "by velocities":
+        assert g.cost(e.f, e.moving) < 0.8 * full.graph.cost(full.f, full.moving)
+    rates = [g.variable(name) for name in e.velocities]
+    nodes = [*e.inertias, *e.mass_times(rates), *e.f, *without_rows(e).motion()[0]]
+    for values in states(e.model):
+        _, M, _ = written_out(full, values)
+        v = np.array([values[name] for name in e.velocities])
+        f = np.array(evaluate(full.graph, full.f, values))
+        diagonal, momenta, forces, moved = np.split(
+            np.array(evaluate(g, nodes, values)), 4
+        )
+        assert diagonal == pytest.approx(np.diag(M), rel=1e-13)
+        terms = np.max(np.abs(M)) * np.sum(np.abs(v))
+        assert momenta == pytest.approx(M @ v, rel=0, abs=1e-13 * terms)
+        # Lagrange's sums have terms that cancel, of the size of the largest at most.
+        assert forces == pytest.approx(f, rel=1e-12, abs=1e-13 * np.max(np.abs(f)))
+        expected = np.linalg.solve(M, f)
+        bound = 1e-15 * np.linalg.cond(M) * max(1.0, np.max(np.abs(expected)))
+        assert moved == pytest.approx(expected, rel=0, abs=bound)
+        assert n == len(moved)
+
+
+def exact(
+    masses: np.ndarray, lengths: np.ndarray, a: np.ndarray, w: np.ndarray
+) -> list[mp.mpf]:
+    """Give the accelerations of a chain by its closed form.
+
+    sum_j S_ij l_i l_j (cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2) is the torque of
+    gravity, -S_ii g l_i sin(a_i), where S_ij is the mass that hangs on both links.
+    """
+    n = len(masses)
+    m, lengths, a, w = ([mp.mpf(float(x)) for x in y] for y in (masses, lengths, a, w))
+    below = [mp.fsum(m[k:]) for k in range(n)]
+    M, f = mp.matrix(n, n), mp.matrix(n, 1)
+    for i in range(n):
+        f[i] = -below[i] * mp.mpf(9.81) * lengths[i] * mp.sin(a[i])
+        for j in range(n):
+            weight = below[max(i, j)] * lengths[i] * lengths[j]
+            M[i, j] = weight * mp.cos(a[i] - a[j])
+            f[i] -= weight * mp.sin(a[i] - a[j]) * w[j] ** 2
+    return list(mp.lu_solve(M, f))
+
+
+@pytest.mark.parametrize("orders", [0, 3])
+def test_each_acceleration_has_nearly_all_digits(orders: float) -> None:
+    """In line or not, and for masses of other orders: M has a condition of 1e6."""
+    n, random = 7, np.random.default_rng(7)
+    masses = 10.0 ** random.uniform(-orders, orders, n)
+    lengths = random.uniform(0.3, 1.0, n)
+    e = derive(read(bodies(LINE, masses=masses, lengths=lengths), "links"))
+    given = {p.name: p.value for p in e.model.parameters}
+    nodes = Elimination(e).motion()[0]
+    for bend in (1.0, 1e-6, 0.0):
+        a, w = 0.7 + bend * random.normal(size=n), random.normal(size=n)
+        values = given | dict(zip((*e.q, *e.velocities), (*a, *w), strict=True))
+        with mp.workdps(60):
+            expected = exact(masses, lengths, a, w)
+        largest = max(map(abs, expected))
+        for x, y in zip(evaluate(e.graph, nodes, values), expected, strict=True):
+            # Some twenty operations a link; in line the others do not move at all.
+            assert abs(x - y) < 2e-14 * abs(y) + 1e-30 * largest
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [
+        # By hand: six of squares and products of a rod, its pivot and solution, and
+        # gravity and forces on each end; 299 in all as books have it.
+        ("chain-cartesian", 299),
+        # x'^2 + y'^2, x^2 + y^2, the quotient of both with g y: 8; then two forces, g.
+        ("pendulum-cartesian", 13),
+        ("andrews", 430),
+        ("bead-hoop-cartesian", 60),
+        # r theta'^2 + g cos - (K/M) u and (- g sin - 2 theta' u')/r, r = l + u: 15 and
+        # what M r^2 has as a divisor of its own.
+        ("elastic-pendulum", 20),
+        ("rolling-disk", 125),
+    ],
+)
+def test_elimination_is_as_short_as_by_hand(name: str, most: int) -> None:
+    e = derive(read_file(str(MODELS / f"{name}.yaml")))
+    assert moving_operations(e, Elimination(e).motion()[0]) <= most
+
+
+def test_operations_of_a_chain() -> None:
+    """17 a link, counted on paper.
+
+    A difference of angles, its sine and cosine, a'^2; sin^2, its sum with what the
+    pivot behind has beside 1, the pivot, and these two and the cosine over it; the
+    right side's product and sum; quotient, product and sum for the tension; two
+    products and a sum for a''. Textbooks' elimination, 2 - cos^2/pivot, takes 16.
+    """
+    counts = []
+    for n in (7, 17):
+        e = derive(read(chain(n), "links"))
+        counts.append(moving_operations(e, Elimination(e).motion()[0]))
+    assert counts[1] - counts[0] <= 10 * 17
+    assert counts[0] <= 7 * 17
+
+
+@pytest.mark.slow
+def test_operations_grow_as_the_number_of_links() -> None:
+    found = []
+    for n in (50, 100, 200):
+        e = derive(read(chain(n), "links"))
+        elimination = Elimination(e, 40 * n)
+        q, _ = elimination.motion()
+        nodes = len(e.graph.cone([*q, e.energy, e.kinetic_form, *e.inertias]))
+        found.append((elimination.operations, nodes, len(e.graph)))
+        assert "rows" not in vars(e.M)  # n^2 entries were not made
+    growth = np.diff(found, axis=0)
+    # The first and the last links differ from the others, which are all alike.
+    assert np.all(growth[1:] == 2 * growth[:-1])
+
+
+@pytest.mark.slow
+def test_two_hundred_links_keep_their_energy() -> None:
+    level = chain(200).replace("l: 0.3", "l: 0.005").replace("{guess: 0.4}", "pi/2")
+    found = run(read(level, "links"))
+    assert found.trajectory.outcome.complete
+    assert found.session.plan.tape
+    # Let go level, at rest: the energy is 0, and each step is held to 1e-11.
+    assert np.max(np.abs(found["energy"])) < 1e-9 * np.max(found["kinetic"])
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        # Links with inertia, a mass that moves, and masses that are nothing.
+        (bodies(LINE, energy=("0.2*a3_dot^2", "0")), False),
+        (bodies(LINE, energy=("x3_dot*y5_dot", "0")), False),
+        (bodies(LINE, energy=("cos(a1)^2*x3_dot^2", "0")), False),
+        (bodies(LINE).replace("m: 0.7", "m: 0.0"), False),
+        # L names no position whose rate is this sum.
+        (bodies(LINE, energy=("(x3_dot + a1)^2 - x3_dot^2", "0")), False),
+        (bodies(LINE, more="constraints: {shut: x7 = 1}"), False),
+        # Velocities in functions, and of high powers: no sum of squares.
+        (bodies(range(20), energy=("cosh(a3_dot)", "0")), False),
+        (bodies(range(20), energy=("a3_dot^4", "0")), False),
+        (couples(10), False),
+        (bodies(LINE), True),
+        (chain(20), True),
+    ],
+)
+def test_what_is_no_chain_of_masses_keeps_its_matrix(text: str, kept: bool) -> None:
+    e = derive(read(text, "links"))
+    assert (accelerations(e) is not None) == kept
+    # Of few links M takes fewer operations.
+    assert (e.chains is not None) == (kept and len(e.q) > len(LINE))
+
+
+def matrices_of_loops(loops: int) -> str:
+    """Give so many squares side by side, of rods of length and mass 1, on the ground.
+
+    In the points of their joints: neighbours share the masses of rods, so that the
+    inverse of M has no zeros.
+    """
+    joints, bars = range(loops + 1), range(loops)
+    legs = [f"(x{i}_dot^2 + y{i}_dot^2)/6" for i in joints]
+    above = [
+        f"({c}{i}_dot^2 + {c}{i}_dot*{c}{i + 1}_dot + {c}{i + 1}_dot^2)/6"
+        for i in bars
+        for c in "xy"
+    ]
+    weights = [f"y{i}/2" for i in joints] + [f"(y{i} + y{i + 1})/2" for i in bars]
+    legs_held = [f"leg{i}: (x{i} - {i})^2 + y{i}^2 = 1" for i in joints]
+    bars_held = [f"bar{i}: (x{i + 1} - x{i})^2 + (y{i + 1} - y{i})^2 = 1" for i in bars]
+    return document(
+        (f"{c}{i}" for i in joints for c in "xy"),
+        ["far: 0"],
+        f"kinetic: {' + '.join(legs + above)}, potential: g*({' + '.join(weights)})",
+        f"constraints: {{{', '.join(legs_held + bars_held)}}}",
+    )
+
+
+@pytest.mark.parametrize("loops", [15, 30])
+def test_what_loops_solve_in_less_is_given_up_before_it_is_built(loops: int) -> None:
+    """S of N four-bar linkages has no zeros, and its entries sums of up to N terms."""
+    e = derive(read(matrices_of_loops(loops), "four-bars.yaml"))
+    before = len(e.graph.ops)
+    with pytest.raises(TooLongError):
+        Elimination(e, affordable(len(e.q), len(e.rows)))
+    most = 7 * loops**2  # Z has some 2 N^2 entries, S would take N^3 operations
+    assert len(e.graph.ops) - before <= most
+
+
+@pytest.mark.parametrize("loops", [1, 4])
+def test_what_is_counted_beforehand_is_never_more_than_it_takes(loops: int) -> None:
+    e = derive(read(matrices_of_loops(loops), "model.yaml"))
+    count = Elimination(e).operations
+    assert Elimination(e, count).operations == count
+    with pytest.raises(TooLongError):
+        Elimination(e, count - 1)
+
+
+def star(arms: int) -> Equations:
+    """Give pistons on lines whose rods meet in one joint, with y = x0."""
+    names = [f"x{i}" for i in range(arms + 1)]
+    energy = f"kinetic: m*({' + '.join(f'{x}_dot^2' for x in names)})/2, potential: 0"
+    rows = ", ".join(f"c{i}: sin(x0) = x{i}^3" for i in range(1, arms + 1))
+    text = document(names, ["far: 0"], energy, f"constraints: {{{rows}}}")
+    return derive(read(text, "model.yaml"))
+
+
+@pytest.mark.parametrize("light", [False, True], ids=["apart", "nearly equal"])
+def test_rows_that_are_taken_from_others_change_nothing(light: bool) -> None:
+    """Neither forces nor corrections nor how independent the rows are."""
+    e = star(5)
+    g, m = e.graph, 5
+    solved = Elimination(e)
+    assert any(len(row.weights) == 2 for row in solved.rows)
+    values = {"m": 0.7, "l": 0.3, "t": 0.0}
+    random = np.random.default_rng(1)
+    values |= {x: random.uniform(0.5, 1.0) for x in (*e.q, *e.velocities)}
+    values |= {f"length.c{i}": 0.0 for i in range(1, m + 1)}
+    if light:  # arms 2 and 3 hardly move: both rows are nearly that of the joint
+        values |= {"x2": 1e-3, "x3": 1e-3}
+    A = np.array([evaluate(g, row.A, values) for row in e.rows])
+    b = np.array(evaluate(g, [row.b for row in e.rows], values))
+    S = A @ A.T / 0.7
+    scaled = S / np.sqrt(np.outer(np.diag(S), np.diag(S)))
+    pivots = [solved.schur.pivots[k][0] for k in range(m)]
+    weights = np.array([solved.rows[k].weights[k] for k in range(m)])
+    ratios = np.array(evaluate(g, pivots, values)) / (weights**2 * 0.7 * np.diag(S))
+    health = evaluate(g, [solved.health()], values)[0]
+    if light:
+        assert health < 1e-5
+        return
+    # The pivots' product is det S, whatever the rows are taken from.
+    assert np.prod(ratios) == pytest.approx(np.linalg.det(scaled), rel=1e-11)
+    assert health == pytest.approx(np.sqrt(min(ratios)), rel=1e-11)
+    lam = np.linalg.solve(S, b)
+    squares = evaluate(g, solved.reactions(), values)
+    assert squares == pytest.approx(lam**2 * np.diag(S), rel=1e-10)
+    residuals = [g.variable(f"x{i}_dot") for i in range(1, m + 1)]
+    r = [values[f"x{i}_dot"] for i in range(1, m + 1)]
+    # The least change in the metric of M: min dq^T M dq with A dq = -r.
+    change = evaluate(g, solved.correction(residuals), values)
+    assert change == pytest.approx(-A.T @ np.linalg.solve(S, r) / 0.7, rel=1e-11)
+
+
+def test_far_from_the_origin_only_differences_count() -> None:
+    e = derive(
+        read(
+            "parameters: {m: 2, g: 9.81, X: 1e6}\n"
+            "coordinates: {x: {}, y: {}, u: {}, v: {}}\n"
+            "initial: {x: X + 1, y: X, u: X + 2, v: X}\n"
+            "energy:\n"
+            "  kinetic: m*(x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2)/2\n"
+            "  potential: m*g*(y + v)\n"
+            "constraints:\n"
+            "  upper: (x - X)^2 + (y - X)^2 = 1\n"
+            "  lower: (u - x)^2 + (v - y)^2 = 1\n",
+            "model.yaml",
+        )
+    )
+    nodes = [n for part in Elimination(e).motion() for n in part]
+    rates = {"x_dot": 0.25, "y_dot": -0.5, "u_dot": 1.5, "v_dot": 0.75}
+    found = []
+    for X in (0.0, 2.0**20):
+        places = {"x": 0.625 + X, "y": -0.75 + X, "u": 1.25 + X, "v": -1.5 + X}
+        values = {"m": 2.0, "g": 9.81, "X": X, "t": 0.0} | places | rates
+        found.append(evaluate(e.graph, nodes, values))
+    assert found[0] == found[1]  # these places are exact in doubles
