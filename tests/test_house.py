@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 262
-LINES = 73_700
-LINES_OF_TESTS = 60_400
+LINES = 73_500
+LINES_OF_TESTS = 60_000
 
 
 def lines(folder):
