@@ -96,7 +96,7 @@ ROOMS = {
 }  # fmt: skip
 # So many rooms a night, beside the page.
 A_NIGHT = 4
-# Where behaviour is held: a mutant that the tests of its room let live meets these, too.
+# Where behaviour is held: what the tests of its room let live meets these, too.
 WAISTS = (
     "tests/golden", "tests/scenes", "tests/invariance", "tests/hunt", "tests/cli",
     "tests/api", "tests/run", "tests/studies",
