@@ -29,7 +29,14 @@ from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
 from lagsim.studies.bench.reference import NoReferenceError
-from lagsim.studies.bench.work_precision import Wish, document, measure, read_document
+from lagsim.studies.bench.work_precision import (
+    Wish,
+    curves,
+    is_answer,
+    key_of,
+    measure,
+    read_document,
+)
 
 ERRORS = (1e-6, 1e-9, 1e-12)
 GOAL = 2.0
@@ -50,10 +57,10 @@ HIDDEN = ("reason", "error_lambda", "energy_drift", "constraint_residual")
 def costs_at(found, error):
     """Give what each of lagsim's curves costs at an error: seconds."""
     costs = {}
-    for curve, entries in found.curves().items():
-        if curve[0].startswith("scipy:") or found.reference.floor > error:
+    for curve, rows in curves(found["rows"]).items():
+        if curve[0].startswith("scipy:") or found["reference"]["floor"] > error:
             continue
-        cost = cost_at(points(entries, "seconds"), error)
+        cost = cost_at(points(rows), error)
         if cost is not None:
             costs[curve] = cost
     return costs
@@ -61,12 +68,10 @@ def costs_at(found, error):
 
 def own_cost(found, error):
     """Give what `auto` costs at an error, and the curve that it takes there."""
-    chosen = [e for e in found.entries if e.chosen]
-    chosen.sort(key=lambda e: -(e.error or 0.0))
-    curve = next(
-        (e.curve for e in chosen if e.counts and e.error <= error), chosen[-1].curve
-    )
-    return cost_at(points(chosen, "seconds"), error), curve
+    chosen = [row for row in found["rows"] if row["chosen"]]
+    chosen.sort(key=lambda row: -(row["error"] or 0.0))
+    enough = [row for row in chosen if is_answer(row) and row["error"] <= error]
+    return cost_at(points(chosen), error), key_of([*enough, chosen[-1]][0])
 
 
 class Compiling:
@@ -109,8 +114,8 @@ class Compiling:
         return time.perf_counter() - began
 
 
-def points(entries, of):
-    return [(e.error, e.cost(of)) for e in entries if e.counts]
+def points(rows):
+    return [(row["error"], row["seconds"]) for row in rows if is_answer(row)]
 
 
 def rows_of(model, charts=None, budget=BUDGET):
@@ -122,16 +127,15 @@ def rows_of(model, charts=None, budget=BUDGET):
     except NoReferenceError as why:
         return [[model, "", "", str(why), *[""] * 4]]
     if charts:
-        keep(model, found, case)
+        keep(model, found)
         draw(model, charts)
     compiling = Compiling(case)
     return [row_of(model, found, error, compiling) for error in ERRORS]
 
 
-def keep(model, found, case):
+def keep(model, found):
     """Keep what a chart shows."""
-    content = document(case.equations.model, case.settings, found, [])
-    content = {k: v for k, v in content.items() if k not in ("parameters", "files")}
+    content = {k: v for k, v in found.items() if k != "parameters"}
     content["model"]["file"] = f"models/{model}.yaml"
     rows = [
         {k: v for k, v in row.items() if k not in HIDDEN} for row in content["rows"]
@@ -173,11 +177,11 @@ def show(folder):
 
 
 def row_of(model, found, error, compiling):
-    chosen = sorted({e.method for e in found.entries if e.chosen})
+    chosen = sorted({row["method"] for row in found["rows"] if row["chosen"]})
     shown = [model, f"{error:.0e}", ", ".join(chosen)]
     costs = costs_at(found, error)
     if not costs:
-        floor = found.reference.floor
+        floor = found["reference"]["floor"]
         why = "reached by none"
         if floor > error:
             why = f"not known: the reference is to {floor:.0e}"

@@ -9,7 +9,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 262
-LINES = 73_500
+LINES = 73_200
 LINES_OF_TESTS = 60_000
 
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import time
-from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, cast
 
-from lagsim.cli._closing import progress_bar
-from lagsim.cli._streams import UnwritableError, complain, say
+from lagsim.cli._streams import UnwritableError, complain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -208,73 +206,6 @@ def draw_all(
         document["timings"] = clock.rounded()
         document["files"] = [*results.names, MANIFEST]
     return None
-
-
-class Measured(NamedTuple):
-    """What an experiment has found, as it is written and reported.
-
-    Attributes
-    ----------
-    document
-        Its record, which lists its files; the manifest.
-    tables
-        Name and content of what else is written.
-    chart, draw
-        The name of its picture, and what draws it.
-    summary
-        Gives the closing lines, of what they say of the files.
-    """
-
-    document: dict[str, Any]
-    tables: Mapping[str, bytes]
-    chart: str
-    draw: Callable[[], bytes]
-    summary: Callable[[str], str]
-
-
-# Measures, until it is interrupted: None where nothing has been found by then.
-Experiment: TypeAlias = (
-    "Callable[[Interrupt, Callable[[float], None] | None], Measured | None]"
-)
-
-
-def experiment(
-    command: str,
-    measure: Experiment,
-    folder: Path,
-    manifest: str,
-    documents: list[Any],
-    *,
-    quiet: bool,
-    as_json: bool,
-) -> int:
-    """Measure; write and report what is found; give the exit code.
-
-    A signal leaves the chart out, and so does what keeps it from being drawn.
-    """
-    from lagsim.outputs.attempted import attempted
-    from lagsim.outputs.results import open_results
-    from lagsim.run.interrupt import Interrupt
-
-    interrupt = Interrupt()
-    with open_results(folder, manifest) as results, interrupt.noted():
-        with progress_bar(command, quiet=quiet) as progress:
-            found = measure(interrupt, progress)
-        if found is None:
-            return 128 + (interrupt.signal or 0)
-        made: list[Made] = []
-        draw = partial(attempted, found.chart, found.draw)
-        interrupt.cut(lambda: made.append((found.chart, draw())))
-        drawn, told = sorted_out(made)
-        document = found.document
-        if not drawn:
-            left = [file for file in document["files"] if file != found.chart]
-            document = document | {"files": left} | told
-        commit(results, document, {**found.tables, **drawn})
-    documents.append(document)
-    if not quiet and not as_json:
-        say(found.summary(f"{folder}: {', '.join(document['files'])}"))
-    return 0 if interrupt.signal is None else 128 + interrupt.signal
 
 
 def sorted_out(made: Iterable[Made]) -> tuple[dict[str, bytes], dict[str, Any]]:

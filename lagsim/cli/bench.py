@@ -1,4 +1,4 @@
-"""`lagsim bench`: what each method costs for the error it makes."""
+"""`lagsim bench`: the cost of each method for the error it makes."""
 
 from __future__ import annotations
 
@@ -8,6 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lagsim.cli._experiments import (
+    Measured,
+    csv,
+    experiment,
+    headline,
+    left_out,
+    listed,
+    numbers,
+)
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
@@ -17,43 +26,36 @@ from lagsim.cli._shared import (
     Sets,
     assignments,
     coloured,
-    counted,
     output_folder,
     show_json,
     table,
 )
-from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
-from lagsim.studies.bench.solving import SCIPY, GivenUpError
+from lagsim.studies.bench.solving import SCIPY
 from lagsim.studies.bench.work_precision import (
     BUDGET,
+    COLUMNS,
     OUT_OF_TIME,
     TOLERANCES,
     Wish,
-    document,
-    files,
+    curves,
+    front,
     measure,
     read_document,
 )
-from lagsim.studies.bench.work_precision import table as rows_table
-
-# Of curves that there was no time for so many are named; the JSON has all.
-MOST_NAMES = 4
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.cli._writing import Experiment
-    from lagsim.model.model import Model
+    from lagsim.cli._experiments import Measure, Progress
     from lagsim.run.interrupt import Interrupt
-    from lagsim.studies.bench.work_precision import WorkPrecision
 
-    Progress = Callable[[float], None] | None
-
-
+TABLE, MANIFEST = "work_precision.csv", "work_precision.json"
+# Of curves that there was no time for so many are named; the JSON has all.
+MOST_NAMES = 4
 # Exit codes above it are those of signals.
 SIGNALLED = 128
 
@@ -114,12 +116,12 @@ def command(
     codes += code
     for path in models if code[-1] == 0 else []:
         with faults_shown(faults if as_json else None, file=path) as code:
-            asked = _drawn_again if path.endswith(".json") else _measured
+            asked = _drawn_again if path.endswith(".json") else _opened
             measure, usual = asked(path, overrides, wish, form.value)
             target = folder / Path(path).stem if folder and models[1:] else folder
             code.append(
                 experiment(
-                    "bench", measure, target or usual, "work_precision.json",
+                    "bench", measure, target or usual, MANIFEST,
                     documents, quiet=quiet, as_json=as_json,
                 )
             )  # fmt: skip
@@ -134,28 +136,23 @@ def command(
     return max(codes)
 
 
-def _measured(
+def _opened(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
-) -> tuple[Experiment, Path]:
-    """Give what measures a model, and where that goes by default."""
+) -> tuple[Measure, Path]:
+    """Give what measures a model, and the default of its folder."""
     model = read_file(path, overrides)
     case = open_case(model, wanted(model, "bench"))
 
-    def measured(interrupt: Interrupt, progress: Progress) -> Measured | None:
-        try:
-            found = measure(case, wish, interrupt=interrupt, progress=progress)
-        except GivenUpError:
-            return None
-        content = document(model, case.settings, found, files(form))
-        summary = partial(_summary, model, found)
-        return _written(content, content["rows"], form, summary)
+    def measured(interrupt: Interrupt, progress: Progress) -> Measured:
+        document = measure(case, wish, interrupt=interrupt, progress=progress)
+        return _written(document, document["rows"], form, partial(_summary, document))
 
     return measured, Path("results") / model.name / "bench"
 
 
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
-) -> tuple[Experiment, Path]:
+) -> tuple[Measure, Path]:
     """Give what draws again what was measured, and where that stands.
 
     Raises
@@ -166,26 +163,28 @@ def _drawn_again(
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
         raise InputError([Problem("usage", text, hint=hint)])
-    content = read_document(path) | {"files": files(form)}
-    shown = [row for row in content["rows"] if wish.wants(row["method"])]
+    document = read_document(path)
+    shown = [row for row in document["rows"] if wish.wants(row["method"])]
     drawn = coloured("drawn", "32")
-    found = _written(content, shown, form, lambda listed: f"{drawn}: {listed}")
+    found = _written(document, shown, form, lambda files: f"{drawn}: {files}")
     return lambda *_: found, Path(path).parent
 
 
 def _written(
-    content: dict[str, Any], shown: Any, form: str, summary: Callable[[str], str]
+    document: dict[str, Any],
+    shown: Sequence[Mapping[str, Any]],
+    form: str,
+    summary: Callable[[str], str],
 ) -> Measured:
     """Give what is written of a document; the chart shows these rows."""
 
     def draw() -> bytes:
         from lagsim.studies.bench.chart import chart
 
-        return chart(content | {"rows": shown}, form)
+        return chart(document | {"rows": shown}, form)
 
-    table_name, chart_name, _ = content["files"]
-    rows = {table_name: rows_table(content["rows"])}
-    return Measured(content, rows, chart_name, draw, summary)
+    tables = {TABLE: csv(COLUMNS, document["rows"])}
+    return Measured(document, tables, f"work_precision.{form}", draw, summary)
 
 
 def _wish(
@@ -232,38 +231,32 @@ def _between(
     """Take A:B apart: two numbers above 0, the larger first."""
     if text is None:
         return None
-    try:
-        first, last = (float(part) for part in text.split(":"))
-    except ValueError:
-        first = last = 0.0
-    if not (min(first, last) > 0.0 and max(first, last) < float("inf")):
-        message = f"{option} {text}: two numbers above 0 are expected"
-        problems.append(Problem("usage", message, hint=f"such as {option} 1e-3:1e-9"))
-        return None
-    return max(first, last), min(first, last)
+    found = numbers(
+        option, text, problems, what="numbers above 0", example=f"{option} 1e-3:1e-9",
+        allowed=lambda low, _: low > 0.0,
+    )  # fmt: skip
+    return found and (found[1], found[0])
 
 
-def _summary(model: Model, found: WorkPrecision, files: str) -> str:
+def _summary(document: Mapping[str, Any], files: str) -> str:
     """Give the closing lines."""
-    state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
-    head = (
-        f"{coloured(state, colour)}: {model.name}, "
-        f"{counted(len(found.entries), 'solve')} by "
-        f"{counted(len(found.curves()), 'method')}"
-    )
-    rows = [("reference", found.reference.trust)]
-    rows += [("" if k else "left out", text) for k, text in enumerate(_left_out(found))]
-    front = [found.entries[k] for k in found.front("seconds")]
-    rows += [("" if k else "best", _point(e)) for k, e in enumerate(front)]
-    rows.append(("time", _time(found)))
-    rows.append(("files", files))
-    return head + "\n" + table(rows)
+    rows, reference = document["rows"], document["reference"]
+    counts = (len(rows), "solve"), (len(curves(rows)), "method")
+    refused = [x for x in document["refused"] if x["formulation"] == "auto"]
+    best = front(rows, "seconds", reference["floor"])
+    lines = [
+        ("reference", reference["trust"]), *left_out(refused),
+        *listed("best", (_point(rows[k]) for k in best)), ("time", _time(document)),
+        ("files", files),
+    ]  # fmt: skip
+    return headline(document, *counts) + "\n" + table(lines)
 
 
-def _time(found: WorkPrecision) -> str:
+def _time(document: Mapping[str, Any]) -> str:
     """Say what all took, and what there was no time for."""
-    cut = {e.curve: None for e in found.entries if e.outcome == OUT_OF_TIME}
-    said = f"{found.seconds:.3g} s of {found.budget:g}"
+    cut = curves(row for row in document["rows"] if row["outcome"] == OUT_OF_TIME)
+    budget = document["budget"]
+    said = f"{budget['spent']:.3g} s of {budget['seconds']:g}"
     if not cut:
         return said
     names = [f"{method} ({formulation})" for method, formulation in cut]
@@ -272,18 +265,9 @@ def _time(found: WorkPrecision) -> str:
     return f"{said}: not enough to finish {named}; --budget allows more"
 
 
-def _left_out(found: WorkPrecision) -> list[str]:
-    """Give the methods that do not apply, those with the same reason together."""
-    by_reason: dict[str, list[str]] = {}
-    for refused in found.refused:
-        if refused.formulation == "auto":
-            by_reason.setdefault(refused.reason, []).append(refused.method)
-    return [f"{', '.join(who)}: {reason}" for reason, who in by_reason.items()]
-
-
-def _point(entry: Any) -> str:
-    auto = ", what auto takes" if entry.chosen else ""
+def _point(row: Mapping[str, Any]) -> str:
+    auto = ", what auto takes" if row["chosen"] else ""
     return (
-        f"error {entry.error:.1e} in {entry.seconds * 1e3:.3g} ms: {entry.method} "
-        f"({entry.formulation}), {entry.setting} {entry.value:.3g}{auto}"
+        f"error {row['error']:.1e} in {row['seconds'] * 1e3:.3g} ms: {row['method']} "
+        f"({row['formulation']}), {row['setting']} {row['value']:.3g}{auto}"
     )

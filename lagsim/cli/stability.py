@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
+from operator import lt
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
+from lagsim.cli._experiments import (
+    Measured,
+    csv,
+    experiment,
+    headline,
+    left_out,
+    listed,
+    numbers,
+)
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
@@ -19,28 +29,35 @@ from lagsim.cli._shared import (
     Sets,
     aligned,
     assignments,
-    coloured,
     counted,
     output_folder,
     show_json,
     table,
 )
-from lagsim.cli._writing import Measured, experiment
 from lagsim.errors import InputError, Problem
 from lagsim.methods import method_problems
 from lagsim.model.reader import read_file
 from lagsim.run.session import StartError, open_case, wanted
 from lagsim.studies.bench import stability
-from lagsim.studies.bench.stability import Wish, fastest_period
+from lagsim.studies.bench.stability import Wish
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.cli._writing import Experiment
+    from lagsim.cli._experiments import Measure, Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
-    from lagsim.studies.bench.stability import Border, Stability
+
+    Record = Mapping[str, Any]
+
+TABLE, MANIFEST = "stability.csv", "stability.json"
+# An eigenvalue that does less than this within the run is as good as 0.
+SEEN = 1e-3
+# Beside 1 what is smaller is only rounding.
+ROUNDING = 1e-9
+# So many coordinates of an equilibrium, and of a mode, are named.
+MOST_NAMED, MOST_OF_A_MODE = 8, 6
 
 
 def command(
@@ -76,10 +93,10 @@ def command(
     documents: list[Any] = []
     with faults_shown(documents if as_json else None, file=model) as code:
         wish = _wish(methods, steps, vary)
-        measure, usual = _measured(model, assignments(sets), wish, form.value)
+        measure, usual = _opened(model, assignments(sets), wish, form.value)
         code.append(
             experiment(
-                "stability", measure, folder or usual, "stability.json", documents,
+                "stability", measure, folder or usual, MANIFEST, documents,
                 quiet=quiet, as_json=as_json,
             )
         )  # fmt: skip
@@ -88,10 +105,10 @@ def command(
     return code[0]
 
 
-def _measured(
+def _opened(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
-) -> tuple[Experiment, Path]:
-    """Give what measures a model, and where that goes by default.
+) -> tuple[Measure, Path]:
+    """Give what measures a model, and the default of its folder.
 
     Raises
     ------
@@ -99,47 +116,46 @@ def _measured(
     """
     model = read_file(path, overrides)
     settings = wanted(model, "stability")
-    name = wish.name
-    _check_parameter(model, name)
+    _check_parameter(model, wish.name)
     usual = open_case(model, settings)
     stability.methods_for(usual, wish)
 
     def case(value: float | None) -> Case:
         if value is None:
             return usual
-        assert name is not None
+        assert wish.name is not None
         try:
-            return usual.bind({name: value})
+            return usual.bind({wish.name: value})
         except StartError:
             problem = Problem("inadmissible", "the start is not admissible")
             raise InputError([problem]) from None
 
-    def measured(interrupt: Interrupt, progress: Any) -> Measured:
-        found = stability.measure(case, wish, interrupt=interrupt, progress=progress)
+    def measured(interrupt: Interrupt, progress: Progress) -> Measured:
+        document = stability.measure(case, wish, interrupt=interrupt, progress=progress)
 
         def draw() -> bytes:
             from lagsim.studies.bench.stability_chart import chart
 
-            return chart(model.name, found, name, form)
+            return chart(document, form)
 
-        picture = f"stability.{form}"
-        files = [stability.TABLE, picture, stability.MANIFEST]
-        return Measured(
-            stability.document(found, wish, files),
-            {stability.TABLE: stability.table(found.cells, name)},
-            picture, draw, partial(_summary, model, found, name),
-        )  # fmt: skip
+        cells = csv(stability.columns(wish.name), document["cells"])
+        summary = partial(_summary, document)
+        return Measured(document, {TABLE: cells}, f"stability.{form}", draw, summary)
 
     return measured, Path("results") / model.name / "stability"
 
 
 def _check_parameter(model: Model, name: str | None) -> None:
     known = [p.name for p in model.parameters]
-    if name is None or name in known:
+    if name is None:
         return
-    text = f"--vary {name}: the model has no such parameter"
-    hint = f"of {', '.join(known)}" if known else "it has no parameters"
-    raise InputError([Problem("unknown-parameter", text, hint=hint)])
+    if name not in known:
+        text = f"--vary {name}: the model has no such parameter"
+        hint = f"of {', '.join(known)}" if known else "it has no parameters"
+        raise InputError([Problem("unknown-parameter", text, hint=hint)])
+    if name in stability.columns(None):
+        text = f"`{name}` cannot be varied: {TABLE} has a column of that name"
+        raise InputError([Problem("usage", text, hint="give it another name")])
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
@@ -155,8 +171,10 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
         wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
         for wish in wanted:
             problems += method_problems(wish, auto=False)
-    between = None if steps is None else _range("--steps", steps, problems)
-    if between is not None and min(between) <= 0.0:
+    between = None
+    if steps is not None:
+        between = _range("--steps", steps, problems, "--steps 0.01:1")
+    if between is not None and between[0] <= 0.0:
         problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
     name: str | None = None
     values = None
@@ -173,41 +191,21 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
 
 
 def _range(
-    option: str, text: str, problems: list[Problem], example: str = "--steps 0.01:1"
+    option: str, text: str, problems: list[Problem], example: str
 ) -> tuple[float, float] | None:
-    """Take A:B apart: two different numbers, the smaller first."""
-    try:
-        first, last = (float(part) for part in text.split(":"))
-    except ValueError:
-        first = last = math.nan
-    if not (math.isfinite(first) and math.isfinite(last) and first != last):
-        message = f"{option} {text}: two different numbers are expected"
-        problems.append(Problem("usage", message, hint=f"such as {example}"))
-        return None
-    return min(first, last), max(first, last)
-
-
-def _summary(model: Model, found: Stability, varied: str | None, files: str) -> str:
-    """Give the closing lines."""
-    state, colour = ("interrupted", "31") if found.interrupted else ("done", "32")
-    count = len(found.methods) + len(found.adaptive)
-    head = (
-        f"{coloured(state, colour)}: {model.name}, {counted(count, 'method')}, "
-        f"{counted(len(found.cells), 'run')}"
+    return numbers(
+        option, text, problems, what="different numbers", example=example, allowed=lt
     )
-    lines = [head]
-    if varied is None:
-        lines += _borders(found)
-    else:
-        lines += _over_parameter(found, varied)
-    left_out: dict[str, list[str]] = {}
-    for refused in found.refused:
-        left_out.setdefault(refused.reason, []).append(refused.method)
-    texts = [f"{', '.join(names)}: {reason}" for reason, names in left_out.items()]
-    rows = [("" if k else "left out", text) for k, text in enumerate(texts)]
-    rows += _eigenvalues(found)
-    lines.append(table(rows))
-    lines += [*_modes(found), table([("files", files)])]
+
+
+def _summary(document: Record, files: str) -> str:
+    """Give the closing lines."""
+    methods = sum(map(len, document["methods"].values()))
+    head = headline(document, (methods, "method"))
+    lines = [f"{head}, {counted(len(document['cells']), 'run')}"]
+    lines += _over_parameter(document) if document["vary"] else _borders(document)
+    lines.append(table(left_out(document["refused"]) + _eigenvalues(document)))
+    lines += [*_modes(document), table([("files", files)])]
     return "\n".join(line for line in lines if line)
 
 
@@ -216,124 +214,120 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
-def _borders(found: Stability) -> list[str]:
+def _values(document: Record) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
+    """Give the eigenvalues at the start, and along the motion."""
+    found = document["eigenvalues"]
+    pairs = (np.array(found[key], float) for key in ("at_start", "along"))
+    return [x.reshape(-1, 2) @ [1.0, 1j] for x in pairs]
+
+
+def _borders(document: Record) -> list[str]:
     """Give the borders of each method, in h and in the fastest period."""
-    if not found.borders:
+    borders, span = document["borders"], document["runs"]["duration"]
+    if not borders:
         return []
-    period = fastest_period(found.subject)
+    fastest = (np.max(abs(x.imag), initial=0.0) for x in _values(document))
+    rate = next((x for x in fastest if x * span > SEEN), 0.0)
     rows: list[tuple[str, ...]] = [
         ("method", "holds below (s)", "of the fastest period", "predicted (s)", "")
     ]
-    for border in found.borders:
-        step = border.found
-        part = "" if step is None or not period else f"{step / period:.3g}"
+    for method, border in borders.items():
+        step = border["found"]
+        part = f"{step * rate / (2.0 * np.pi):.3g}" if step and rate else ""
         shown = "-" if step is None else f"{step:.3g}"
-        rows.append((border.method, shown, part, _predicted(border), border.note))
+        rows.append((method, shown, part, _predicted(border), border["note"]))
     return _aligned(rows)
 
 
-def _predicted(border: Border) -> str:
+def _predicted(border: Record) -> str:
     """Give the predictions: one where both are alike."""
-    ways = (border.at_start, border.along)
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
-        for x in ways
+        for x in (border["predicted_at_start"], border["predicted_along"])
     )
     return first if first == second else f"{first} at the start, {second} on the way"
 
 
-def _over_parameter(found: Stability, varied: str) -> list[str]:
+def _over_parameter(document: Record) -> list[str]:
     """Give the borders at the ends of the parameter's range, and the work."""
-    values = [value for value in found.values if value is not None]
-    ends = (values[0], values[-1])
+    name, values = document["vary"]["name"], document["vary"]["values"]
+    borders, work = {}, {}
+    for method, found in document["borders"].items():
+        for x in found:
+            if x["found"] is not None:
+                borders[method, x[name]] = f"{x['found']:.3g}"
+    for cell in document["cells"]:
+        if cell["step"] is None and cell["evaluations"] is not None:
+            text = f"{cell['evaluations']}, {cell['rejections']}"
+            work[cell["method"], cell[name]] = text
+    ends = values[0], values[-1]
+    fixed, adaptive = document["methods"].values()
     rows: list[tuple[str, ...]] = []
-    if found.methods:
-        rows.append(("method", *(f"holds below (s), {varied} = {v:.4g}" for v in ends)))
-    for name in found.methods:
-        at = {b.value: b.found for b in found.borders if b.method == name}
-        steps = (at.get(v) for v in ends)
-        rows.append((name, *("-" if s is None else f"{s:.3g}" for s in steps)))
-    if found.adaptive:
-        rows.append(
-            ("", *(f"evaluations, rejections, {varied} = {v:.4g}" for v in ends))
-        )
-    for name in found.adaptive:
-        cells = {cell.value: cell for cell in found.of(name)}
-        texts = []
-        for v in ends:
-            cell = cells.get(v)
-            known = cell is not None and cell.evaluations is not None
-            texts.append(
-                f"{cell.evaluations}, {cell.rejections}" if cell and known else "-"
-            )
-        rows.append((name, *texts))
+    for head, what, methods, texts in (
+        ("method", "holds below (s)", fixed, borders),
+        ("", "evaluations, rejections", adaptive, work),
+    ):
+        if methods:
+            rows.append((head, *(f"{what}, {name} = {v:.4g}" for v in ends)))
+        rows += [(m, *(texts.get((m, v), "-") for v in ends)) for m in methods]
     return _aligned(rows)
 
 
-def _eigenvalues(found: Stability) -> list[tuple[str, str]]:
+def _eigenvalues(document: Record) -> list[tuple[str, str]]:
     """Give them in short: fastest, slowest, damping."""
-    subject = found.subject
-    if subject.unknown:
-        return [("eigenvalues", f"none: {subject.unknown}")]
+    if unknown := document["eigenvalues"]["unknown"]:
+        return [("eigenvalues", f"none: {unknown}")]
     texts = []
-    for where, values in (("start", subject.at_start), ("motion", subject.along)):
-        known = values[abs(values) * subject.span > 1e-3]
+    for where, values in zip(("start", "motion"), _values(document), strict=True):
+        known = values[abs(values) * document["runs"]["duration"] > SEEN]
         if not len(known):
             texts.append(f"{where}: all are 0")
             continue
-        fastest, slowest = known[abs(known).argmax()], known[abs(known).argmin()]
         damping = -known.real / abs(known)
-        low, high = _number(min(damping)), _number(max(damping))
-        ends = dict.fromkeys((_complex(slowest), _complex(fastest)))
-        ratios = dict.fromkeys((low, high))
+        ends = known[abs(known).argmin()], known[abs(known).argmax()]
+        ratios = dict.fromkeys(map(_number, (min(damping), max(damping))))
         texts.append(
-            f"{where}: {' to '.join(ends)} 1/s, damping ratio {' to '.join(ratios)}"
+            f"{where}: {' to '.join(dict.fromkeys(map(_complex, ends)))} 1/s, damping "
+            f"ratio {' to '.join(ratios)}"
         )
-    return [("" if k else "eigenvalues", text) for k, text in enumerate(texts)]
+    return listed("eigenvalues", texts)
 
 
 def _number(value: float) -> str:
     """Give three digits; what is only rounding beside 1 as 0."""
-    return f"{value:.3g}" if abs(value) > 1e-9 else "0"
+    return f"{value:.3g}" if abs(value) > ROUNDING else "0"
 
 
 def _complex(value: complex) -> str:
     """Give one of a pair."""
-    if abs(value.imag) <= 1e-9 * abs(value):
+    if abs(value.imag) <= ROUNDING * abs(value):
         return f"{value.real:.4g}"
-    if abs(value.real) <= 1e-9 * abs(value):
+    if abs(value.real) <= ROUNDING * abs(value):
         return f"±{abs(value.imag):.4g}i"
     return f"{value.real:.4g} ± {abs(value.imag):.4g}i"
 
 
-def _modes(found: Stability) -> list[str]:
+def _modes(document: Record) -> list[str]:
     """Give the equilibrium and the modes about it."""
-    rest = found.rest
-    if rest.at is None:
-        lines = [table([("equilibrium", f"none: {rest.reason}")])]
+    at = document["equilibrium"]
+    if at is None:
+        where = f"none: {document['equilibrium_reason']}"
+    elif document["equilibrium_is_start"]:
+        where = "the start"
     else:
-        sizes = (*map(abs, rest.at.values()), *abs(found.subject.case.start.q))
-        rounding = 1e-10 * max(sizes, default=0.0)
-        at = [
-            f"{name} = {x if abs(x) > rounding else 0.0:.6g}"
-            for name, x in rest.at.items()
-        ]
-        if len(at) > 8:
-            at = [*at[:8], f"... {len(at) - 8} more"]
-        where = "the start" if rest.is_start else ", ".join(at)
-        lines = [table([("equilibrium", where)])]
-    if not rest.modes:
-        return lines
-    names = found.subject.equations.q
+        named = [f"{q} = {x:.6g}" for q, x in at.items()]
+        if len(named) > MOST_NAMED:
+            named[MOST_NAMED:] = [f"... {len(named) - MOST_NAMED} more"]
+        where = ", ".join(named)
+    lines = [table([("equilibrium", where)])]
     rows: list[tuple[str, ...]] = [
         ("frequency (Hz)", "period (s)", "damping ratio", "shape")
     ]
-    for mode in rest.modes:
-        period = "-" if mode.period is None else f"{mode.period:.5g}"
-        shapes = zip(names, mode.shape.real, strict=True)
-        shape = [f"{name} {_number(x)}" for name, x in shapes]
-        if len(shape) > 6:
-            shape = [*shape[:6], "..."]
-        ratio = _number(mode.damping_ratio)
-        rows.append((f"{mode.frequency:.5g}", period, ratio, ", ".join(shape)))
-    return lines + _aligned(rows)
+    for mode in document["modes"]:
+        period = "-" if mode["period"] is None else f"{mode['period']:.5g}"
+        shape = [f"{q} {_number(x)}" for q, x in mode["shape"].items()]
+        if len(shape) > MOST_OF_A_MODE:
+            shape = [*shape[:MOST_OF_A_MODE], "..."]
+        ratio = _number(mode["damping_ratio"])
+        rows.append((f"{mode['frequency']:.5g}", period, ratio, ", ".join(shape)))
+    return lines + _aligned(rows) if rows[1:] else lines

@@ -1,4 +1,4 @@
-"""What errors are measured against, and how far it is to be trusted.
+"""The reference solution of a bench, and how far it is to be trusted.
 
 Two solutions by different means, as tight as double precision allows. What they agree
 to is what is known: errors below that are not reported. Where motions part
@@ -7,9 +7,10 @@ exponentially that is soon nothing, and errors are those of the rows before.
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,12 +27,11 @@ from lagsim.studies.bench.solving import (
 from lagsim.studies.comparison import IMPACT, moved, within
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Event
-    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
 
 # The first of these that a model lets through makes the reference ...
@@ -44,11 +44,34 @@ SCIPY_TOLERANCE = 3e-14
 HALVINGS = 10
 # Ranges are those of the motion, not of rows that may lie a period apart.
 MOMENTS = 4001
+# An agreement this good ends the search for a better one.
+GOOD = 1e-12
+# One solve may take this part of the time for all of them, or so many seconds where
+# there is little; as many there are for what verifies.
+ONE, LEAST_SECONDS = 0.25, 5.0
+SECONDS = 40.0
+
+# Rows count as known while both agree to this part of each coordinate's range: to the
+# first of these that holds for all rows ...
+WHOLE = (1e-10, 1e-8, 1e-7)
+# ... or else for more than a few of them: so many, or a part where rows are few.
+LEVELS = (*WHOLE, 1e-6, 1e-4, 1e-2)
+MANY, FEW = 50, 0.1
+# A range that is this small beside others of its unit is that of rounding errors.
+NOISE = 1e-11
+# Times that differ by no more than this part of the rows' spacing are the same.
+SAME_TIME = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """Rows, what their columns are, and how they were made."""
+class NoReferenceError(LagsimError):
+    """Nothing can be measured, for there is nothing to measure against (exit 3)."""
+
+    exit_code = 3
+    code = "no-reference"
+
+
+class Solution(NamedTuple):
+    """Rows, their columns, and how they were made."""
 
     how: str
     method: str
@@ -58,41 +81,36 @@ class Solution:
     events: Sequence[Event] = ()
 
 
-def tightest(case: Case, patience: Patience) -> Iterator[Solution]:
-    """Give solutions, the tightest first."""
-    for name in FIRST:
-        if own := _able(case, name):
-            yield from _solved(own, TOLERANCES, patience)
+def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
+    """Give solutions by methods that are there and can handle the model."""
+    for name in names:
+        try:
+            own = Own(case, name)
+        except InputError:
+            continue
+        yield from _solved(own, _values(own), patience)
 
 
-def _able(case: Case, name: str) -> Own | None:
-    """Give a method that is there and can handle the model."""
-    try:
-        return Own(case, name)
-    except InputError:
-        return None
+def _values(own: Own) -> Sequence[float]:
+    """Give tolerances, the tightest first, or steps, each half the one before."""
+    if own.setting == "rtol":
+        return TOLERANCES
+    return [own.case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
 
 
-def others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
+def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
     """Give solutions by other methods; where there are none, by its own."""
-    found = False
-    for solution in _by_others(case, first, patience):
-        found = True
-        yield solution
-    if not found and (own := _able(case, first.method)):
-        steps = own.setting == "step"
-        values = (
-            _steps(own)[:1] if steps else [x for x in TOLERANCES if x > first.value]
-        )
-        yield from _solved(own, values, patience)
-
-
-def _by_others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    for name in SECOND:
-        if name != first.method and (own := _able(case, name)):
-            values = _steps(own) if own.setting == "step" else TOLERANCES
-            yield from _solved(own, values, patience)
-    yield from _by_scipy(case, first, patience)
+    names = [name for name in SECOND if name != first.method]
+    found = itertools.chain(
+        _by_own(case, names, patience), _by_scipy(case, first, patience)
+    )
+    best = next(found, None)
+    if best is not None:
+        yield best
+        yield from found
+        return
+    looser = [x for x in TOLERANCES if x > first.value]
+    yield from _solved(Own(case, first.method), looser, patience)
 
 
 def _by_scipy(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
@@ -126,8 +144,6 @@ def _solved(
         try:
             solved = solver.solve(value, patience)
         except GivenUpError:
-            if patience.pressed:
-                raise
             if solver.setting == "step":
                 return
             # A little looser takes as long.
@@ -141,42 +157,12 @@ def _solved(
                 return
 
 
-def _steps(own: Own) -> list[float]:
-    """Give steps for a method that has no tolerance, each half the one before."""
-    return [own.case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
-
-
-def between_rows(case: Case, first: Solution, patience: Patience) -> Floats:
+def _between_rows(case: Case, first: Solution, patience: Patience) -> Floats:
     """Give rows between those asked for, too, for the ranges; they are as tight."""
-    between = case.asking(output_step=case.settings.duration / MOMENTS)
-    if own := _able(between, first.method):
-        for solution in _solved(own, (first.value,), patience):
-            return np.concatenate((first.rows, solution.rows))
+    own = Own(case.asking(output_step=case.settings.duration / MOMENTS), first.method)
+    for solution in _solved(own, (first.value,), patience):
+        return np.concatenate((first.rows, solution.rows))
     return first.rows
-
-
-# An agreement this good ends the search for a better one.
-GOOD = 1e-12
-# One solve may take this part of the time for all of them, or so many seconds where
-# there is little; as many there are for what verifies.
-ONE, LEAST_SECONDS = 0.25, 5.0
-SECONDS = 40.0
-
-# Rows count as known while both agree to this part of each coordinate's range: to the
-# first of these that holds for all rows ...
-WHOLE = (1e-10, 1e-8, 1e-7)
-# ... or else for more than a few of them: so many, or a part where rows are few.
-LEVELS = (*WHOLE, 1e-6, 1e-4, 1e-2)
-MANY, FEW = 50, 0.1
-# A range that is this small beside others of its unit is that of rounding errors.
-NOISE = 1e-11
-
-
-class NoReferenceError(LagsimError):
-    """Nothing can be measured, for there is nothing to measure against (exit 3)."""
-
-    exit_code = 3
-    code = "no-reference"
 
 
 @dataclass(frozen=True)
@@ -244,6 +230,12 @@ class Reference:
             said += ": smaller errors cannot be resolved"
         return said
 
+    @property
+    def rank(self) -> tuple[bool, int, float]:
+        """What is larger for a better reference."""
+        level = next((x for x in LEVELS if self.floor <= x), 1.0)
+        return self.whole and level in WHOLE, int(self.known / level), -self.floor
+
     def errors(
         self, rows: Floats, events: Sequence[Event] = ()
     ) -> tuple[float, float | None]:
@@ -254,24 +246,38 @@ class Reference:
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
         apart = np.abs(rows[:count, 0] - self.rows[:count, 0])
-        same = apart <= 1e-9 * abs(spacing)
+        same = apart <= SAME_TIME * abs(spacing)
         if count < self.known - 1 or not np.all(same[:-1]):
             return float("nan"), None
-        apart = self._apart(rows[:count][same], self.rows[:count][same], events)
+        velocities = self.state[len(self.state) // 2 :]
+        apart = differences(
+            rows[:count][same], self.rows[:count][same],
+            (velocities, self.multipliers), (events, self.events),
+        )  # fmt: skip
         found = np.max(apart, axis=0) / self.scales
         worst = float(np.max(found[self.state]))
         lam = found[self.multipliers]
         return worst, float(np.max(lam)) if len(lam) else None
 
-    def _apart(self, rows: Floats, others: Floats, events: Sequence[Event]) -> Floats:
-        velocities = self.state[len(self.state) // 2 :]
-        jumping = velocities, self.multipliers
-        return differences(rows, others, jumping, (events, self.events))
+    def record(self) -> dict[str, Any]:
+        """Give what work_precision.json says of it."""
+        named = {self.columns[c]: c for c in (*self.state, *self.multipliers)}
+        scales = {name: float(self.scales[c]) for name, c in named.items()}
+        return {
+            "made": self.made,
+            "verified": self.verified,
+            "trust": self.trust,
+            "floor": self.floor,
+            "horizon": self.horizon,
+            "rows": len(self.rows),
+            "known_rows": self.known,
+            "agreement": {name: float(self.agreement[c]) for name, c in named.items()},
+            "scales": {name: x for name, x in scales.items() if np.isfinite(x)},
+        }
 
 
 def make_reference(
     case: Case,
-    interrupt: Interrupt | None = None,
     seconds: float = SECONDS,
     progress: Callable[[float], None] | None = None,
 ) -> Reference:
@@ -290,8 +296,8 @@ def make_reference(
         Where no two solutions can be had.
     """
     began = time.perf_counter()
-    patience = Patience(max(ONE * seconds, LEAST_SECONDS), interrupt)
-    first = next(tightest(case, patience), None)
+    patience = Patience(max(ONE * seconds, LEAST_SECONDS))
+    first = next(_by_own(case, FIRST, patience), None)
     if first is None:
         text = "nothing to measure errors against: the motion cannot be solved to its "
         text += f"end at any tolerance in {patience.seconds:.3g} s"
@@ -299,11 +305,11 @@ def make_reference(
         raise NoReferenceError(text + hint)
     now = time.perf_counter()
     patience.until = max(began + seconds, now + LEAST_SECONDS)
-    motion = between_rows(case, first, patience)
+    motion = _between_rows(case, first, patience)
     best: Reference | None = None
-    for second in others(case, first, patience):
-        found = _compared(case.equations, first, second, motion)
-        if best is None or _rank(found) > _rank(best):
+    for second in _others(case, first, patience):
+        found = compared(case.equations, first, second, motion)
+        if best is None or found.rank > best.rank:
             best = found
         if progress is not None:
             progress(min(1.0, (time.perf_counter() - began) / seconds))
@@ -318,23 +324,20 @@ def make_reference(
     return best
 
 
-def _rank(found: Reference) -> tuple[bool, int, float]:
-    """Give what is larger for a better reference."""
-    level = next((x for x in LEVELS if found.floor <= x), 1.0)
-    return found.whole and level in WHOLE, int(found.known / level), -found.floor
-
-
-def _compared(
+def compared(
     e: Equations, first: Solution, second: Solution, motion: Floats | None = None
 ) -> Reference:
+    """Give the first of two solutions as a reference; ranges are those of `motion`."""
     columns = first.columns
     state = [columns.index(name) for name in (*e.q, *e.velocities)]
     multipliers = [columns.index(name) for name in e.multipliers]
     count = min(len(first.rows), len(second.rows))
-    a, b = first.rows[:count], second.rows[:count]
     scales = _scales(e, first.rows if motion is None else motion, state, multipliers)
-    jumping = state[len(e.q) :], multipliers
-    apart = differences(a, b, jumping, (first.events, second.events)) / scales
+    apart = differences(
+        first.rows[:count], second.rows[:count],
+        (state[len(e.q) :], multipliers), (first.events, second.events),
+    )  # fmt: skip
+    apart /= scales
     known = _known(np.max(apart[:, state], axis=1))
     return Reference(
         columns=columns,
@@ -400,29 +403,18 @@ def _scales(
     One that stays where it is, or only trembles, is measured by the largest of its
     unit, by its own size, or by that of its velocity or position.
     """
-    n = len(e.q)
     ranges = np.ptp(rows, axis=0)
-    scales = np.full(rows.shape[1], np.inf)
-    units = [c.unit for c in e.model.coordinates]
+    sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)
+    scales = np.full(len(sizes), np.inf)
+    q, v = (np.array(x, int) for x in (state[: len(e.q)], state[len(e.q) :]))
+    units = np.array([c.unit for c in e.model.coordinates])
+    alike = [of[units == unit] for of in (q, v) for unit in set(units)]
+    for columns in (*alike, *([column] for column in multipliers)):
+        largest = np.max(sizes[columns])
+        own = ranges[columns]
+        scales[columns] = np.where(own > NOISE * largest, own, largest or np.inf)
     duration = float(np.ptp(rows[:, 0])) or 1.0
-    for columns in (state[:n], state[n:]):
-        for unit in set(units):
-            alike = [c for c, u in zip(columns, units, strict=True) if u == unit]
-            _fill(scales, ranges, rows, alike)
-    for q, v in zip(state[:n], state[n:], strict=True):
-        if not np.isfinite(scales[q]) and np.isfinite(scales[v]):
-            scales[q] = scales[v] * duration
-        elif not np.isfinite(scales[v]) and np.isfinite(scales[q]):
-            scales[v] = scales[q] / duration
-    for column in multipliers:
-        _fill(scales, ranges, rows, [column])
+    at, rates = scales[q], scales[v]
+    scales[q] = np.where(np.isinf(at), rates * duration, at)
+    scales[v] = np.where(np.isinf(rates), at / duration, rates)
     return scales
-
-
-def _fill(scales: Floats, ranges: Floats, rows: Floats, alike: list[int]) -> None:
-    largest = float(max(np.max(np.abs(rows[:, alike])), np.max(ranges[alike])))
-    for column in alike:
-        wide = ranges[column] > NOISE * largest
-        scale = ranges[column] if wide else largest
-        if scale > 0.0:
-            scales[column] = scale

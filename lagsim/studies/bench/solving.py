@@ -12,8 +12,8 @@ import ctypes
 import math
 import time
 import warnings
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Event
-    from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
 
 # Solves are repeated while they last together less than this, but not more often than
@@ -43,31 +42,22 @@ OF_CONSTRAINTS = ("projection", "elimination", "baumgarte", DRIFT)
 
 
 class GivenUpError(Exception):
-    """A solve takes longer than it may, or the user has had enough."""
+    """A solve takes longer than it may."""
 
 
 class Patience:
     """How long a solve may last.
 
-    Parameters
+    Attributes
     ----------
-    seconds
+    seconds : float
         For one solve.
-    interrupt
-        Ends it at once.
-    until
+    until : float
         Of the clock `time.perf_counter`: no solve lasts longer.
     """
 
-    def __init__(
-        self,
-        seconds: float,
-        interrupt: Interrupt | None = None,
-        until: float = math.inf,
-    ) -> None:
-        self.seconds = seconds
-        self.interrupt = interrupt
-        self.until = until
+    def __init__(self, seconds: float) -> None:
+        self.seconds, self.until = seconds, math.inf
         self.begin()
 
     def begin(self) -> None:
@@ -79,23 +69,17 @@ class Patience:
         """Whether there is no time left for any solve."""
         return time.perf_counter() > self.until
 
-    @property
-    def pressed(self) -> bool:
-        """Whether the user wants an end."""
-        return self.interrupt is not None and self.interrupt.asked
-
     def check(self, _fraction: float = 0.0) -> None:
         """Raise GivenUpError where patience has run out."""
-        if self.pressed or time.perf_counter() > self._end:
+        if time.perf_counter() > self._end:
             raise GivenUpError
 
 
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """What one solve gave; `rows` (k, columns) is None where there is no answer.
+class Solved(NamedTuple):
+    """The result of one solve; `rows` (k, columns) is None where there is no answer.
 
-    The rows are those of the output times, and the last; `outcome` is that of a run, or
-    `too slow`; `reason` says more.
+    The rows are those of the output times, and the last; `outcome` is that of a run;
+    `reason` says more.
     """
 
     rows: Floats | None
@@ -104,35 +88,6 @@ class Solved:
     outcome: str
     reason: str = ""
     events: Sequence[Event] = ()
-
-
-class Solver(Protocol):
-    """A method in a formulation, ready to solve a model at any setting.
-
-    Attributes
-    ----------
-    setting : str
-        `rtol` or `step`.
-    compile_seconds : float
-        What making it ready took.
-    """
-
-    method: str
-    formulation: str
-    setting: str
-    compile_seconds: float
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The columns of the rows."""
-
-    def solve(self, value: float, patience: Patience) -> Solved:
-        """Solve once.
-
-        Raises
-        ------
-        GivenUpError
-        """
 
 
 def asking(
@@ -148,7 +103,16 @@ def asking(
 
 
 class Own:
-    """One of lagsim's methods, through lagsim's own run.
+    """One of lagsim's methods in a formulation, through lagsim's own run.
+
+    Attributes
+    ----------
+    setting : str
+        `rtol` or `step`: a value of it is what a solve takes.
+    compile_seconds : float
+        What making it ready took.
+    names : tuple of str
+        The columns of the rows.
 
     Raises
     ------
@@ -171,14 +135,15 @@ class Own:
         self.method, self.formulation = self.plan.method, self.plan.formulation
         adaptive = bool(method_named(self.method).ADAPTIVE)
         self.setting = "rtol" if adaptive else "step"
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The columns of the rows."""
-        return self.system.columns.names
+        self.names = self.system.columns.names
 
     def solve(self, value: float, patience: Patience) -> Solved:
-        """Solve once with the tolerance, or the step, `value`."""
+        """Solve once with the tolerance, or the step, `value`.
+
+        Raises
+        ------
+        GivenUpError
+        """
         fixed = self.setting == "step"
         plan = replace(
             self.plan,
@@ -354,3 +319,6 @@ class Scipy:
         outcome = "failed" if rows is None else "done"
         reason = result.message if rows is None else ""
         return Solved(rows, seconds, f.evaluations, outcome, reason)
+
+
+Solver: TypeAlias = Own | Scipy

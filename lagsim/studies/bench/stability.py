@@ -1,20 +1,24 @@
 """Where each method holds and where it fails: a map over steps and a parameter.
 
-First what is run (methods, steps, values, how long), then the runs and the borders that
-they find, then what stability.csv and stability.json say of them.
+First a run of a model with one method and step, and the verdict on it; then the range
+of steps and the length of runs, the runs and the borders that they find, all kept as
+stability.json has them.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.language.evaluate import evaluate
+from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.equilibrium import (
     Mode,
     NoEquilibriumError,
@@ -22,22 +26,304 @@ from lagsim.mechanics.equilibrium import (
     modes,
     named,
 )
+from lagsim.mechanics.linearisation import Linearisation
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
-from lagsim.outputs.table import table_of
 from lagsim.plan.making import method_refusal
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.bench.trial import FAILS, KICK, SEED, Cell, Subject
+from lagsim.run.observers import Keep
+from lagsim.run.observers.monitors import ResidualMonitor
+from lagsim.run.session import Session
+from lagsim.run.system import System
+from lagsim.run.trajectory import Outcome
+from lagsim.studies.bench.solving import asking
 from lagsim.studies.step_bounds import predicted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
 
     CaseAt = Callable[[float | None], Case]
+
+HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
+DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
+VERDICTS = (HOLDS, DECAYS, GROWS, DIVERGES, BREAKS, FAILS)
+
+# Of the energy of the motion, an unexplained change over the run.
+CHANGE = 0.01
+# What varies anyway hides this part of its range.
+HIDDEN = 0.1
+# An energy that has grown by more than this, unexplained, goes to infinity.
+BEYOND = 1e3
+# A residual of this part of its scale: the constraint does not hold.
+BROKEN = 1e-3
+# The part of a run that is compared with its start, and with its middle.
+LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
+
+# Every mode takes part: the velocities are changed by this part of the energy, in
+# directions drawn from this seed.
+KICK = 1e-6
+SEED = 5
+# An energy that varies by no more than this part of itself is that of rest.
+REST = 1e-12
+# What replaces the amplitude about an equilibrium.
+SMALL = 1e-3
+
+# States along the motion, and the most nodes and coordinates for them.
+STATES = 100
+MOST_NODES = 1_000_000
+MOST_COORDINATES = 100
+TRUSTED_ROWS = 400
+TRUSTED_STEPS = 300_000
+ADAPTIVE_STEPS = 300_000
+
+
+class Trial(NamedTuple):
+    """The result of one run.
+
+    Attributes
+    ----------
+    growth : float or None
+        Of the energy, unexplained, per unit of time.
+    """
+
+    verdict: str
+    growth: float | None = None
+    evaluations: int | None = None
+    rejections: int | None = None
+    smallest_step: float | None = None
+    duration: float | None = None
+    reason: str = ""
+
+    @property
+    def stable(self) -> bool:
+        """Whether the motion neither grows nor is lost."""
+        return self.verdict in (HOLDS, DECAYS)
+
+
+class Subject:
+    """A model at given parameters with its eigenvalues, ready to be run.
+
+    Attributes
+    ----------
+    energy : float
+        Of the motion: the largest kinetic energy, or change of the rest.
+    highest : float
+        The largest value of the energy.
+    size : float
+        Of the positions, in the metric of M.
+    span : float
+        How long the model runs.
+    switches : bool
+        Switches in the state are located, each by itself.
+    at_start, along : ndarray of complex
+        Eigenvalues at the start, and at `states` states of the motion.
+    arcs : float
+        About how many switches end an arc, per unit of time.
+    unknown : str
+        Why there are no eigenvalues; "" where there are.
+    """
+
+    def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
+        self.case, self.interrupt = case, interrupt
+        self.equations = case.equations
+        endless = replace(self.equations.model, until=None)
+        self.endless = case._replace(equations=self.equations.of(endless))
+        self.span = case.settings.duration
+        self._systems: dict[str, System] = {}
+        self.motion = self._trusted()
+        self._measure()
+        self.unknown, self.size, self.states = "", 0.0, 0
+        self.at_start = self.along = np.zeros(0, complex)
+        self.linearisation: Linearisation | None = None
+        if len(self.equations.q) > MOST_COORDINATES:
+            self.unknown = f"the model has more than {MOST_COORDINATES} coordinates"
+        else:
+            self._linearise()
+
+    def _trusted(self) -> Floats:
+        """Give rows (t, q, q') of the motion, by the method that `auto` takes."""
+        trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
+        session = trusted.ready()._replace(most_steps=TRUSTED_STEPS)
+        self.switches = session.system.surfaces > 0
+        kept = Keep(columns=1 + 2 * len(self.equations.q))
+        trajectory = session.run([kept], interrupt=self.interrupt)
+        switched = sum(event.kind == "switch" for event in trajectory.events)
+        self.arcs = switched / self.span
+        return np.asarray(kept.table[np.all(np.isfinite(kept.table), axis=1)])
+
+    def _measure(self) -> None:
+        e = self.equations
+        values = {p.name: p.value for p in e.model.parameters}
+        names = ("t", *e.q, *e.velocities)
+        found = []
+        for row in self.motion[:: max(1, len(self.motion) // STATES)]:
+            values |= dict(zip(names, map(float, row), strict=True))
+            found.append(evaluate(e.graph, [e.kinetic_form, e.energy], values))
+        kinetic, energy = np.array(found).T
+        rest = energy - kinetic
+        self.highest = float(np.max(energy))
+        self.energy = max(float(np.max(kinetic)), float(np.ptp(rest)))
+        if self.energy <= REST * np.max(np.abs(rest)):
+            self.energy = 0.0
+
+    def _linearise(self) -> None:
+        n = len(self.equations.q)
+        self.linearisation = linearisation = Linearisation(self.equations)
+        states = max(10, min(STATES, MOST_NODES // linearisation.nodes))
+        found = []
+        for row in self.motion[:: max(1, len(self.motion) // states)]:
+            try:
+                linear = linearisation.at(row[0], row[1 : 1 + n], row[1 + n :])
+                found.append(linear.eigenvalues())
+            except (ValueError, np.linalg.LinAlgError):
+                continue
+        if not found:
+            self.unknown = "its slopes at the start are not finite"
+            return
+        self.at_start, self.along = found[0], np.concatenate(found)
+        self.states = len(found)
+        start = self.case.start
+        linear = linearisation.at(start.t, start.q, start.v)
+        sizes = np.linalg.norm(linear.lengths @ self.motion[:, 1 : 1 + n].T, axis=0)
+        self.size = float(np.max(sizes))
+        fastest = float(np.max(np.abs(self.along), initial=0.0)) or 1.0 / self.span
+        kick = KICK * self.energy
+        if self.energy == 0.0:
+            kick = 0.5 * (SMALL * (self.size or 1.0) * fastest) ** 2
+            self.energy = kick
+        drawn = np.random.default_rng(SEED).standard_normal(linear.Z.shape[1])
+        length = float(np.linalg.norm(drawn)) or 1.0
+        change = linear.Z @ (drawn * math.sqrt(2.0 * kick) / length)
+        self.endless = self.endless.at(Instant(start.t, start.q, start.v + change))
+
+    def run(self, name: str, step: float | None, steps: int = 0) -> Trial:
+        """Run `steps` steps of a method; with step None as long as the model says.
+
+        Raises
+        ------
+        InputError
+            Where the method cannot handle the model.
+        """
+        case = self.endless.asking(method=name, step=step)
+        most = ADAPTIVE_STEPS
+        if step is not None:
+            end = case.settings.start + steps * step
+            case = case.asking(output_step=step, end=end, rtol=None, atol=None)
+            most = 2 * steps + 1000
+        plan = replace(case.plan(), step=step)
+        system = self._systems.get(name)
+        if system is None or not system.fits(plan):
+            system = self._systems[name] = System(case.equations, plan)
+        observer = _Balance(system.columns.names)
+        session = Session(case, plan, system, most_steps=most)
+        trajectory = session.run([observer], interrupt=self.interrupt)
+        with np.errstate(all="ignore"):
+            found = observer.verdict(trajectory.outcome, self.energy, self.highest)
+        counts = trajectory.statistics
+        reason = "" if trajectory.outcome.complete else trajectory.reason
+        return Trial(
+            *found, counts.evaluations, counts.rejections, counts.smallest_step,
+            trajectory.end - trajectory.start, reason,
+        )  # fmt: skip
+
+    def evaluation(self) -> int:
+        """Give about how many operations an evaluation of the equations takes."""
+        e = self.equations
+        nodes = [*e.mass_entries.values(), *e.f]
+        nodes += [x for row in e.rows for x in (*row.A.entries.values(), row.b)]
+        return len(e.graph.cone(nodes)) + 10 * (len(e.q) + len(e.rows))
+
+
+class _Balance:
+    """An observer of the energy, the energy less the work, and of residuals."""
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._energy = columns.index("energy")
+        self._work = columns.index("work") if "work" in columns else None
+        self._residuals = ResidualMonitor(columns)
+        self._kept: list[Floats] = []
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        energy = rows[:, self._energy]
+        work = 0.0 if self._work is None else rows[:, self._work]
+        with np.errstate(all="ignore"):
+            self._kept.append(np.stack((rows[:, 0], energy, energy - work)))
+            self._residuals.add(rows)
+
+    def verdict(
+        self, outcome: Outcome, scale: float, highest: float
+    ) -> tuple[str, float | None]:
+        """Judge; give the growth of the energy, unexplained, per unit of time, too.
+
+        By the energy of the motion, and the highest that it has.
+        """
+        t, energy, balance = np.concatenate(self._kept, axis=1)
+        lost = {Outcome.PROJECTION_FAILED: BREAKS, Outcome.NOT_FINITE: DIVERGES}
+        # The row at which a run ends without an answer may be nothing.
+        known = np.isfinite(energy) & np.isfinite(balance)
+        count = int(np.argmin(known)) if not known.all() else len(t)
+        t, energy, balance = t[:count], energy[:count], balance[:count]
+        if count < 2:
+            return lost.get(outcome, FAILS), None
+        energy, balance = energy / scale, (balance - balance[0]) / scale
+        growth = _rate(t, balance)
+        changes = np.abs(energy - energy[0]), np.abs(balance)
+        gone = min(float(np.max(change)) for change in changes) > BEYOND
+        gone |= count < len(known)
+        if self._residuals.constraint_residual > BROKEN and not gone:
+            return BREAKS, growth
+        if gone or not outcome.complete:
+            return (DIVERGES if gone else lost.get(outcome, FAILS)), growth
+        ceiling = -math.inf if self._work is None else highest / scale
+        return _trend(energy, balance, ceiling), growth
+
+
+def _rate(t: Floats, balance: Floats) -> float | None:
+    """Give the rate at which what is not explained changes the energy.
+
+    As of an exponential; what has decayed altogether decays at least at this rate.
+    """
+    last = max(1, int(len(t) * LAST))
+    middle = float(np.mean(t[-last:])) - float(t[0])
+    if balance[-1] > BEYOND or middle <= 0.0:
+        last, middle = 1, float(t[-1] - t[0])
+    left = max(1.0 + float(np.mean(balance[-last:])), 1e-16)
+    return math.log(left) / middle if middle > 0.0 else None
+
+
+def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
+    """Tell whether what is not explained has changed the energy.
+
+    A change lifts or lowers the whole last part of a run past its first value. Where
+    something does work, the energy must also leave where the motion keeps it, and go
+    on: the work, summed up with the order of the method, explains no more than roughly.
+    """
+    last = balance[-max(1, int(len(balance) * LAST)) :]
+    low, high = float(np.min(last)), float(np.max(last))
+    bound = CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
+    level = float(np.mean(energy[-len(last) :]))
+    if high < -bound:
+        explained = ceiling > -math.inf and level >= energy[0] - bound
+        return HOLDS if explained else DECAYS
+    if low <= bound or level <= ceiling + CHANGE:
+        return HOLDS
+    return GROWS if ceiling == -math.inf or _rises(energy, len(last)) else HOLDS
+
+
+def _rises(energy: Floats, last: int) -> bool:
+    """Tell whether the energy still rises in the second half."""
+    begin, end = (int(len(energy) * part) for part in MIDDLE)
+    late, before = energy[-last:], energy[begin : max(end, begin + 1)]
+    varies = min(float(np.ptp(late)), float(np.ptp(before)))
+    rise = float(np.mean(late) - np.mean(before))
+    return rise > 0.25 * CHANGE + HIDDEN * varies
+
 
 # Cells of a strip, and of a map: steps, values of the parameter.
 STRIP = 48
@@ -50,6 +336,12 @@ BELOW, ABOVE, WIDEST = 0.1, 1.6, 1e3
 # Without a border, in parts of the fastest period, or of the run.
 OF_PERIOD = (0.02, 1.0)
 OF_RUN = (1e-4, 0.1)
+# A border is known to three digits; around one that is predicted more is looked at.
+DIGITS = 2e-4
+AROUND = (0.99, 1.01)
+# An equilibrium as near to the start, against its size, is the start; a coordinate of
+# it that is as small beside the others is 0.
+AT_START, ZERO = 1e-9, 1e-10
 
 # Steps of a run: so many, or what the model lasts, within what all of it may cost.
 STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
@@ -71,9 +363,8 @@ UNSTEADY = (
 INSTEAD = "`lagsim bench` compares methods on such a model, for each step"
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What is asked for.
+class Wish(NamedTuple):
+    """The options of a map.
 
     Attributes
     ----------
@@ -81,8 +372,8 @@ class Wish:
         Only these; None for all that apply.
     steps
         Smallest and largest; None for a choice from the model.
-    name, values
-        Of the parameter that varies.
+    name, between
+        The parameter that varies, and its smallest and largest value.
     strip, map
         How many cells.
     """
@@ -95,16 +386,15 @@ class Wish:
     map: tuple[int, int] = MAP
 
 
-class Refused(NamedTuple):
-    """A method that does not apply."""
-
-    method: str
-    reason: str
+def columns(name: str | None) -> list[str]:
+    """Give the columns of stability.csv over a parameter, or none."""
+    varied = [] if name is None else [name]
+    return ["method", "step", *varied, *Trial._fields[:-1]]
 
 
 def methods_for(
     case: Case, wish: Wish
-) -> tuple[tuple[str, ...], tuple[str, ...], list[Refused]]:
+) -> tuple[list[str], list[str], list[dict[str, str]]]:
     """Give those of fixed steps, those of chosen steps, and those that refuse.
 
     Raises
@@ -119,81 +409,248 @@ def methods_for(
     problems = []
     kind = structure(case.equations)
     for name in wish.methods or names():
-        module = method_named(name)
+        adaptive = bool(method_named(name).ADAPTIVE)
         reason = method_refusal(name, case.equations, kind)
         if reason:
             text = f"`{name}` cannot handle this model: {reason}"
             problems.append(Problem("method-refused", text))
-            refused.append(Refused(name, reason))
-        elif module.ADAPTIVE and wish.name is None:
+            refused.append({"method": name, "reason": reason})
+        elif adaptive and wish.name is None:
             text = (
                 f"`{name}` chooses its steps: it has no stability limit on a given step"
             )
             hint = "use --vary to see how its work changes with a parameter"
             problems.append(Problem("adaptive-method", text, hint=hint))
         else:
-            found[bool(module.ADAPTIVE)].append(name)
+            found[adaptive].append(name)
     if wish.methods is not None and problems:
         raise InputError(problems)
-    return tuple(found[False]), tuple(found[True]), refused
+    return found[False], found[True], refused
 
 
-def runs_for(
-    subject: Subject, name: str, steps: list[float], count: int
-) -> tuple[int, int]:
-    """Give the least and the largest number of steps that each of `count` runs has."""
-    pilot = subject.run(name, steps[len(steps) // 2], PILOT, None)
-    evaluations = (pilot.evaluations or PILOT) / PILOT
-    n = len(subject.equations.q)
-    solving = (2 * n) ** 3 if method_named(name).NEEDS not in ((), ("power",)) else 0
-    cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
-    cost += SWITCHING if subject.switches else 0
-    cost += ARC * subject.arcs * steps[-1]
-    affordable = int(BUDGET / (count * cost))
-    return (
-        max(LEAST_STEPS, min(STEPS, affordable)),
-        max(LEAST_STEPS, min(MOST_STEPS, affordable)),
-    )
-
-
-def spaced(between: tuple[float, float], count: int) -> Iterator[float]:
+def spaced(between: tuple[float, float], count: int) -> list[float]:
     """Give values from the first to the second: by a factor where both are above 0."""
-    first, last = between
-    if first > 0.0 and last > 0.0:
-        for k in np.linspace(math.log10(first), math.log10(last), count):
-            yield float(f"{10.0**k:.6g}")
-    else:
-        yield from (float(f"{x:.6g}") for x in np.linspace(first, last, count))
+    space = np.geomspace if min(between) > 0.0 else np.linspace
+    return [float(f"{x:.6g}") for x in space(*between, count).tolist()]
 
 
-def usual_value(case: Case, name: str | None) -> float | None:
-    """Give the value that the file gives a parameter."""
-    known = {p.name: p.value for p in case.equations.model.parameters}
-    return None if name is None else known[name]
+def measure(
+    case_at: CaseAt,
+    wish: Wish,
+    *,
+    interrupt: Interrupt | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> dict[str, Any]:
+    """Run a model by each method over the range of steps; find the borders.
+
+    Returns the content of stability.json, to which keys are only ever added.
+
+    Parameters
+    ----------
+    case_at
+        Gives the model at a value of the parameter; with None as the file has it.
+
+    Raises
+    ------
+    InputError
+    """
+    interrupt = interrupt or Interrupt()
+    with interrupt.raised():  # there is nothing yet to be kept
+        made = _Map(case_at, wish, interrupt, progress or (lambda _fraction: None))
+    complete = interrupt.cut(made.run)
+    return made.document(complete=complete)
 
 
-def subjects_at_ends(
-    case_at: CaseAt, values: list[float | None], interrupt: Interrupt | None
-) -> Iterator[Subject]:
-    """Give the model at both ends of the parameter's range, where it can be had."""
-    for value in (values[0], values[-1]):
-        if value is not None:
-            with contextlib.suppress(LagsimError):
-                yield Subject(case_at(value), interrupt)
+class _Map:
+    """The runs of a map, one after the other.
+
+    Attributes
+    ----------
+    fixed, adaptive : list of str
+        Methods of fixed steps, and those that choose their steps.
+    values : list of float or None
+        Of the parameter.
+    lengths : dict
+        By method, the least and the largest number of steps of a run.
+    cells, borders : list of dict
+        As in stability.json; each border has its method besides.
+    """
+
+    def __init__(
+        self,
+        case_at: CaseAt,
+        wish: Wish,
+        interrupt: Interrupt,
+        progress: Callable[[float], None],
+    ) -> None:
+        self.case_at, self.wish, self.interrupt = case_at, wish, interrupt
+        self.progress = progress
+        case = case_at(None)
+        self.subject = Subject(case, interrupt)
+        self.fixed, self.adaptive, self.refused = methods_for(case, wish)
+        self.values: list[float | None] = [None]
+        if wish.between is not None:
+            self.values = [*spaced(wish.between, wish.map[1])]
+        self.steps = self._steps()
+        runs = len(self.steps) + SEARCH
+        count = len(self.values) * len(self.fixed) * runs
+        self.lengths = {name: self._lengths(name, count) for name in self.fixed}
+        self.rest = _equilibrium(self.subject)
+        self.cells: list[dict[str, Any]] = []
+        self.borders: list[dict[str, Any]] = []
+        each = len(self.fixed) * runs + len(self.adaptive)
+        self.total, self.done = max(1, len(self.values) * each), 0.0
+
+    def _steps(self) -> list[float]:
+        """Give the steps of the cells: those asked for, or around the borders."""
+        subjects = [self.subject]
+        for value in (self.values[0], self.values[-1]):
+            if value is not None:
+                with contextlib.suppress(LagsimError):
+                    subjects.append(Subject(self.case_at(value), self.interrupt))
+        ranges = [_range(subject, self.fixed) for subject in subjects]
+        low, high = min(a for a, _ in ranges), max(b for _, b in ranges)
+        between = self.wish.steps or (max(low, high / WIDEST), high)
+        count = self.wish.strip if self.wish.name is None else self.wish.map[0]
+        return spaced(between, count) if self.fixed else []
+
+    def _lengths(self, name: str, count: int) -> tuple[int, int]:
+        """Give the least and the largest number of steps that `count` runs have."""
+        subject, steps = self.subject, self.steps
+        pilot = subject.run(name, steps[len(steps) // 2], PILOT)
+        evaluations = (pilot.evaluations or PILOT) / PILOT
+        explicit = method_named(name).NEEDS in ((), ("power",))
+        solving = 0 if explicit else (2 * len(subject.equations.q)) ** 3
+        cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
+        cost += SWITCHING * subject.switches + ARC * subject.arcs * steps[-1]
+        affordable = int(BUDGET / (count * cost))
+        least, most = min(STEPS, affordable), min(MOST_STEPS, affordable)
+        return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
+
+    def length(self, name: str, step: float) -> int:
+        """Give how many steps a run takes."""
+        least, most = self.lengths[name]
+        return min(most, max(least, math.ceil(self.subject.span / step)))
+
+    def run(self) -> None:
+        """Run every method at every value of the parameter."""
+        for value in self.values:
+            varied = {} if value is None else {str(self.wish.name): value}
+            subject, fault = self.subject, ""
+            if value is not None:
+                try:
+                    subject = Subject(self.case_at(value), self.interrupt)
+                except LagsimError as error:
+                    fault = _reason(error)
+            for name in (*self.fixed, *self.adaptive):
+                if fault:
+                    trial = partial(_failed, fault)
+                else:
+                    trial = partial(self._trial, subject, name)
+                fixed = name in self.fixed
+                strip = {h: trial(h) for h in (self.steps if fixed else [None])}
+                self.cells += [
+                    {"method": name, "step": h, **varied, **found._asdict()}
+                    for h, found in strip.items()
+                ]
+                if fixed:
+                    border = self._border(subject, name, strip, trial, fault)
+                    self.borders.append({"method": name, **varied, **border})
+
+    def _trial(self, subject: Subject, name: str, step: float | None) -> Trial:
+        steps = 0 if step is None else self.length(name, step)
+        try:
+            found = subject.run(name, step, steps)
+        except InputError as fault:
+            found = _failed(_reason(fault))
+        self._count(1)
+        return found
+
+    def _count(self, runs: float) -> None:
+        self.done += runs
+        self.progress(min(1.0, self.done / self.total))
+        with self.interrupt.raised():
+            pass  # raises where an end is asked for
+
+    def _border(
+        self,
+        subject: Subject,
+        name: str,
+        strip: Mapping[float | None, Trial],
+        trial: Callable[[float], Trial],
+        fault: str,
+    ) -> dict[str, Any]:
+        """Give where a method ceases to hold: as found, and from the eigenvalues."""
+        top = self.steps[-1]
+        span = top * self.length(name, top)
+        at_start, along = (
+            None if fault else predicted(method_named(name).amplification, x, span)
+            for x in (subject.at_start, subject.along)
+        )
+        counted = self.done
+        found, note = None, fault
+        if not fault:
+            stable = {h: x.stable for h, x in strip.items() if h is not None}
+            found, note = _found(stable, trial, {at_start, along})
+        self._count(max(0, counted + SEARCH - self.done))
+        known = [x for x in (at_start, along) if x is not None]
+        return {
+            "found": None if found is None else float(f"{found:.4g}"),
+            "predicted": min(known, default=None),
+            "predicted_at_start": at_start,
+            "predicted_along": along,
+            "note": note,
+        }
+
+    def document(self, *, complete: bool) -> dict[str, Any]:
+        """Give the content of stability.json."""
+        subject, name = self.subject, self.wish.name
+        model = subject.equations.model
+        order = [*self.fixed, *self.adaptive]
+        vary = None
+        if name is not None:
+            units = {p.name: p.unit for p in model.parameters}
+            vary = {"name": name, "unit": units[name], "values": self.values}
+        borders: dict[str, Any] = {}
+        for border in sorted(self.borders, key=lambda x: order.index(x["method"])):
+            own = {k: x for k, x in border.items() if k != "method"}
+            if name is None:
+                borders[border["method"]] = own
+            else:
+                borders.setdefault(border["method"], []).append(own)
+        return {
+            **head(model),
+            "complete": complete,
+            "vary": vary,
+            "methods": {"fixed": self.fixed, "adaptive": self.adaptive},
+            "steps": self.steps,
+            "runs": {
+                "steps": {
+                    m: {"least": a, "most": b} for m, (a, b) in self.lengths.items()
+                },
+                "duration": subject.span,
+                "perturbation": {
+                    "energy": KICK,
+                    "of": "the energy of the motion, put into the velocities so that "
+                    "every mode takes part",
+                    "seed": SEED,
+                },
+                "energy": subject.energy,
+            },
+            "borders": borders,
+            "eigenvalues": {
+                "at_start": _pairs(subject.at_start),
+                "along": _pairs(subject.along),
+                "states": subject.states,
+                "unknown": subject.unknown or None,
+            },
+            **self.rest,
+            "refused": self.refused,
+            "cells": sorted(self.cells, key=lambda x: order.index(x["method"])),
+        }
 
 
-def steps_for(
-    subjects: list[Subject], methods: tuple[str, ...], wish: Wish
-) -> list[float]:
-    """Give the steps of the cells: those asked for, or around the borders predicted."""
-    ranges = [_range(subject, methods) for subject in subjects]
-    low, high = min(a for a, _ in ranges), max(b for _, b in ranges)
-    between = wish.steps or (max(low, high / WIDEST), high)
-    count = wish.strip if wish.name is None else wish.map[0]
-    return list(spaced(between, count)) if methods else []
-
-
-def _range(subject: Subject, methods: tuple[str, ...]) -> tuple[float, float]:
+def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
     """Give the range of steps around the borders predicted."""
     span = 10.0 * subject.span
     borders = [
@@ -212,419 +669,88 @@ def _range(subject: Subject, methods: tuple[str, ...]) -> tuple[float, float]:
     return OF_RUN[0] * subject.span, OF_RUN[1] * subject.span
 
 
-# A border is known to three digits; around one that is predicted more is looked at.
-DIGITS = 2e-4
-AROUND = (0.99, 1.01)
+def _found(
+    stable: Mapping[float, bool],
+    trial: Callable[[float], Trial],
+    expected: set[float | None],
+) -> tuple[float | None, str]:
+    """Bisect between the first step that does not hold and the one before it.
 
-
-@dataclass(frozen=True, slots=True)
-class Border:
-    """Where a method ceases to hold, at one value of the parameter.
-
-    Attributes
-    ----------
-    found : float or None
-        To three digits; None where there is none in the range.
-    at_start, along : float or None
-        Predicted from the eigenvalues at the start, and along the motion.
-    note : str
-        Why none was found.
+    Around a border that is expected steps are added: what lies past it may be narrower
+    than the cells of the map. Give the border, or None and why.
     """
-
-    method: str
-    value: float | None
-    found: float | None
-    at_start: float | None
-    along: float | None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Rest:
-    """What is known about an equilibrium.
-
-    Attributes
-    ----------
-    at : dict or None
-        Its coordinates.
-    reason : str
-        Why there is none.
-    is_start : bool
-        The start is one.
-    modes : tuple of Mode
-        About it; or of linear equations wherever they are.
-    """
-
-    at: dict[str, float] | None
-    reason: str
-    is_start: bool
-    modes: tuple[Mode, ...]
+    first, last = min(stable), max(stable)
+    if not stable[first]:
+        return None, f"does not hold at {first:.3g} s either"
+    around = [part * step for step in expected if step for part in AROUND]
+    more = {h: trial(h).stable for h in around if first < h < last}
+    known = {**stable, **more}
+    for before, after in pairwise(sorted(known)):
+        if not known[after]:
+            low, high = before, after
+            while high / low > 1.0 + DIGITS:
+                middle = math.sqrt(low * high)
+                if trial(middle).stable:
+                    low = middle
+                else:
+                    high = middle
+            return high, ""
+    return None, f"holds up to {last:.3g} s"
 
 
-@dataclass
-class Stability:
-    """What is run of one model, and what has been found.
-
-    Attributes
-    ----------
-    methods, adaptive : tuple of str
-        Of fixed steps, and those that choose their steps.
-    steps : list of float
-        The steps of the cells.
-    values : list of float or None
-        Of the parameter.
-    usual : float or None
-        Its value in the file.
-    runs : dict
-        By method, the least and the largest number of steps of a run.
-    """
-
-    subject: Subject
-    methods: tuple[str, ...]
-    adaptive: tuple[str, ...]
-    refused: list[Refused]
-    steps: list[float]
-    values: list[float | None]
-    usual: float | None
-    runs: dict[str, tuple[int, int]]
-    rest: Rest
-    cells: list[Cell] = field(default_factory=list)
-    borders: list[Border] = field(default_factory=list)
-    interrupted: bool = False
-
-    def of(self, method: str) -> list[Cell]:
-        """Give the cells of a method, in order."""
-        return [cell for cell in self.cells if cell.method == method]
-
-
-def measure(
-    case_at: CaseAt,
-    wish: Wish,
-    *,
-    interrupt: Interrupt | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Stability:
-    """Run a model by each method over the range of steps; find the borders.
-
-    Parameters
-    ----------
-    case_at
-        Gives the model at a value of the parameter; with None as the file has it.
-
-    Raises
-    ------
-    InputError
-    """
-    interrupt = interrupt or Interrupt()
-    with interrupt.raised():  # there is nothing yet to be kept
-        found = _asked(case_at, wish, interrupt)
-    work = _Work(found, interrupt, progress)
-    interrupt.cut(lambda: work.columns(case_at))
-    order = [*found.methods, *found.adaptive]
-    found.cells.sort(key=lambda cell: order.index(cell.method))
-    found.borders.sort(key=lambda border: order.index(border.method))
-    found.interrupted = interrupt.asked
-    return found
-
-
-def _asked(case_at: CaseAt, wish: Wish, interrupt: Interrupt) -> Stability:
-    """Find out what there is to be run."""
-    case = case_at(None)
-    subject = Subject(case, interrupt)
-    fixed, adaptive, refused = methods_for(case, wish)
-    values: list[float | None] = [None]
-    if wish.between is not None:
-        values = list(spaced(wish.between, wish.map[1]))
-    subjects = [subject, *subjects_at_ends(case_at, values, interrupt)]
-    steps = steps_for(subjects, fixed, wish)
-    count = len(values) * len(fixed) * (len(steps) + SEARCH)
-    runs = {name: runs_for(subject, name, steps, count) for name in fixed}
-    return Stability(
-        subject, fixed, adaptive, refused, steps, values,
-        usual_value(case, wish.name), runs, _rest(subject),
-    )  # fmt: skip
-
-
-class _Work:
-    """The runs, one after the other."""
-
-    def __init__(
-        self,
-        found: Stability,
-        interrupt: Interrupt,
-        progress: Callable[[float], None] | None,
-    ) -> None:
-        self.found, self.interrupt, self.progress = found, interrupt, progress
-        each = len(found.methods) * (len(found.steps) + SEARCH) + len(found.adaptive)
-        self.total, self.done = max(1, len(found.values) * each), 0
-
-    @property
-    def pressed(self) -> bool:
-        return self.interrupt.asked
-
-    def columns(self, case_at: CaseAt) -> None:
-        """Run every method at every value of the parameter."""
-        for value in self.found.values:
-            if self.pressed:
-                return
-            subject = self.found.subject
-            if value is not None:
-                try:
-                    subject = Subject(case_at(value), self.interrupt)
-                except LagsimError as fault:
-                    self._without(value, fault)
-                    continue
-            for name in self.found.methods:
-                self._strip(subject, name, value)
-            for name in self.found.adaptive:
-                self._cells(subject, name, [None], value)
-
-    def _without(self, value: float, fault: LagsimError) -> None:
-        reason, found = _reason(fault), self.found
-        for name in found.methods:
-            found.borders.append(Border(name, value, None, None, None, reason))
-        for name in (*found.methods, *found.adaptive):
-            found.cells += [
-                Cell(name, step, value, FAILS, None, None, reason=reason)
-                for step in (found.steps if name in found.methods else [None])
-            ]
-
-    def _cells(
-        self,
-        subject: Subject,
-        name: str,
-        steps: Sequence[float | None],
-        value: float | None,
-    ) -> list[Cell]:
-        """Run a method with steps; what is cut short does not count."""
-        cells = []
-        for step in steps:
-            if not self.pressed:
-                cells.append(self._cell(subject, name, step, value))
-                self._count(1)
-        if not self.pressed:
-            self.found.cells += cells
-        return cells
-
-    def _strip(self, subject: Subject, name: str, value: float | None) -> None:
-        cells = self._cells(subject, name, self.found.steps, value)
-        if self.pressed:
-            return
-        amplification = method_named(name).amplification
-        top = self.found.steps[-1]
-        span = top * self.length(subject, name, top)
-        at_start, along = (
-            predicted(amplification, eigenvalues, span)
-            for eigenvalues in (subject.at_start, subject.along)
-        )
-        counted = self.done
-        border, note = self._border(subject, cells, {at_start, along})
-        self._count(counted + SEARCH - self.done)
-        if not self.pressed:
-            more = Border(name, value, border, at_start, along, note)
-            self.found.borders.append(more)
-
-    def _border(
-        self, subject: Subject, cells: list[Cell], expected: set[float | None]
-    ) -> tuple[float | None, str]:
-        """Bisect between the first cell that does not hold and the one before it.
-
-        Around a border that is expected cells are added: what lies past it may be
-        narrower than those of the map.
-        """
-        method, value = cells[0].method, cells[0].value
-        first, last = _step_of(cells[0]), _step_of(cells[-1])
-        if not cells[0].stable:
-            return None, f"does not hold at {first:.3g} s either"
-        extra = [part * step for step in expected if step for part in AROUND]
-        more = [
-            self._cell(subject, method, step, value)
-            for step in extra
-            if first < step < last
-        ]
-        for before, after in pairwise(sorted([*cells, *more], key=_step_of)):
-            if not after.stable:
-                low, high = _step_of(before), _step_of(after)
-                while high / low > 1.0 + DIGITS and not self.pressed:
-                    middle = math.sqrt(low * high)
-                    self._count(1)
-                    if self._cell(subject, method, middle, value).stable:
-                        low = middle
-                    else:
-                        high = middle
-                return high, ""
-        return None, f"holds up to {last:.3g} s"
-
-    def _cell(
-        self, subject: Subject, name: str, step: float | None, value: float | None
-    ) -> Cell:
-        steps = 0 if step is None else self.length(subject, name, step)
-        try:
-            return subject.run(name, step, steps, value)
-        except InputError as fault:
-            return Cell(name, step, value, FAILS, None, None, reason=_reason(fault))
-
-    def length(self, subject: Subject, name: str, step: float) -> int:
-        """Give how many steps a run takes."""
-        least, most = self.found.runs[name]
-        return min(most, max(least, math.ceil(subject.span / step)))
-
-    def _count(self, cells: int) -> None:
-        self.done += cells
-        if self.progress is not None:
-            self.progress(min(1.0, self.done / self.total))
+def _failed(reason: str, _step: float | None = None) -> Trial:
+    return Trial(FAILS, reason=reason)
 
 
 def _reason(fault: LagsimError) -> str:
     return fault.problems[0].text if isinstance(fault, InputError) else str(fault)
 
 
-def _step_of(cell: Cell) -> float:
-    assert cell.step is not None
-    return cell.step
+def _pairs(values: Any) -> list[list[float]]:
+    return [[float(x.real), float(x.imag)] for x in values]
 
 
-def _rest(subject: Subject) -> Rest:
-    """Look for an equilibrium, and the modes about it."""
+def _equilibrium(subject: Subject) -> dict[str, Any]:
+    """Look for an equilibrium, and the modes about it, as stability.json has them."""
     e, start = subject.equations, subject.endless.start
     linearisation = subject.linearisation
-    if linearisation is None:
-        return Rest(None, subject.unknown, is_start=False, modes=())
-    try:
-        q = find_equilibrium(e, linearisation, start.t, start.q, subject.size)
-    except NoEquilibriumError as fault:
-        linear: tuple[Mode, ...] = ()
-        if structure(e).linear and not subject.unknown:
-            linear = modes(linearisation.at(start.t, start.q, start.v))
-        return Rest(None, str(fault), is_start=False, modes=linear)
-    about = linearisation.at(start.t, q, np.zeros_like(q))
-    change = float(np.max(np.abs(q - subject.case.start.q), initial=0.0))
-    at_rest = not np.any(subject.case.start.v)
-    near = change <= 1e-9 * float(np.max(np.abs(q), initial=0.0))
-    return Rest(named(e.q, q), "", is_start=bool(near and at_rest), modes=modes(about))
-
-
-TABLE = "stability.csv"
-MANIFEST = "stability.json"
-
-MEASURED = ("verdict", "growth", "evaluations", "rejections", "smallest_step")
-
-
-def table(cells: Iterable[Cell], name: str | None) -> bytes:
-    """Give the content of stability.csv."""
-    varied = [] if name is None else ["value"]
-    shown = ["method", "step", *varied, *MEASURED, "duration"]
-    rows = ([getattr(cell, key) for key in shown] for cell in cells)
-    return table_of([name or key if key == "value" else key for key in shown], rows)
-
-
-def document(found: Stability, wish: Wish, files: Sequence[str]) -> dict[str, Any]:
-    """Give the content of stability.json; keys are only ever added."""
-    subject = found.subject
-    return {
-        **head(subject.equations.model),
-        "complete": not found.interrupted,
-        "vary": None
-        if wish.name is None
-        else {"name": wish.name, "values": found.values},
-        "steps": found.steps,
-        "runs": {
-            "steps": {m: {"least": a, "most": b} for m, (a, b) in found.runs.items()},
-            "duration": subject.span,
-            "perturbation": {
-                "energy": KICK,
-                "of": "the energy of the motion, put into the velocities so that every "
-                "mode takes part",
-                "seed": SEED,
-            },
-            "energy": subject.energy,
-        },
-        "borders": _borders(found, wish.name),
-        "eigenvalues": _eigenvalues(subject),
-        **_rest_and_modes(found.rest, subject.equations.q),
-        "refused": [refused._asdict() for refused in found.refused],
-        "cells": [_entry(cell, wish.name) for cell in found.cells],
-        "files": list(files),
-    }
-
-
-def _entry(cell: Cell, name: str | None) -> dict[str, Any]:
-    row: dict[str, Any] = {"method": cell.method, "step": cell.step}
-    if name is not None:
-        row[name] = cell.value
-    row |= {key: getattr(cell, key) for key in MEASURED}
-    return row | {"duration": cell.duration, "reason": cell.reason}
-
-
-def prediction(border: Border) -> float | None:
-    """Give the smaller of the borders at the start and along the motion."""
-    known = [x for x in (border.at_start, border.along) if x is not None]
-    return min(known) if known else None
-
-
-def _borders(found: Stability, name: str | None) -> dict[str, Any]:
-    """Give them by method: one mapping, or a list over the parameter's values."""
-    by_method: dict[str, Any] = {}
-    for border in found.borders:
-        entry: dict[str, Any] = {} if name is None else {name: border.value}
-        entry |= {
-            "found": None if border.found is None else float(f"{border.found:.4g}"),
-            "predicted": prediction(border),
-            "predicted_at_start": border.at_start,
-            "predicted_along": border.along,
-            "note": border.note,
-        }
-        if name is None:
-            by_method[border.method] = entry
+    at, is_start, reason = None, False, subject.unknown
+    about: tuple[Mode, ...] = ()
+    if linearisation is not None:
+        q0 = subject.case.start.q
+        try:
+            q = find_equilibrium(e, linearisation, start.t, start.q, subject.size)
+        except NoEquilibriumError as fault:
+            reason = str(fault)
+            if structure(e).linear and not subject.unknown:
+                about = modes(linearisation.at(start.t, start.q, start.v))
         else:
-            by_method.setdefault(border.method, []).append(entry)
-    return by_method
-
-
-def _eigenvalues(subject: Subject) -> dict[str, Any]:
-    def pairs(values: Any) -> list[list[float]]:
-        return [[float(x.real), float(x.imag)] for x in values]
-
+            reason = ""
+            about = modes(linearisation.at(start.t, q, np.zeros_like(q)))
+            size = np.max(np.abs([q, q0]), initial=0.0)
+            far = float(np.max(np.abs(q - q0), initial=0.0))
+            near = far <= AT_START * float(np.max(np.abs(q), initial=0.0))
+            is_start = bool(near and not np.any(subject.case.start.v))
+            at = named(e.q, np.where(np.abs(q) > ZERO * size, q, 0.0))
     return {
-        "at_start": pairs(subject.at_start),
-        "along": pairs(subject.along),
-        "states": subject.states,
-        "unknown": subject.unknown or None,
-    }
-
-
-def _rest_and_modes(rest: Rest, names: Sequence[str]) -> dict[str, Any]:
-    equilibrium: dict[str, Any] = {
-        "coordinates": rest.at,
-        "is_start": rest.is_start,
-        "reason": rest.reason or None,
-    }
-    return {
-        "equilibrium": rest.at,
-        "equilibrium_is_start": equilibrium["is_start"],
-        "equilibrium_reason": equilibrium["reason"],
-        "modes": [_mode(mode, names) for mode in rest.modes],
+        "equilibrium": at,
+        "equilibrium_is_start": is_start,
+        "equilibrium_reason": reason or None,
+        "modes": [_mode(mode, e.q) for mode in about],
     }
 
 
 def _mode(mode: Mode, names: Sequence[str]) -> dict[str, Any]:
+    real, imaginary = (
+        dict(zip(names, map(float, part + 0.0), strict=True))
+        for part in (mode.shape.real, mode.shape.imag)
+    )
     return {
         "frequency": mode.frequency,
         "angular_frequency": mode.eigenvalue.imag,
         "period": mode.period,
         "damping_ratio": mode.damping_ratio + 0.0,
         "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
-        "shape": dict(zip(names, map(float, mode.shape.real + 0.0), strict=True)),
-        "shape_imaginary": dict(
-            zip(names, map(float, mode.shape.imag + 0.0), strict=True)
-        ),
+        "shape": real,
+        "shape_imaginary": imaginary,
     }
-
-
-def fastest_period(subject: Subject) -> float | None:
-    """Give the period of the fastest oscillation, at the start or along the motion."""
-    for values in (subject.at_start, subject.along):
-        fastest = float(np.max(np.abs(values.imag), initial=0.0))
-        if fastest * subject.span > 1e-3:
-            return 2.0 * math.pi / fastest
-    return None

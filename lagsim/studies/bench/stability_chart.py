@@ -1,6 +1,7 @@
 """stability.png: maps of verdicts, below them regions of stability with eigenvalues.
 
-And the work of methods that choose their steps, as a parameter varies.
+And the work of methods that choose their steps, as a parameter varies. Drawn from
+stability.json alone.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.colors import to_rgba
@@ -17,7 +18,6 @@ from matplotlib.colors import to_rgba
 from lagsim.methods import method as method_named
 from lagsim.outputs.curves import curve, point
 from lagsim.outputs.figure import Column, Picture, headed
-from lagsim.outputs.manifest import versions
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.outputs.sheet import (
     DIM,
@@ -32,28 +32,26 @@ from lagsim.outputs.sheet import (
     mark,
 )
 from lagsim.studies.bench.chart import look_of
-from lagsim.studies.bench.stability import prediction
-from lagsim.studies.bench.trial import (
+from lagsim.studies.bench.stability import (
     BREAKS,
     DECAYS,
     DIVERGES,
     FAILS,
     GROWS,
     HOLDS,
-    KICK,
     VERDICTS,
 )
 from lagsim.studies.experiment import stamp
-from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.figure import SubFigure
 
-    from lagsim.studies.bench.stability import Stability
-    from lagsim.studies.bench.trial import Cell
+    from lagsim.language.arrays import Complexes, Floats
+
+    Record = Mapping[str, Any]
 
 # Inches: a strip, a map, a region, one of few, a panel of work; what is below them. And
 # so many of them in a row.
@@ -74,10 +72,10 @@ VERDICT_COLOURS = {
     FAILS: "#3C3C3C",
 }
 FOUND: Pen = {"color": INK, "linewidth": 1.8}
-# By the attribute of a border: of which states, and how it is drawn.
+# Predicted borders: of which states, and how they are drawn.
 PREDICTED: dict[str, tuple[str, Pen]] = {
-    "at_start": ("start", mark("D", 4.6, fill="white")),
-    "along": ("motion", mark("v", 5.0, fill="#0072B2")),
+    "predicted_at_start": ("start", mark("D", 4.6, fill="white")),
+    "predicted_along": ("motion", mark("v", 5.0, fill="#0072B2")),
 }
 PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
 AT_START = mark("o", 3.6)
@@ -95,62 +93,73 @@ TOUCHED = 1e-6
 
 
 @in_house_style
-def chart(title: str, found: Stability, varied: str | None, form: str = "png") -> bytes:
-    """Draw what was found as a parameter, or none, varied; as PNG, SVG or PDF."""
-    over, count = _named(found, varied), len(found.methods)
+def chart(document: Record, form: str = "png") -> bytes:
+    """Draw the content of stability.json; as PNG, SVG or PDF."""
+    vary, (fixed, adaptive) = document["vary"], document["methods"].values()
     heights: list[float] = []
-    regions: list[Axes] = []
-    if count:
-        each = STRIP * count if varied is None else MAP * -(-count // MAPS)
-        region = LARGE if count <= MAPS else REGION
-        heights = [each + BELOW, BELOW / 2 + region * -(-count // REGIONS)]
-    heights += [3 * WORK + BELOW] if found.adaptive else []
+    regions: list[Region] = []
+    if fixed:
+        each = MAP * -(-len(fixed) // MAPS) if vary else STRIP * len(fixed)
+        region = LARGE if len(fixed) <= MAPS else REGION
+        heights = [each + BELOW, BELOW / 2 + region * -(-len(fixed) // REGIONS)]
+        regions = [Region(document, name) for name in fixed]
+    heights += [3 * WORK + BELOW] if adaptive else []
     size = WIDTH, sum(heights)
     drawing = Picture(figsize=size, dpi=DPI, layout="constrained")
     places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
     parts = [drawing.add_subfigure(places[k]) for k in range(len(heights))]
-    if count:
-        if varied is None:
-            _strips(parts[0], found)
-        else:
-            _maps(parts[0], found, over)
-        regions = _regions(parts[1], found)
-    if found.adaptive:
-        _work(parts[-1], found, over)
-    legend = _legend(found, varied=varied is not None)
+    panels: list[Axes] = []
+    if fixed:
+        (_maps if vary else _strips)(parts[0], document)
+        panels = _regions(parts[1], regions)
+    if adaptive:
+        _work(parts[-1], document)
+    hidden = not any(region.along for region in regions)
+    at_start = any(len(region.at_start) for region in regions)
+    legend = _legend(document, at_start=at_start, along=not hidden)
+    notes = _notes(document, eigenvalues=at_start or not hidden)
     subject = "where methods hold and where they fail"
-    headed(drawing, title, subject, legend, _notes(found, varied))
+    headed(drawing, document["model"]["name"], subject, legend, notes)
     engine = drawing.get_layout_engine()
     assert engine is not None
     for _ in range(LAYOUTS):
         engine.execute(drawing)
-        for axes in regions:
+        for axes in panels:
             _equal(axes)
     drawing.set_layout_engine("none")
     return content(drawing, form)
 
 
-def _named(found: Stability, varied: str | None) -> Column:
-    """Give what varies, and its unit."""
-    units = {p.name: p.unit for p in found.subject.equations.model.parameters}
-    values = np.array([x for x in found.values if x is not None], float)
-    return Column(varied or "", units.get(varied or "", ""), values)
+def _varied(document: Record) -> Column:
+    """Give the parameter that varies, with its unit and values."""
+    vary = document["vary"]
+    return Column(vary["name"], vary["unit"], np.array(vary["values"], float))
 
 
-def _legend(found: Stability, *, varied: bool) -> list[tuple[str, Pen]]:
+def borders_of(document: Record, method: str) -> list[dict[str, Any]]:
+    """Give the borders of a method, one for each value of the parameter."""
+    found = document["borders"].get(method, [])
+    return [found] if isinstance(found, dict) else list(found)
+
+
+def _legend(document: Record, *, at_start: bool, along: bool) -> list[tuple[str, Pen]]:
     """Name colours and marks."""
-    seen = {cell.verdict for cell in found.cells}
+    seen = {cell["verdict"] for cell in document["cells"]}
     bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
     bars = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
-    at_start, along = eigenvalues_shown(found)
-    shown: list[tuple[str, Pen, bool]] = [
-        ("border found", FOUND, any(b.found is not None for b in found.borders)),
-        ("predicted", PREDICTED_LINE, varied and any(map(prediction, found.borders))),
-    ]
-    across = spread(found.steps)[0] if found.methods else Scale(0.0, 0.0)
-    for key, (where, pen) in PREDICTED.items():
-        there = any(_within(getattr(b, key), across) for b in found.borders)
-        shown.append((f"predicted: {where}", pen, there and not varied))
+    fixed = document["methods"]["fixed"]
+    borders = [border for name in fixed for border in borders_of(document, name)]
+    across = spread(document["steps"])[0] if fixed else Scale(0.0, 0.0)
+    found = any(border["found"] is not None for border in borders)
+    shown: list[tuple[str, Pen, bool]] = [("border found", FOUND, found)]
+    if document["vary"]:
+        there = any(border["predicted"] for border in borders)
+        shown.append(("predicted", PREDICTED_LINE, there))
+    else:
+        shown += [
+            (f"predicted: {where}", pen, any(_within(b[key], across) for b in borders))
+            for key, (where, pen) in PREDICTED.items()
+        ]
     shown += [("h·λ: start", AT_START, at_start), ("h·λ: motion", ALONG, along)]
     return [*bars, *((name, pen) for name, pen, there in shown if there)]
 
@@ -159,21 +168,21 @@ def _within(step: float | None, across: Scale) -> bool:
     return step is not None and across.low < step < across.high
 
 
-def _strips(part: SubFigure, found: Stability) -> None:
+def _strips(part: SubFigure, document: Record) -> None:
     """Draw a strip of verdicts over steps for each method."""
-    across, steps = spread(found.steps)
-    borders = {border.method: border for border in found.borders}
-    panels = part.subplots(len(found.methods), sharex=True, squeeze=False)[:, 0]
-    for axes, method in zip(panels, found.methods, strict=True):
+    across, steps = spread(document["steps"])
+    methods = document["methods"]["fixed"]
+    panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
+    for axes, method in zip(panels, methods, strict=True):
         across.put(axes, "x", 9)
         Scale(-0.5, 0.5).put(axes, "y", 0)
-        _cells(axes, found, method, steps, np.array((-0.5, 0.5)))
-        if border := borders.get(method):
-            if border.found is not None:
-                axes.axvline(border.found, **FOUND, zorder=2.4)
+        _cells(axes, document, method, steps, np.array((-0.5, 0.5)))
+        for border in borders_of(document, method):
+            if border["found"] is not None:
+                axes.axvline(border["found"], **FOUND, zorder=2.4)
             for key, (_, look) in PREDICTED.items():
-                if _within(getattr(border, key), across):
-                    point(axes, getattr(border, key), 0.0, look)
+                if _within(border[key], across):
+                    point(axes, border[key], 0.0, look)
         axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
     axes.set_xlabel(STEPS.label)
     axes.annotate(
@@ -182,97 +191,106 @@ def _strips(part: SubFigure, found: Stability) -> None:
     )  # fmt: skip
 
 
-def _cells(
-    axes: Axes, found: Stability, method: str, x: np.ndarray, y: np.ndarray
-) -> None:
+def _cells(axes: Axes, document: Record, method: str, x: Floats, y: Floats) -> None:
     """Fill the cells between borders in x and y with the colours of verdicts."""
-    steps = {step: k for k, step in enumerate(found.steps)}
-    columns = {value: k for k, value in enumerate(found.values)}
-    colours = np.zeros((len(steps), len(columns), 4))
-    for cell in found.of(method):
-        assert cell.step is not None
-        colour = to_rgba(VERDICT_COLOURS[cell.verdict])
-        colours[steps[cell.step], columns[cell.value]] = colour
-    if len(columns) != len(x) - 1:
+    cells = [cell for cell in document["cells"] if cell["method"] == method]
+    # One value of the parameter after the other; the last are not there where an end
+    # was asked for.
+    values = len(document["vary"]["values"]) if document["vary"] else 1
+    colours = np.zeros((values, len(document["steps"]), 4))
+    flat = colours.reshape(-1, 4)
+    flat[: len(cells)] = [to_rgba(VERDICT_COLOURS[cell["verdict"]]) for cell in cells]
+    if document["vary"]:
         colours = colours.swapaxes(0, 1)
     # Edges of their own colour close the seams that viewers of vectors leave.
     axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
 
 
-def _grid(part: SubFigure, count: int, most: int, *, alike: bool) -> list[Axes]:
-    """Give so many panels, in rows of at most so many and at least two."""
+def _grid(
+    part: SubFigure, count: int, most: int, side: str, **alike: Any
+) -> list[Axes]:
+    """Give so many panels, in rows of at most so many and at least two.
+
+    `side` is what stands at the left of each row.
+    """
     rows = -(-count // most)
     columns = max(2, -(-count // rows))
-    panels = part.subplots(rows, columns, sharex=alike, sharey=alike, squeeze=False)
+    panels = part.subplots(rows, columns, squeeze=False, **alike)
+    for axes in panels[:, 0]:
+        axes.set_ylabel(side)
     for axes in panels.flat[count:]:
         axes.remove()
     return list(panels.flat[:count])
 
 
-def _maps(part: SubFigure, found: Stability, varied: Column) -> None:
+def _maps(part: SubFigure, document: Record) -> None:
     """Draw a map over the parameter and the step for each method."""
+    varied = _varied(document)
     across, columns = spread(varied.values.tolist())
-    up, steps = spread(found.steps)
-    panels = _grid(part, len(found.methods), MAPS, alike=True)
-    for axes, method in zip(panels, found.methods, strict=True):
+    up, steps = spread(document["steps"])
+    methods = document["methods"]["fixed"]
+    alike = {"sharex": True, "sharey": True}
+    panels = _grid(part, len(methods), MAPS, STEPS.label, **alike)
+    for axes, method in zip(panels, methods, strict=True):
         across.put(axes, "x", 4)
         up.put(axes, "y", 6)
-        _cells(axes, found, method, columns, steps)
-        borders = [b for b in found.borders if b.method == method]
-        x = np.array([b.value for b in borders], float)
-        for pen, y in (
-            (FOUND, [b.found for b in borders]),
-            (PREDICTED_LINE, [prediction(b) for b in borders]),
-        ):
-            levels = np.array([step or np.nan for step in y])
-            curve(axes, x, np.where(levels > up.low, levels, np.nan), pen)
+        _cells(axes, document, method, columns, steps)
+        borders = borders_of(document, method)
+        for key, pen in (("found", FOUND), ("predicted", PREDICTED_LINE)):
+            levels = np.array([border[key] or np.nan for border in borders])
+            levels = np.where(levels > up.low, levels, np.nan)
+            curve(axes, varied.values[: len(borders)], levels, pen)
         axes.set_title(method, weight="bold")
         axes.set_xlabel(varied.within(WIDTH / MAPS))
-    for axes in panels[:: min(MAPS, max(2, len(panels)))]:
-        axes.set_ylabel(STEPS.label)
 
 
-def _inside(found: Stability, name: str, values: np.ndarray) -> np.ndarray:
-    """Give h times the eigenvalues that lie in the panel of a method."""
-    (step, _), size = _step_shown(found, name), _size(found, name)
-    z = step * values[values.imag >= -1e-12 * np.abs(values)]
-    z = z[(z.real >= size * REAL[0]) & (z.real <= size * REAL[1])]
-    return np.asarray(z[z.imag <= size * IMAGINARY[1]])
+class Region:
+    """The plane of z = h λ of a method, as a panel shows it.
 
-
-def _size(found: Stability, name: str) -> float:
-    """Give how much of the plane a panel shows.
-
-    A bounded region fills its panel; of an unbounded one the eigenvalues decide.
+    Attributes
+    ----------
+    step, meaning : float, str
+        The step at which eigenvalues are shown, and what it is.
+    size : float
+        How much of the plane is shown.
+    at_start, motion : ndarray of complex
+        The z in it, at the start and along the motion.
+    along : bool
+        Some of the motion are not covered by those of the start.
     """
-    if math.isfinite(method_named(name).IMAGINARY_LIMIT):
-        return 1.0
-    largest = float(np.max(np.abs(found.subject.at_start), initial=0.0))
-    return max(1.0, 1.2 * _step_shown(found, name)[0] * largest / IMAGINARY[1])
+
+    def __init__(self, document: Record, name: str) -> None:
+        self.name, self.method = name, method_named(name)
+        self.step, self.meaning = _step_shown(document, name)
+        found = document["eigenvalues"]
+        at_start, motion = (
+            np.array(found[key], float).reshape(-1, 2) @ [1.0, 1j]
+            for key in ("at_start", "along")
+        )
+        # A bounded region fills its panel; of an unbounded one eigenvalues decide.
+        self.size = 1.0
+        if not math.isfinite(self.method.IMAGINARY_LIMIT):
+            largest = float(np.max(np.abs(at_start), initial=0.0))
+            self.size = max(1.0, 1.2 * self.step * largest / IMAGINARY[1])
+        self.at_start, self.motion = self._inside(at_start), self._inside(motion)
+        near = COVERED * self.size * IMAGINARY[1]
+        self.along = any(
+            np.min(abs(self.at_start - z), initial=np.inf) > near for z in self.motion
+        )
+
+    def _inside(self, values: Complexes) -> Complexes:
+        z = self.step * values[values.imag >= -1e-12 * np.abs(values)]
+        z = z[(z.real >= self.size * REAL[0]) & (z.real <= self.size * REAL[1])]
+        return np.asarray(z[z.imag <= self.size * IMAGINARY[1]])
 
 
-def eigenvalues_shown(found: Stability) -> tuple[bool, bool]:
-    """Tell whether a panel shows any of the start, and any along the motion.
-
-    Those of the motion are hidden where they are those of the start.
-    """
-    start = motion = False
-    for name in found.methods:
-        first = _inside(found, name, found.subject.at_start)
-        along = _inside(found, name, found.subject.along)
-        start |= len(first) > 0
-        near = COVERED * _size(found, name) * IMAGINARY[1]
-        motion |= any(np.min(abs(first - z), initial=np.inf) > near for z in along)
-    return start, motion
-
-
-def _regions(part: SubFigure, found: Stability) -> list[Axes]:
+def _regions(part: SubFigure, regions: Sequence[Region]) -> list[Axes]:
     """Draw each method's region of stability with h times the eigenvalues."""
     text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
     part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
-    panels = _grid(part, len(found.methods), REGIONS, alike=False)
-    for axes, name in zip(panels, found.methods, strict=True):
-        method, size = method_named(name), _size(found, name)
+    panels = _grid(part, len(regions), REGIONS, "Im z")
+    for axes, region in zip(panels, regions, strict=True):
+        method, size = region.method, region.size
         across, up = (Scale(size * low, size * high) for low, high in (REAL, IMAGINARY))
         _region(axes, method.amplification, across, up)
         axes.grid(visible=True)
@@ -280,19 +298,14 @@ def _regions(part: SubFigure, found: Stability) -> list[Axes]:
         if method.IMAGINARY_LIMIT > 0.0:
             axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
                       **ON_AXIS)  # fmt: skip
-        for values, pen in (
-            (found.subject.along, ALONG),
-            (found.subject.at_start, AT_START),
-        ):
-            if len(z := _inside(found, name, values)):
+        for z, pen in ((region.motion, ALONG), (region.at_start, AT_START)):
+            if len(z):  # without any it had no place, and no layout were found
                 axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
         axes.set_xlim(across.low, across.high)
         axes.set_ylim(up.low, up.high)
-        axes.set_title(name, weight="bold")
-        step, what = _step_shown(found, name)
-        label = f"h = {step:.3g} s ({what})"
+        axes.set_title(region.name, weight="bold")
+        label = f"h = {region.step:.3g} s ({region.meaning})"
         axes.set_xlabel(label, size=SMALL - 1.0, color=DIM)
-    panels[0].set_ylabel("Im z")
     return panels
 
 
@@ -319,25 +332,24 @@ def _region(
     )
 
 
-def _step_shown(found: Stability, name: str) -> tuple[float, str]:
+def _step_shown(document: Record, name: str) -> tuple[float, str]:
     """Give the step at which eigenvalues are shown: at the border, where there is one.
 
     Of the parameter's values the one next to the file's counts.
     """
-    borders = [b for b in found.borders if b.method == name]
-    if found.usual is not None:
-        usual = found.usual
-        borders.sort(key=lambda b: abs((b.value or 0.0) - usual))
+    borders = borders_of(document, name)
+    if document["vary"]:
+        varied = document["vary"]["name"]
+        usual = document["parameters"][varied]
+        borders.sort(key=lambda border: abs(border[varied] - usual))
     for border in borders[:1]:
-        if border.found is not None:
-            return border.found, "border found"
-        predicted = prediction(border)
-        if predicted:
-            return predicted, "border predicted"
-    return found.steps[-1], "largest tried"
+        for key in ("found", "predicted"):
+            if border[key]:
+                return border[key], f"border {key}"
+    return document["steps"][-1], "largest tried"
 
 
-def spread(places: Sequence[float]) -> tuple[Scale, np.ndarray]:
+def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
     """Give the scale that cells fill, and their borders: half a cell past the last.
 
     Their places are evenly spaced, or their logarithms are where all are above 0.
@@ -351,76 +363,78 @@ def spread(places: Sequence[float]) -> tuple[Scale, np.ndarray]:
     return Scale(float(borders[0]), float(borders[-1]), log=log), borders
 
 
-def _work(part: SubFigure, found: Stability, varied: Column) -> None:
+def _work(part: SubFigure, document: Record) -> None:
     """Draw what methods that choose their steps do as the parameter varies."""
+    varied = _varied(document)
     across, _ = spread(varied.values.tolist())
-    asked: list[tuple[str, Callable[[Cell], float | None]]] = [
-        ("evaluations / s", lambda cell: _share(cell.evaluations, cell)),
-        ("1 + rejections", lambda cell: _plus_one(cell.rejections)),
-        ("least step / run", lambda cell: _share(cell.smallest_step, cell)),
+    asked: list[tuple[str, Callable[[Record], float | None]]] = [
+        ("evaluations / s", lambda cell: _share(cell["evaluations"], cell)),
+        # 0 has no place on logarithms.
+        ("1 + rejections", lambda c: c["evaluations"] and 1.0 + c["rejections"]),
+        ("least step / run", lambda cell: _share(cell["smallest_step"], cell)),
     ]
+    by_method = {
+        name: [cell for cell in document["cells"] if cell["method"] == name]
+        for name in document["methods"]["adaptive"]
+    }
     panels = part.subplots(len(asked), sharex=True, squeeze=False)[:, 0]
     for axes, (label, of) in zip(panels, asked, strict=True):
         curves = {
-            name: np.array([of(cell) or math.nan for cell in found.of(name)])
-            for name in found.adaptive
+            name: np.array([of(cell) or math.nan for cell in cells])
+            for name, cells in by_method.items()
         }
         across.put(axes, "x", 9)
         log_scale(*curves.values()).put(axes, "y", 5)
         axes.grid(visible=True)
         axes.set_ylabel(label)
         for name, values in curves.items():
-            x = np.array([cell.value for cell in found.of(name)], float)
+            x = varied.values[: len(values)]
             curve(axes, x, values, look_of(name).line | {"label": name})
     axes.set_xlabel(varied.within(WIDTH))
     part.align_ylabels()
     panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
 
 
-def _share(count: float | None, cell: Cell) -> float | None:
-    return count / cell.duration if count and cell.duration else None
+def _share(count: float | None, cell: Record) -> float | None:
+    return count / cell["duration"] if count and cell["duration"] else None
 
 
-def _plus_one(count: int | None) -> float | None:
-    """Give a count as it is drawn on logarithms, which have no 0."""
-    return None if count is None else 1.0 + count
-
-
-def _notes(found: Stability, varied: str | None) -> list[str]:
-    subject = found.subject
+def _notes(document: Record, *, eigenvalues: bool) -> list[str]:
     lines = []
-    if found.methods:
-        least = min(a for a, _ in found.runs.values())
-        most = max(b for _, b in found.runs.values())
+    runs, fixed = document["runs"], document["methods"]["fixed"]
+    if fixed:
+        least = min(steps["least"] for steps in runs["steps"].values())
+        most = max(steps["most"] for steps in runs["steps"].values())
         lines.append(
-            f"Each cell is one run, as long as the model's ({subject.span:.4g} s), but "
-            f"of at least {least} and at most {most} steps. The start velocities are "
-            f"changed by {KICK:g} of the energy, so that every mode is excited. A run "
-            "grows or decays if energy − work changes by more than 1 % of the energy "
-            "of the motion."
+            f"Each cell is one run, as long as the model's ({runs['duration']:.4g} s), "
+            f"but of at least {least} and at most {most} steps. The start velocities "
+            f"are changed by {runs['perturbation']['energy']:g} of the energy, so that "
+            "every mode is excited. A run grows or decays if energy − work changes by "
+            "more than 1 % of the energy of the motion."
         )
-        if any(eigenvalues_shown(found)):
+        if eigenvalues:
             lines.append(
                 "λ: eigenvalues of the linearised equations, at the start and at "
                 "states along the motion. A method is predicted to be stable where "
                 "h·λ lies in its blue region."
             )
     missing: dict[str, list[str]] = {}
-    for border in found.borders:
-        if border.note:
-            missing.setdefault(border.note, []).append(border.method)
-    if varied is None and missing:
-        said = "; ".join(f"{', '.join(x)}: {note}" for note, x in missing.items())
-        lines.append(f"No border found: {said}.")
-    never = dict.fromkeys(
-        b.method for b in found.borders if 0.0 in (b.at_start, b.along)
-    )
+    never = []
+    for name in fixed:
+        borders = borders_of(document, name)
+        if not document["vary"]:
+            for border in borders:
+                missing.setdefault(border["note"], []).append(name)
+        if any(border[key] == 0.0 for border in borders for key in PREDICTED):
+            never.append(name)
+    said = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
+    if said:
+        lines.append(f"No border found: {'; '.join(said)}.")
     if never:
         lines.append(
             f"By the eigenvalues the motion grows at every step: {', '.join(never)}."
         )
-    if subject.unknown:
-        lines.append(f"No eigenvalues: {subject.unknown}.")
-    versions_of = {"lagsim": __version__, "versions": versions()}
-    lines.append(f"{stamp(versions_of)}.")
+    if unknown := document["eigenvalues"]["unknown"]:
+        lines.append(f"No eigenvalues: {unknown}.")
+    lines.append(f"{stamp(document)}.")
     return lines

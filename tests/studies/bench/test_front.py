@@ -1,36 +1,10 @@
-"""Pareto fronts, and costs read off a curve."""
+"""Costs read off a curve of work-precision."""
 
 from __future__ import annotations
-
-import itertools
-import random
 
 import pytest
 
 from benchmarks.measure import cost_at
-from lagsim.studies.bench.work_precision import pareto
-
-
-def beaten(point, others):
-    return any(
-        all(a <= b for a, b in zip(other, point, strict=True)) and other != point
-        for other in others
-    )
-
-
-def test_the_front_is_what_no_other_point_beats():
-    random.seed(5)
-    for _ in range(200):
-        points = [(random.randrange(1, 9), random.randrange(1, 9)) for _ in range(12)]
-        front = [points[k] for k in pareto(points)]
-        assert set(front) == {p for p in points if not beaten(p, points)}
-        assert all(a[0] > b[0] for a, b in itertools.pairwise(front))
-        assert all(a[1] < b[1] for a, b in itertools.pairwise(front))
-
-
-def test_of_equal_points_the_first_counts():
-    assert pareto([(1, 2), (1, 2), (3, 2)]) == [0]
-    assert pareto([]) == []
 
 
 def test_costs_between_points_are_straight_in_logarithms():

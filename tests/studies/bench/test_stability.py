@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,11 +16,11 @@ from lagsim.model.reader import read, read_file
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
 from lagsim.studies.bench.stability import Wish, measure
-from lagsim.studies.bench.trial import Subject
 from lagsim.studies.step_bounds import predicted
 from tests.small_scenes import oscillator
 from tests.support import MODELS
 
+OSCILLATOR = oscillator("duration: 20")
 DAMPED = """
 parameters: {c: 0.1, k: 1}
 coordinates: {x: {}}
@@ -56,115 +55,110 @@ initial: {x: sin(0.02), y: -cos(0.02)}
 simulation: {duration: 20}
 """
 
-# Where |amplification| leaves 1 on the imaginary axis: RK4 at sqrt 8, Verlet at 2.
+# Where |amplification| leaves 1 on the imaginary axis: RK4 at sqrt 8, Verlet at 2; of
+# Kahan and Li's the limits are given to four digits.
 LIMITS = {"rk4": math.sqrt(8.0), "verlet": 2.0, "rattle": 2.0}
+LIMITS |= {name: method(name).IMAGINARY_LIMIT for name in ("kahan-li6", "kahan-li8")}
 
 
-def scene(text, overrides=None):
-    return open_case(read(text, "model.yaml", overrides))
+def looked_at(text, *methods, steps, strip=6, **more):
+    wish = Wish(methods, steps, strip=strip, **more)
+
+    def case(value):
+        overrides = None if value is None else {wish.name: f"{value!r}"}
+        return open_case(read(text, "model.yaml", overrides))
+
+    return measure(case, wish)
 
 
-def looked_at(text, *methods, steps, strip=6):
-    wish = Wish(methods, steps, strip=strip)
-    return measure(lambda _value: scene(text), wish)
-
-
-def test_undamped_borders():
-    names = ("rk4", "verlet", "rattle", "kahan-li6", "kahan-li8")
-    found = looked_at(oscillator("duration: 20"), *names, steps=(1.0, 4.0))
-    for border in found.borders:
-        limit = LIMITS.get(border.method, method(border.method).IMAGINARY_LIMIT)
-        # The limits of Kahan and Li's are given to four digits.
-        assert border.at_start == pytest.approx(limit, rel=1e-3)
-        assert border.along == pytest.approx(limit, rel=1e-3)
-        assert border.found == pytest.approx(limit, rel=0.01)
-
-
-def test_an_unexcited_mode_sets_the_border():
-    found = looked_at(COUPLED, "rk4", "verlet", steps=(0.1, 0.4))
-    for border in found.borders:
-        assert border.at_start == pytest.approx(LIMITS[border.method] / 10, rel=1e-6)
-        assert border.found == pytest.approx(LIMITS[border.method] / 10, rel=0.01)
+@pytest.mark.parametrize(
+    ("text", "methods", "steps", "rate"),
+    [
+        (OSCILLATOR, LIMITS, (1.0, 4.0), 1.0),
+        # The mode that is not excited sets the border; a start at rest is perturbed.
+        (COUPLED, ("rk4", "verlet"), (0.1, 0.4), 10.0),
+        (oscillator("duration: 20", x=0), ("verlet",), (1.0, 4.0), 1.0),
+        # The free direction of a constraint: the eigenvalues are +-i sqrt(g cos theta).
+        (ROD, ("rattle", "rk4"), (0.3, 1.2), math.sqrt(9.81)),
+    ],
+)
+def test_borders_of_oscillations(text, methods, steps, rate):
+    found = looked_at(text, *methods, steps=steps)
+    assert found["borders"].keys() == set(methods)
+    for name, border in found["borders"].items():
+        expected = LIMITS[name] / rate
+        assert border["predicted_at_start"] == pytest.approx(expected, rel=1e-3)
+        assert border["predicted_along"] == pytest.approx(expected, rel=1e-3)
+        assert border["found"] == pytest.approx(expected, rel=0.01)
 
 
 def test_damped_borders():
-    found = looked_at(DAMPED, "euler", "rk4", steps=(0.03, 4.0))
-    euler, rk4 = found.borders
+    found = looked_at(DAMPED, "euler", "rk4", steps=(0.03, 4.0))["borders"]
     # |1 + h lambda|^2 = 1 - c h + k h^2.
-    assert euler.at_start == pytest.approx(0.1, rel=1e-5)
-    assert euler.found == pytest.approx(0.1, rel=0.01)
-    assert rk4.found == pytest.approx(rk4.at_start, rel=0.01)
-    assert rk4.at_start > 2.8
-
-
-def test_a_border_of_a_constraint_is_that_of_its_free_direction():
-    found = looked_at(ROD, "rattle", "rk4", steps=(0.3, 1.2))
-    for border in found.borders:
-        # Eigenvalues +-i sqrt(g cos(theta)), and the turning rod's own.
-        expected = LIMITS[border.method] / math.sqrt(9.81)
-        assert border.at_start == pytest.approx(expected, rel=1e-3)
-        assert border.found == pytest.approx(expected, rel=0.01)
+    assert found["euler"]["predicted_at_start"] == pytest.approx(0.1, rel=1e-5)
+    assert found["euler"]["found"] == pytest.approx(0.1, rel=0.01)
+    predicted_at_start = found["rk4"]["predicted_at_start"]
+    assert found["rk4"]["found"] == pytest.approx(predicted_at_start, rel=0.01)
+    assert predicted_at_start > 2.8
 
 
 def test_euler_grows_as_it_should():
-    found = looked_at(oscillator("duration: 20"), "euler", steps=(0.01, 0.04))
-    for cell in found.cells:
-        assert cell.verdict in ("grows", "diverges")
+    found = looked_at(OSCILLATOR, "euler", steps=(0.01, 0.04))
+    for cell in found["cells"]:
+        assert cell["verdict"] in ("grows", "diverges")
         # |1 + i h|^2 per step, of an energy perturbed by less than 1e-3.
-        rate = math.log1p(cell.step**2) / cell.step
-        assert cell.growth == pytest.approx(rate, rel=0.01)
-    (border,) = found.borders
-    assert (border.found, border.at_start) == (None, 0.0)
-    assert "does not hold" in border.note
+        rate = math.log1p(cell["step"] ** 2) / cell["step"]
+        assert cell["growth"] == pytest.approx(rate, rel=0.01)
+    border = found["borders"]["euler"]
+    assert (border["found"], border["predicted_at_start"]) == (None, 0.0)
+    assert "does not hold" in border["note"]
 
 
 def test_rk4_decays_and_verlet_holds():
-    found = looked_at(oscillator("duration: 20"), "rk4", "verlet", steps=(0.9, 1.1))
-    assert {cell.verdict for cell in found.of("rk4")} == {"decays"}
-    assert {cell.verdict for cell in found.of("verlet")} == {"holds"}
-    assert all(b.found is None and "holds up to" in b.note for b in found.borders)
+    found = looked_at(OSCILLATOR, "rk4", "verlet", steps=(0.9, 1.1))
+    told = {(cell["method"], cell["verdict"]) for cell in found["cells"]}
+    assert told == {("rk4", "decays"), ("verlet", "holds")}
+    for border in found["borders"].values():
+        assert border["found"] is None
+        assert "holds up to" in border["note"]
 
 
 def test_the_third_order_resonance_shows_in_a_map():
     found = looked_at(CUBIC, "verlet", steps=(1.6, 1.85), strip=26)
-    lost = [cell.step for cell in found.cells if not cell.stable]
+    lost = [
+        x["step"] for x in found["cells"] if x["verdict"] not in ("holds", "decays")
+    ]
     assert min(abs(step - math.sqrt(3.0)) for step in lost) < 0.02
     assert all(1.6 < step < 1.84 for step in lost)
 
 
-def test_a_start_without_motion_is_perturbed():
-    found = looked_at(oscillator("duration: 20", x=0), "verlet", steps=(1.0, 4.0))
-    assert found.borders[0].found == pytest.approx(2.0, rel=0.01)
-    assert found.rest.is_start
-
-
 def test_a_map_over_a_parameter():
-    wish = Wish(("verlet", "dop853"), (0.05, 0.9), "w", (5.0, 20.0), map=(6, 3))
-
-    def scene_at(value):
-        return scene(COUPLED, None if value is None else {"w": repr(value)})
-
-    found = measure(scene_at, wish)
-    assert found.values == [5.0, 10.0, 20.0]
-    assert len(found.of("verlet")) == 18
-    for border in found.borders:
-        assert border.found == pytest.approx(2.0 / border.value, rel=0.01)
-        assert border.at_start == pytest.approx(2.0 / border.value, rel=1e-6)
-    for cell in found.of("dop853"):
-        assert cell.step is None
-        assert cell.verdict == "holds"
-        assert 0.0 < cell.smallest_step < 20.0
-        assert cell.evaluations > 100
+    found = looked_at(
+        COUPLED, "verlet", "dop853", steps=(0.05, 0.9), name="w", between=(5.0, 20.0),
+        map=(6, 3),
+    )  # fmt: skip
+    assert found["vary"]["values"] == [5.0, 10.0, 20.0]
+    methods = [cell["method"] for cell in found["cells"]]
+    assert methods == ["verlet"] * 18 + ["dop853"] * 3
+    for border in found["borders"]["verlet"]:
+        expected = 2.0 / border["w"]
+        assert border["found"] == pytest.approx(expected, rel=0.01)
+        assert border["predicted_at_start"] == pytest.approx(expected, rel=1e-6)
+    for cell in found["cells"][18:]:
+        assert (cell["step"], cell["verdict"]) == (None, "holds")
+        assert 0.0 < cell["smallest_step"] < 20.0
+        assert cell["evaluations"] > 100
 
 
 def test_a_parameter_that_spoils_the_start():
-    def scene_at(value):
-        return scene(ROD, None if value is None else {"g": f"sqrt({value})"})
-
-    found = measure(scene_at, Wish(("rk4",), (0.1, 0.2), "g", (-1.0, 4.0), map=(2, 2)))
-    assert [cell.stable for cell in found.cells] == [False, False, True, True]
-    assert found.cells[0].verdict == "fails"
-    assert found.cells[0].reason
+    found = looked_at(
+        ROD.replace("g*y", "sqrt(g)*y"), "rk4", steps=(0.1, 0.2), name="g",
+        between=(-1.0, 4.0), map=(2, 2),
+    )  # fmt: skip
+    first, second, *others = [cell["verdict"] for cell in found["cells"]]
+    assert first == second == "fails"
+    assert not {"fails", "diverges", "grows"} & {*others}
+    assert found["cells"][0]["reason"] == found["borders"]["rk4"][0]["note"] != ""
 
 
 @pytest.mark.slow
@@ -172,14 +166,14 @@ def test_an_interrupt_ends_it():
     interrupt = Interrupt()
 
     def case(_value):
-        return scene(DAMPED)
+        return open_case(read(DAMPED, "model.yaml"))
 
     def pressed(_fraction):
         interrupt.signal = 2
 
     found = measure(case, Wish(), interrupt=interrupt, progress=pressed)
-    assert found.interrupted
-    assert not found.borders
+    assert not found["complete"]
+    assert not found["borders"]
     with pytest.raises(KeyboardInterrupt):  # there is nothing to be kept
         measure(case, Wish(), interrupt=interrupt)
 
@@ -260,9 +254,7 @@ def test_modes_of_a_constrained_equilibrium():
     ("potential", "reason"), [("x", "did not come to rest"), ("t*x^2", "on time")]
 )
 def test_no_equilibrium(potential, reason):
-    text = oscillator("duration: 20").replace(
-        "potential: x^2/2", f"potential: {potential}"
-    )
+    text = OSCILLATOR.replace("potential: x^2/2", f"potential: {potential}")
     with pytest.raises(NoEquilibriumError, match=reason):
         found_modes(read(text, "model.yaml"))
 
@@ -271,35 +263,18 @@ def test_an_unstable_start_is_the_equilibrium_found():
     text = oscillator("duration: 1", x=0).replace("x^2/2}", "cos(x)}")
     q, (first, second) = found_modes(read(text, "model.yaml"))
     assert q == pytest.approx([0.0])
-    assert sorted((first.eigenvalue.real, second.eigenvalue.real)) == pytest.approx(
-        [-1, 1]
-    )
+    rates = sorted((first.eigenvalue.real, second.eigenvalue.real))
+    assert rates == pytest.approx([-1, 1])
     assert first.period is None
+    found = looked_at(text, "rk4", steps=(0.1, 0.2), strip=2)
+    assert found["equilibrium_is_start"]
+    assert found["equilibrium"] == {"x": 0.0}
 
 
 def test_large_scenes_have_no_eigenvalues(monkeypatch):
-    monkeypatch.setattr("lagsim.studies.bench.trial.MOST_COORDINATES", 1)
-    subject = Subject(scene(COUPLED))
-    assert "more than 1 coordinates" in subject.unknown
+    monkeypatch.setattr("lagsim.studies.bench.stability.MOST_COORDINATES", 1)
     found = looked_at(COUPLED, "verlet", steps=(0.05, 0.1))
-    assert found.borders[0].at_start is None
-    assert found.rest.at is None
-
-
-@pytest.mark.slow
-def test_systems_are_shared_where_their_matrices_are_alike():
-    # Ten masses in a row: radau's matrices are sparse, generalized-alpha's are full.
-    q = [f"x{i}" for i in range(10)]
-    springs = [f"({a} - {b})^2" for a, b in pairwise(q)]
-    text = f"""
-coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
-energy:
-  kinetic: {" + ".join(f"{x}_dot^2/2" for x in q)}
-  potential: {" + ".join(springs)}
-initial: {{{", ".join(f"{x}: {0.1 * k**2}" for k, x in enumerate(q))}}}
-simulation: {{duration: 1}}
-"""
-    both, alone = Subject(scene(text)), Subject(scene(text))
-    assert both.run("radau", None, 0, None).verdict
-    shared, own = (x.run("generalized-alpha", 0.05, 20, None) for x in (both, alone))
-    assert shared == own
+    assert "more than 1 coordinates" in found["eigenvalues"]["unknown"]
+    assert found["borders"]["verlet"]["predicted_at_start"] is None
+    assert found["equilibrium"] is None
+    assert "more than 1 coordinates" in found["equilibrium_reason"]

@@ -1,29 +1,44 @@
-"""Errors of scenes with closed forms, and what is measured against."""
+"""Errors of scenes with closed forms, and the reference that they are measured against.
+
+Of scenes with impacts, too: orders are kept, and what cannot handle laws says so.
+"""
 
 from __future__ import annotations
 
 import cmath
+import itertools
 import math
+import random
 
 import numpy as np
 import pytest
 
 from lagsim.model.reader import read, read_file
+from lagsim.notes import Event
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.reference import Solution, _compared, make_reference
-from lagsim.studies.bench.solving import GivenUpError, Own, Patience
+from lagsim.studies.bench.reference import (
+    Reference,
+    Solution,
+    compared,
+    make_reference,
+)
+from lagsim.studies.bench.solving import Own, Patience
 from lagsim.studies.bench.work_precision import (
     OF_REFERENCE,
     Wish,
     decades,
+    front,
     halvings,
     measure,
+    pareto,
 )
+from tests.scenes.contact import scenes
 from tests.small_scenes import fall, oscillator
 from tests.support import MODELS
 
 ROWS = "duration: 20, output_step: 0.1"
+STOP = scenes.oscillator("x >= -0.5", 0.8, duration=6, output_step=0.05)
 
 
 def scene(text):
@@ -37,33 +52,39 @@ def measured():
     return measure(scene(oscillator(ROWS)), wish)
 
 
-def entries(found, method):
-    return [e for e in found.entries if e.method == method]
+@pytest.fixture(scope="module")
+def struck():
+    methods = ("dop853", "euler", "rk4", "taylor", "scipy:BDF")
+    return measure(scene(STOP), Wish(methods, (1e-4, 1e-9), (0.025, 0.003125)))
+
+
+def rows(found, method):
+    return [row for row in found["rows"] if row["method"] == method]
 
 
 @pytest.mark.slow
 def test_the_error_of_rk4_is_that_of_its_amplification(measured):
-    for entry in entries(measured, "rk4"):
-        h, turns = entry.value, round(0.1 / entry.value)
+    for row in rows(measured, "rk4"):
+        h, turns = row["value"], round(0.1 / row["value"])
         z = 1j * h
         one = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
-        rows = [(one ** (k * turns), cmath.exp(1j * 0.1 * k)) for k in range(201)]
+        exact = [(one ** (k * turns), cmath.exp(1j * 0.1 * k)) for k in range(201)]
         # x = Re, -x_dot = Im; over whole turns both go from -1 to 1.
         expected = max(
-            max(abs(part(a) - part(b)) for a, b in rows) / 2.0
+            max(abs(part(a) - part(b)) for a, b in exact) / 2.0
             for part in (lambda w: w.real, lambda w: w.imag)
         )
-        assert entry.error == pytest.approx(expected, rel=1e-4)
+        assert row["error"] == pytest.approx(expected, rel=1e-4)
         # |R|^2 - 1 = -h^6/72 + ... per step, of the energy 1/2.
         decay = 0.5 * (1 - abs(one) ** (2 * 200 * turns))
-        assert entry.energy_drift == pytest.approx(decay, rel=1e-4)
-        assert entry.evaluations == 4 * 200 * turns + 1
+        assert row["energy_drift"] == pytest.approx(decay, rel=1e-4)
+        assert row["evaluations"] == 4 * 200 * turns + 1
 
 
 @pytest.mark.slow
 def test_tighter_tolerances_give_smaller_errors(measured):
     for method in ("dop853", "scipy:LSODA"):
-        errors = [e.error for e in entries(measured, method)]
+        errors = [row["error"] for row in rows(measured, method)]
         assert len(errors) == 5
         # Global errors are some times the tolerance, never a thousand times here.
         for error, rtol in zip(errors, decades((1e-4, 1e-8)), strict=True):
@@ -74,30 +95,29 @@ def test_tighter_tolerances_give_smaller_errors(measured):
 @pytest.mark.slow
 def test_the_rows_of_what_auto_takes_are_marked(measured):
     # The oscillator is linear: one exponential from row to row.
-    taken = [e for e in measured.entries if e.chosen]
-    assert [(e.method, e.value) for e in taken] == [("exponential", 0.1)]
-    assert {e.outcome for e in measured.entries} == {"done"}
-
-
-@pytest.mark.slow
-def test_both_references_agree_on_what_is_known(measured):
-    reference = measured.reference
-    assert reference.horizon is None
-    assert reference.floor < 1e-11
-    exact = np.cos(reference.rows[:, 0])
-    assert np.max(np.abs(reference.rows[:, 1] - exact)) < 4e-12
+    taken = [(r["method"], r["value"]) for r in measured["rows"] if r["chosen"]]
+    assert taken == [("exponential", 0.1)]
+    assert {row["outcome"] for row in measured["rows"]} == {"done"}
 
 
 @pytest.mark.slow
 def test_the_front_holds_nothing_that_is_beaten(measured):
-    for of in ("seconds", "evaluations"):
-        front = [measured.entries[k] for k in measured.front(of)]
-        assert front
-        for entry in front:
+    for cost in ("seconds", "evaluations"):
+        best = [row for row in measured["rows"] if row[f"front_{cost}"]]
+        assert best
+        for row in best:
             assert not any(
-                e.error < entry.error and e.cost(of) < entry.cost(of)
-                for e in measured.entries
+                other["error"] < row["error"] and other[cost] < row[cost]
+                for other in measured["rows"]
             )
+
+
+def test_both_references_agree_on_what_is_known():
+    reference = make_reference(scene(oscillator(ROWS)))
+    assert reference.horizon is None
+    assert reference.floor < 1e-11
+    exact = np.cos(reference.rows[:, 0])
+    assert np.max(np.abs(reference.rows[:, 1] - exact)) < 4e-12
 
 
 def test_constraints_have_their_own_errors():
@@ -106,31 +126,33 @@ def test_constraints_have_their_own_errors():
         scene(text.replace("duration: 10", "duration: 1")),
         Wish(("dop853", "scipy:DOP853"), (1e-5, 1e-5)),
     )
-    [ours] = [e for e in found.entries if e.formulation == "projection"]
-    [theirs] = entries(found, "scipy:DOP853")
-    assert theirs.formulation == "drift"
+    [ours] = [row for row in found["rows"] if row["formulation"] == "projection"]
+    [theirs] = rows(found, "scipy:DOP853")
+    assert theirs["formulation"] == "drift"
     # Rows of ours are on the constraint, to rounding; scipy's are where they got to.
-    assert ours.constraint_residual < 1e-14 < 1e-9 < theirs.constraint_residual
-    for entry in (ours, theirs):
-        assert 0 < entry.error_lambda < 1e3 * 1e-5
+    residuals = [row["constraint_residual"] for row in (ours, theirs)]
+    assert residuals[0] < 1e-14 < 1e-9 < residuals[1]
+    for row in (ours, theirs):
+        assert 0 < row["error_lambda"] < 1e3 * 1e-5
     # What drifts is no answer to compare with.
-    assert found.entries.index(theirs) not in found.front("seconds")
+    assert not theirs["front_seconds"]
 
 
 def test_what_does_not_apply_is_left_out_with_its_reason():
     forced = oscillator(ROWS, force="sign(sin(t))")
     found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
-    assert [e.method for e in found.entries] == ["rk4"]
+    assert [row["method"] for row in found["rows"]] == ["rk4"]
     why = "they would step over the model's switches"
-    assert ("scipy:RK45", "auto", why) in found.refused
+    refused = {"method": "scipy:RK45", "formulation": "auto", "reason": why}
+    assert refused in found["refused"]
 
 
 @pytest.mark.slow
 def test_solves_that_end_at_an_event_are_compared_before_it():
     found = measure(scene(fall("y <= 0")), Wish(("rk4",), steps=(0.1, 0.1)))
-    [entry] = found.entries
-    assert entry.outcome == "until"
-    assert entry.error < 1e-12  # a parabola is exact for order 4
+    [row] = found["rows"]
+    assert row["outcome"] == "until"
+    assert row["error"] < 1e-12  # a parabola is exact for order 4
 
 
 @pytest.mark.slow
@@ -138,15 +160,14 @@ def test_a_solve_that_takes_too_long_leaves_a_gap(monkeypatch):
     monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_SECONDS", 0.0)
     monkeypatch.setattr("lagsim.studies.bench.work_precision.PATIENCE_TIMES", 0.0)
     names = ("scipy:DOP853", "scipy:Radau", "scipy:LSODA")
-    found = measure(scene(oscillator(ROWS)), Wish(names, (1e-3, 1e-9)))
+    found = measure(scene(oscillator(ROWS)), Wish(names, (1e-3, 1e-9)))["rows"]
     # What is looser may take longest: after four gaps no tighter one is tried.
-    assert [e.method for e in found.entries] == [
-        name for name in names for _ in range(4)
-    ]
-    for entry in found.entries:
-        assert (entry.outcome, entry.error, entry.seconds) == ("too slow", None, None)
-        assert "given up" in entry.reason
-    assert found.front("seconds") == []
+    assert [row["method"] for row in found] == [n for n in names for _ in range(4)]
+    for row in found:
+        gap = (row["outcome"], row["error"], row["seconds"])
+        assert gap == ("too slow", None, None)
+        assert "given up" in row["reason"]
+    assert front(found, "seconds", 0.0) == []
 
 
 @pytest.mark.slow
@@ -157,65 +178,57 @@ def test_an_interrupt_keeps_what_was_measured():
         interrupt.signal = 2 if fraction > OF_REFERENCE else None
 
     wish = Wish(("dop853", "rk4"), (1e-3, 1e-9))
-    found = measure(
-        scene(oscillator(ROWS)), wish, interrupt=interrupt, progress=progress
-    )
-    assert found.interrupted
-    assert [e.method for e in found.entries] == ["dop853"]
-    with pytest.raises(GivenUpError):
-        Patience(1.0, interrupt).check()
+    case = scene(oscillator(ROWS))
+    found = measure(case, wish, interrupt=interrupt, progress=progress)
+    assert not found["complete"]
+    assert [row["method"] for row in found["rows"]] == ["dop853"]
+    with pytest.raises(KeyboardInterrupt):  # there is nothing to be kept
+        measure(case, wish, interrupt=interrupt)
 
 
 def parting(size):
     """Give how two solutions compare that part as size * exp(t); the range is 2."""
-    scene_ = scene(oscillator("duration: 20, output_step: 0.1"))
-    own = Own(scene_, "dop853")
-    rows, names = own.solve(1e-13, Patience(10.0)).rows, own.names
-    other = rows.copy()
-    other[:, 1] += size * np.exp(rows[:, 0])
-    first = Solution("a", "a", 1e-13, names, rows)
+    own = Own(scene(oscillator(ROWS)), "dop853")
+    known, names = own.solve(1e-13, Patience(10.0)).rows, own.names
+    other = known.copy()
+    other[:, 1] += size * np.exp(known[:, 0])
+    first = Solution("a", "a", 1e-13, names, known)
     second = Solution("b", "b", 1e-13, names, other)
-    return rows, _compared(scene_.equations, first, second)
+    return known, compared(own.case.equations, first, second)
 
 
 def test_what_only_one_solution_says_is_not_known():
     # They agree to 1e-10 of the range while t < log(2e2) = 5.3.
-    rows, found = parting(1e-12)
+    known, found = parting(1e-12)
     assert found.horizon == pytest.approx(math.log(2e2), abs=0.11)
     assert found.floor == pytest.approx(1e-10, rel=0.11)
     assert f"up to t = {found.horizon:.4g} of 20" in found.trust
     # Errors past the horizon are not errors.
-    wrong = rows.copy()
+    wrong = known.copy()
     wrong[found.known :, 1] += 1.0
     assert found.errors(wrong)[0] == 0.0
     wrong[found.known - 1, 1] += 1e-3
     assert found.errors(wrong)[0] == pytest.approx(5e-4, rel=1e-2)
 
 
-@pytest.mark.parametrize("size", [1e-16, 3e-16])
-def test_where_all_agree_to_less_all_is_known_to_less(size):
+# 1e-10 of the range is passed at t = log(2e-10/1e-11) = 3, with 30 rows of 201: a tenth
+# of them; ten times as far apart nothing is left of that, and 1e-8 is passed there. Of
+# what parts at once all is compared: by one per cent first, by 1e6 in the end.
+@pytest.mark.parametrize(
+    ("size", "horizon", "floor", "told"),
+    [
+        (1e-16, None, 0.5e-16 * math.exp(20), "smaller errors cannot be resolved"),
+        (3e-16, None, 1.5e-16 * math.exp(20), "smaller errors cannot be resolved"),
+        (1e-11, math.log(20), 1e-10, "up to t ="),
+        (1e-9, math.log(20), 1e-8, "up to t ="),
+        (0.02, None, 0.01 * math.exp(20), "the two disagree"),
+    ],
+)
+def test_how_much_is_known_is_what_solutions_agree_on(size, horizon, floor, told):
     _, found = parting(size)
-    assert found.horizon is None
-    assert found.floor == pytest.approx(size * math.exp(20) / 2, rel=1e-3)
-    assert "smaller errors cannot be resolved" in found.trust
-
-
-def test_where_motion_parts_early_errors_are_those_before():
-    # 1e-10 of the range is passed at t = log(2e-10/1e-11) = 3, with 30 rows of 201: a
-    # tenth of them; ten times as far apart nothing is left of that.
-    _, found = parting(1e-11)
-    assert found.horizon == pytest.approx(math.log(20), abs=0.11)
-    _, found = parting(1e-9)
-    assert found.horizon == pytest.approx(math.log(20), abs=0.11)
-    assert found.floor == pytest.approx(1e-8, rel=0.11)
-
-
-def test_what_parts_at_once_still_gives_a_chart():
-    # One per cent apart from the first step on, and by 1e6 in the end.
-    _, found = parting(0.02)
-    assert found.horizon is None
-    assert found.floor == pytest.approx(0.01 * math.exp(20), rel=1e-3)
-    assert "the two disagree" in found.trust
+    assert found.horizon == (horizon and pytest.approx(horizon, abs=0.11))
+    assert found.floor == pytest.approx(floor, rel=0.11 if horizon else 1e-3)
+    assert told in found.trust
 
 
 def test_ranges_are_those_of_the_motion_between_rows():
@@ -243,16 +256,15 @@ def test_what_stands_still_has_no_range_between_rows_either():
 
 @pytest.mark.slow
 def test_the_time_for_all_is_bounded_and_what_it_cuts_is_said():
-    wish = Wish(("dop853", "euler", "rk4", "scipy:BDF"), budget=0.5)
-    found = measure(scene(oscillator(ROWS)), wish)
-    assert found.budget == 0.5
-    cut = {e.method for e in found.entries if e.outcome == "out of time"}
-    assert "euler" in cut
-    assert {e.method for e in found.entries} == {"dop853", "euler", "rk4", "scipy:BDF"}
-    for entry in found.entries:
-        if entry.outcome == "out of time":
-            assert (entry.error, entry.seconds) == (None, None)
-            assert "share of the time" in entry.reason
+    names = ("dop853", "euler", "rk4", "scipy:BDF")
+    found = measure(scene(oscillator(ROWS)), Wish(names, budget=0.5))
+    assert found["budget"]["seconds"] == 0.5
+    cut = [row for row in found["rows"] if row["outcome"] == "out of time"]
+    assert "euler" in {row["method"] for row in cut}
+    assert {row["method"] for row in found["rows"]} == {*names}
+    for row in cut:
+        assert (row["error"], row["seconds"]) == (None, None)
+        assert "share of the time" in row["reason"]
 
 
 @pytest.mark.nightly
@@ -272,3 +284,81 @@ def test_settings():
     assert decades((1e-9, 1e-9)) == [1e-9]
     assert halvings((0.4, 0.1)) == [0.4, 0.2, 0.1]
     assert halvings((0.4, 0.11)) == [0.4, 0.2]
+
+
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("rk4", 4)])
+def test_located_impacts_keep_the_order(struck, method, order):
+    # Three impacts move, for `euler` over rows: what jumps there is in no error.
+    solves = [row for row in rows(struck, method) if not row["chosen"]]
+    assert len(solves) == 4
+    sizes, errors = (np.log([r[key] for r in solves]) for key in ("value", "error"))
+    assert np.polyfit(sizes, errors, 1)[0] == pytest.approx(order, abs=0.2)
+
+
+def test_tolerances_bound_errors_of_impacts_and_what_knows_no_laws_says_so(struck):
+    errors = [row["error"] for row in rows(struck, "dop853")]
+    assert len(errors) == 6
+    assert errors[-1] < min(1e-7, 1e-3 * errors[0])
+    reasons = {x["method"]: x["reason"] for x in struck["refused"]}
+    for method in ("taylor", "scipy:BDF"):
+        assert "constraints that come and go" in reasons[method]
+
+
+def test_the_reference_of_an_impact_is_the_closed_form():
+    found = make_reference(scene(STOP))
+    assert found.horizon is None
+    assert found.floor < 1e-11
+    at = math.acos(-0.5)
+    after = (found.rows[:, 0] > at) & (found.rows[:, 0] < at + 2)
+    s = found.rows[after, 0] - at
+    expected = -0.5 * np.cos(s) + 0.8 * math.sin(at) * np.sin(s)
+    assert np.max(np.abs(found.rows[after, 1] - expected)) < 1e-12
+
+
+@pytest.mark.slow
+def test_a_ball_at_rest_after_other_numbers_of_bounces_is_compared():
+    ball = scenes.ball(0.5, duration=2, output_step=0.02)
+    found = measure(scene(ball), Wish(("dop853",), (1e-3, 1e-9)))
+    assert found["reference"]["horizon"] is None
+    assert all(row["error"] is not None for row in found["rows"])
+    assert max(row["error"] for row in found["rows"]) < 0.1
+
+
+def test_an_impact_that_moves_is_an_error_of_the_place_alone():
+    """A point turns at t = 1, and again at 1.3: by 0.6 it is off from there on."""
+    t = np.linspace(0, 2, 21)
+    v = np.where(t < 1, 1.0, -1.0)
+    known = Reference(
+        ("t", "x", "x_dot", "lambda_c"), "", "",
+        np.column_stack([t, -np.abs(t - 1), v, 0 * t]), [1, 2], [3], np.ones(4),
+        len(t), np.zeros(4), [Event(1.0, "impact", "c")],
+    )  # fmt: skip
+    late = 0.3 - np.abs(t - 1.3), np.where(t < 1.3, 1.0, -1.0)
+    other = np.column_stack([t, *late, 0 * t])
+    off = float(np.max(np.abs(other[:, 1] - known.rows[:, 1])))
+    error, _ = known.errors(other, [Event(1.3, "impact", "c")])
+    assert error == pytest.approx(off)
+    assert off < 2.0
+    # One that happens to another constraint is none of this one's: velocities count.
+    error, _ = known.errors(other, [Event(1.3, "impact", "other")])
+    assert error == pytest.approx(2.0)
+
+
+def beaten(point, others):
+    return any(
+        all(a <= b for a, b in zip(other, point, strict=True)) and other != point
+        for other in others
+    )
+
+
+def test_the_front_is_what_no_other_point_beats():
+    random.seed(5)
+    for _ in range(200):
+        points = [(random.randrange(1, 9), random.randrange(1, 9)) for _ in range(12)]
+        best = [points[k] for k in pareto(points)]
+        assert set(best) == {p for p in points if not beaten(p, points)}
+        assert all(a[0] > b[0] for a, b in itertools.pairwise(best))
+        assert all(a[1] < b[1] for a, b in itertools.pairwise(best))
+    # Of equal points the first counts.
+    assert pareto([(1, 2), (1, 2), (3, 2)]) == [0]
+    assert pareto([]) == []

@@ -1,0 +1,128 @@
+"""Commands that run one model in many ways: their job, options and closing lines."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lagsim.cli._closing import progress_bar
+from lagsim.cli._shared import coloured, counted
+from lagsim.cli._streams import say
+from lagsim.cli._writing import commit, sorted_out
+from lagsim.errors import Problem
+from lagsim.outputs.table import table_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from lagsim.outputs.attempted import Made
+    from lagsim.run.interrupt import Interrupt
+
+    Progress = Callable[[float], None] | None
+    Measure = Callable[[Interrupt, Progress], "Measured"]
+
+
+class Measured(NamedTuple):
+    """The result of an experiment, as it is written and reported.
+
+    Attributes
+    ----------
+    document
+        Its record, which will list its files; the manifest.
+    tables
+        Name and content of what else is written.
+    chart, draw
+        The name of its picture, and what draws it.
+    summary
+        Gives the closing lines, of what they say of the files.
+    """
+
+    document: dict[str, Any]
+    tables: Mapping[str, bytes]
+    chart: str
+    draw: Callable[[], bytes]
+    summary: Callable[[str], str]
+
+
+def experiment(
+    command: str,
+    measure: Measure,
+    folder: Path,
+    manifest: str,
+    documents: list[Any],
+    *,
+    quiet: bool,
+    as_json: bool,
+) -> int:
+    """Measure; write and report what is found; give the exit code.
+
+    `measure` ends early where it is interrupted. A signal leaves the chart out, and so
+    does what keeps it from being drawn.
+    """
+    from lagsim.outputs.attempted import attempted
+    from lagsim.outputs.results import open_results
+    from lagsim.run.interrupt import Interrupt
+
+    interrupt = Interrupt()
+    with open_results(folder, manifest) as results, interrupt.noted():
+        with progress_bar(command, quiet=quiet) as progress:
+            found = measure(interrupt, progress)
+        made: list[Made] = []
+        draw = partial(attempted, found.chart, found.draw)
+        interrupt.cut(lambda: made.append((found.chart, draw())))
+        drawn, told = sorted_out(made)
+        files = {**found.tables, **drawn}
+        document = found.document | {"files": [*files, manifest]} | told
+        commit(results, document, files)
+    documents.append(document)
+    if not quiet and not as_json:
+        say(found.summary(f"{folder}: {', '.join(document['files'])}"))
+    return 0 if interrupt.signal is None else 128 + interrupt.signal
+
+
+def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """Give a table of the rows that a document holds."""
+    return table_of(columns, ([row[name] for name in columns] for row in rows))
+
+
+def numbers(
+    option: str,
+    text: str,
+    problems: list[Problem],
+    *,
+    what: str,
+    example: str,
+    allowed: Callable[[float, float], bool],
+) -> tuple[float, float] | None:
+    """Take A:B apart: two finite numbers, the smaller first; else add a problem."""
+    try:
+        low, high = sorted(float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = math.nan
+    if math.isfinite(low) and math.isfinite(high) and allowed(low, high):
+        return low, high
+    message = f"{option} {text}: two {what} are expected"
+    problems.append(Problem("usage", message, hint=f"such as {example}"))
+    return None
+
+
+def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
+    """Give the first of the closing lines: whether it is done, and how much."""
+    state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
+    told = " by ".join(counted(*count) for count in counts)
+    return f"{coloured(state, colour)}: {document['model']['name']}, {told}"
+
+
+def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
+    """Give the closing lines of methods that do not apply, by their reasons."""
+    by_reason: dict[str, list[str]] = {}
+    for one in refused:
+        by_reason.setdefault(one["reason"], []).append(one["method"])
+    return listed("left out", (f"{', '.join(m)}: {r}" for r, m in by_reason.items()))
+
+
+def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
+    """Give lines of a table of which the first alone has a name."""
+    return [("" if k else name, text) for k, text in enumerate(texts)]
