@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 262
-LINES = 73_200
-LINES_OF_TESTS = 60_000
+FILES = 261
+LINES = 72_600
+LINES_OF_TESTS = 59_700
 
 
 def lines(folder):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lagsim.methods.parts import driver
-from lagsim.native.kernels.code import bind
 from lagsim.run.system.runner import FUNCTION
+from tests.kernels import bind
 
 if TYPE_CHECKING:
     from collections.abc import Callable

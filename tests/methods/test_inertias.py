@@ -6,8 +6,8 @@ import numpy as np
 
 from lagsim.methods.parts import driver
 from lagsim.methods.parts.driver import State
-from lagsim.native.kernels.code import bind
 from lagsim.run.arc import empty_state, taken_over
+from tests.kernels import bind
 from tests.support import run
 
 

@@ -8,7 +8,7 @@ import pytest
 from lagsim.methods import dop853
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
-from lagsim.native.kernels.code import bind
+from tests.kernels import bind
 from tests.methods.plain import Plain, fresh_state, linked
 from tests.support import ready
 

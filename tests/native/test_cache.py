@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from lagsim.native.graph.straight_line import Code
-from lagsim.native.kernels import code as translator
-from lagsim.native.kernels.code import KernelError
+from lagsim.native.kernels import translation
+from lagsim.native.kernels.keys import KernelError
 from lagsim.native.kernels.words import unrolled
 from lagsim.native.link import cache, engine
 
@@ -83,7 +83,7 @@ def test_kernels_are_translated_once(
     kept: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = cache.kernel_object([doubled])
-    monkeypatch.setattr(translator, "translate", None)
+    monkeypatch.setattr(translation, "translate", None)
     assert cache.kernel_object([doubled]) == first
     monkeypatch.undo()
     assert len(compiled) == 1

@@ -11,11 +11,12 @@ import pytest
 
 from lagsim.methods import method, names
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels.code import KernelError, bind, translate
-from lagsim.native.kernels.keys import fingerprint
+from lagsim.native.kernels.keys import KernelError, fingerprint
+from lagsim.native.kernels.translation import translate
 from lagsim.native.kernels.words import apart
 from lagsim.native.layout import ARRAY, SIZE, Memory, array, part
 from lagsim.native.link.engine import Engine, compile_object
+from tests.kernels import bind
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats

@@ -1,6 +1,6 @@
 """The words a kernel is written in besides Python's own.
 
-A kernel is a plain Python function of the subset that `code` translates. Under
+A kernel is a plain Python function of the subset that `translation` translates. Under
 CPython these definitions are what runs; the translator knows them by identity and
 gives the same bits.
 """
@@ -115,7 +115,7 @@ def external(function: Callable[P, R]) -> Callable[P, R]:
         name = getattr(function, "__name__", "?")
         raise NotImplementedError(
             f"{name} is external: linked to native code, or given to "
-            "native.kernels.code.bind for plain Python"
+            "tests.kernels.bind for plain Python"
         )
 
     setattr(missing, _EXTERNAL, True)

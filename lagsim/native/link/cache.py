@@ -79,7 +79,7 @@ def kernel_object(
     Parameters
     ----------
     functions, statics : sequence of functions, mapping
-        As for `code.translate`.
+        As for `translation.translate`.
 
     Raises
     ------
@@ -103,9 +103,9 @@ def _translated(
     functions: Sequence[Callable[..., Any]],
     statics: Mapping[str, object] | None,
 ) -> bytes:
-    from lagsim.native.kernels import code  # only first runs translate
+    from lagsim.native.kernels import translation  # only first runs translate
 
-    ir = code.translate(functions, statics)
+    ir = translation.translate(functions, statics)
     return engine.compile_object(ir, optimise=True)
 
 

@@ -1,0 +1,832 @@
+"""Kernels: a small typed subset of Python -> LLVM IR.
+
+A kernel is a plain function of annotated parameters (int, float, bool, `Floats`, or a
+`Memory`) and result (the same, or None; not an array). It may hold
+
+- numbers and conditions: `+ - * / **`, comparisons, `and or not`, `a if c else b`,
+  `min max abs int float`, sqrt, floor, pow, sin, ... of `math`; `//` and `%` of an
+  integer by one that is positive and static;
+- memory: `s.t`, `s.t = x`, `s.y` of a parameter annotated with a `layout.Memory`;
+- arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);
+- `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
+  no pass touches another's elements: they are then made several at once;
+- calls of other kernels and of functions marked `external`;
+- static values: numbers and tables (tuples) of them among the module's globals, the
+  variables of loops over `unrolled`, and what is computed from these alone: `if` on
+  them is decided at translation, the other branch is not even read; `for j in
+  unrolled(...)` and `total(... for j in unrolled(...))` are written out, and terms with
+  a factor of zero vanish.
+
+A variable has the kind of its first assignment: an int stored into a float variable is
+converted, the reverse is an error. That a variable has a value wherever it is read is
+left to mypy (`possibly-undefined`), as are missing results.
+
+Native code gives the bits of CPython: no fast-math flags and no contraction, every
+operation is rounded as CPython rounds it. sqrt, floor, fabs, copysign and fma are exact
+in IEEE 754 and become instructions; the other functions are those of the C library that
+CPython calls, marked `nobuiltin` so that LLVM does not put its own idea in their place
+(with glibc 2.36, pow(x, 2.0) differs from x*x for about one x in a thousand). It
+differs where CPython raises or has more room: division by zero, sqrt(-1.0), exp(1e3)
+give inf or nan; int(nan) is 0, int(1e300) the largest integer; integers wrap at 64
+bits; indices are not checked, and negative ones do not count from the end.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import struct
+from functools import partial
+from types import FunctionType
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from lagsim.native.kernels import words
+from lagsim.native.kernels.keys import KernelError, as_kernel
+from lagsim.native.kernels.source import Folding, Source
+from lagsim.native.layout import NUMBER, SIZE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from lagsim.native.kernels.keys import Static
+    from lagsim.native.layout import Field
+
+
+LLVM: Final = {
+    "int": "i64",
+    "float": "double",
+    "bool": "i1",
+    "Floats": "ptr",
+    "None": "void",
+}
+PASSED: Final = LLVM | {"bool": "i1 zeroext"}
+RETURNED: Final = LLVM | {"bool": "zeroext i1"}
+
+
+class Value(NamedTuple):
+    """A value of the IR: its text and its kind, one of LLVM's keys."""
+
+    text: str
+    kind: str
+
+
+def translate(
+    functions: Sequence[Callable[..., Any]],
+    statics: Mapping[str, object] | None = None,
+) -> str:
+    """Translate kernels, and those they call, to LLVM IR.
+
+    Parameters
+    ----------
+    functions : sequence of functions
+        They become symbols under their names; kernels they call stay internal.
+        An external of the name of one of them is that one.
+    statics : mapping, optional
+        Values that stand before the globals of the same name, in every module.
+
+    Returns
+    -------
+    str
+        The text: the same for the same functions and statics.
+
+    Raises
+    ------
+    KernelError
+        If a kernel leaves the subset.
+    """
+    return _Translation(functions, statics or {}).text()
+
+
+_ARITHMETIC: Final[dict[type[ast.operator], str]] = {
+    ast.Add: "add",
+    ast.Sub: "sub",
+    ast.Mult: "mul",
+}
+# Of integers, and of floats.
+_COMPARISONS: Final[dict[type[ast.cmpop], tuple[str, str]]] = {
+    ast.Lt: ("slt", "olt"),
+    ast.LtE: ("sle", "ole"),
+    ast.Gt: ("sgt", "ogt"),
+    ast.GtE: ("sge", "oge"),
+    ast.Eq: ("eq", "oeq"),
+    ast.NotEq: ("ne", "une"),
+}
+_LIBM_NAMES: Final = """
+acos asin atan atan2 cos cosh exp expm1 log log1p pow sin sinh tan tanh
+"""
+_LIBM: Final = {getattr(math, name): name for name in _LIBM_NAMES.split()}
+_INTRINSICS: Final[dict[object, str]] = {
+    math.sqrt: "sqrt",
+    math.fabs: "fabs",
+    math.copysign: "copysign",
+    words.fused: "fma",
+}
+_ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
+
+# The bits of a mantissa, and those of 1.
+_PLACES: Final = 2**52 - 1
+_ONE: Final = 1023 << 52
+# 2^52 in the exponent: a whole number in the bits below it is added to 2^52. Less that,
+# and less the bias of exponents.
+_WHOLE: Final = 0x4330000000000000
+_BIASED: Final = 2.0**52 + 1023.0
+# Added to a whole number, this leaves it, with the bias, in the last bits.
+_ROUNDER: Final = 1.5 * 2.0**52 + 1023.0
+
+
+class _Function(Folding):
+    """The translation of one function.
+
+    Attributes
+    ----------
+    lines, allocated : list of str
+        The instructions so far; the places of its variables, for the entry block.
+    kinds : dict
+        Kind of each variable, in the order of their first assignment.
+    loops : list of (str, str)
+        Where `break` and `continue` go in the loops around it.
+    live : bool
+        Whether the present place is reached.
+    reached : set of str
+        The labels that something goes to.
+    """
+
+    def __init__(self, source: Source, program: _Translation) -> None:
+        super().__init__(source)
+        self.program = program
+        self.lines: list[str] = []
+        self.allocated: list[str] = []
+        self.kinds: dict[str, str] = {}
+        self.loops: list[tuple[str, str]] = []
+        self.live = True
+        self.reached: set[str] = set()
+        self._names = 0
+        self._statements: dict[type[ast.stmt], Callable[[Any], None]] = {
+            ast.Expr: self._expression,
+            ast.Assign: self._assign,
+            ast.AugAssign: self._augmented,
+            ast.If: self._if,
+            ast.While: self._while,
+            ast.For: self._for,
+            ast.Break: lambda _: self._jump(self.loops[-1][0]),
+            ast.Continue: lambda _: self._jump(self.loops[-1][1]),
+            ast.Return: self._return,
+            ast.Pass: lambda _: None,
+        }
+        self._expressions: dict[type[ast.expr], Callable[[Any], Value]] = {
+            ast.Name: self._load_name,
+            ast.Subscript: lambda node: self._get("float", self._element(node)),
+            ast.Attribute: self._load_field,
+            ast.UnaryOp: self._unary,
+            ast.BinOp: self._binary,
+            ast.Compare: self._compare,
+            ast.BoolOp: self._logical,
+            ast.IfExp: self._choice,
+            ast.Call: self._call,
+        }
+        self._calls: dict[object, Callable[[ast.Call], Value]] = {
+            min: partial(self._extremum, ast.Lt()),
+            max: partial(self._extremum, ast.Gt()),
+            abs: self._abs,
+            int: lambda node: self._truncated(*self._floats(node, 1)),
+            float: lambda node: self._floats(node, 1)[0],
+            math.floor: lambda node: self._truncated(
+                self._intrinsic("floor", *self._floats(node, 1))
+            ),
+            words.at: self._at,
+            words.total: self._total,
+            words.exponent: self._exponent,
+            words.mantissa: self._mantissa,
+            words.two_to: self._two_to,
+        }
+
+    def text(self, symbol: str, linkage: str) -> str:
+        """Give the text of the function."""
+        source = self.source
+        for name, kind in source.parameters.items():
+            self._store_name(source.node, name, Value(f'%"{name}"', kind))
+        self._block(source.node.body)
+        if self.live:
+            end = "ret void" if source.result == "None" else "unreachable"
+            self.lines.append(f"  {end}")
+        parameters = ", ".join(
+            f'{PASSED[kind]} %"{name}"' for name, kind in source.parameters.items()
+        )
+        head = f"define {linkage}{RETURNED[source.result]} @{symbol}({parameters})"
+        body = [*self.allocated, *self.lines]
+        return "\n".join([f"{head} nounwind {{", "entry:", *body, "}\n"])
+
+    # Instructions.
+
+    def _name(self, stem: str) -> str:
+        self._names += 1
+        return f"%{stem}.{self._names}"
+
+    def _op(self, kind: str, text: str) -> Value:
+        """Add an instruction with a result."""
+        name = self._name("x")
+        self.lines.append(f"  {name} = {text}")
+        return Value(name, kind)
+
+    def _allocate(self, stem: str, kind: str) -> str:
+        """Give a new variable its place on the stack."""
+        place = self._name(stem)
+        self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
+        return place
+
+    def _put(self, value: Value, place: str) -> None:
+        self.lines.append(f"  store {LLVM[value.kind]} {value.text}, ptr {place}")
+
+    def _get(self, kind: str, place: str) -> Value:
+        return self._op(kind, f"load {LLVM[kind]}, ptr {place}")
+
+    def _address(self, array: str, index: object) -> str:
+        text = f"getelementptr inbounds double, ptr {array}, i64 {index}"
+        return self._op("Floats", text).text
+
+    def _jump(self, label: str) -> None:
+        """End a block by going to `label`, if the present place is reached."""
+        if self.live:
+            self.lines.append(f"  br label {label}")
+            self.reached.add(label)
+        self.live = False
+
+    def _branch(self, test: Value, yes: str, no: str) -> None:
+        """End a block by going to one of two labels."""
+        self.lines.append(f"  br i1 {test.text}, label {yes}, label {no}")
+        self.reached |= {yes, no}
+
+    def _begin(self, label: str) -> None:
+        """Begin the block `label`, if something goes there."""
+        self.live = label in self.reached
+        if self.live:
+            self.lines.append(f"{label[1:]}:")
+
+    # Expressions.
+
+    def expression(self, node: ast.expr) -> Value:
+        """Translate an expression."""
+        known = self.fold(node)
+        if known is not None:
+            return self._literal(node, known)
+        rule = self._expressions.get(type(node))
+        if rule is None:
+            raise self.error(node)
+        return rule(node)
+
+    def _load_name(self, node: ast.Name) -> Value:
+        if node.id not in self.kinds:
+            raise self.error(node, "has no value here; globals are numbers")
+        return self._get(self.kinds[node.id], f'%"{node.id}.v"')
+
+    def _literal(self, node: ast.expr, known: Static) -> Value:
+        if isinstance(known, bool):
+            return Value("true" if known else "false", "bool")
+        if isinstance(known, int):
+            return Value(str(known), "int")
+        if isinstance(known, float):
+            [bits] = struct.unpack("<Q", struct.pack("<d", known))
+            return Value(f"0x{bits:016X}", "float")
+        raise self.error(node, "is a table; take one number of it")
+
+    def _cast(self, value: Value, kind: str, node: ast.AST) -> Value:
+        """Convert int to float, leave the same kind, refuse the rest."""
+        if value.kind == kind:
+            return value
+        if (value.kind, kind) == ("int", "float"):
+            return self._op("float", f"sitofp i64 {value.text} to double")
+        raise self.error(node, f"is {value.kind}, not {kind}")
+
+    def _converted(self, node: ast.expr, kind: str) -> Value:
+        """Translate an expression to a value of a kind."""
+        return self._cast(self.expression(node), kind, node)
+
+    def _number(self, node: ast.expr) -> Value:
+        """Translate an expression that must be an int or a float."""
+        value = self.expression(node)
+        if value.kind not in ("int", "float"):
+            raise self.error(node, f"is {value.kind}, not a number")
+        return value
+
+    def _common(self, node: ast.AST, *values: Value) -> tuple[list[Value], str]:
+        """Give numbers the kind they have in common."""
+        kind = "float" if any(v.kind == "float" for v in values) else "int"
+        return [self._cast(v, kind, node) for v in values], kind
+
+    def _element(self, node: ast.Subscript) -> str:
+        """Give the address of an element of an array."""
+        base = self._converted(node.value, "Floats")
+        known = self.fold(node.slice)
+        if isinstance(known, int) and known < 0:
+            raise self.error(node, "counts from the end, which is not known")
+        return self._address(base.text, self._converted(node.slice, "int").text)
+
+    def _word(self, node: ast.expr) -> tuple[str, str, Field]:
+        """Give the address of a memory, of one of its words, and the field."""
+        found = self.source.field(node)
+        if found is None:
+            raise self.error(node)
+        name, field = found
+        memory = self._get("Floats", f'%"{name}.v"').text
+        return memory, self._address(memory, field.word), field
+
+    def _load_field(self, node: ast.Attribute) -> Value:
+        memory, place, field = self._word(node)
+        if field.kind == NUMBER:
+            return self._get("float", place)
+        # Sizes and places stay: what is stored in between is no reason to load again.
+        value = self._op("float", f"load double, ptr {place}, !invariant.load !{{}}")
+        whole = self._op("int", f"fptosi double {value.text} to i64")
+        if field.kind == SIZE:
+            return whole
+        return Value(self._address(memory, whole.text), "Floats")
+
+    def _unary(self, node: ast.UnaryOp) -> Value:
+        if isinstance(node.op, ast.Not):
+            test = self._converted(node.operand, "bool")
+            return self._op("bool", f"xor i1 {test.text}, true")
+        value = self._number(node.operand)
+        if not isinstance(node.op, ast.USub):
+            raise self.error(node)
+        if value.kind == "int":
+            return self._op("int", f"sub i64 0, {value.text}")
+        return self._op("float", f"fneg double {value.text}")
+
+    def _binary(self, node: ast.BinOp) -> Value:
+        return self._arithmetic(node, self._number(node.left), node.op, node.right)
+
+    def _arithmetic(
+        self, node: ast.AST, left: Value, op: ast.operator, operand: ast.expr
+    ) -> Value:
+        """Translate `left op operand`."""
+        right = self._number(operand)
+        if isinstance(op, ast.FloorDiv | ast.Mod):
+            return self._floored(node, left, op, operand)
+        if isinstance(op, ast.Pow | ast.Div):
+            left = self._cast(left, "float", node)
+            right = self._cast(right, "float", node)
+        (left, right), kind = self._common(node, left, right)
+        if isinstance(op, ast.Pow):
+            return self._libm("pow", left, right)
+        if isinstance(op, ast.Div):
+            return self._op(kind, f"fdiv double {left.text}, {right.text}")
+        if type(op) not in _ARITHMETIC:
+            raise self.error(node)
+        name = ("" if kind == "int" else "f") + _ARITHMETIC[type(op)]
+        return self._op(kind, f"{name} {LLVM[kind]} {left.text}, {right.text}")
+
+    def _floored(
+        self, node: ast.AST, left: Value, op: ast.operator, operand: ast.expr
+    ) -> Value:
+        """Translate `//` or `%`, which Python rounds down."""
+        divisor = self.integer(operand)
+        a = self._cast(left, "int", node).text
+        if divisor <= 0:
+            raise self.error(node, "has no positive divisor")
+        plain = self._op("int", f"srem i64 {a}, {divisor}").text
+        less = self._op("bool", f"icmp slt i64 {plain}, 0").text
+        more = self._op("int", f"add i64 {plain}, {divisor}").text
+        rest = self._op("int", f"select i1 {less}, i64 {more}, i64 {plain}")
+        if isinstance(op, ast.Mod):
+            return rest
+        whole = self._op("int", f"sub i64 {a}, {rest.text}").text
+        return self._op("int", f"sdiv i64 {whole}, {divisor}")
+
+    def _compare(self, node: ast.Compare) -> Value:
+        rest = list(zip(node.ops, node.comparators, strict=True))
+        return self._chain(node, self._number(node.left), rest)
+
+    def _chain(
+        self, node: ast.Compare, left: Value, rest: list[tuple[ast.cmpop, ast.expr]]
+    ) -> Value:
+        (op, operand), *later = rest
+        right = self._number(operand)
+        first = self._compared(node, op, left, right)
+        if not later:
+            return first
+        return self._lazily(first, lambda: self._chain(node, right, later), until=False)
+
+    def _compared(
+        self, node: ast.AST, op: ast.cmpop, left: Value, right: Value
+    ) -> Value:
+        if type(op) not in _COMPARISONS:
+            raise self.error(node)
+        (left, right), kind = self._common(node, left, right)
+        name = "icmp" if kind == "int" else "fcmp"
+        relation = f"{name} {_COMPARISONS[type(op)][kind == 'float']}"
+        text = f"{relation} {LLVM[kind]} {left.text}, {right.text}"
+        return self._op("bool", text)
+
+    def _lazily(
+        self, first: Value, second: Callable[[], Value], *, until: bool
+    ) -> Value:
+        """Translate `second` for where `first` is not `until`, else the result."""
+        place = self._allocate("b", "bool")
+        more, end = self._name("more"), self._name("end")
+        self._put(first, place)
+        self._branch(first, *((end, more) if until else (more, end)))
+        self._begin(more)
+        self._put(second(), place)
+        self._jump(end)
+        self._begin(end)
+        return self._get("bool", place)
+
+    def _logical(self, node: ast.BoolOp) -> Value:
+        until = isinstance(node.op, ast.Or)
+        # Operands known to decide nothing are left out.
+        operands = [v for v in node.values if self.fold(v) is not (not until)]
+        return self._operands(operands, until=until)
+
+    def _operands(self, operands: list[ast.expr], *, until: bool) -> Value:
+        first = self._converted(operands[0], "bool")
+        if len(operands) == 1:
+            return first
+        return self._lazily(
+            first, lambda: self._operands(operands[1:], until=until), until=until
+        )
+
+    def _choice(self, node: ast.IfExp) -> Value:
+        known = self.fold(node.test)
+        if known is not None:
+            return self.expression(node.body if known else node.orelse)
+        test = self._converted(node.test, "bool")
+        kept, found = self.lines, []
+        for branch in (node.body, node.orelse):
+            self.lines = []
+            found.append((self.expression(branch), self.lines))
+        self.lines, kind = kept, found[0][0].kind
+        place = self._allocate("choice", kind)
+        *labels, end = map(self._name, ("yes", "no", "end"))
+        self._branch(test, *labels)
+        for label, (value, lines) in zip(labels, found, strict=True):
+            self._begin(label)
+            self.lines += lines
+            self._put(self._cast(value, kind, node), place)
+            self._jump(end)
+        self._begin(end)
+        return self._get(kind, place)
+
+    # Calls.
+
+    def _call(self, node: ast.Call) -> Value:
+        function: Any = self.source.meaning(node.func)
+        if function in self._calls:
+            return self._calls[function](node)
+        if function in _LIBM:
+            values = self._floats(node, _ARGUMENTS.get(function, 1))
+            return self._libm(_LIBM[function], *values)
+        if function in _INTRINSICS:
+            values = self._floats(node, _ARGUMENTS.get(function, 1))
+            return self._intrinsic(_INTRINSICS[function], *values)
+        own = isinstance(function, FunctionType)
+        if not own or function.__module__ == words.__name__:
+            raise self.error(node)
+        symbol, source = self.program.callee(function)
+        kinds = source.parameters.values()
+        arguments = self._arguments(node, len(kinds))
+        passed = ", ".join(
+            f"{PASSED[kind]} {self._converted(argument, kind).text}"
+            for argument, kind in zip(arguments, kinds, strict=True)
+        )
+        call = f"call {RETURNED[source.result]} @{symbol}({passed})"
+        if source.result != "None":
+            return self._op(source.result, call)
+        self.lines.append(f"  {call}")
+        return Value("", "None")
+
+    def _arguments(self, node: ast.Call, count: int) -> list[ast.expr]:
+        if node.keywords or len(node.args) != count:
+            raise self.error(node, f"takes {count} arguments by position")
+        return node.args
+
+    def _floats(self, node: ast.Call, count: int) -> list[Value]:
+        return [self._converted(a, "float") for a in self._arguments(node, count)]
+
+    def _libm(self, name: str, *values: Value) -> Value:
+        """Call a function of the C library."""
+        types = ", ".join("double" for _ in values)
+        self.program.declare(f"declare double @{name}({types}) nounwind memory(none)")
+        passed = ", ".join(f"double {v.text}" for v in values)
+        call = f"call double @{name}({passed}) nobuiltin nounwind memory(none)"
+        return self._op("float", call)
+
+    def _intrinsic(self, name: str, *values: Value) -> Value:
+        """Call a function that is exact in IEEE 754."""
+        types = ", ".join("double" for _ in values)
+        self.program.declare(f"declare double @llvm.{name}.f64({types})")
+        passed = ", ".join(f"double {v.text}" for v in values)
+        return self._op("float", f"call double @llvm.{name}.f64({passed})")
+
+    def _truncated(self, value: Value) -> Value:
+        # Saturating: plain fptosi of nan or 1e300, where Python raises, is anything.
+        name = "llvm.fptosi.sat.i64.f64"
+        self.program.declare(f"declare i64 @{name}(double)")
+        return self._op("int", f"call i64 @{name}(double {value.text})")
+
+    def _extremum(self, op: ast.cmpop, node: ast.Call) -> Value:
+        values, kind = self._common(node, *map(self._number, node.args))
+        best, llvm = values[0], LLVM[kind]
+        for value in values[1:]:
+            # As CPython: a later one only where it is beyond, so never for nan.
+            better = self._compared(node, op, value, best).text
+            text = f"select i1 {better}, {llvm} {value.text}, {llvm} {best.text}"
+            best = self._op(kind, text)
+        return best
+
+    def _abs(self, node: ast.Call) -> Value:
+        value = self._number(*self._arguments(node, 1))
+        if value.kind == "float":
+            return self._intrinsic("fabs", value)
+        negative = self._op("bool", f"icmp slt i64 {value.text}, 0").text
+        opposite = self._op("int", f"sub i64 0, {value.text}").text
+        text = f"select i1 {negative}, i64 {opposite}, i64 {value.text}"
+        return self._op("int", text)
+
+    def _at(self, node: ast.Call) -> Value:
+        array, index = self._arguments(node, 2)
+        view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
+        return Value(self._element(view), "Floats")
+
+    def _total(self, node: ast.Call) -> Value:
+        [terms] = self._arguments(node, 1)
+        if not isinstance(terms, ast.GeneratorExp):
+            raise self.error(node, "is no total(... for j in unrolled(...))")
+        [loop] = terms.generators
+        result: Value | None = None
+        for _ in self.values(loop.target, loop.iter):
+            if self.vanishes(terms.elt):
+                continue
+            term = self._converted(terms.elt, "float")
+            if result is None:
+                result = term
+            else:
+                result = self._op("float", f"fadd double {result.text}, {term.text}")
+        return result or self._literal(node, 0.0)
+
+    def _bits(self, node: ast.Call) -> str:
+        [x] = self._floats(node, 1)
+        return self._op("bits", f"bitcast double {x.text} to i64").text
+
+    def _exponent(self, node: ast.Call) -> Value:
+        """Translate `words.exponent`."""
+        bits = self._op("bits", f"lshr i64 {self._bits(node)}, 52").text
+        bits = self._op("bits", f"and i64 {bits}, 2047").text
+        bits = self._op("bits", f"or i64 {bits}, {_WHOLE}").text
+        whole = self._op("bits", f"bitcast i64 {bits} to double").text
+        less = self._literal(node, _BIASED).text
+        return self._op("float", f"fsub double {whole}, {less}")
+
+    def _mantissa(self, node: ast.Call) -> Value:
+        """Translate `words.mantissa`."""
+        bits = self._op("bits", f"and i64 {self._bits(node)}, {_PLACES}").text
+        bits = self._op("bits", f"or i64 {bits}, {_ONE}").text
+        return self._op("float", f"bitcast i64 {bits} to double")
+
+    def _two_to(self, node: ast.Call) -> Value:
+        """Translate `words.two_to`."""
+        [k] = self._floats(node, 1)
+        more = self._literal(node, _ROUNDER).text
+        last = self._op("float", f"fadd double {k.text}, {more}").text
+        bits = self._op("bits", f"bitcast double {last} to i64").text
+        bits = self._op("bits", f"shl i64 {bits}, 52").text
+        return self._op("float", f"bitcast i64 {bits} to double")
+
+    # Statements.
+
+    def _block(self, body: list[ast.stmt]) -> None:
+        """Translate statements, as far as they are reached."""
+        for statement in body:
+            if not self.live:
+                return
+            rule = self._statements.get(type(statement))
+            if rule is None:
+                raise self.error(statement)
+            rule(statement)
+
+    def _expression(self, node: ast.Expr) -> None:
+        if not isinstance(node.value, ast.Constant):
+            self.expression(node.value)
+
+    def _assign(self, node: ast.Assign) -> None:
+        sources = [node.value]
+        if isinstance(node.value, ast.Tuple):
+            sources = node.value.elts
+        values = [self.expression(source) for source in sources]
+        for target in node.targets:
+            targets = target.elts if isinstance(target, ast.Tuple) else [target]
+            if len(targets) != len(values):
+                raise self.error(node, "has another number of values left and right")
+            for single, value in zip(targets, values, strict=True):
+                self._store(single, value)
+
+    def _augmented(self, node: ast.AugAssign) -> None:
+        target = node.target
+        if isinstance(target, ast.Name):
+            present = ast.copy_location(ast.Name(target.id, ast.Load()), target)
+            now = self._number(present)
+            value = self._arithmetic(node, now, node.op, node.value)
+            self._store_name(node, target.id, value)
+            return
+        # The place is found once and read before the right side is evaluated.
+        place = self._place(target)
+        now = self._get("float", place)
+        value = self._arithmetic(node, now, node.op, node.value)
+        self._put(self._cast(value, "float", node), place)
+
+    def _place(self, target: ast.expr) -> str:
+        """Give the address of an element, or of a number of a memory."""
+        if isinstance(target, ast.Subscript):
+            return self._element(target)
+        found = self.source.field(target)
+        if found is None or found[1].kind != NUMBER:
+            raise self.error(target, "takes no value")
+        return self._word(target)[1]
+
+    def _store(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Name):
+            self._store_name(target, target.id, value)
+        else:
+            place = self._place(target)
+            self._put(self._cast(value, "float", target), place)
+
+    def _store_name(self, node: ast.AST, name: str, value: Value) -> None:
+        if name in self.unrolled or value.kind == "None":
+            raise self.error(node, f"gives `{name}` no value, or counts a loop")
+        if name not in self.kinds:
+            self.kinds[name] = value.kind
+            self.allocated.append(f'  %"{name}.v" = alloca {LLVM[value.kind]}')
+        self._put(self._cast(value, self.kinds[name], node), f'%"{name}.v"')
+
+    def _return(self, node: ast.Return) -> None:
+        kind = self.source.result
+        if kind == "None":
+            self.lines.append("  ret void")
+        elif node.value is None:
+            raise self.error(node, f"gives nothing, not {kind}")
+        else:
+            value = self._converted(node.value, kind)
+            self.lines.append(f"  ret {LLVM[kind]} {value.text}")
+        self.live = False
+
+    def _if(self, node: ast.If) -> None:
+        known = self.fold(node.test)
+        if known is not None:
+            self._block(node.body if known else node.orelse)
+            return
+        test = self._converted(node.test, "bool")
+        yes, no, end = map(self._name, ("then", "else", "endif"))
+        self._branch(test, yes, no)
+        for label, body in ((yes, node.body), (no, node.orelse)):
+            self._begin(label)
+            self._block(body)
+            self._jump(end)
+        self._begin(end)
+
+    def _body(self, node: ast.While | ast.For, after: str, following: str) -> None:
+        """Translate the body of a loop, up to its next pass."""
+        if node.orelse:
+            raise self.error(node, "has an else; use a flag")
+        self.loops.append((after, following))
+        self._block(node.body)
+        self._jump(following)
+        self.loops.pop()
+
+    def _while(self, node: ast.While) -> None:
+        head, body, after = map(self._name, ("while", "do", "endwhile"))
+        self._jump(head)
+        self._begin(head)
+        if self.fold(node.test) is not True:
+            self._branch(self._converted(node.test, "bool"), body, after)
+            self._begin(body)
+        self._body(node, after, head)
+        self._begin(after)
+
+    def _for(self, node: ast.For) -> None:
+        call = node.iter
+        if self.goes_over(call, words.unrolled):
+            self._unrolled(node)
+            return
+        if not self.goes_over(call, range, words.apart):
+            raise self.error(node, "is no loop over range, apart or unrolled")
+        assert isinstance(call, ast.Call)
+        bounds = [self._converted(a, "int") for a in call.args[:2]]
+        start, stop = bounds if len(bounds) == 2 else [Value("0", "int"), *bounds]
+        counter = self._allocate("counter", "int")
+        self._put(start, counter)
+        head, body, advance = map(self._name, ("for", "do", "next"))
+        first = len(self.lines)
+        after = self._name("endfor")
+        self._jump(head)
+        self._begin(head)
+        now = self._get("int", counter)
+        test = self._op("bool", f"icmp slt i64 {now.text}, {stop.text}")
+        self._branch(test, body, after)
+        self._begin(body)
+        # The variable is a copy: as in Python, storing into it does not move the loop,
+        # and afterwards it is the last one the body had.
+        self._store(node.target, now)
+        self._body(node, after, advance)
+        self._begin(advance)
+        if self.live:
+            now = self._get("int", counter)
+            self._put(self._op("int", f"add nsw i64 {now.text}, 1"), counter)
+            self._jump(head)
+        if self.goes_over(call, words.apart):
+            self._mark_parallel(first)
+        self._begin(after)
+
+    def _mark_parallel(self, first: int) -> None:
+        """Mark a loop, from line `first` to its jump back, as one of `apart`."""
+        for k in range(first, len(self.lines)):
+            line = self.lines[k]
+            if line.startswith("  store ") or " = load " in line:
+                self.lines[k] += ", !llvm.access.group !0"
+        self.lines[-1] += f", !llvm.loop !{self.program.parallel()}"
+
+    def _unrolled(self, node: ast.For) -> None:
+        after = self._name("endunrolled")
+        for _ in self.values(node.target, node.iter):
+            if self.live:
+                following = self._name("next")
+                self._body(node, after, following)
+                self._begin(following)
+        self._jump(after)
+        self._begin(after)
+
+
+class _Translation:
+    """The functions found so far, and the text they need besides their own."""
+
+    def __init__(
+        self,
+        functions: Sequence[Callable[..., Any]],
+        statics: Mapping[str, object],
+    ) -> None:
+        self.statics = statics
+        self.known: dict[FunctionType, tuple[str, Source]] = {}
+        self.symbols: set[str] = set()
+        self.waiting: list[tuple[str, Source]] = []
+        self.declared: dict[str, None] = {}
+        self.loops = 0
+        self.exported: frozenset[str] = frozenset()
+        for function in functions:
+            self._add(as_kernel(function))
+        self.exported = frozenset(self.symbols)
+
+    def text(self) -> str:
+        """Translate what waits, and what comes to wait by it."""
+        defined = []
+        used: set[str] = set()
+        while self.waiting:
+            symbol, source = self.waiting.pop(0)
+            linkage = "" if symbol in self.exported else "internal "
+            defined.append(_Function(source, self).text(symbol, linkage))
+            used |= source.function.__globals__.keys()
+        if unknown := self.statics.keys() - used:
+            raise KernelError(
+                f"statics {', '.join(sorted(unknown))}: no global of that name in the "
+                "modules of the kernels"
+            )
+        return "\n".join([*self.declared, *defined])
+
+    def callee(self, function: FunctionType) -> tuple[str, Source]:
+        """Give symbol and signature; see that the function will be there."""
+        if function not in self.known:
+            self._add(function)
+        return self.known[function]
+
+    def declare(self, line: str) -> None:
+        """Have a declaration in the text, once."""
+        self.declared[line] = None
+
+    def parallel(self) -> int:
+        """Give the number of a new mark of a loop whose accesses are apart."""
+        self.declare("!0 = distinct !{}")
+        self.loops += 1
+        properties = '!{!"llvm.loop.parallel_accesses", !0}, '
+        properties += '!{!"llvm.loop.vectorize.enable", i1 true}'
+        self.declare(f"!{self.loops} = distinct !{{!{self.loops}, {properties}}}")
+        return self.loops
+
+    def _add(self, function: FunctionType) -> None:
+        source = Source(function, self.statics)
+        symbol, external = source.name, words.is_external(function)
+        if external and symbol in self.exported:
+            # It denotes the translated function of its name.
+            found = next(x for s, x in self.known.values() if s == symbol)
+            signature = [*found.parameters.values(), found.result]
+            if signature != [*source.parameters.values(), source.result]:
+                text = "the function of this name has other kinds"
+                raise source.error(source.node, text)
+            self.known[function] = symbol, found
+            return
+        if symbol in self.symbols:
+            symbol = f"{symbol}.{len(self.symbols)}"
+        self.symbols.add(symbol)
+        self.known[function] = symbol, source
+        if external:
+            kinds = ", ".join(PASSED[kind] for kind in source.parameters.values())
+            result = RETURNED[source.result]
+            self.declare(f"declare {result} @{symbol}({kinds}) nounwind")
+        else:
+            self.waiting.append((symbol, source))
