@@ -148,8 +148,8 @@ class Batch:
         InputError
             Where two would write into one folder.
         """
+        from lagsim.model.loading import text_of
         from lagsim.model.reader import read
-        from lagsim.model.text import text_of
 
         pieces, first = {}, dict[str, str]()
         for k, path in enumerate(self.paths):

@@ -206,7 +206,7 @@ def command(
     # The processor time so far is close to what starting and importing took.
     own.clock.timings["import"] = time.process_time()
     with faults_shown(documents, file=models[0]) as code:
-        from lagsim.model.text import text_of
+        from lagsim.model.loading import text_of
 
         code.append(own.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():

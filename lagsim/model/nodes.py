@@ -11,6 +11,10 @@ from lagsim.errors import Place
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
+_WORD = re.compile(r"\w+")
+# What stands at these keys is no expression.
+_TEXTS = ("name", "description", "source", "title", "unit")
+
 # The letters after a backslash that need more than one character more (YAML 1.2, 5.7).
 _LONG_ESCAPES = {"x": 4, "u": 6, "U": 10}
 _BLANK_ESCAPES = frozenset(" \ttnvfr_NLP\n\r\x85\u2028\u2029")
@@ -161,7 +165,7 @@ class Scalar:
 class Mapping(NamedTuple):
     """Keys with their values, in the order of the file."""
 
-    entries: tuple[tuple[Scalar, Node], ...]
+    entries: tuple[Entry, ...]
     place: Place
     flow: bool = False
 
@@ -181,6 +185,7 @@ class Broken(NamedTuple):
 
 
 Node: TypeAlias = Scalar | Mapping | Sequence | Broken
+Entry: TypeAlias = tuple[Scalar, Node]
 
 
 def argument(option: str, value: str) -> Scalar:
@@ -191,3 +196,18 @@ def argument(option: str, value: str) -> Scalar:
     span = Span(source, len(option), len(source.text))
     place = source.place(len(option), max(1, len(value)))
     return Scalar(value, quoted=True, place=place, span=span)
+
+
+def words(*roots: Node) -> set[str]:
+    """Give the words of all expressions below some nodes."""
+    found: set[str] = set()
+    below = [*roots]
+    while below:
+        node = below.pop()
+        if isinstance(node, Mapping):
+            below += [v for k, v in node.entries if k.text not in _TEXTS]
+        elif isinstance(node, Sequence):
+            below += node.items
+        elif isinstance(node, Scalar):
+            found.update(_WORD.findall(node.text))
+    return found

@@ -75,6 +75,7 @@ def test_each_says_what_is_found_and_expected_and_what_to_try():
 
 # Calls that take a code, by what it is of; those that are handed one are not asked.
 ERRORS = {"Problem", "add", "fault", "_fault", "unusable", "failure", "number"}
+ERRORS |= {"_refuse"}
 CAUTIONS = {"Caution", "_once", "_warn"}
 # Files without any of these are not parsed.
 SAYS = re.compile(

@@ -16,7 +16,7 @@ from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
-from lagsim.model.reader import read, suggestions
+from lagsim.model.reader import hints, read
 from tests.model._files import problems
 
 MODEL = """\
@@ -552,11 +552,11 @@ def test_every_spelling_of_the_table_has_a_case(monkeypatch):
 
         return hint
 
-    patterns = suggestions.PATTERNS
+    patterns = hints.patterns()
     table = [(p, recorded(k, meant)) for k, (p, meant) in enumerate(patterns)]
-    monkeypatch.setattr(suggestions, "PATTERNS", table)
-    names = [(p, recorded(p.pattern, meant)) for p, meant in suggestions.OF_NAMES]
-    monkeypatch.setattr(suggestions, "OF_NAMES", names)
+    monkeypatch.setattr(hints, "patterns", lambda: table)
+    names = [(p, recorded(p.pattern, meant)) for p, meant in hints.patterns_of_names()]
+    monkeypatch.setattr(hints, "patterns_of_names", lambda: names)
     for where, text, *_ in CASES:
         hint_of(where, text)
     left = [

@@ -10,81 +10,46 @@ from __future__ import annotations
 
 import hashlib
 import re
+from copy import copy
+from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lagsim import limits
-from lagsim.errors import UNSEEN, unseen
+from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
-from lagsim.model.loading import load
-from lagsim.model.model import Level, Model
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar
+from lagsim.model.loading import STDIN, load, text_of, unusable
+from lagsim.model.model import Coordinate, Level, Model, Separation
+from lagsim.model.nodes import (
+    Broken,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    argument,
+    words,
+)
 from lagsim.model.reader import drawing, equations, simulation, values
 from lagsim.model.reader.expressions import Expressions
-from lagsim.model.reader.fields import (
-    PLAIN,
-    Faults,
-    Form,
-    described,
-    fields,
-    is_odd,
-    keyed,
-    shortened,
-)
-from lagsim.model.reader.names import Kind, Names, check_columns, naming
-from lagsim.model.reader.stated import Sections, Stated
-from lagsim.model.reader.values import Definitions
-from lagsim.model.text import STDIN, text_of, unusable
+from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
+from lagsim.model.reader.names import Kind, Names, check_columns
+from lagsim.model.reader.sections import SECTIONS, has_key, schema
+from lagsim.model.reader.values import TARGETS, Definitions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Collection, Iterator
     from collections.abc import Mapping as MappingType
 
-    from lagsim.model.reader.fields import Entry
+    from lagsim.model.model import InitialValue, Parameter, Settings
+    from lagsim.model.nodes import Entry
+    from lagsim.model.reader.values import Value
 
+__all__ = ["TEXT", "read", "read_file", "schema"]
 
 FORMAT_VERSION = "1"
-SECTIONS = {
-    "lagsim": described("Version of the format; default 1.", {"enum": [1, "1"]}),
-    "name": described(
-        "What the results are called; default: the file's stem.",
-        {**PLAIN, "pattern": rf"^[^/\\\n\t{UNSEEN}]+$", "not": {"enum": [".", ".."]}},
-    ),
-    "description": described("Plain text.", PLAIN),
-    "source": described("Where the model comes from, plain text.", PLAIN),
-    "parameters": described(
-        "name: expression of the parameters above, or a mapping with `value`.",
-        naming(values.VALUE),
-    ),
-    "coordinates": described(
-        "name: {unit: ..., description: ...}; their order is that of the table.",
-        values.COORDINATES,
-    ),
-    "definitions": described(
-        "name: expression, in any order; each is a column.",
-        naming(values.VALUE),
-    ),
-    "energy": described("Energies, taken literally.", equations.ENERGY),
-    "forces": described("Forces that no energy gives.", equations.FORCES),
-    "constraints": described("name: relation, or a mapping.", equations.FORM),
-    "initial": described(
-        "A start value for each coordinate; velocities that are not named are 0.",
-        values.FORM,
-    ),
-    "simulation": described("When to stop, how finely, and how.", simulation.FORM),
-    "scene": described("What to draw.", keyed(drawing.SCENE_KEYS)),
-    "output": described("What to write.", keyed(drawing.OUTPUT_KEYS)),
-}
-REQUIRED = ("coordinates", "energy", "initial")
-
 # What a model is called that comes from no file.
 TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
-_NAMING = {
-    "parameters": Kind.PARAMETER,
-    "coordinates": Kind.COORDINATE,
-    "definitions": Kind.DEFINITION,
-}
 
 
 def read_file(
@@ -134,66 +99,71 @@ def read(
     InputError
         With every fault, in the order of the file.
     """
-    data = text.encode(errors="surrogatepass")
-    return _read(text, file, overrides or {}, options or {}, data)
-
-
-def _read(
-    text: str,
-    file: str,
-    overrides: MappingType[str, str],
-    options: MappingType[str, str],
-    data: bytes,
-) -> Model:
     document = load(text, file)
-    faults = Faults(file, document.problems, SECTIONS)
+    faults = Faults(file, document.problems)
     if document.root is None:
-        if not document.problems:
-            raise unusable("empty-file", "the file is empty", file)
         faults.raise_if_any()
-    assert document.root is not None
+        raise unusable("empty-file", "the file is empty", file)
+    data = text.encode(errors="surrogatepass")
     graph = Graph(limits.graph_nodes(len(data)), limits.work(len(data)))
-    return _File(document.root, file, faults, graph).read(overrides, options, data)
+    found = File(document.root, file, faults, graph, overrides or {}, options or {})
+    return found.read(hashlib.sha256(data).hexdigest())
 
 
-def _unfit(name: str, node: Scalar) -> str:
-    """Say why a name cannot be that of files; nothing of what is told already."""
-    if letter := unseen(name):
-        return f"it has the letter U+{ord(letter):04X}, which is not seen"
-    if re.search(r"[/\\]", name):
-        return "it has a path separator"
-    for letter, what in (("\n", "line break"), ("\t", "tab")):
-        if letter in name:
-            return f"it has a {what}"
-    if name in _NO_FILE_NAMES and (node.empty or node.text.strip() == name):
-        return "it is no name of a file"
-    return ""
+class File:
+    """A model file, and the expressions given instead of its own: a binding.
 
+    What is built of names alone, the graph and every expression on it, is shared with
+    its other bindings, in which the numbers are evaluated again.
 
-class _File:
-    """The sections of one file."""
+    Attributes
+    ----------
+    x : Expressions
+        Of the file: its graph, its definitions, and the values of this binding.
+    instead, starting, options : dict of str to str
+        Expressions that replace those of parameters, of start values and of keys of
+        `simulation`.
+    """
 
-    def __init__(self, root: Node, file: str, faults: Faults, graph: Graph) -> None:
-        self.file = file
-        self.faults = faults
-        if is_odd(root, SECTIONS):
-            root = in_place(root, SECTIONS, faults)
-        self.root, self.node = root.place, root
-        self.top = fields(root, "the file", SECTIONS, faults, self.root)
-        if not self.top.sound:
-            faults.raise_if_any()
-        self.energy = equations.energy_fields(
-            self.top.found.get("energy"), faults, self.root
-        )
-        self.names = Names("lagrangian" in self.energy)
-        self.x = Expressions(graph, self.names, faults)
-
-    def read(
+    def __init__(
         self,
+        root: Node,
+        file: str,
+        faults: Faults,
+        graph: Graph,
         overrides: MappingType[str, str],
         options: MappingType[str, str],
-        data: bytes,
-    ) -> Model:
+    ) -> None:
+        self.file = file
+        node = _in_place(root, faults)
+        self.node, self.root = node, node.place
+        self.top = top = fields(node, "the file", SECTIONS, faults, node.place)
+        if not top.sound:
+            faults.raise_if_any()
+        energy = top.found.get("energy")
+        self.energy = equations.energy_fields(energy, faults, self.root)
+        self.names = names = Names("lagrangian" in self.energy)
+        self.x = x = Expressions(graph, names, faults)
+        self.options = options
+        self._check_version()
+        self.name = self._name()
+        self.parameters, self.coordinates, self.definitions = (
+            names.section(top.value(key), f"`{key}`", kind, faults)
+            for key, kind in (
+                ("parameters", Kind.PARAMETER),
+                ("coordinates", Kind.COORDINATE),
+                ("definitions", Kind.DEFINITION),
+            )
+        )
+        self.constraints = equations.declared_constraints(top.value("constraints"), x)
+        self._check_names()
+        names.reactions += drawing.asked_reactions(top.found.get("output"))
+        asked = top.found.get("simulation")
+        self.simulation = simulation.simulation_fields(asked, x, self.root)
+        self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
+        self.instead = {k: t for k, t in overrides.items() if k not in self.starting}
+
+    def read(self, sha256: str) -> Model:
         """Give the model.
 
         Raises
@@ -201,49 +171,33 @@ class _File:
         InputError
             With every fault.
         """
-        top, x, faults = self.top, self.x, self.faults
-        self._check_version()
-        name = self._name()
-        given = {
-            key: self.names.section(top.value(key), f"`{key}`", kind, faults)
-            for key, kind in _NAMING.items()
-        }
-        constraints = equations.declared_constraints(top.value("constraints"), x)
-        self._check_names()
-        self.names.reactions += drawing.asked_reactions(top.found.get("output"))
-
-        asked = simulation.simulation_fields(top.found.get("simulation"), x, self.root)
-        sections = Sections(
-            given["parameters"], given["definitions"], self.energy,
-            top.value("forces"), constraints, top.found.get("initial"), asked,
-            self.root,
-        )  # fmt: skip
-        stated = Stated.of(self.file, sections, x, overrides, options)
-        numbers, known = stated.parameters()
-        coordinates = values.read_coordinates(given["coordinates"], x)
-        definitions = Definitions(given["definitions"], x)
+        top, x = self.top, self.x
+        parameters, known = self.read_parameters()
+        coordinates = values.read_coordinates(self.coordinates, x)
+        definitions = Definitions(self.definitions, x)
         definitions.build(Level.POSITION, Level.VELOCITY)
         energies = equations.read_energies(self.energy, x)
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
-        laws = equations.read_constraints(constraints, x)
-        starts = stated.initial(known)
-        stated.asked(x, {})
-        until = simulation.read_until(asked, x)
+        constraints = equations.read_constraints(self.constraints, x)
+        initial = self.read_initial(known)
+        simulation.read_settings(self.simulation, self.options, x)
+        until = simulation.read_until(self.simulation, x)
         scene = drawing.read_scene(top.found.get("scene"), x)
         output = drawing.read_output(top.found.get("output"), x)
-        description, source = (top.text(k, faults) for k in ("description", "source"))
-
-        faults.raise_if_any()
+        description, source = top.text("description"), top.text("source")
+        x.faults.raise_if_any()
         assert energies.lagrangian is not None
+        places = {name: node.place for name, (_, node) in self.energy.found.items()}
+        named = words(self.node)
         return Model(
-            name=name,
+            name=self.name,
             file=self.file,
-            sha256=hashlib.sha256(data).hexdigest(),
+            sha256=sha256,
             graph=x.graph,
-            parameters=numbers,
-            unused=values.unused(self.node, known),
-            places={**self.names.places, **equations.places(self.energy)},
+            parameters=parameters,
+            unused=tuple(name for name in known if name not in named),
+            places={**self.names.places, **places},
             coordinates=coordinates,
             definitions=definitions.read(),
             lagrangian=energies.lagrangian,
@@ -251,55 +205,226 @@ class _File:
             potential=energies.potential,
             dissipation=energies.dissipation,
             forces=forces,
-            constraints=laws,
-            initial=starts,
+            constraints=constraints,
+            initial=initial,
             until=until,
             scene=scene,
             output=output,
-            stated=stated,
+            stated=self,
             description=description,
             source=source,
         )
 
     def _check_names(self) -> None:
-        check_columns(self.names, self.faults)
+        faults = self.x.faults
+        check_columns(self.names, faults)
         if self.names.complete or not self.names.readable:
             return
-        if "coordinates" in self.top and self.names.faulty:
-            return
-        text = "the file has no coordinates"
-        place = self.top.place_of("coordinates")
-        hint = "such as coordinates: {theta: {unit: rad}}"
-        self.faults.add("missing-key", text, place, hint)
+        if "coordinates" not in self.top or not self.names.faulty:
+            place = self.top.place_of("coordinates")
+            hint = "such as coordinates: {theta: {unit: rad}}"
+            faults.add("missing-key", "the file has no coordinates", place, hint)
 
     def _check_version(self) -> None:
         node = self.top.value("lagsim")
         if node is None or isinstance(node, Broken):
             return
-        version = self.top.text("lagsim", self.faults)
+        version = self.top.text("lagsim")
         if version != FORMAT_VERSION:
             text = f"the format version must be {FORMAT_VERSION}, found `{version}`"
-            self.faults.add("format-version", text, node.place)
+            self.x.faults.add("format-version", text, node.place)
 
     def _name(self) -> str:
-        node = self.top.value("name")
+        node, faults = self.top.value("name"), self.x.faults
         if node is None:
-            if self.file in (STDIN, PLAIN):
-                return self.file.strip("<>")
             stem = PurePath(self.file).stem
-            found = unseen(stem)
-            if found or "\n" in stem:
-                what = f"the letter U+{ord(found):04X}" if found else "a line break"
-                text = f"the name of the file has {what}"
+            if self.file == STDIN:
+                return "stdin"
+            if unseen(stem) or "\n" in stem:
+                text = f"the name of the file has {_letter(stem)}"
                 hint = "give a `name`: results are called by it"
-                self.faults.add("bad-model-name", text, self.root, hint)
+                faults.add("bad-model-name", text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"
-        name = self.top.text("name", self.faults)
-        if isinstance(node, Scalar) and (fault := _unfit(name, node)):
+        name, fault = self.top.text("name"), ""
+        plain = isinstance(node, Scalar) and (node.empty or node.text.strip() == name)
+        if unseen(name):
+            fault = f"it has {_letter(name)}, which is not seen"
+        elif re.search(r"[/\\]", name):
+            fault = "it has a path separator"
+        elif re.search(r"[\n\t]", name):
+            fault = f"it has {_letter(name)}"
+        elif name in _NO_FILE_NAMES and plain:
+            fault = "it is no name of a file"
+        if fault and isinstance(node, Scalar):
             text = f"`{shortened(name)}` cannot be a name: {fault}"
             hint = "it is used for files: no path separators, such as elastic-pendulum"
-            self.faults.add("bad-model-name", text, node.place, hint)
+            faults.add("bad-model-name", text, node.place, hint)
         return name
+
+    # Other values of parameters and start values, see `Model.bind`
+
+    def read_parameters(self) -> tuple[tuple[Parameter, ...], dict[str, Value]]:
+        """Give the parameters, and value and error of each."""
+        reader = values.Parameters(self.x, self.instead)
+        return reader.read(self.parameters), reader.known
+
+    def read_initial(self, known: dict[str, Value]) -> tuple[InitialValue, ...]:
+        """Give the start values."""
+        reader = values.Initial(self.x, self.starting, known)
+        return reader.read(self.top.found.get("initial"), self.root)
+
+    def bound(
+        self,
+        model: Model,
+        parameters: MappingType[str, str],
+        initial: MappingType[str, str],
+    ) -> Model:
+        """Give a model of this file with other values, see `Model.bind`."""
+        faults, new = Faults(self.file), copy(self)
+        new.x = self.x.over(faults, {})
+        new.instead = {**self.instead, **parameters}
+        new.starting = {**self.starting, **initial}
+        numbers, known = new.read_parameters()
+        constraints = zip(model.constraints, self.constraints, strict=True)
+        laws = tuple(equations.again(c, entry, new.x) for c, entry in constraints)
+        starts = new.read_initial(known)
+        faults.raise_if_any()
+        return replace(
+            model, parameters=numbers, constraints=laws, initial=starts, stated=new
+        )
+
+    def settings(self, options: MappingType[str, str]) -> Settings:
+        """Give the settings, see `Model.settings`."""
+        faults = Faults(self.file)
+        x = self.x.over(faults, self.x.values)
+        asked = {**self.options, **options}
+        found = simulation.read_settings(self.simulation, asked, x)
+        faults.raise_if_any()
+        return found
+
+    # What expressions the file has
+
+    def _starts(self) -> list[Entry]:
+        """Give the entries of `initial`."""
+        node = self.top.value("initial")
+        return list(node.entries) if isinstance(node, Mapping) else []
+
+    def rests_on(self, names: Collection[str]) -> bool:
+        """Tell whether other numbers rest on these, see `Stated.rests_on`."""
+        given = {key.text: node for key, node in (*self.parameters, *self._starts())}
+        given |= {key: node for key, (_, node) in self.simulation.found.items()}
+        for instead in (self.instead, self.starting, self.options):
+            given |= {name: argument("", text) for name, text in instead.items()}
+        others = (node for name, node in given.items() if name not in names)
+        return not words(*others).isdisjoint(names)
+
+    def texts(self) -> dict[str, Scalar]:
+        """Give the expressions of energies, forces and constraints, as `forces.x`."""
+        forces = self.top.value("forces")
+        below = {
+            "definitions": self.definitions,
+            "energy": self.energy.found.values(),
+            "forces": forces.entries if isinstance(forces, Mapping) else (),
+            "constraints": self.constraints,
+        }
+        given = ((k, entry) for k, found in below.items() for entry in found)
+        return {
+            name: text
+            for section, (key, node) in given
+            for name, text in _leaves(f"{section}.{key.text}", node)
+        }
+
+    def numbers(self) -> list[str]:
+        """Give the expressions that parameters and start values are given by."""
+        found = [*self.instead.values(), *self.starting.values()]
+        for key, node in (*self.parameters, *self._starts()):
+            if key.text in self.instead or key.text in self.starting:
+                continue
+            below = node.entries if isinstance(node, Mapping) else ()
+            nodes = [node, *(v for k, v in below if k.text in ("value", "guess"))]
+            found += [n.text for n in nodes if isinstance(n, Scalar)]
+        return found
+
+    # The model read again with some of its definitions as coordinates of their own
+    #
+    # By their names, not by what they are: where the file writes `x` the separated
+    # model has `x`, and where it writes what `x` denotes, that.
+
+    def separated(self, model: Model) -> Separation:
+        """Give `model` in other coordinates, see `Stated.separated`.
+
+        Raises
+        ------
+        InputError
+            Where a constraint is satisfied as the root of another relation then.
+        """
+        known = self.x
+        held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
+        names = replace(known.names, variables={**known.names.variables, **held})
+        faults = Faults(model.file)
+        x = Expressions(known.graph, names, faults)
+        x.values = known.values
+        Definitions(self.definitions, x).build(Level.POSITION, Level.VELOCITY)
+        energies = equations.read_energies(self.energy, x)
+        forces = equations.read_forces(self.top.value("forces"), x)
+        constraints = equations.read_constraints(self.constraints, x)
+        faults.raise_if_any()
+        units = {d.name: d.unit for d in model.definitions}
+        nodes = {name: x.definitions[name].node for name in held}
+        expressions = {name: node for name, node in nodes.items() if node is not None}
+        assert energies.lagrangian is not None
+        found = replace(
+            model,
+            coordinates=(*model.coordinates, *(Coordinate(n, units[n]) for n in held)),
+            forces=forces,
+            constraints=constraints,
+            **energies._asdict(),
+        )
+        _check_roots(model, found)
+        return Separation(
+            found, {k: n for k, n in expressions.items() if n is not None}
+        )
+
+
+def _letter(name: str) -> str:
+    """Name the letter that no name of a file has."""
+    if letter := unseen(name):
+        return f"the letter U+{ord(letter):04X}"
+    return "a line break" if "\n" in name else "a tab"
+
+
+def _starts(name: str, names: Names) -> bool:
+    """Tell whether a name has a start value, not a parameter's."""
+    meaning = names.meaning(name)
+    return meaning is not None and meaning.kind in TARGETS
+
+
+def _leaves(name: str, node: Node) -> Iterator[tuple[str, Scalar]]:
+    """Give the scalars at a key and below it, each by the keys that lead to it."""
+    if isinstance(node, Scalar):
+        yield name, node
+    elif isinstance(node, Mapping):
+        for key, value in node.entries:
+            yield from _leaves(f"{name}.{key.text}", value)
+    elif isinstance(node, Sequence):
+        for k, item in enumerate(node.items, 1):
+            yield from _leaves(f"{name}.{k}", item)
+
+
+def _check_roots(model: Model, found: Model) -> None:
+    """Refuse multipliers that are those of other relations than the separated ones."""
+    g = model.graph
+    new = {g.variable(d.name): d.node for d in model.definitions}
+    for one, other in zip(model.constraints, found.constraints, strict=True):
+        if not one.relation.multiple and not other.relation.multiple:
+            continue
+        if g.substitute([other.relation.node], new) != [one.relation.node]:
+            text = f"`{one.name}` vanishes as a power, with its gradient; its "
+            text += "multiplier does not give the definitions in `output.reactions` "
+            text += "a reaction"
+            hint = "write the relation with a simple zero"
+            place = one.relation.place
+            raise InputError([Problem("multiple-root", text, place, hint)])
 
 
 # --- Sections in sections, keys of sections beside them: wrong indentation
@@ -307,154 +432,101 @@ class _File:
 # What stands in a wrong place is reported once, and read as if it stood in the right
 # one, so that nothing of it is reported as missing or unknown, too.
 
-Forms = dict[str, dict[str, Any]]
+# Keys of what a name is given by, which may be that of a section.
+_OWN = {"value", "unit", "description", "guess", "relation"}
 
 
-def in_place(root: Node, forms: Forms, faults: Faults) -> Node:
-    """Give the file with what is misplaced where it belongs, each reported.
-
-    Parameters
-    ----------
-    forms
-        The sections: what may stand in each.
-    """
+def _in_place(root: Node, faults: Faults) -> Node:
+    """Give the file with what is misplaced where it belongs, each reported."""
     if not isinstance(root, Mapping):
         return root
-    entries = [*root.entries]
-    entries += _taken_out(entries, forms, faults)
-    _put_below(entries, forms, faults)
-    _indented(entries, forms, faults)
+    entries = _taken_out(root, faults)
+    for entry in [*entries]:
+        key, value = entry
+        if not _is_stranger(key) or isinstance(value, Mapping):
+            continue
+        section = next((name for name in SECTIONS if has_key(name, key.text)), "")
+        if section and _put_below(entries, section, [entry]):
+            text = f"unknown key `{key.text}` in the file"
+            faults.add("unknown-key", text, key.place, belongs(key.text))
+    for section, lines in _unindented(entries, faults).items():
+        first = lines[0][0]
+        more = f", and {len(lines) - 1} more," if len(lines) > 1 else ""
+        text = f"`{first.text}`{more} below `{section}:` must be indented"
+        hint = f"two blanks before each line that belongs to `{section}`"
+        if _put_below(entries, section, lines):
+            faults.add("misplaced-key", text, first.place, hint)
     return root._replace(entries=tuple(entries))
 
 
-def _is_open(node: Node) -> bool:
-    """Tell whether keys can be put below a section's key."""
-    return isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
+def _is_stranger(key: Scalar) -> bool:
+    return key.text not in SECTIONS and not key.text.startswith("x-")
 
 
-def _joined(node: Node, more: list[Entry]) -> Node:
-    if isinstance(node, Mapping):
-        return node._replace(entries=(*node.entries, *more))
-    return Mapping(tuple(more), more[0][0].place)
-
-
-def _taken_out(entries: list[Entry], forms: Forms, faults: Faults) -> list[Entry]:
-    """Take sections out of sections; give them."""
+def _taken_out(root: Mapping, faults: Faults) -> list[Entry]:
+    """Give the entries of the file with the sections that stood inside of sections."""
+    entries: list[Entry] = []
     found: list[Entry] = []
-    present = {key.text for key, _ in entries}
-    for k, (section, value) in enumerate(entries):
-        form = forms.get(section.text)
-        if form is None or not isinstance(value, Mapping):
-            continue
+    present = {key.text for key, _ in root.entries}
+    for section, value in root.entries:
         kept = []
-        for key, inside in value.entries:
-            name = key.text
-            nested = _is_section(name, inside, forms) and not _has(form, name)
-            if not nested or name in present:
-                kept.append((key, inside))
+        for entry in value.entries if isinstance(value, Mapping) else ():
+            name = entry[0].text
+            if name in present or not _is_nested(section.text, *entry):
+                kept.append(entry)
                 continue
             text = f"the section `{name}` is inside `{section.text}`"
-            faults.add("misplaced-key", text, key.place, faults.belongs(name))
+            faults.add("misplaced-key", text, entry[0].place, belongs(name))
             present.add(name)
-            found.append((key, inside))
-        entries[k] = section, value._replace(entries=tuple(kept))
-    return found
+            found.append(entry)
+        if isinstance(value, Mapping):
+            entries.append((section, value._replace(entries=tuple(kept))))
+        else:
+            entries.append((section, value))
+    return entries + found
 
 
-def _is_section(name: str, node: Node, forms: Forms) -> bool:
-    """Tell whether what stands at `name` is what a section holds.
-
-    A parameter may be called as a section is: it has keys of a parameter then.
-    """
-    if name not in forms or not isinstance(node, Mapping):
+def _is_nested(section: str, key: Scalar, node: Node) -> bool:
+    """Tell whether a section stands inside another."""
+    if not {section, key.text} <= SECTIONS.keys() or not isinstance(node, Mapping):
         return False
-    own = {"value", "unit", "description", "guess", "relation"}
-    return not any(key.text in own for key, _ in node.entries)
+    own = not _OWN.isdisjoint(name.text for name, _ in node.entries)
+    return not own and not has_key(section, key.text)
 
 
-def _has(form: MappingType[str, Any], key: str) -> bool:
-    return key in form.get("properties", ())
-
-
-def _put_below(entries: list[Entry], forms: Forms, faults: Faults) -> None:
-    """Put keys of one section, found beside the sections, below it."""
-    for entry in _strangers(entries, forms):
-        key = entry[0]
-        for section, form in forms.items():
-            if _has(form, key.text) and not isinstance(entry[1], Mapping):
-                text = f"unknown key `{key.text}` in the file"
-                if _add(entries, section, [entry], key):
-                    faults.add("unknown-key", text, key.place, faults.belongs(key.text))
-                break
-
-
-def _strangers(entries: list[Entry], forms: Forms) -> Iterator[Entry]:
-    for entry in [*entries]:
-        name = entry[0].text
-        if name not in forms and not name.startswith("x-"):
-            yield entry
-
-
-def _add(entries: list[Entry], section: str, more: list[Entry], at: Scalar) -> bool:
+def _put_below(entries: list[Entry], section: str, more: list[Entry]) -> bool:
     """Move entries below a section, which may not be there; tell whether they fit."""
-    for k, (key, value) in enumerate(entries):
-        if key.text == section:
-            taken = value.entries if isinstance(value, Mapping) else ()
-            names = {name.text for name, _ in taken}
-            if not _is_open(value) or any(e[0].text in names for e in more):
-                return False
-            entries[k] = key, _joined(value, more)
-            break
-    else:
-        head = Scalar(section, False, at.place, at.span)
-        entries.append((head, _joined(head, more)))
-    for entry in more:
-        entries.remove(entry)
+    first = more[0][0]
+    head, value = next(
+        (entry for entry in entries if entry[0].text == section),
+        (Scalar(section, False, first.place, first.span), None),
+    )
+    old = value if isinstance(value, Mapping) else Mapping((), first.place)
+    taken = {name.text for name, _ in old.entries}
+    if value is not None and not is_mapping(value):
+        return False
+    if any(key.text in taken for key, _ in more):
+        return False
+    new = head, old._replace(entries=(*old.entries, *more))
+    kept = [e for e in entries if e not in more]
+    entries[:] = [new if e[0] is head else e for e in kept]
+    if value is None:
+        entries.append(new)
     return True
 
 
-def _indented(entries: list[Entry], forms: Forms, faults: Faults) -> None:
-    """Put lines that follow an empty section, and are none, below it."""
-    section: Scalar | None = None
-    runs: dict[str, list[Entry]] = {}
+def _unindented(entries: list[Entry], faults: Faults) -> dict[str, list[Entry]]:
+    """Give lines that follow an empty section, and are none, by this section."""
+    section = ""
+    found: dict[str, list[Entry]] = {}
     for key, value in entries:
-        if key.text in forms:
+        if key.text in SECTIONS:
             empty = isinstance(value, Scalar) and value.empty
-            section = key if empty and forms[key.text].get("type") != "string" else None
-        elif section is not None and not key.text.startswith("x-"):
-            if faults.guess(key.text, forms):
-                section = None
+            text = SECTIONS[key.text].get("type") == "string"
+            section = key.text if empty and not text else ""
+        elif section and _is_stranger(key):
+            if faults.guess(key.text, SECTIONS):
+                section = ""
             else:
-                runs.setdefault(section.text, []).append((key, value))
-    for name, run in runs.items():
-        first = run[0][0]
-        more = f", and {len(run) - 1} more," if len(run) > 1 else ""
-        text = f"`{first.text}`{more} below `{name}:` must be indented"
-        hint = f"two blanks before each line that belongs to `{name}`"
-        if _add(entries, name, run, first):
-            faults.add("misplaced-key", text, first.place, hint)
-
-
-# --- The JSON Schema (draft-07) of the model file, from the tables of keys
-
-
-def schema(choices: MappingType[str, Iterable[str]]) -> Form:
-    """Give the schema.
-
-    Parameters
-    ----------
-    choices
-        Of keys of `simulation` that are names, those that there are.
-    """
-    asked = SECTIONS["simulation"]
-    chosen = {
-        key: {**asked["properties"][key], "enum": list(names)}
-        for key, names in choices.items()
-    }
-    asked = {**asked, "properties": {**asked["properties"], **chosen}}
-    return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        "title": "lagsim model",
-        "description": "A system by its energies, its start, and how to run it.",
-        **keyed({**SECTIONS, "simulation": asked}, REQUIRED),
-    }
+                found.setdefault(section, []).append((key, value))
+    return found

@@ -7,81 +7,33 @@ from typing import TYPE_CHECKING
 
 from lagsim.model.model import Curve, Level, Output, Plot, Scene
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
+from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import OUTPUT, STATE
-from lagsim.model.reader.fields import (
-    EXPRESSION,
-    PLAIN,
-    TRUTH,
-    as_list,
-    described,
-    either,
-    entries,
-    fields,
-    items,
-    keyed,
-    kind_of,
-    kind_text,
-    listed,
-    listing,
+from lagsim.model.reader.fields import entries, fields, items, kind_of, listed
+from lagsim.model.reader.names import Kind, check_name
+from lagsim.model.reader.sections import (
+    AXES,
+    MOST_CURVES,
+    OUTPUT_KEYS,
+    PLOT,
+    RESERVED,
+    SCENE,
 )
-from lagsim.model.reader.names import RESERVED, Kind, check_name, naming
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.errors import Place
+    from lagsim.model.nodes import Entry
     from lagsim.model.reader.expressions import Expressions
-    from lagsim.model.reader.fields import Entry
     from lagsim.model.reader.names import Names
-
-SCENE_KEYS = {
-    "points": described(
-        "name: [x, y] or [x, y, z], expressions.", naming(listing(EXPRESSION, 2, 3))
-    ),
-    "links": described(
-        "Lines between points: [[pivot, bob]].", listing(listing(PLAIN, 2, 2))
-    ),
-}
-# As many as pens tell apart.
-MOST_CURVES = 6
-AXES = ("x", "y", "y2")
-PLOT_KEYS = {
-    "x": described("What runs to the right, any expression.", EXPRESSION),
-    "y": described(
-        "What runs upwards, any expression, or a list of them.",
-        either(EXPRESSION, listing(EXPRESSION, 1, MOST_CURVES)),
-    ),
-    "y2": described(
-        "What runs upwards on a scale of its own at the right: as `y`.",
-        either(EXPRESSION, listing(EXPRESSION, 1, MOST_CURVES)),
-    ),
-    "log": described(
-        "Axes that show powers of ten: x, y, y2, or a list of these.",
-        either({"enum": list(AXES)}, listing({"enum": list(AXES)})),
-    ),
-    "title": described("Plain text above the picture.", PLAIN),
-}
-OUTPUT_KEYS = {
-    "columns": described(
-        "The definitions that become columns, in this order; default: all.",
-        listing(PLAIN),
-    ),
-    "plots": described("A picture each.", listing(keyed(PLOT_KEYS, ["x", "y"]))),
-    "gauss": described("Adds columns of Gauss's principle.", TRUTH),
-    "action": described("Adds a column of the action.", TRUTH),
-    "reactions": described(
-        "Definitions: adds for each the force that holds it to its expression.",
-        listing(PLAIN),
-    ),
-    "event_marks": described("Whether pictures mark events; default: true.", TRUTH),
-}
 
 
 def read_scene(entry: Entry | None, x: Expressions) -> Scene:
     """Give the points and the links between them."""
     if entry is None:
         return Scene({})
-    found = fields(entry[1], "`scene`", SCENE_KEYS, x.faults, entry[0].place)
+    found = fields(entry[1], "`scene`", SCENE, x.faults, entry[0].place)
     points: dict[str, tuple[int, ...]] = {}
     named: list[str] = []
     section = found.value("points")
@@ -89,26 +41,17 @@ def read_scene(entry: Entry | None, x: Expressions) -> Scene:
         named.append(key.text)
         if check_name(key, "a point", x.faults):
             points[key.text] = _point(key.text, node, x)
+    whole = not isinstance(section, Broken)
     section = found.value("links")
-    whole = not isinstance(found.value("points"), Broken)
-    links = [
-        _link(node, named, x, whole=whole)
-        for node in (_several_links(section, named, x) if section else ())
-    ]
-    return Scene(points, tuple(link for link in links if link))
-
-
-def _several_links(section: Node, named: list[str], x: Expressions) -> list[Node]:
-    """Give the links; one that stands without its own brackets is a fault."""
-    given = section.items if isinstance(section, Sequence) else ()
-    texts = [part.text for part in given if isinstance(part, Scalar)]
-    if isinstance(section, Scalar):
-        texts = [part.strip() for part in re.split(r",|->?|–", section.text)]
-    if len(texts) == len(("from", "to")) and set(texts) <= set(named):
+    links: list[tuple[str, str] | None] = []
+    if section is not None and (pair := _pair(section, named)):
         text = f"`links` is a list of links, each a list, found {kind_of(section)}"
-        x.faults.add("not-a-list", text, section.place, f"write [[{', '.join(texts)}]]")
-        return []
-    return items(section, "`links`", x.faults)
+        hint = f"write [[{', '.join(pair)}]]"
+        x.faults.add("not-a-list", text, section.place, hint)
+    elif section is not None:
+        given = items(section, "`links`", x.faults)
+        links = [_link(node, named, x, whole=whole) for node in given]
+    return Scene(points, tuple(link for link in links if link))
 
 
 def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
@@ -117,29 +60,35 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
         return ()
     if not isinstance(node, Sequence):
         text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
-        hint = as_list(node)
+        hint = hints.as_list(node)
         if isinstance(node, Mapping):
-            hint = f"write [{', '.join(kind_text(v) for _, v in node.entries)}]"
+            hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
         x.faults.add("not-a-list", text, node.place, hint)
         return ()
     compiled = [x.compile(part, what, STATE) for part in node.items]
-    broken = any(part is None for part in compiled)
-    if len(node.items) not in (2, 3) and not broken:
+    if len(node.items) not in (2, 3) and None not in compiled:
         text = f"{what} must have 2 or 3 components, found {len(node.items)}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
         x.faults.add("wrong-count", text, node.place, hint)
     return tuple(c[0] for c in compiled if c is not None)
 
 
+def _pair(node: Node, named: list[str]) -> list[str]:
+    """Give the two points that a link names without brackets of its own, or none."""
+    given = node.items if isinstance(node, Sequence) else ()
+    found = [part.text for part in given if isinstance(part, Scalar)]
+    if isinstance(node, Scalar):
+        found = [part.strip() for part in re.split(r",|->?|–", node.text)]
+    return found if len(found) == 2 and set(found) <= set(named) else []
+
+
 def _link(
     node: Node, named: list[str], x: Expressions, *, whole: bool
 ) -> tuple[str, str] | None:
-    if isinstance(node, Scalar) and not node.empty:
-        found = [part.strip() for part in re.split(r",|->?|–", node.text)]
-        if set(found) <= set(named) and len(found) == len(("from", "to")):
-            text = f"a link must be a list, found {kind_of(node)}"
-            x.faults.add("not-a-list", text, node.place, f"write [{', '.join(found)}]")
-            return None
+    if isinstance(node, Scalar) and not node.empty and (pair := _pair(node, named)):
+        text = f"a link must be a list, found {kind_of(node)}"
+        x.faults.add("not-a-list", text, node.place, f"write [{', '.join(pair)}]")
+        return None
     ends = items(node, "a link", x.faults)
     if isinstance(node, Sequence) and len(ends) != 2:
         text = f"a link joins 2 points, found {len(ends)}"
@@ -166,33 +115,30 @@ def _link(
 
 def read_output(entry: Entry | None, x: Expressions) -> Output:
     """Give the columns and the plots asked for."""
-    everything = tuple(x.names.of(Kind.DEFINITION))
+    columns = tuple(x.names.of(Kind.DEFINITION))
     if entry is None:
-        return Output(everything)
+        return Output(columns)
     found = fields(entry[1], "`output`", OUTPUT_KEYS, x.faults, entry[0].place)
-    columns: tuple[str, ...] = everything
     node = found.value("columns")
     if isinstance(node, Sequence):
         hint = "coordinates are columns in any case"
         columns = tuple(_definitions(node.items, "column", hint, x))
+    elif isinstance(node, Scalar) and node.empty:
+        text = "`columns` must be a list, found nothing"
+        hint = "[] means none; without the key there are all"
+        x.faults.add("not-a-list", text, node.place, hint)
     elif node is not None:
         items(node, "`columns`", x.faults)
-        if isinstance(node, Scalar) and node.empty:
-            text = "`columns` must be a list, found nothing"
-            hint = "[] means none; without the key there are all"
-            x.faults.add("not-a-list", text, node.place, hint)
     section = found.value("plots")
-    plots = [
-        _plot(plot, x)
-        for plot in (items(section, "`plots`", x.faults) if section else ())
-    ]
+    given = items(section, "`plots`", x.faults) if section else ()
+    plots = [_plot(plot, x) for plot in given]
     return Output(
         columns,
         tuple(plot for plot in plots if plot),
-        gauss=found.truth("gauss", x.faults),
-        action=found.truth("action", x.faults),
+        gauss=found.truth("gauss"),
+        action=found.truth("action"),
         reactions=_reactions(found.value("reactions"), x),
-        event_marks=found.truth("event_marks", x.faults, default=True),
+        event_marks=found.truth("event_marks", default=True),
     )
 
 
@@ -207,15 +153,13 @@ def asked_reactions(entry: Entry | None) -> list[str]:
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
     """Give the definitions of positions and time that a list names."""
-    if node is None:
-        return ()
-    given = items(node, "`reactions`", x.faults)
+    given = items(node, "`reactions`", x.faults) if node is not None else ()
     hint = "what constraints do to a coordinate is Qc_<name>"
     found = []
     for name, place in _definitions(given, "reaction", hint, x).items():
         definition = x.definitions.get(name)
         if definition is None or definition.node is None:
-            continue  # faulty itself, and told
+            continue  # faulty itself, and reported
         if definition.level is Level.POSITION:
             found.append(name)
             continue
@@ -238,22 +182,21 @@ def _definitions(
             text = f"a {what} is the name of a definition, found {kind_of(item)}"
             faults.add("not-a-text", text, item.place)
             continue
-        name = item.text
+        name, place = item.text, item.place
         kind = names.variables.get(name)
         if name in found:
-            faults.add(f"duplicate-{what}", f"the {what} `{name}` is given twice",
-                       item.place)  # fmt: skip
+            faults.add(
+                f"duplicate-{what}", f"the {what} `{name}` is given twice", place
+            )
         elif kind is Kind.DEFINITION:
-            found[name] = item.place
+            found[name] = place
         elif kind is not None or names.meaning(name) or name in RESERVED:
             text, more = _no_definition(name, what, hint, names)
-            faults.add("not-a-definition", text, item.place, more)
+            faults.add("not-a-definition", text, place, more)
         elif name not in names.faulty and names.complete:
-            text = f"there is no definition `{name}`"
-            defined = names.of(Kind.DEFINITION)
-            near = faults.did_you_mean(name, defined)
+            near = faults.did_you_mean(name, names.of(Kind.DEFINITION))
             near = near or f"define it in `definitions`: {name}: ..."
-            faults.add("unknown-name", text, item.place, near)
+            faults.add("unknown-name", f"there is no definition `{name}`", place, near)
     return found
 
 
@@ -261,31 +204,30 @@ def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, 
     """Say that a name of something else is none of a definition, with a hint."""
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.value if meaning else 'a column of results'}"
-    kinds = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
-    defined = f"define it: {name}_given: {name}, and name that"
-    if meaning and meaning.kind is Kind.COORDINATE:
-        defined = hint
-    elif meaning is None or meaning.kind in kinds:
-        defined = "leave it out: it is a column in any case"
-    return f"{text}; {what}s are definitions", defined
+    columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
+    if meaning is None or meaning.kind in columns:
+        hint = "leave it out: it is a column in any case"
+    elif meaning.kind is not Kind.COORDINATE:
+        hint = f"define it: {name}_given: {name}, and name that"
+    return f"{text}; {what}s are definitions", hint
 
 
 def _plot(node: Node, x: Expressions) -> Plot | None:
     if isinstance(node, Broken):
         return None
-    found = fields(node, "a plot", PLOT_KEYS, x.faults, node.place)
+    found = fields(node, "a plot", PLOT, x.faults, node.place)
     curves: dict[str, tuple[Curve, ...]] = {}
     for axis in AXES:
         value = found.value(axis)
         if value is not None:
             curves[axis] = _curves(value, axis, x)
         elif axis != "y2" and found.sound:
-            text = f"the plot has no `{axis}`"
             hint = "such as {x: t, y: theta}"
+            text = f"the plot has no `{axis}`"
             x.faults.add("missing-key", text, node.place, hint)
-    title = found.text("title", x.faults)
+    title = found.text("title")
     value = found.value("log")
-    log = frozenset(_axes(value, found.value("y2"), x) if value is not None else ())
+    log = frozenset(_axes(value, "y2" in found, x) if value is not None else ())
     if not (curves.get("x") and curves.get("y")):
         return None
     return Plot(curves["x"][0], curves["y"], curves.get("y2", ()), log, title)
@@ -295,10 +237,9 @@ def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
     """Give the expressions of an axis; to the right there is one."""
     nodes: Iterable[Node] = (node,)
     if isinstance(node, Sequence) and axis != "x":
-        nodes = node.items
-        if not 1 <= len(node.items) <= MOST_CURVES:
-            text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves"
-            text += f", found {len(node.items)}"
+        nodes, count = node.items, len(node.items)
+        if not 1 <= count <= MOST_CURVES:
+            text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves, found {count}"
             x.faults.add("wrong-count", text, node.place, "make more plots of them")
     found = []
     for part in nodes:
@@ -308,17 +249,20 @@ def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
     return tuple(found)
 
 
-def _axes(node: Node, second: Node | None, x: Expressions) -> Iterable[str]:
-    """Give the axes that `log` names."""
+def _axes(node: Node, second: bool, x: Expressions) -> Iterable[str]:
+    """Give the axes that `log` names; `second` tells whether there is a `y2`."""
     for part in node.items if isinstance(node, Sequence) else (node,):
+        hint = "write y, or [x, y] for several"
         if isinstance(part, Broken):
             continue
         if not isinstance(part, Scalar) or part.text not in AXES:
             text = f"`log` names axes, {listed(AXES)}, found {kind_of(part)}"
-            hint = "write y, or [x, y] for several"
-            x.faults.add("unknown-axis", text, part.place, hint)
-        elif part.text == "y2" and second is None:
-            text = "`log` names `y2`, and the plot has none"
-            x.faults.add("unknown-axis", text, part.place, "write y, or give `y2`")
+        elif part.text == "y2" and not second:
+            text, hint = (
+                "`log` names `y2`, and the plot has none",
+                "write y, or give `y2`",
+            )
         else:
             yield part.text
+            continue
+        x.faults.add("unknown-axis", text, part.place, hint)

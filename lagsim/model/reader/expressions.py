@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from lagsim import limits
@@ -18,6 +19,7 @@ from lagsim.language.parser import (
 )
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar
+from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.fields import kind_of, shortened
 from lagsim.model.reader.names import Kind
 
@@ -26,13 +28,18 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Name, ParsedRelation
+    from lagsim.language.parser import Name
     from lagsim.model.reader.fields import Faults
     from lagsim.model.reader.names import Meaning, Names
+
+    # Code, text and hint of a name that must not stand where it does.
+    Refusal = tuple[str, str, str]
+    Rule = Callable[[Name, Scalar], Level | Refusal | None]
 
 _T = TypeVar("_T")
 
 NUMBERS = frozenset((Kind.PI, Kind.PARAMETER))
+OF_DEFINITIONS = (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE)
 STATE = NUMBERS | {
     Kind.TIME,
     Kind.COORDINATE,
@@ -43,6 +50,7 @@ STATE = NUMBERS | {
 OUTPUT = frozenset(Kind)
 
 _VELOCITIES = (Kind.VELOCITY, Kind.RATE)
+_FOR_OUTPUT = "such names are allowed only in definitions for output, and in plots"
 
 
 class Resolved(NamedTuple):
@@ -89,7 +97,7 @@ class Expressions:
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
         self._rates: dict[Kind, dict[str, int]] = {}
-        self._told: tuple[Scalar, str] | None = None
+        self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
@@ -106,51 +114,54 @@ class Expressions:
         """
         if isinstance(node, Broken):
             return None
-        if isinstance(node, Scalar) and (node.quoted or not node.empty):
-            return node
-        if isinstance(node, Scalar):
-            hint = "write a number or an expression, such as 0"
-        else:
-            from lagsim.model.reader import quantities
-
+        hint = "write a number or an expression, such as 0"
+        if not isinstance(node, Scalar):
             hint = quantities.of_collection(node, beside=beside)
+        elif node.quoted or not node.empty:
+            return node
         text = f"{what} must be an expression, found {kind_of(node)}"
         self.faults.add("not-an-expression", text, node.place, hint)
         return None
 
-    def parse(
-        self, scalar: Scalar, *, condition: bool = False, beside: bool = False
-    ) -> Parsed | None:
-        """Parse an expression, or a condition; `beside`: a unit may stand beside it."""
-        parser = parse_condition if condition else parse
-        return self._parse(scalar, parser, beside=beside)
+    def text(
+        self,
+        node: Node,
+        what: str,
+        parser: Callable[[str], _T],
+        *,
+        beside: bool = False,
+    ) -> tuple[Scalar, _T] | None:
+        """Give the scalar of an expression, and what a parser makes of it.
 
-    def parse_relation(self, scalar: Scalar) -> ParsedRelation | None:
-        """Parse a relation."""
-        return self._parse(scalar, parse_relation)
-
-    def _parse(
-        self, scalar: Scalar, parser: Callable[[str], _T], *, beside: bool = False
-    ) -> _T | None:
-        if len(scalar.text) > limits.EXPRESSION_LETTERS:
-            many, most = len(scalar.text), limits.EXPRESSION_LETTERS
+        Parameters
+        ----------
+        node, what
+            The expression, and how messages call it.
+        parser
+            That of expressions, of conditions or of relations.
+        beside
+            A unit may stand beside it.
+        """
+        scalar = self.scalar(node, what, beside=beside)
+        if scalar is None:
+            return None
+        many, most = len(scalar.text), limits.EXPRESSION_LETTERS
+        if many > most:
             text = f"the expression has {many:,} letters, more than {most:,}"
             hint = "parts of it may be definitions"
             self.faults.add("expression-too-long", text, scalar.place, hint)
             return None
-        if len(scalar.text) > self._longest:
-            self._longest, self.graph.place = len(scalar.text), scalar.place
+        if many > self._longest:
+            self._longest, self.graph.place = many, scalar.place
         try:
-            return parser(scalar.text)
+            return scalar, parser(scalar.text)
         except ExpressionError as fault:
+            names = self.names
             token = scalar.text[fault.offset : fault.offset + fault.length]
-            if token not in self.names.faulty:
+            relation = parser is parse_relation
+            if token not in names.faulty:
                 self.faults.add_expression(
-                    fault,
-                    scalar,
-                    self.names.variables,
-                    beside=beside,
-                    relation=parser is parse_relation,
+                    fault, scalar, names.variables, beside=beside, relation=relation
                 )
             return None
 
@@ -168,19 +179,17 @@ class Expressions:
 
         Parameters
         ----------
-        node
-            The expression.
-        what
-            How messages call it.
+        node, what
+            The expression, and how messages call it.
         allowed
             The kinds of names that may stand in it.
         condition
             It is one, as the first argument of `if`.
         """
-        scalar = self.scalar(node, what)
-        parsed = self.parse(scalar, condition=condition) if scalar else None
-        if scalar is None or parsed is None:
+        found = self.text(node, what, parse_condition if condition else parse)
+        if found is None:
             return None
+        scalar, parsed = found
         level = self.check(parsed.names, scalar, what, allowed)
         return None if level is None else (self.build(parsed), level)
 
@@ -194,18 +203,17 @@ class Expressions:
         if found is None:
             return None
         value = evaluate(self.graph, [found[0]], self.values)[0]
+        return value if self.is_finite(value, what, node.place) else None
+
+    def is_finite(self, value: float, what: str, place: Place) -> bool:
+        """Report a value that is not finite."""
         if not math.isfinite(value):
             text = f"{what} is {value}, which is not a finite number"
-            self.faults.add("not-finite", text, node.place)
-            return None
-        return value
+            self.faults.add("not-finite", text, place)
+        return math.isfinite(value)
 
     def check(
-        self,
-        used: Iterable[Name],
-        scalar: Scalar,
-        what: str,
-        allowed: frozenset[Kind],
+        self, used: Iterable[Name], scalar: Scalar, what: str, allowed: frozenset[Kind]
     ) -> Level | None:
         """Report names that must not stand here; give what the expression depends on.
 
@@ -214,91 +222,84 @@ class Expressions:
         Level or None
             None where any name is faulty.
         """
-        levels: list[Level] = []
-        sound = True
-        first = {name.text: name.offset for name in reversed(list(used))}
-        for name, offset in sorted(first.items(), key=lambda item: item[1]):
-            level = self._level(name, scalar, offset, what, allowed)
-            sound = sound and level is not None
-            levels.append(level or Level.POSITION)
+        return self.check_by(partial(self.rule, what, allowed), used, scalar)
+
+    def check_by(
+        self, rule: Rule, used: Iterable[Name], scalar: Scalar
+    ) -> Level | None:
+        """Do the same by a rule for each name.
+
+        It gives what the name depends on, why it must not stand there, or None where
+        that is reported already.
+        """
+        first: dict[str, Name] = {}
+        for one in used:
+            first.setdefault(one.text, one)
+        levels, sound = [], True
+        for one in sorted(first.values(), key=lambda name: name.offset):
+            found = rule(one, scalar)
+            if isinstance(found, Level):
+                levels.append(found)
+                continue
+            sound = False
+            if found is not None:
+                code, text, hint = found
+                place = scalar.place_of(one.offset, len(one.text))
+                self.faults.add(code, text, place, hint)
         return highest(levels) if sound else None
 
-    def _level(
-        self,
-        name: str,
-        scalar: Scalar,
-        offset: int,
-        what: str,
-        allowed: frozenset[Kind],
-    ) -> Level | None:
-        place = scalar.place_of(offset, len(name))
-        meaning = self.names.meaning(name)
+    def rule(
+        self, what: str, allowed: frozenset[Kind], used: Name, scalar: Scalar
+    ) -> Level | Refusal | None:
+        """Tell for `check_by` whether a name may stand in an expression."""
+        name, meaning = used.text, self.names.meaning(used.text)
         if meaning is None:
-            if not self.names.is_faulty(name) and self.names.complete:
-                self._unknown(name, scalar, offset, numbers=allowed <= NUMBERS)
-            return None
+            if self.names.is_faulty(name) or not self.names.complete:
+                return None
+            return self._unknown(used, scalar, numbers=allowed <= NUMBERS)
         if meaning.kind not in allowed:
-            code, text, hint = _misplaced(name, meaning, what, allowed)
-            self.faults.add(code, text, place, hint)
-            return None
-        if meaning.kind in (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE):
-            return self._level_of_definition(name, meaning, place, what, allowed)
-        # A parameter without a value is a fault already told; only numbers need it.
+            return _misplaced(name, meaning, what, allowed)
+        if meaning.kind in OF_DEFINITIONS:
+            return self._rule_of_definition(name, meaning, what, allowed)
+        # A parameter without a value is reported already; only numbers need it.
         unvalued = meaning.kind is Kind.PARAMETER and name not in self.values
         unbuilt = meaning.kind is Kind.ENERGY and self.energies.get(name, 0) is None
         if (unvalued and allowed <= NUMBERS) or unbuilt:
             return None
         return level_of_kind(meaning.kind)
 
-    def _unknown(
-        self, name: str, scalar: Scalar, offset: int, *, numbers: bool
-    ) -> None:
-        """Report a name that means nothing; once where a hint is of several names."""
-        from lagsim.model.reader import suggestions
-
-        hint = suggestions.of_unknown(scalar.text, offset)
-        if hint and (scalar, hint) == self._told:
-            return
-        self._told = scalar, hint
+    def _unknown(self, used: Name, scalar: Scalar, *, numbers: bool) -> Refusal | None:
+        """Refuse a name that means nothing; once where a hint is of several names."""
+        name, names = used.text, self.names
+        hint = hints.of_unknown(scalar.text, used.offset)
+        if hint and (scalar, hint) == self._last_hint:
+            return None
+        self._last_hint = scalar, hint
         among = list(self.values) if numbers else None
-        text, other = self.names.unknown(name, self.faults, among)
+        text, other = names.unknown(name, self.faults, among)
         hint = hint or other
-        if not hint and not suggestions.is_other(name):
-            hint = self.faults.meant(scalar, offset, self.names.variables)
+        if not hint and not hints.is_other(name):
+            hint = self.faults.meant(scalar, used.offset, names.variables)
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
-        place = scalar.place_of(offset, len(name))
-        self.faults.add("unknown-name", text, place, hint)
+        return "unknown-name", text, hint
 
-    def _level_of_definition(
-        self,
-        name: str,
-        meaning: Meaning,
-        place: Place,
-        what: str,
-        allowed: frozenset[Kind],
-    ) -> Level | None:
+    def _rule_of_definition(
+        self, name: str, meaning: Meaning, what: str, allowed: frozenset[Kind]
+    ) -> Level | Refusal | None:
         definition = self.definitions.get(meaning.base)
         if definition is None:
             return None
         level = definition.level
         if meaning.kind is not Kind.DEFINITION and level is not Level.POSITION:
-            self.faults.add(
-                "no-rate",
-                f"`{name}` asks for the rate of `{meaning.base}`, which depends on "
-                f"{level.value}",
-                place,
-                "rates are those of coordinates and of definitions of positions and "
-                "time",
-            )
-            return None
+            text = f"`{name}` asks for the rate of `{meaning.base}`, which depends on "
+            hint = "rates are those of coordinates and of definitions of positions and "
+            return "no-rate", text + level.value, hint + "time"
         if level is Level.OUTPUT and not allowed >= OUTPUT:
             text = f"the definition `{name}` uses {level.value}; {what} cannot use it"
-            self.faults.add("output-only", text, place, _FOR_OUTPUT)
-            return None
+            return "output-only", text, _FOR_OUTPUT
         if level is Level.VELOCITY and Kind.VELOCITY not in allowed:
             text = f"the definition `{name}` depends on velocities; {what} must not"
-            self.faults.add("velocity-not-allowed", text, place)
-            return None
+            return "velocity-not-allowed", text, ""
         if definition.node is None:
             return None
         return highest((level, level_of_kind(meaning.kind)))
@@ -332,9 +333,8 @@ class Expressions:
                 for name, d in self.definitions.items()
                 if d.level is Level.POSITION and d.node is not None
             }
-        wanted = (Kind.RATE, Kind.SECOND_RATE) if second else (Kind.RATE,)
         below = Kind.DEFINITION
-        for kind in wanted:
+        for kind in OF_DEFINITIONS[1 : 3 if second else 2]:
             if kind not in self._rates:
                 nodes = self._rates[below]
                 rates = tangent(self.graph, nodes.values(), self._motion())
@@ -352,13 +352,10 @@ class Expressions:
         return motion
 
 
-_FOR_OUTPUT = "such names are allowed only in definitions for output, and in plots"
-
-
 def _misplaced(
     name: str, meaning: Meaning, what: str, allowed: frozenset[Kind]
-) -> tuple[str, str, str]:
-    """Give code, text and hint for a known name where it must not stand."""
+) -> Refusal:
+    """Refuse a known name where it must not stand."""
     kind = meaning.kind
     if allowed <= NUMBERS:
         text = f"`{name}` is {kind.value}; {what} must be a number"

@@ -1,4 +1,4 @@
-"""What the names of a file are: which are allowed, and what each means."""
+"""The names of a file: which are allowed, and what each means."""
 
 from __future__ import annotations
 
@@ -9,49 +9,27 @@ from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING
-from lagsim.model.nodes import Mapping, Scalar
-from lagsim.model.reader.fields import IGNORED, Form, entries, shortened
+from lagsim.model.reader import hints, quantities
+from lagsim.model.reader.fields import entries, is_mapping, shortened
+from lagsim.model.reader.sections import RESERVED
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Iterator
 
     from lagsim.errors import Place
-    from lagsim.model.nodes import Node
-    from lagsim.model.reader.fields import Entry, Faults
-
-RESERVED = (
-    "t", "pi", "kinetic", "potential", "lagrangian", "energy", "work",
-)  # fmt: skip
+    from lagsim.model.nodes import Entry, Node, Scalar
+    from lagsim.model.reader.fields import Faults
 
 # What stands before the name of a definition in the name of its reaction.
 REACTION = "reaction."
-
-# A letter, then letters, digits and `_`. Patterns know no letters but those of ASCII,
-# so that anything beyond ASCII passes.
-_NAME = r"^(x-.*|[^\x00-@\[-`{-\x7f][^\x00-/:-@\[-^`{-\x7f]*)$"
-
-
 # A name with its unit or with what it is a function of, or with digits before it.
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
 _A_COLUMN = "it is in the table and in its pictures in any case: leave it out here"
 
 
-def naming(form: Form, *, rates: bool = False) -> Form:
-    """Give the form of a mapping whose keys are names, or `rates` of what has one."""
-    forbidden: list[Form] = [{"enum": [*RESERVED, *JOINING]}]
-    if not rates:
-        forbidden.append({"pattern": "_d?dot$"})
-    return {
-        "type": ["object", "null"],
-        "propertyNames": {"pattern": _NAME, "not": {"anyOf": forbidden}},
-        **IGNORED,
-        "additionalProperties": form,
-    }
-
-
 class Kind(Enum):
-    """What a name in an expression stands for."""
+    """What a name in an expression denotes."""
 
     PI = "the number pi"
     TIME = "the time"
@@ -68,15 +46,19 @@ class Kind(Enum):
     REACTION = "a reaction"
 
 
-_RATES = {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE}
-_SECOND_RATES = {
-    Kind.COORDINATE: Kind.ACCELERATION,
-    Kind.DEFINITION: Kind.SECOND_RATE,
-}
+# Names made of others: what stands before and after these, and kinds by those of these.
+_Kinds = dict[Kind | None, Kind]
+_DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
+    ("", "_dot", {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE}),
+    ("", "_ddot",
+     {Kind.COORDINATE: Kind.ACCELERATION, Kind.DEFINITION: Kind.SECOND_RATE}),
+    ("lambda_", "", {}),  # of constraints
+    ("Qc_", "", {Kind.COORDINATE: Kind.CONSTRAINT_FORCE}),
+)  # fmt: skip
 
 
 class Meaning(NamedTuple):
-    """What a name stands for, and whose it is: `x` for `x_dot`, `c` for `lambda_c`."""
+    """What a name denotes, and of what: `x` for `x_dot`, `c` for `lambda_c`."""
 
     kind: Kind
     base: str
@@ -122,8 +104,7 @@ class Names:
         if section is None:
             return []
         given = entries(section, what, faults)
-        empty = isinstance(section, Scalar) and section.empty
-        self.readable &= bool(given) or empty or isinstance(section, Mapping)
+        self.readable &= is_mapping(section)
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
@@ -137,18 +118,13 @@ class Names:
         if name not in self.variables:
             self.variables[name], self.places[name] = kind, key.place
             return True
-        here, there = key.place, self.places[name]
-        other = self.variables.pop(name)
         self.faulty.add(name)
-        if (here.line, here.column) < (there.line, there.column):
-            here, there, kind, other = there, here, other, kind
-        faults.add(
-            "name-clash",
-            f"`{name}` is {other.value} already and cannot be {kind.value} too",
-            here,
-            f"the first is in line {there.line}; parameters, coordinates and "
-            "definitions share one namespace",
-        )
+        both = [(self.places[name], self.variables.pop(name)), (key.place, kind)]
+        (there, first), (here, second) = sorted(both, key=lambda one: one[0][1:3])
+        text = f"`{name}` is {first.value} already and cannot be {second.value} too"
+        hint = f"the first is in line {there.line}; parameters, coordinates and "
+        hint += "definitions share one namespace"
+        faults.add("name-clash", text, here, hint)
         return False
 
     def of(self, kind: Kind) -> list[str]:
@@ -165,39 +141,22 @@ class Names:
             return Meaning(self.variables[name], name)
         if name in ("t", "pi"):
             return Meaning(Kind.TIME if name == "t" else Kind.PI, name)
-        if name == "energy" or (
-            name in ("kinetic", "potential") and not self.has_lagrangian
-        ):
+        known = ["energy", *([] if self.has_lagrangian else ("kinetic", "potential"))]
+        if name in known:
             return Meaning(Kind.ENERGY, name)
         base = name.removeprefix(REACTION)
         if base != name and base in self.reactions:
             return Meaning(Kind.REACTION, base)
-        return self._rate(name) or self._of_constraints(name)
-
-    def _rate(self, name: str) -> Meaning | None:
-        for ending, kinds in (("_dot", _RATES), ("_ddot", _SECOND_RATES)):
-            base = name.removesuffix(ending)
-            kind = self.variables.get(base)
-            if base != name and kind in kinds:
-                return Meaning(kinds[kind], base)
-        return None
-
-    def _of_constraints(self, name: str) -> Meaning | None:
+        for base, kinds in _parted(name):
+            if kind := kinds.get(self.variables.get(base)):
+                return Meaning(kind, base)
         base = name.removeprefix("lambda_")
-        if base != name and base in self.constraints:
-            return Meaning(Kind.MULTIPLIER, base)
-        base = name.removeprefix("Qc_")
-        if base != name and self.variables.get(base) is Kind.COORDINATE:
-            return Meaning(Kind.CONSTRAINT_FORCE, base)
-        return None
+        constraint = base != name and base in self.constraints
+        return Meaning(Kind.MULTIPLIER, base) if constraint else None
 
     def is_faulty(self, name: str) -> bool:
         """Tell whether a fault that is already reported lies behind `name`."""
-        if name in self.faulty:
-            return True
-        bases = [name.removesuffix("_dot"), name.removesuffix("_ddot")]
-        bases += [name.removeprefix(p) for p in ("lambda_", "Qc_")]
-        return any(base in self.faulty for base in bases)
+        return not self.faulty.isdisjoint((name, *(base for base, _ in _parted(name))))
 
     def unknown(
         self, name: str, faults: Faults, among: Collection[str] | None = None
@@ -206,37 +165,30 @@ class Names:
 
         `among`: the names that may stand there, where not all may.
         """
-        if name.startswith(REACTION):
-            base = name.removeprefix(REACTION)
+        base = name.removeprefix(REACTION)
+        if base != name:
             near = faults.guess(base, self.of(Kind.DEFINITION)) or base
-            return (
-                f"there is no column `{name}`: it is not asked for",
-                f"ask for it: output: {{reactions: [{near}]}}",
-            )
+            hint = f"ask for it: output: {{reactions: [{near}]}}"
+            return f"there is no column `{name}`: it is not asked for", hint
         for ending in ("_ddot", "_dot"):
             base = name.removesuffix(ending)
             if base != name:
                 return self._unknown_rate(name, base, ending, faults)
         if name in ("kinetic", "potential"):
-            return (
-                f"`{name}` is not known where the file gives `lagrangian`",
-                "`energy` is known",
-            )
+            text = f"`{name}` is not known where the file gives `lagrangian`"
+            return text, "`energy` is known"
         if name in ("lagrangian", "work") or name.startswith("residual_"):
-            hint = "write kinetic - potential" if name == "lagrangian" else ""
-            hint = hint if hint and not self.has_lagrangian else _A_COLUMN
+            hint = _A_COLUMN
+            if name == "lagrangian" and not self.has_lagrangian:
+                hint = "write kinetic - potential"
             return f"`{name}` is a column of results, not a name for expressions", hint
-        if name.startswith("lambda_") and self.constraints:
-            base = name.removeprefix("lambda_")
+        base = name.removeprefix("lambda_")
+        if base != name and self.constraints:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
             return f"there is no constraint `{base}`", hint
-        from lagsim.model.reader import suggestions
-
         usable = self.variables if among is None else among
-        moving = self.moving() if among is None else ()
-        hint = suggestions.of_name(name, usable, moving)
-        hint = hint or suggestions.of_several(name, usable)
+        hint = hints.of_name(name, usable, self.moving() if among is None else ())
         hint = hint or faults.did_you_mean(name, usable)
         if not hint and name in FUNCTIONS:
             hint = f"a function is followed by its arguments: {name}(...)"
@@ -246,50 +198,51 @@ class Names:
         self, name: str, base: str, ending: str, faults: Faults
     ) -> tuple[str, str]:
         meaning = self.meaning(base)
-        if meaning is not None and meaning.kind in (Kind.VELOCITY, Kind.RATE):
+        if meaning is None:
+            near = faults.guess(base, self.moving())
+            hint = f"did you mean `{near}{ending}`?" if near else ""
+            return f"`{name}`: there is no coordinate or definition `{base}`", hint
+        if meaning.kind in (Kind.VELOCITY, Kind.RATE):
             hint = f"the second rate is written `{meaning.base}_ddot`"
             return f"`{name}` is no name", hint if ending == "_dot" else ""
-        if meaning is not None:
-            text = f"`{name}`: `{base}` is {meaning.kind.value}"
-            return f"{text} and has no rate here", (
-                "rates are those of coordinates and of definitions of positions"
-            )
-        near = faults.guess(base, self.moving())
-        hint = f"did you mean `{near}{ending}`?" if near else ""
-        return f"`{name}`: there is no coordinate or definition `{base}`", hint
+        text = f"`{name}`: `{base}` is {meaning.kind.value} and has no rate here"
+        return text, "rates are those of coordinates and of definitions of positions"
+
+
+def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
+    """Give the names that one is made of, and kinds by those of these."""
+    for before, after, kinds in _DERIVED:
+        base = name.removeprefix(before).removesuffix(after)
+        if base != name:
+            yield base, kinds
 
 
 def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     """Report a key that cannot be a name; give whether it can."""
     name = key.text
-    problem = _spelling(name)
-    if problem is not None:
-        from lagsim.model.reader import quantities
-
+    code = "reserved-name"
+    if problem := _spelling(name):
         text, hint = problem
-        hint = quantities.split_by_comma(key) or hint
         text = f"`{shortened(name)}` cannot be the name of {what}: {text}"
-        faults.add("bad-name", text, key.place, hint)
-        return False
-    if name in RESERVED:
+        hint = quantities.split_by_comma(key) or hint
+        code = "bad-name"
+    elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
-        faults.add("reserved-name", text, key.place, hint)
-        return False
-    if name in JOINING:
-        text = f"`{name}` is an operator and cannot be the name of {what}"
-        faults.add("reserved-name", text, key.place)
-        return False
-    for ending, rate in (("_ddot", "accelerations"), ("_dot", "rates")):
-        if name.endswith(ending):
-            text = f"`{name}`: a name of {what} must not end in `{ending}`"
-            hint = f"that ending is for the {rate} of coordinates and definitions"
-            faults.add("reserved-name", text, key.place, hint)
-            return False
-    return True
+    elif name in JOINING:
+        text, hint = f"`{name}` is an operator and cannot be the name of {what}", ""
+    elif ending := re.search("_d?dot$", name):
+        text = f"`{name}`: a name of {what} must not end in `{ending[0]}`"
+        rate = "rates" if ending[0] == "_dot" else "accelerations"
+        hint = f"that ending is for the {rate} of coordinates and definitions"
+    else:
+        return True
+    faults.add(code, text, key.place, hint)
+    return False
 
 
 def _spelling(name: str) -> tuple[str, str] | None:
+    """Say why a text cannot be a name, with a hint."""
     plain = unicodedata.normalize("NFKC", name)
     if plain != name:
         return "it is not in its plain (NFKC) form", f"write `{shortened(plain)}`"
@@ -303,8 +256,6 @@ def _spelling(name: str) -> tuple[str, str] | None:
         fault = "it has a line break"
     if found := _DECORATED.fullmatch(name):
         hint = f"write `{found[1]}`"
-        from lagsim.model.reader import quantities
-
         if quantities.is_unit(found[2]):
             beside = f"{{value: ..., unit: {quantities.unit(found[2])}}}"
             hint += f"; its unit goes beside its value: {beside}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lagsim.model.nodes import Mapping, Scalar, Sequence
 
@@ -22,40 +22,31 @@ _UNITS = (
 _UNIT = re.compile(rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf")
 
 
-class _Scale(NamedTuple):
-    """A unit in units of the SI: factors above and below the line, and the unit."""
-
-    plain: str
-    above: tuple[str, ...] = ()
-    below: tuple[str, ...] = ()
-
-
-_SCALES = {
-    **dict.fromkeys(("deg", "degree", "degrees"), _Scale("rad", ("pi",), ("180",))),
-    **dict.fromkeys(("grad", "gon"), _Scale("rad", ("pi",), ("200",))),
-    **dict.fromkeys(
-        ("rev", "revs", "revolution", "revolutions", "turn", "turns"),
-        _Scale("rad", ("2", "pi")),
-    ),
-    "rpm": _Scale("rad/s", ("2", "pi"), ("60",)),
-    **dict.fromkeys(("min", "minute", "minutes"), _Scale("s", ("60",))),
-    **dict.fromkeys(("h", "hr", "hour", "hours"), _Scale("s", ("3600",))),
-    **dict.fromkeys(("day", "days"), _Scale("s", ("86400",))),
-    **dict.fromkeys(("s", "sec", "second", "seconds"), _Scale("s")),
-    **dict.fromkeys(("us", "µs", "μs"), _Scale("s", (), ("1e6",))),
-    **dict.fromkeys(("g", "gram", "grams"), _Scale("kg", (), ("1000",))),
-    "mg": _Scale("kg", (), ("1e6",)),
-    **dict.fromkeys(("in", "inch", "inches"), _Scale("m", ("0.0254",))),
-    "ft": _Scale("m", ("0.3048",)),
-    "lb": _Scale("kg", ("0.45359237",)),
-    "bar": _Scale("Pa", ("1e5",)),
-    "cm": _Scale("m", (), ("100",)),
-    "dm": _Scale("m", (), ("10",)),
-    **{f"m{of}": _Scale(of, (), ("1000",)) for of in ("m", "s", "N", "J", "rad")},
-    **{f"k{of}": _Scale(of, ("1000",)) for of in ("m", "N", "J", "W", "Hz", "Pa")},
-    **{f"M{of}": _Scale(of, ("1e6",)) for of in ("N", "J", "W", "Pa")},
-    **{f"G{of}": _Scale(of, ("1e9",)) for of in ("N", "J", "W", "Pa")},
+# Units elsewhere: the unit of the SI, and the factors above and below the line.
+_ELSEWHERE = {
+    "deg degree degrees": ("rad", "pi", "180"),
+    "grad gon": ("rad", "pi", "200"),
+    "rev revs revolution revolutions turn turns": ("rad", "2 pi", ""),
+    "rpm": ("rad/s", "2 pi", "60"),
+    "min minute minutes": ("s", "60", ""),
+    "h hr hour hours": ("s", "3600", ""),
+    "day days": ("s", "86400", ""),
+    "s sec second seconds": ("s", "", ""),
+    "us µs μs": ("s", "", "1e6"),
+    "g gram grams": ("kg", "", "1000"),
+    "mg": ("kg", "", "1e6"),
+    "in inch inches": ("m", "0.0254", ""),
+    "ft": ("m", "0.3048", ""),
+    "lb": ("kg", "0.45359237", ""),
+    "bar": ("Pa", "1e5", ""),
+    "cm": ("m", "", "100"),
+    "dm": ("m", "", "10"),
+    **{f"m{of}": (of, "", "1000") for of in ("m", "s", "N", "J", "rad")},
+    **{f"k{of}": (of, "1000", "") for of in ("m", "N", "J", "W", "Hz", "Pa")},
+    **{f"M{of}": (of, "1e6", "") for of in ("N", "J", "W", "Pa")},
+    **{f"G{of}": (of, "1e9", "") for of in ("N", "J", "W", "Pa")},
 }
+_SCALES = {unit: row for units, row in _ELSEWHERE.items() for unit in units.split()}
 _PER_MINUTE = re.compile(r"(?:1|U|revs?)/min|min\^-1")
 _WORD = re.compile(r"[^\W\d_]\w*")
 _FACTOR = re.compile(r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?")
@@ -97,13 +88,13 @@ def _scaled(number: str, of: str) -> tuple[str, str]:
     below: Counter[str] = Counter()
     plain = ""
     for sign, word, power in found:
-        scale = _SCALES.get(word, _Scale(word))
+        si, *factors = _SCALES.get(word, (word, "", ""))
         times = int(power or 1) * (-1 if sign == "/" else 1)
-        for factors, one in ((scale.above, above), (scale.below, below)):
-            other = below if one is above else above
-            for factor in factors:
-                (one if times > 0 else other)[factor] += abs(times)
-        plain += sign + scale.plain + (power and f"^{power}")
+        sides = (above, below) if times > 0 else (below, above)
+        for side, several in zip(sides, factors, strict=True):
+            for factor in several.split():
+                side[factor] += abs(times)
+        plain += sign + si + (power and f"^{power}")
     ends = "".join(
         f"{sign}{factor}" + (f"^{times}" if times > 1 else "")
         for sign, factors in (("*", above), ("/", below))

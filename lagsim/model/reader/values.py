@@ -1,13 +1,17 @@
-"""Definitions, parameters and start values: names, and what they are given by."""
+"""Coordinates, definitions, parameters and start values: names, and what gives them."""
 
 from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
+from functools import partial
+from graphlib import CycleError, TopologicalSorter
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
 from lagsim.model.model import (
     Coordinate,
     Definition,
@@ -16,48 +20,84 @@ from lagsim.model.model import (
     Parameter,
     Target,
 )
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
+from lagsim.model.nodes import (
+    Broken,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    argument,
+    words,
+)
+from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.expressions import (
     NUMBERS,
+    OF_DEFINITIONS,
     OUTPUT,
     STATE,
     Resolved,
     highest,
     level_of_kind,
 )
-from lagsim.model.reader.fields import (
-    EXPRESSION,
-    PLAIN,
-    described,
-    either,
-    entries,
-    fields,
-    keyed,
-    kind_of,
-)
-from lagsim.model.reader.names import Kind, naming
-from lagsim.model.reader.quantities import is_unit
+from lagsim.model.reader.fields import belongs, entries, fields, is_mapping, kind_of
+from lagsim.model.reader.names import Kind
+from lagsim.model.reader.sections import COORDINATE, START, VALUE
 from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
     from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
-    from lagsim.language.parser import Parsed
-    from lagsim.model.reader.expressions import Expressions
-    from lagsim.model.reader.fields import Entry
+    from lagsim.language.parser import Name, Parsed
+    from lagsim.model.nodes import Entry
+    from lagsim.model.reader.expressions import Expressions, Refusal, Rule
     from lagsim.model.reader.names import Meaning
 
 
-_OF_DEFINITIONS = (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE)
+def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
+    """Give the coordinates."""
+    found = []
+    for key, node in given:
+        what = f"the coordinate `{key.text}`"
+        if isinstance(node, Scalar) and not node.empty:
+            text = f"{what} has no value here, found `{node.text}`"
+            hint = f"write {{unit: {node.text}}}; start values belong in `initial`"
+            if re.match(r"[-+.\d]", node.text):
+                hint = "write {}; its start value belongs in `initial`"
+            x.faults.add("not-a-mapping", text, node.place, hint)
+            found.append(Coordinate(key.text))
+            continue
+        below = fields(node, what, COORDINATE, x.faults, key.place)
+        unit, about = below.text("unit"), below.text("description")
+        found.append(Coordinate(key.text, unit, about))
+    return tuple(found)
 
 
-class _Entry(NamedTuple):
-    scalar: Scalar | None
-    parsed: Parsed | None
+def _value_entry(
+    key: Scalar, node: Node, what: str, x: Expressions
+) -> tuple[Node, str, str]:
+    """Give expression, unit and description of `name: expression` or a mapping."""
+    if not isinstance(node, Mapping):
+        return node, "", ""
+    found = fields(node, what, VALUE, x.faults, key.place)
+    value = found.value("value")
+    if value is None:
+        hint = belongs(key.text) or "write {value: ..., unit: ...}"
+        x.faults.add("missing-key", f"{what} has no `value`", key.place, hint)
+        value = Broken(key.place)
+    return value, found.text("unit"), found.text("description")
+
+
+class _Given(NamedTuple):
+    """A definition as it is written; `text` is None where a fault was reported."""
+
+    text: tuple[Scalar, Parsed] | None
     unit: str
     description: str
+
+    @property
+    def names(self) -> list[Name]:
+        return list(self.text[1].names) if self.text else []
 
 
 class Definitions:
@@ -65,50 +105,44 @@ class Definitions:
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
-        self._entries: dict[str, _Entry] = {}
+        self._given: dict[str, _Given] = {}
         for key, node in given:
             what = f"the definition `{key.text}`"
-            expression, unit, about = value_entry(key, node, what, x)
-            beside = expression is node
-            scalar = x.scalar(expression, what, beside=beside)
-            parsed = x.parse(scalar, beside=beside) if scalar else None
-            self._entries[key.text] = _Entry(scalar, parsed, unit, about)
-        self._uses = {name: self._used(entry) for name, entry in self._entries.items()}
+            expression, unit, about = _value_entry(key, node, what, x)
+            text = x.text(expression, what, parse, beside=expression is node)
+            self._given[key.text] = _Given(text, unit, about)
+        self._uses = {name: self._used(one) for name, one in self._given.items()}
         self._order = self._in_order()
+        self._report_cycles()
         self._find_levels()
 
-    def _used(self, entry: _Entry) -> list[str]:
-        """Give the definitions that an expression names, once each."""
-        found: dict[str, None] = {}
-        for used in entry.parsed.names if entry.parsed else ():
+    def _used(self, given: _Given) -> dict[str, Name]:
+        """Give the definitions that an expression names, each at its first place."""
+        found: dict[str, Name] = {}
+        for used in given.names:
             meaning = self.x.names.meaning(used.text)
-            if (
-                meaning
-                and meaning.kind in _OF_DEFINITIONS
-                and meaning.base in self._entries
-            ):
-                found[meaning.base] = None
-        return list(found)
+            defined = meaning and meaning.kind in OF_DEFINITIONS
+            if meaning and defined and meaning.base in self._given:
+                found.setdefault(meaning.base, used)
+        return found
 
     def _in_order(self) -> list[str]:
         """Give the definitions, each after those it uses; cycles are left out."""
-        missing = {name: len(uses) for name, uses in self._uses.items()}
-        users: dict[str, list[str]] = {name: [] for name in self._uses}
+        sorter = TopologicalSorter(dict.fromkeys(self._given, ()))
         for name, uses in self._uses.items():
-            for used in uses:
-                users[used].append(name)
-        order = [name for name, count in missing.items() if count == 0]
-        for name in order:  # grows as it goes
-            for user in users[name]:
-                missing[user] -= 1
-                if missing[user] == 0:
-                    order.append(user)
-        self._report_cycles({name for name, count in missing.items() if count})
+            sorter.add(name, *uses)
+        with suppress(CycleError):
+            sorter.prepare()
+        order: list[str] = []
+        while ready := sorter.get_ready():
+            order += ready
+            sorter.done(*ready)
         return order
 
-    def _report_cycles(self, left: set[str]) -> None:
+    def _report_cycles(self) -> None:
+        left = self._given.keys() - set(self._order)
         seen: set[str] = set()
-        for start in self._entries:
+        for start in self._given:
             path: list[str] = []
             name = start
             while name in left and name not in seen:
@@ -119,39 +153,27 @@ class Definitions:
                 self._report_cycle(path[path.index(name) :])
 
     def _report_cycle(self, cycle: list[str]) -> None:
-        place = {name: i for i, name in enumerate(self._entries)}
+        place = {name: i for i, name in enumerate(self._given)}
         first = cycle.index(min(cycle, key=place.__getitem__))
         cycle = cycle[first:] + cycle[:first]
-        entry = self._entries[cycle[0]]
-        assert entry.scalar is not None
-        assert entry.parsed is not None
-        follower = cycle[1] if len(cycle) > 1 else cycle[0]
-        at = next(
-            n
-            for n in entry.parsed.names
-            if (meaning := self.x.names.meaning(n.text)) and meaning.base == follower
-        )
+        text = self._given[cycle[0]].text
+        assert text is not None
+        at = self._uses[cycle[0]][cycle[1] if len(cycle) > 1 else cycle[0]]
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
         self.x.faults.add(
             "cycle",
             f"the definition `{cycle[0]}` depends on itself: "
             + " -> ".join([*shown, cycle[0]]),
-            entry.scalar.place_of(at.offset, len(at.text)),
+            text[0].place_of(at.offset, len(at.text)),
         )
 
     def _find_levels(self) -> None:
         """Enter what each definition depends on, by the names in it."""
         known = self.x.definitions
         for name in self._order:
-            levels = []
-            parsed = self._entries[name].parsed
-            for used in parsed.names if parsed else ():
-                meaning = self.x.names.meaning(used.text)
-                if meaning is None:
-                    continue
-                levels.append(level_of_kind(meaning.kind))
-                if meaning.base in known and meaning.kind in _OF_DEFINITIONS:
-                    levels.append(known[meaning.base].level)
+            named = (self.x.names.meaning(n.text) for n in self._given[name].names)
+            levels = [level_of_kind(meaning.kind) for meaning in named if meaning]
+            levels += [known[used].level for used in self._uses[name]]
             known[name] = Resolved(None, highest(levels))
 
     def build(self, *levels: Level) -> None:
@@ -163,44 +185,29 @@ class Definitions:
                     known[name] = Resolved(self._node(name, level), level)
 
     def _node(self, name: str, level: Level) -> int | None:
-        entry = self._entries[name]
-        if entry.scalar is None or entry.parsed is None:
+        if (text := self._given[name].text) is None:
             return None
+        scalar, parsed = text
         allowed = OUTPUT if level is Level.OUTPUT else STATE
         what = f"the definition `{name}`"
-        if self.x.check(entry.parsed.names, entry.scalar, what, allowed) is None:
-            return None
-        return self.x.build(entry.parsed)
+        sound = self.x.check(parsed.names, scalar, what, allowed) is not None
+        return self.x.build(parsed) if sound else None
 
     def read(self) -> tuple[Definition, ...]:
         """Give the definitions in the order of the file, those that are sound."""
-        found = []
-        for name, entry in self._entries.items():
-            known = self.x.definitions.get(name)
-            if known is not None and known.node is not None:
-                found.append(
-                    Definition(
-                        name, known.node, known.level, entry.unit, entry.description
-                    )
-                )
-        return tuple(found)
+        return tuple(
+            Definition(name, known.node, known.level, given.unit, given.description)
+            for name, given in self._given.items()
+            if (known := self.x.definitions.get(name)) and known.node is not None
+        )
 
 
-# --- Parameters: numbers from numbers, in order, and `--set`
+# --- Numbers from numbers: parameters and start values, and `--set`
 
+# A value, and a bound of its rounding error.
 Value = tuple[float, float]
-
-_WORD = re.compile(r"\w+")
-# What stands at these is no expression.
-_TEXTS = ("name", "description", "source", "title", "unit")
-
-_ONE_LINE = {**PLAIN, "pattern": r"^[^\n]*$"}
-UNIT = described("Plain text; numbers are not scaled by it.", _ONE_LINE)
-DESCRIPTION = described("Plain text.", PLAIN)
-COORDINATE_KEYS = {"unit": UNIT, "description": DESCRIPTION}
-COORDINATES = {**naming(keyed(COORDINATE_KEYS)), "minProperties": 1}
-VALUE_KEYS = {"value": described("An expression.", EXPRESSION), **COORDINATE_KEYS}
-VALUE = either(EXPRESSION, keyed(VALUE_KEYS, ["value"]))
+# What stands before values that replace those of the file.
+SET = "--set "
 
 
 class Unfolded(Graph):
@@ -245,156 +252,106 @@ def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
     return value, 0.0 if alone else error
 
 
-def value_entry(
-    key: Scalar, node: Node, what: str, x: Expressions
-) -> tuple[Node, str, str]:
-    """Give expression, unit and description of `name: expression` or a mapping."""
-    if not isinstance(node, Mapping):
-        return node, "", ""
-    found = fields(node, what, VALUE_KEYS, x.faults, key.place)
-    value = found.value("value")
-    if value is None:
-        text = f"{what} has no `value`"
-        hint = x.faults.belongs(key.text) or "write {value: ..., unit: ...}"
-        x.faults.add("missing-key", text, key.place, hint)
-        value = Broken(key.place)
-    return value, found.text("unit", x.faults), found.text("description", x.faults)
+class _Numbers:
+    """Reads numbers that may use those read before.
 
-
-class Parameters:
-    """Reads the parameters.
+    Parameters
+    ----------
+    x
+        The expressions of the file.
+    instead
+        Expressions that replace those of the file, by name.
 
     Attributes
     ----------
-    values
-        Value and rounding error of each parameter that is sound.
+    known
+        Value and rounding error of each number that is sound.
     """
 
-    def __init__(self, x: Expressions, overrides: MappingType[str, str]) -> None:
+    def __init__(
+        self,
+        x: Expressions,
+        instead: MappingType[str, str],
+        known: MappingType[str, Value] | None = None,
+    ) -> None:
         self.x = x
-        self.values: dict[str, Value] = {}
-        self._below: set[str] = set()  # the parameter being read and those after it
-        self._overrides = {
-            name: argument(f"--set {name}=", text) for name, text in overrides.items()
+        self.known: dict[str, Value] = dict(known or {})
+        self._instead = {
+            name: argument(f"{SET}{name}=", text) for name, text in instead.items()
         }
 
+    def _text(
+        self, node: Node, what: str, rule: Rule, *, beside: bool = False
+    ) -> tuple[Scalar, Parsed] | None:
+        """Give an expression, if a rule allows all its names."""
+        found = self.x.text(node, what, parse, beside=beside)
+        if found is None:
+            return None
+        sound = self.x.check_by(rule, found[1].names, found[0]) is not None
+        return found if sound else None
+
+    def _value(self, text: tuple[Scalar, Parsed], what: str) -> Value | None:
+        """Give the value of an expression, which must be finite, and its error."""
+        value = value_with_error(text[1], self.known)
+        return value if self.x.is_finite(value[0], what, text[0].place) else None
+
+
+class Parameters(_Numbers):
+    """Reads the parameters."""
+
     def read(self, given: list[Entry]) -> tuple[Parameter, ...]:
-        """Give the parameters, with what `--set` says; faults are reported."""
-        self._check_overrides()
-        self._below = {key.text for key, _ in given}
+        """Give the parameters, with what `--set` gives; faults are reported."""
+        self._check_names()
+        below = {key.text for key, _ in given}  # the parameter being read, and later
         found = []
         for key, node in given:
-            what = f"the parameter `{key.text}`"
-            expression, unit, description = value_entry(key, node, what, self.x)
-            expression = self._overrides.get(key.text, expression)
-            beside = expression is node
-            value = self._value(key.text, expression, what, beside=beside)
-            self._below.discard(key.text)
+            name, what = key.text, f"the parameter `{key.text}`"
+            expression, unit, about = _value_entry(key, node, what, self.x)
+            expression = self._instead.get(name, expression)
+            rule = partial(self._rule, name, what, below)
+            text = self._text(expression, what, rule, beside=expression is node)
+            value = self._value(text, what) if text else None
+            below.discard(name)
             if value is not None:
-                follows = not words(expression).isdisjoint(self.values)
-                of_file = (key.text, value[0], unit, description)
-                found.append(Parameter(*of_file, follows=follows))
-                self.values[key.text] = value
-                self.x.values[key.text] = value[0]
+                follows = not words(expression).isdisjoint(self.known)
+                found.append(Parameter(name, value[0], unit, about, follows))
+                self.known[name] = value
+                self.x.values[name] = value[0]
         return tuple(found)
 
-    def _check_overrides(self) -> None:
+    def _check_names(self) -> None:
         names, faults = self.x.names, self.x.faults
-        for name, value in self._overrides.items():
+        for name, value in self._instead.items():
             meaning = names.meaning(name)
             kind = meaning.kind if meaning else None
             if kind is Kind.PARAMETER or names.is_faulty(name):
                 continue
             moving = names.moving()
             rates = (f"{q}_dot" for q in moving)
-            known = [*names.of(Kind.PARAMETER), *moving, *rates]
-            hint = faults.did_you_mean(name, known)
+            hint = faults.did_you_mean(
+                name, [*names.of(Kind.PARAMETER), *moving, *rates]
+            )
+            text = f"there is no parameter or start value `{name}`"
             if "." in name:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
             elif kind is not None:
                 text = f"`{name}` is {kind.value}"
-                text += "; --set takes parameters and start values"
-                hint = ""
+                text, hint = f"{text}; --set takes parameters and start values", ""
             elif not names.complete:
                 continue
-            else:
-                text = f"there is no parameter or start value `{name}`"
-            option = argument("--set ", f"{name}={value.text}")
+            option = argument(SET, f"{name}={value.text}")
             faults.add("unknown-parameter", text, option.place_of(0, len(name)), hint)
 
-    def _value(self, name: str, node: Node, what: str, *, beside: bool) -> Value | None:
-        x = self.x
-        scalar = x.scalar(node, what, beside=beside)
-        parsed = x.parse(scalar, beside=beside) if scalar else None
-        if scalar is None or parsed is None:
-            return None
-        later = {n.text for n in parsed.names} & self._below
-        for used in {n.text: n for n in reversed(parsed.names)}.values():
-            if used.text in later:
-                own = used.text == name
-                x.faults.add(
-                    "later-parameter",
-                    f"`{name}` uses itself"
-                    if own
-                    else f"`{name}` uses `{used.text}`, which is below it",
-                    scalar.place_of(used.offset, len(used.text)),
-                    "a parameter may use those above it",
-                )
-        others = [n for n in parsed.names if n.text not in later]
-        if x.check(others, scalar, what, NUMBERS) is None or later:
-            return None
-        value = value_with_error(parsed, self.values)
-        if not math.isfinite(value[0]):
-            text = f"{what} is {value[0]}, which is not a finite number"
-            x.faults.add("not-finite", text, scalar.place)
-            return None
-        return value
+    def _rule(
+        self, name: str, what: str, below: set[str], used: Name, scalar: Scalar
+    ) -> Level | Refusal | None:
+        if used.text not in below:
+            return self.x.rule(what, NUMBERS, used, scalar)
+        text = f"`{name}` uses `{used.text}`, which is below it"
+        if used.text == name:
+            text = f"`{name}` uses itself"
+        return "later-parameter", text, "a parameter may use those above it"
 
-
-def unused(root: Node, names: Iterable[str]) -> tuple[str, ...]:
-    """Give the parameters that no expression of the file names, used or replaced."""
-    said = words(root)
-    return tuple(name for name in names if name not in said)
-
-
-def words(*roots: Node) -> set[str]:
-    """Give the words of all expressions below some nodes."""
-    said: set[str] = set()
-    below = [*roots]
-    while below:
-        node = below.pop()
-        if isinstance(node, Mapping):
-            below += [v for k, v in node.entries if k.text not in _TEXTS]
-        elif isinstance(node, Sequence):
-            below += node.items
-        elif isinstance(node, Scalar):
-            said.update(_WORD.findall(node.text))
-    return said
-
-
-def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
-    """Give the coordinates."""
-    found = []
-    for key, node in given:
-        what = f"the coordinate `{key.text}`"
-        if isinstance(node, Scalar) and not node.empty:
-            x.faults.add(
-                "not-a-mapping",
-                f"{what} has no value here, found `{node.text}`",
-                node.place,
-                "write {}; its start value belongs in `initial`"
-                if re.match(r"[-+.\d]", node.text)
-                else f"write {{unit: {node.text}}}; start values belong in `initial`",
-            )
-            found.append(Coordinate(key.text))
-            continue
-        below = fields(node, what, COORDINATE_KEYS, x.faults, key.place)
-        unit, about = (below.text(k, x.faults) for k in ("unit", "description"))
-        found.append(Coordinate(key.text, unit, about))
-    return tuple(found)
-
-
-# --- The start: stated values, guesses, and start values of definitions
 
 # What a start value may be given to.
 TARGETS = {
@@ -404,142 +361,99 @@ TARGETS = {
     Kind.RATE: Target.RATE,
 }
 
-# Where values stand that replace those of the file.
-SET = "--set "
-START_KEYS = {
-    "guess": described("Solved for from the constraints, near this.", EXPRESSION)
-}
-FORM = naming(either(EXPRESSION, keyed(START_KEYS, START_KEYS)), rates=True)
 
-
-class Initial:
-    """Reads the section `initial`.
-
-    Parameters
-    ----------
-    x
-        The expressions of the file.
-    parameters
-        Value and rounding error of each parameter.
-    instead
-        Expressions that stand for those of the file, or beside them.
-    """
-
-    def __init__(
-        self,
-        x: Expressions,
-        parameters: MappingType[str, Value],
-        instead: MappingType[str, str],
-    ) -> None:
-        self.x = x
-        self.known: dict[str, Value] = dict(parameters)
-        self._instead = {
-            name: argument(f"{SET}{name}=", text) for name, text in instead.items()
-        }
-        self._given: set[str] = set()  # keys so far, sound or not
-        self._all: set[str] = set()
+class Initial(_Numbers):
+    """Reads the section `initial`: stated values and guesses, also of definitions."""
 
     def read(self, entry: Entry | None, root: Place) -> tuple[InitialValue, ...]:
         """Give the start values: all positions, all velocities, then definitions."""
         x = self.x
         if entry is None:
-            text = "the file has no `initial`"
             hint = "each coordinate needs a start value"
-            x.faults.add("missing-key", text, root, hint)
+            x.faults.add("missing-key", "the file has no `initial`", root, hint)
             return ()
         section, node = entry
         given = entries(node, "`initial`", x.faults)
+        stated = {key.text for key, _ in given}
+        given += [
+            (argument(SET, name), text)
+            for name, text in self._instead.items()
+            if name not in stated
+        ]
+        self._above: set[str] = set()  # keys so far, sound or not
         self._all = {key.text for key, _ in given}
-        added = [name for name in self._instead if name not in self._all]
-        given += [(argument(SET, name), self._instead[name]) for name in added]
-        self._all.update(added)
         found: dict[str, InitialValue] = {}
         for key, value in given:
-            one = self._value(key, value)
-            self._given.add(key.text)
+            one = self._start(key, value)
+            self._above.add(key.text)
             if one is not None:
                 self.known[one.name] = one.value, one.error
                 found[one.name] = one
-        if isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty):
+        if is_mapping(node):
             self._check_complete(section)
         return self._in_order(found, section.place)
 
     def _check_complete(self, section: Scalar) -> None:
-        started = [name for name in self._given if name in self.x.definitions]
-        for q in self.x.names.of(Kind.COORDINATE):
+        x, graph = self.x, self.x.graph
+        started = (x.definitions.get(name) for name in self._above)
+        nodes = [d.node for d in started if d is not None and d.node is not None]
+        for q in x.names.of(Kind.COORDINATE):
             if q not in self._all:
                 text = f"`initial` has no value for the coordinate `{q}`"
                 hint = f"write `{q}: 0`, or `{q}: {{guess: 0}}` to have it solved"
-                if any(self._rests_on(name, q) for name in started):
+                if any(q in graph.depends([node]) for node in nodes):
                     hint = f"write `{q}: {{guess: 0}}`: it is solved for, near 0"
-                self.x.faults.add("missing-initial", text, section.place, hint)
-
-    def _rests_on(self, definition: str, q: str) -> bool:
-        node = self.x.definitions[definition].node
-        return node is not None and q in self.x.graph.depends([node])
+                x.faults.add("missing-initial", text, section.place, hint)
 
     def _in_order(
         self, found: dict[str, InitialValue], place: Place
     ) -> tuple[InitialValue, ...]:
         coordinates = self.x.names.of(Kind.COORDINATE)
-        for q in coordinates:
-            rate = f"{q}_dot"
+        rates = [f"{q}_dot" for q in coordinates]
+        for rate in rates:
             if rate not in self._all:  # a velocity not named is stated to be 0
-                found[rate] = InitialValue(
-                    rate, Target.VELOCITY, 0.0, 0.0, guess=False, text="0", place=place
-                )
-        order = [*coordinates, *(f"{q}_dot" for q in coordinates)]
-        moving = frozenset(order)
-        order += [name for name in found if name not in moving]
+                zero = (0.0, 0.0, False, "0", place)
+                found[rate] = InitialValue(rate, Target.VELOCITY, *zero)
+        order = dict.fromkeys([*coordinates, *rates, *found])
         return tuple(found[name] for name in order if name in found)
 
-    def _value(self, key: Scalar, node: Node) -> InitialValue | None:
+    def _start(self, key: Scalar, node: Node) -> InitialValue | None:
+        name, what = key.text, f"the start value of `{key.text}`"
         target = self._target(key)
-        expression, guess = self._guess(key, node)
-        expression = self._instead.get(key.text, expression)
-        what = f"the start value of `{key.text}`"
-        scalar = self.x.scalar(expression, what)
-        parsed = self.x.parse(scalar) if scalar else None
-        if scalar is None or parsed is None or not self._check(parsed, scalar):
-            return None
-        if target is None:
-            return None
-        value, error = value_with_error(parsed, self.known)
-        if not math.isfinite(value):
-            text = f"{what} is {value}, which is not a finite number"
-            self.x.faults.add("not-finite", text, scalar.place)
+        expression, guess = self._guess(key, node, what)
+        expression = self._instead.get(name, expression)
+        text = self._text(expression, what, self._rule)
+        value = self._value(text, what) if text and target else None
+        if text is None or target is None or value is None:
             return None
         kind, direction = target
+        scalar = text[0]
         if guess and kind in (Target.DEFINITION, Target.RATE):
-            text = f"`{key.text}` cannot be a guess: it is not a coordinate or velocity"
-            hint = f"write `{key.text}: {scalar.text}`, and guess coordinates"
-            self.x.faults.add("not-a-guess", text, key.place, hint)
+            about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
+            hint = f"write `{name}: {scalar.text}`, and guess coordinates"
+            self.x.faults.add("not-a-guess", about, key.place, hint)
             return None
-        text = " ".join(scalar.text.split())
-        return InitialValue(
-            key.text, kind, value, error, guess, text, scalar.place, direction
-        )
+        said = " ".join(scalar.text.split())
+        return InitialValue(name, kind, *value, guess, said, scalar.place, direction)
 
-    def _guess(self, key: Scalar, node: Node) -> tuple[Node, bool]:
-        what = f"the start value of `{key.text}`"
+    def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
+        """Give the expression of a start value, and whether it is a guess."""
+        faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
             hint = f"write `{key.text}: {both[0]}` and `{key.text}_dot: {both[1]}`"
-            self.x.faults.add("not-an-expression", text, node.place, hint)
-            return Broken(node.place), True
+            faults.add("not-an-expression", text, node.place, hint)
+            return broken
         if not isinstance(node, Mapping):
             return node, False
         if "value" in {name.text for name, _ in node.entries}:
             self.x.scalar(node, what)  # a fault, with what to write
-            return Broken(node.place), True
-        below = fields(node, what, START_KEYS, self.x.faults, key.place)
-        guess = below.value("guess")
-        if guess is None:
-            if not node.entries:
-                text = f"{what} must be an expression, or {{guess: expression}}"
-                self.x.faults.add("not-an-expression", text, node.place)
-            return Broken(node.place), True
-        return guess, True
+            return broken
+        guess = fields(node, what, START, faults, key.place).value("guess")
+        if guess is None and not node.entries:
+            text = f"{what} must be an expression, or {{guess: expression}}"
+            faults.add("not-an-expression", text, node.place)
+        return broken if guess is None else (guess, True)
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
         """Give position and velocity where a start value holds both."""
@@ -550,7 +464,7 @@ class Initial:
         texts = [part.text for part in given if isinstance(part, Scalar)]
         both = len(texts) == len(given) == len(("position", "velocity"))
         moving = name in self.x.names.of(Kind.COORDINATE)
-        return texts if both and moving and not is_unit(texts[1]) else []
+        return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _target(self, key: Scalar) -> tuple[Target, int | None] | None:
         """Give what a key of `initial` names, and the node of a definition."""
@@ -572,38 +486,30 @@ class Initial:
         return None
 
     def _report_unknown(self, key: Scalar) -> None:
-        from lagsim.model.reader import suggestions
-
-        names, faults = self.x.names, self.x.faults
-        moving = names.moving()
-        near = re.sub(r"_?0$|\(0\)$", "", key.text)  # x0, x(0)
-        near = near if near in moving else suggestions.rate_of(key.text, moving)
-        near = near or suggestions.rate_within(key.text, moving)
-        coordinates = names.of(Kind.COORDINATE)
-        if not near and key.text in suggestions.SPEEDS and len(coordinates) == 1:
+        names, faults, name = self.x.names, self.x.faults, key.text
+        moving, coordinates = names.moving(), names.of(Kind.COORDINATE)
+        near = re.sub(r"_?0$|\(0\)$", "", name)  # x0, x(0)
+        near = near if near in moving else hints.rate_of(name, moving)
+        near = near or hints.rate_within(name, moving)
+        if not near and name in hints.SPEEDS and len(coordinates) == 1:
             near = f"{coordinates[0]}_dot"
-        if not near:
-            near = faults.guess(
-                key.text, [*moving, *(f"{name}_dot" for name in moving)]
-            )
+        near = near or faults.guess(name, [*moving, *(f"{q}_dot" for q in moving)])
         hint = "start values are those of coordinates, definitions and their rates"
         hint += f", such as {moving[0]}_dot" if moving else ""
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{near}`?"
             self._all.add(near)
-            self._given.add(near)
-        hint = faults.belongs(key.text) or hint
-        if key.text[:1].isdecimal():
-            from lagsim.model.reader import quantities
-
-            hint = quantities.split_by_comma(key) or hint
-        text = f"`{key.text}` is no coordinate, velocity or definition"
+            self._above.add(near)
+        if name not in self._instead:
+            hint = belongs(name) or hint
+        hint = quantities.split_by_comma(key) or hint
+        text = f"`{name}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 
     def _definition(
         self, key: Scalar, meaning: Meaning
     ) -> tuple[Target, int | None] | None:
-        name, base, faults = key.text, meaning.base, self.x.faults
+        base, faults = meaning.base, self.x.faults
         definition = self.x.definitions.get(base)
         if definition is None:
             return None
@@ -612,48 +518,37 @@ class Initial:
             hint = "start values are those of positions and velocities"
             faults.add("output-only", text, key.place, hint)
             return None
-        if meaning.kind is Kind.RATE and definition.level is not Level.POSITION:
-            text = (
-                f"`{name}` asks for the rate of `{base}`, which depends on velocities"
-            )
-            faults.add("no-rate", text, key.place)
+        rate = meaning.kind is Kind.RATE
+        if rate and definition.level is not Level.POSITION:
+            text = f"`{key.text}` asks for the rate of `{base}`, which depends on "
+            faults.add("no-rate", text + "velocities", key.place)
             return None
-        node = definition.node
-        if node is not None and meaning.kind is Kind.RATE:
-            node = self.x.rate(base)
-        return (TARGETS[meaning.kind], node) if node is not None else None
+        if definition.node is None:
+            return None
+        node = self.x.rate(base) if rate else definition.node
+        return TARGETS[meaning.kind], node
 
-    def _check(self, parsed: Parsed, scalar: Scalar) -> bool:
-        """Report names that a start value must not use."""
-        sound = True
-        for used in {n.text: n for n in reversed(parsed.names)}.values():
-            name = used.text
-            if name in self.known or name == "pi":
-                continue
-            sound = False
-            problem = self._unusable(name)
-            if problem is not None:
-                from lagsim.model.reader import suggestions
-
-                code, text, hint = problem
-                hint = suggestions.of_unknown(scalar.text, used.offset) or hint
-                place = scalar.place_of(used.offset, len(name))
-                self.x.faults.add(code, text, place, hint)
-        return sound
-
-    def _unusable(self, name: str) -> tuple[str, str, str] | None:
-        names = self.x.names
+    def _rule(self, used: Name, scalar: Scalar) -> Level | Refusal | None:
+        """Tell for `check_by` whether a start value may use a name."""
+        name, names = used.text, self.x.names
+        if name in self.known or name == "pi":
+            return Level.POSITION
         meaning = names.meaning(name)
         if meaning is None:
             if names.is_faulty(name) or not names.complete:
                 return None
             known = [n for n in self.known if n in names.variables]
             text, hint = names.unknown(name, self.x.faults, known)
-            hint = hint or f"give `{name}` a value in `parameters`"
-            return "unknown-name", text, hint
-        if name in self._given or meaning.kind is Kind.PARAMETER:
-            return None  # faulty itself, and told
+            hint = hints.of_unknown(scalar.text, used.offset) or hint
+            return (
+                "unknown-name",
+                text,
+                hint or f"give `{name}` a value in `parameters`",
+            )
+        if name in self._above or meaning.kind is Kind.PARAMETER:
+            return None  # faulty itself, and reported
         hint = "a start value may use parameters and the start values above it"
+        hint = hints.of_unknown(scalar.text, used.offset) or hint
         if name in self._all:
             text = f"the start value of `{name}` is not given above this line"
             return "later-initial", text, hint

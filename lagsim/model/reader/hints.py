@@ -1,25 +1,38 @@
-"""Suggestions: what was likely meant by a text that is no expression here.
+"""Hints: what was likely meant by an expression, a name or a key that is none here.
 
-Spellings of other languages, of textbooks and of pocket calculators, for functions,
-keys and expressions. Loaded only where there is a fault: it compiles many patterns.
+Spellings of other languages, of textbooks and of pocket calculators. Patterns are
+compiled where a file has a fault: they are many.
 """
 
 from __future__ import annotations
 
+import functools
 import re
 import unicodedata
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from lagsim.language.functions import FUNCTIONS
+from lagsim.model.nodes import Mapping, Scalar, Sequence
 from lagsim.model.reader import quantities
 from lagsim.model.reader.quantities import NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable
 
+    from lagsim.language.parser import ExpressionError
+    from lagsim.model.nodes import Entry, Node
+
+    Meant = str | Callable[[re.Match[str]], str]
+
+_T = TypeVar("_T")
+
+
+def _by_word(table: dict[str, _T]) -> dict[str, _T]:
+    """Give a table by single words, of one whose keys are several."""
+    return {word: row for words, row in table.items() for word in words.split()}
+
 
 RADIANS = "angles are in radians"
-_WHOLE = re.compile(r"[\w.]+")
 
 # Functions, and their names elsewhere, in small letters.
 _NAMES = {
@@ -45,36 +58,36 @@ _NAMES = {
 }
 _RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()}
 # Functions that are written with others: their arguments, and how.
-_REWRITTEN = {
-    "log2": ("x", "log(x)/log(2)"),
-    "log1p": ("x", "log(1 + x)"),
-    "expm1": ("x", "exp(x) - 1"),
-    "exp2": ("x", "2^x"),
-    "exp10": ("x", "10^x"),
-    **dict.fromkeys(("pow", "power"), ("a b", "a^b")),
-    **dict.fromkeys(("square", "sqr"), ("x", "x^2")),
-    "cube": ("x", "x^3"),
-    "rational": ("a b", "(a/b)"),
-    "root": ("x n", "x^(1/n)"),
-    "sec": ("x", "1/cos(x)"),
-    "csc": ("x", "1/sin(x)"),
-    **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
-    **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
-    **dict.fromkeys(("cot", "ctg", "cotan"), ("x", "1/tan(x)")),
-    **dict.fromkeys(("acot", "arccot"), ("x", "atan2(1, x)")),
-    **dict.fromkeys(("mod", "fmod", "rem"), ("x y", "x - y*floor(x/y)")),
-    "round": ("x", "floor(x + 0.5)"),
-    **dict.fromkeys(("int", "trunc", "fix"), ("x", "sign(x)*floor(abs(x))")),
-    **dict.fromkeys(("clip", "clamp"), ("x a b", "max(a, min(x, b))")),
-    "norm": ("x y", "hypot(x, y)"),
-    **dict.fromkeys(
-        ("where", "ifelse", "iif", "ite", "cond", "piecewise"),
-        ("condition a b", "if(condition, a, b)"),
-    ),
-    **dict.fromkeys(("deg2rad", "radians", "rad", "deg"), ("x", "x*pi/180")),
-    **dict.fromkeys(("rad2deg", "degrees"), ("x", "x*180/pi")),
-}
-_OF_ANGLES = ("deg2rad", "radians", "rad", "deg")
+_REWRITTEN = _by_word(
+    {
+        "log2": ("x", "log(x)/log(2)"),
+        "log1p": ("x", "log(1 + x)"),
+        "expm1": ("x", "exp(x) - 1"),
+        "exp2": ("x", "2^x"),
+        "exp10": ("x", "10^x"),
+        "pow power": ("a b", "a^b"),
+        "square sqr": ("x", "x^2"),
+        "cube": ("x", "x^3"),
+        "rational": ("a b", "(a/b)"),
+        "root": ("x n", "x^(1/n)"),
+        "sec": ("x", "1/cos(x)"),
+        "csc": ("x", "1/sin(x)"),
+        **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
+        **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
+        "cot ctg cotan": ("x", "1/tan(x)"),
+        "acot arccot": ("x", "atan2(1, x)"),
+        "mod fmod rem": ("x y", "x - y*floor(x/y)"),
+        "round": ("x", "floor(x + 0.5)"),
+        "int trunc fix": ("x", "sign(x)*floor(abs(x))"),
+        "clip clamp": ("x a b", "max(a, min(x, b))"),
+        "norm": ("x y", "hypot(x, y)"),
+        "where ifelse iif ite cond piecewise": (
+            "condition a b", "if(condition, a, b)",
+        ),
+        "deg2rad radians rad deg": ("x", f"x*pi/180: {RADIANS}"),
+        "rad2deg degrees": ("x", "x*180/pi"),
+    }
+)  # fmt: skip
 # Keys of the file, the likelier first, and how they are called elsewhere, in small
 # letters.
 _KEYS = {
@@ -130,35 +143,30 @@ MODULES = "np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
 
 def known_function(name: str) -> str:
     """Give the name that a function has here, or an empty text."""
-    small = name.casefold()
-    found = _RENAMED.get(small, small)
+    found = _RENAMED.get(name.casefold(), name.casefold())
     return found if found in FUNCTIONS else ""
 
 
 def rewritten(name: str, arguments: str = "") -> str:
     """Give what is written for a function that is known elsewhere, or nothing."""
-    small = name.casefold()
-    if small in FUNCTIONS or small not in _REWRITTEN:
-        return ""
-    names, text = _REWRITTEN[small]
+    names, text = _REWRITTEN.get(name.casefold(), ("", ""))
     given = [part.strip() for part in arguments.split(",")] if arguments else []
     places = names.split()
-    if len(given) == len(places):
+    if given and len(given) == len(places):
         inside = {
-            place: argument if _WHOLE.fullmatch(argument) else f"({argument})"
+            place: argument if re.fullmatch(r"[\w.]+", argument) else f"({argument})"
             for place, argument in zip(places, given, strict=True)
         }
         text = re.sub(rf"\b(?:{'|'.join(places)})\b", lambda m: inside[m[0]], text)
-    return text + (f": {RADIANS}" if small in _OF_ANGLES else "")
+    return text
 
 
 def is_other(name: str) -> bool:
     """Tell whether a function of another name is called so elsewhere."""
-    small = name.casefold()
-    return small not in FUNCTIONS and (small in _RENAMED or small in _REWRITTEN)
+    return name.casefold() in _RENAMED or name.casefold() in _REWRITTEN
 
 
-def spelt_call(name: str, arguments: str) -> str:
+def _spelt_call(name: str, arguments: str) -> str:
     """Give a call with the name that the function has here."""
     return rewritten(name, arguments) or f"{known_function(name) or name}({arguments})"
 
@@ -178,43 +186,41 @@ _EXACT = "numbers are compared by <, <=, > and >="
 _TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
 # What may be raised to a power, or be one.
 _ATOM = r"(?:[\w.]+\([^()]*\)|\([^()]*\)|[\w.]+)"
-
-
 _SECOND_QUOTIENT = (
     rf"(?:\bd|∂)(?:(?:\^|\*\*)?2|²)\s*{_NAME}\s*/\s*[d∂]\s*t(?:(?:\^|\*\*)?2|²)?"
 )
 _PER_MINUTE = rf"({NUMBER})(?:\s+1)?\s*/\s*min\b(?!\s*\()"
 _QUOTIENT = rf"(?:\bd|∂)\s*\(?{_NAME}\)?\s*/\s*[d∂]t\b"
+_RATE = "the rate is written {0}_dot"
+_SECOND_RATE = "the second rate is written {0}_ddot"
 
 
 def _from_module(found: re.Match[str]) -> str:
     name = found[1]
+    plain = {"e": "exp(1)", "pi": "`pi`"}
     if known := known_function(name):
         return f"write `{known}`, without a module"
     if other := rewritten(name, found[2] or ""):
         return f"write {other}"
-    plain = {"e": "exp(1)", "pi": "`pi`"}.get(name)
     if name in ("inf", "nan"):
         return "every number is finite"
-    return f"write {plain}, without a module" if plain else ""
+    return f"write {plain[name]}, without a module" if name in plain else ""
 
 
-def function_call(found: re.Match[str]) -> str:
+def _call(found: re.Match[str]) -> str:
     """Say how a function is called: its name, and its argument."""
-    return f"write {spelt_call(found[1], found[2])}"
+    return f"write {_spelt_call(found[1], found[2])}"
 
 
 def _power_of_call(found: re.Match[str]) -> str:
-    name, power, *argument = found.groups()
+    name, power, argument = found.groups()
+    base = _spelt_call(name, argument or "...")
     power = {"²": "2", "³": "3"}.get(power, power)
-    inside = argument[0] if argument and argument[0] else "..."
-    base = spelt_call(name, inside)
     return f"write {base if base[-1] == ')' else f'({base})'}^{power}"
 
 
 def _inverse(found: re.Match[str]) -> str:
-    inside = found[2] or found[3] or "..."
-    return f"write a{found[1]}({inside})"
+    return f"write a{found[1]}({found[2] or found[3] or '...'})"
 
 
 def latex(text: str) -> str:
@@ -242,16 +248,13 @@ def _fractions(found: re.Match[str]) -> str:
 
 
 # Each is looked for around the fault: what is matched, and what to write instead.
-_SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
+_SPELLINGS: list[tuple[str, Meant]] = [
     (rf"({NUMBER})\s*π", "write {0}*pi"),
     (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
     (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
     (r"\b\d+\.?\d*[ij]\b", "every number is real"),
     (r"(\d+\.?\d*)[eE]([-+]?\d*\.\d+)", "write {0}*10^{1}"),
-    (
-        rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)",
-        "write {0}e{1}",
-    ),
+    (rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)", "write {0}e{1}"),
     (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
     (r"\b0[xXbBoO]\w+", "numbers are decimal"),
     (r"(\d+\.?\d*)[dD]([-+]?\d+)\b", "write {0}e{1}"),
@@ -263,8 +266,7 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
     (_PER_MINUTE, "write {0}*2*pi/60: rates are in rad/s"),
     (r",\s*$", "leave `,` out"),
     (r"\w\[\d*\]", "there are no indices: each has a name of its own"),
-    (rf"\b[eE]\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
-    (rf"\bexp\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
+    (rf"\b(?:[eE]|exp)\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
     (r"[¼-¾⅐-⅞]", _fractions),
     (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
@@ -277,44 +279,51 @@ _SPELLINGS: list[tuple[str, str | Callable[[re.Match[str]], str]]] = [
     (r"=>", "write `>=` for `=>`"),
     (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
     (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
-    (r"([\w.]+)\s+(?:mod|rem)\s+([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
-    (r"([\w.]+)\s*%\s*([\w.]+)", "write {0} - {1}*floor({0}/{1})"),
+    (
+        r"([\w.]+)(?:\s+(?:mod|rem)\s+|\s*%\s*)([\w.]+)",
+        "write {0} - {1}*floor({0}/{1})",
+    ),
     (r"([\w.]+)\s+div\s+([\w.]+)", "write floor({0}/{1})"),
-    (rf"\b({CALLED})\s*{_POWER}\s*\({_INSIDE}\)", _power_of_call),
-    (rf"\b({CALLED})\s*{_POWER}\s+({_ARGUMENT})", _power_of_call),
-    (rf"\b({CALLED})\s*([²³])\s*\({_INSIDE}\)", _power_of_call),
-    (rf"\b({CALLED})\s*([²³])\s*({_ARGUMENT})?", _power_of_call),
+    *(
+        (rf"\b({CALLED})\s*{power}", _power_of_call)
+        for power in (
+            rf"{_POWER}\s*\({_INSIDE}\)",
+            rf"{_POWER}\s+({_ARGUMENT})",
+            rf"([²³])\s*\({_INSIDE}\)",
+            rf"([²³])\s*({_ARGUMENT})?",
+        )
+    ),
     (
         rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
         _inverse,
     ),
-    (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", function_call),
-    (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", function_call),
+    (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", _call),
+    (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", _call),
     (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
     (
         rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
-        "the rate is written {0}_dot",
+        _RATE,
     ),
-    (_SECOND_QUOTIENT, "the second rate is written {0}_ddot"),
-    (_QUOTIENT, "the rate is written {0}_dot"),
+    (_SECOND_QUOTIENT, _SECOND_RATE),
+    (_QUOTIENT, _RATE),
     (
         rf"\bd\s*/\s*dt\s*(?:\(\s*(?=\w+\s*\)))?{_NAME}(?:\s*\))?",
-        "the rate is written {0}_dot",
+        _RATE,
     ),
     (
         rf"\b(?:d\s*/\s*dt|{'|'.join(RATES)})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
         "write r_dot, with `r: {0}` in `definitions`",
     ),
-    (rf"\bdot\s+{_NAME}", "the rate is written {0}_dot"),
-    (rf"{_NAME}\u0308", "the second rate is written {0}_ddot"),
-    (rf"{_NAME}\u0307", "the rate is written {0}_dot"),
-    (rf"{_NAME}(?:''|″|′′|’’)", "the second rate is written {0}_ddot"),
-    (rf"{_NAME}['′’]", "the rate is written {0}_dot"),
-    (rf"{_NAME}\s*[.\s-]\s*ddot\b", "the second rate is written {0}_ddot"),
+    (rf"\bdot\s+{_NAME}", _RATE),
+    (rf"{_NAME}\u0308", _SECOND_RATE),
+    (rf"{_NAME}\u0307", _RATE),
+    (rf"{_NAME}(?:''|″|′′|’’)", _SECOND_RATE),
+    (rf"{_NAME}['′’]", _RATE),
+    (rf"{_NAME}\s*[.\s-]\s*ddot\b", _SECOND_RATE),
     (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
     (
         rf"{_NAME}(?:\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t\s*\))",
-        "the rate is written {0}_dot",
+        _RATE,
     ),
     (rf"\b{_MADE_OF}\.{_NAME}", "write {0}, without the text before the dot"),
     (r"([⁺⁻][⁰¹²³⁴-⁹]+)", _fractions),
@@ -361,17 +370,27 @@ _LATEX = [
     (r"\s+", ""),
     (r"([-+=<>]+)", r" \1 "),
 ]
-# The first of them are of numbers.
-OF_NUMBERS = 10
-PATTERNS = [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
 # What parses as an expression and is meant otherwise.
-OF_NAMES = [
-    (re.compile(pattern), meant)
-    for pattern, meant in _SPELLINGS
-    if meant is _exponential or pattern in (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE)
-]
+_PARSED = (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE)
+# The first of them are of numbers.
+_OF_NUMBERS = 10
 
-# --- Hints, from what stands around a fault
+
+@functools.cache
+def patterns() -> list[tuple[re.Pattern[str], Meant]]:
+    """Give the table, its patterns compiled."""
+    return [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
+
+
+@functools.cache
+def patterns_of_names() -> list[tuple[re.Pattern[str], Meant]]:
+    """Give the rows of what parses as an expression and is meant otherwise."""
+    return [
+        row for row in patterns() if row[1] is _exponential or row[0].pattern in _PARSED
+    ]
+
+
+# --- Hints for expressions, from what stands around a fault
 
 # What is meant shows within so many letters of a fault; patterns that are tried at each
 # of a million would take for ever.
@@ -381,51 +400,76 @@ MOST_PARTS = 200
 
 # A letter of one side of a comparison, or a call.
 _SIDE = r"(?:[^(),<>=]|\([^()]*\))"
-_WORD = re.compile(r"[^\W\d]\w*")
-_QUANTITY = re.compile(
-    rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
+_QUANTITY = (
+    rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?"
+    r"((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
 )
-
-_SECOND_RATES = [
-    r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot", r"ddot_?(.+)",
-    r"(.+)_dd", r"(.+)''", r"(.+?)_?dot_?dot", r"(?:acceleration|accel|acc|a)_(.+)",
-    r"(.+)_(?:acceleration|accel|acc)",
-]  # fmt: skip
-_RATES = [
-    r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
-    r"(?:velocity|vel|speed|omega|v|w)_?(.+)", r"(.+?)_?(?:velocity|vel|speed|rate)",
-    r"(.+)d", r"(.+)'",
-]  # fmt: skip
-_NUMBERS = {
-    "π": "write pi",
-    "pi": "write pi",
-    "e": "write exp(x) for e^x, exp(1) for e",
-    **dict.fromkeys(("deg", "degree", "degrees"), f"write pi/180: {RADIANS}"),
-    **dict.fromkeys(("inf", "infinity", "nan"), "every number is finite"),
-    **dict.fromkeys(
-        ("free", "guess", "auto"), "a value to be solved is written {guess: 0}"
+_RATES = {
+    "_dot": (
+        r"d_?(.+?)(?:_?dt)?", r"(.+?)_?dot", r"(.+)_(?:dt|d|t|prime)", r"dot_?(.+)",
+        r"(?:velocity|vel|speed|omega|v|w)_?(.+)",
+        r"(.+?)_?(?:velocity|vel|speed|rate)", r"(.+)d", r"(.+)'",
     ),
-    **dict.fromkeys(("none", "true", "false"), "write a number, such as 0"),
-}
+    "_ddot": (
+        r"dd_?(.+)", r"d2_?(.+?)(?:_?dt2)?", r"(.+?)_?ddot", r"(.+)_dotdot",
+        r"ddot_?(.+)", r"(.+)_dd", r"(.+)''", r"(.+?)_?dot_?dot",
+        r"(?:acceleration|accel|acc|a)_(.+)", r"(.+)_(?:acceleration|accel|acc)",
+    ),
+}  # fmt: skip
+_NUMBERS = _by_word(
+    {
+        "π pi": "write pi",
+        "e": "write exp(x) for e^x, exp(1) for e",
+        "deg degree degrees": f"write pi/180: {RADIANS}",
+        "inf infinity nan": "every number is finite",
+        "free guess auto": "a value to be solved is written {guess: 0}",
+        "none true false": "write a number, such as 0",
+    }
+)
 _COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
 SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
-
-
 # What is written in a relation for signs of other languages.
-IN_RELATIONS = {
+_IN_RELATIONS = {
     "==": "write `=`, one alone",
     **dict.fromkeys("≈≡→≃", "write `=`"),
-    "!=": "a relation is written with `=`, `>=` or `<=`",
-    "<>": "a relation is written with `=`, `>=` or `<=`",
+    **dict.fromkeys(("!=", "<>"), "a relation is written with `=`, `>=` or `<=`"),
 }
 
 
-def without_guesses(hint: str, token: str, known: Collection[str]) -> str:
-    """Give a hint of the parser, if what it says of a name holds here."""
-    product = hint.startswith("there is no implicit product")
+def of_relation(text: str, token: str) -> str:
+    """Give a hint for a relation with a fault at a token, or an empty text."""
+    if text.rstrip().endswith("="):
+        return f"write {text.strip()} 0"
+    return _IN_RELATIONS.get(token, "")
+
+
+def of_expression(fault: ExpressionError, text: str, known: Collection[str]) -> str:
+    """Give a hint for a fault that the parser found, or an empty text."""
+    end = fault.offset + fault.length
+    token, hint = text[fault.offset : end], ""
+    if fault.code == "unknown-function":
+        hint = of_function(token, _argument(text[end:]), known)
+        hint = hint or fault.hint or "a function of your own is a definition"
+    elif "a comparison is" in fault.text:
+        hint = _of_comparison(text, fault.offset)
+    if hint or token == ",":
+        return hint
+    # What the parser says of a name may not hold here.
+    product = fault.hint.startswith("there is no implicit product")
     if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
         return f"an operator is expected before a name, and `{token}` is none here"
-    return "" if token == "," else hint
+    return fault.hint
+
+
+def _argument(text: str) -> str:
+    """Give what stands in the parentheses that a text begins with."""
+    depth = 0
+    for k, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter == ")" and depth <= 0:
+            text = text[:k]
+            break
+    return text.strip().removeprefix("(").strip()
 
 
 def of_text(
@@ -448,7 +492,7 @@ def of_text(
         return hint
     if "\\" in text and text == whole:
         return f"write {latex(text)}"
-    hint = _matching(PATTERNS, text, offset, known) or _of_unit(
+    hint = _matching(patterns(), text, offset, known) or _of_unit(
         text, offset, known, beside=beside and text == whole
     )
     return re.sub(r"[^\W\d_]+", lambda word: _in_letters(word[0], known), hint)
@@ -460,14 +504,14 @@ def _in_letters(word: str, known: Collection[str]) -> str:
 
 
 def _matching(
-    patterns: Iterable[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]]],
+    table: Iterable[tuple[re.Pattern[str], Meant]],
     text: str,
     offset: int,
     variables: Collection[str] = (),
 ) -> str:
-    for pattern, meant in patterns:
+    for pattern, meant in table:
         for found in pattern.finditer(text):
-            if meant is function_call and found[1] in variables:
+            if meant is _call and found[1] in variables:
                 continue
             if found.start() <= offset <= found.end():
                 if not isinstance(meant, str):
@@ -479,10 +523,10 @@ def _matching(
 def of_unknown(text: str, offset: int) -> str:
     """Give a hint for a name at `offset` that has a meaning with what is around it."""
     first = max(0, offset - WINDOW)
-    return _matching(OF_NAMES, text[first : offset + WINDOW], offset - first)
+    return _matching(patterns_of_names(), text[first : offset + WINDOW], offset - first)
 
 
-def of_comparison(text: str, offset: int) -> str:
+def _of_comparison(text: str, offset: int) -> str:
     """Give a hint for a comparison that stands as a number."""
     for pattern in (r"\(([^(),]+[<>][^(),]*)\)", rf"^({_SIDE}+[<>]=?{_SIDE}+)$"):
         for found in re.finditer(pattern, text[: offset + WINDOW]):
@@ -496,16 +540,21 @@ def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
     plain = unicodedata.normalize("NFKC", text)
     if re.fullmatch(rf"\s*\d+{FRACTION}\d+\s*", plain):
         return f"write {plain.strip().replace(FRACTION, '/')}"
-    quantity = _QUANTITY.fullmatch(text)
-    if quantity is None or not quantity[2] or _is_spelt(text):
+    found = re.fullmatch(_QUANTITY, text)
+    # A number in one of the spellings has a hint of its own: degrees, powers of 10.
+    spelt = (pattern.search(text) for pattern, _ in patterns()[:_OF_NUMBERS])
+    if found is None or not found[2] or any(spelt):
         return ""
-    number, unit = quantity[1].replace(" ", ""), quantity[2]
+    number, unit = found[1].replace(" ", ""), found[2]
     unit += ")" * (unit.count("(") > unit.count(")"))
     names = quantities.words(quantities.unit(unit))
     product = all(_is_known(name, known) for name in names)
-    parted = _WORD.sub(lambda w: "*".join(_parts(w[0], known)) or w[0], unit)
-    if parted != unit and not product and not quantities.is_unit(unit):
-        return f"write {number}*{parted}"
+    if not product and not quantities.is_unit(unit):
+        parted = re.sub(
+            r"[^\W\d]\w*", lambda w: "*".join(_parts(w[0], known)) or w[0], unit
+        )
+        if parted != unit:
+            return f"write {number}*{parted}"
     if product and not quantities.is_unit(unit):
         return ""
     hint = quantities.quantity(number, unit, beside=beside)
@@ -520,20 +569,14 @@ def _of_unit(text: str, offset: int, known: Collection[str], *, beside: bool) ->
     before, unit = text[:offset].strip(), text[offset:]
     names = quantities.words(before)
     inside = before.count("(") > before.count(")")
-    if not before or inside or not quantities.is_unit(unit):
+    called = names and names[-1] in FUNCTIONS and before.endswith(names[-1])
+    if not before or inside or called or not quantities.is_unit(unit):
         return ""
     if not all(_is_known(name, known) for name in names):
-        return ""
-    if names and names[-1] in FUNCTIONS and before.endswith(names[-1]):
         return ""
     if all(_is_known(name, known) for name in quantities.words(unit)):
         return ""
     return quantities.quantity(before, unit, beside=beside)
-
-
-def _is_spelt(text: str) -> bool:
-    """Tell whether it is a number in one of the spellings: degrees, powers of 10."""
-    return any(pattern.search(text) for pattern, _ in PATTERNS[:OF_NUMBERS])
 
 
 def _is_known(name: str, known: Collection[str]) -> bool:
@@ -577,7 +620,8 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
     if len(name) > WINDOW:
         return ""
     if rate := rate_of(name, moving):
-        return f"the {_ordinal(rate)}rate is written {rate}"
+        ordinal = "second " if rate.endswith("_ddot") else ""
+        return f"the {ordinal}rate is written {rate}"
     if name.casefold() == "time" and moving:
         return "the time is `t`"
     if name in SPEEDS and moving:
@@ -585,18 +629,15 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         return f"{rate}; what is given has its value in `parameters`"
     for function in FUNCTIONS:
         rest = name.removeprefix(function)
-        if rest == name:
-            continue
-        factor = re.match(r"\d*", rest)
-        assert factor is not None
-        inside = _called_so(rest[factor.end() :], known)
+        factor = rest[: len(rest) - len(rest.lstrip("0123456789"))]
+        inside = _called_so(rest.removeprefix(factor), known) if rest != name else ""
         if inside:
-            times = f"{factor[0]}*" if factor[0] else ""
-            return f"write {function}({times}{inside})"
+            return f"write {function}({factor and f'{factor}*'}{inside})"
     base = name.rstrip("23456789")
     if len(name) - len(base) == 1 and _is_known(base, known) and base != "t":
         return f"a power is written {base}^{name.removeprefix(base)}"
-    return ""
+    parts = _parts(name, known)
+    return f"a product is written {'*'.join(parts)}" if parts else ""
 
 
 def _called_so(name: str, known: Collection[str]) -> str:
@@ -605,12 +646,6 @@ def _called_so(name: str, known: Collection[str]) -> str:
         return name
     plain = spelt_out(name)
     return next((other for other in known if name and spelt_out(other) == plain), "")
-
-
-def of_several(name: str, known: Collection[str]) -> str:
-    """Give a hint for a name that is two or more variables, side by side."""
-    parts = _parts(name, known)
-    return f"a product is written {'*'.join(parts)}" if parts else ""
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
@@ -624,20 +659,16 @@ def _parts(name: str, known: Collection[str]) -> list[str]:
     return []
 
 
-def _ordinal(rate: str) -> str:
-    return "second " if rate.endswith("_ddot") else ""
-
-
 def rate_of(name: str, moving: Collection[str]) -> str:
     """Give the rate that is spelt otherwise, such as `x_dot` for `xdot`, or nothing."""
     if len(name) > WINDOW:
         return ""
+    plain = unicodedata.normalize("NFD", name)
     for mark, ending in _COMBINING.items():
-        plain = unicodedata.normalize("NFD", name)
         if mark in plain and plain.replace(mark, "") in moving:
             return plain.replace(mark, "") + ending
-    for patterns, ending in ((_RATES, "_dot"), (_SECOND_RATES, "_ddot")):
-        for pattern in patterns:
+    for ending, spellings in _RATES.items():
+        for pattern in spellings:
             match = re.fullmatch(pattern, name, re.IGNORECASE)
             if match and match[1] in moving:
                 return match[1] + ending
@@ -648,17 +679,105 @@ def rate_within(text: str, moving: Collection[str]) -> str:
     """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
     text = text[:WINDOW]
     plain = latex(text) if "\\" in text else ""
-    hint = f"the rate is written {plain}" if plain else _matching(PATTERNS, text, 0)
+    hint = f"the rate is written {plain}" if plain else _matching(patterns(), text, 0)
     found = re.fullmatch(r"the (?:second )?rate is written ((.+)_dd?ot)", hint)
     return found[1] if found and found[2] in moving else ""
 
 
 def spelt_out(name: str) -> str:
     """Give a name in small letters, with Greek ones by their names: theta for θ."""
-    letters = name if name.isascii() else "".join(_spelt_out(c) for c in name)
+    letters = name if name.isascii() else "".join(map(_spelt_out, name))
     return letters.casefold()
 
 
 def _spelt_out(letter: str) -> str:
     full = unicodedata.name(letter, "")
     return full.split()[-1] if full.startswith("GREEK ") else letter
+
+
+# --- Hints for keys, mappings and lists
+
+
+def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str]) -> str:
+    """Give a hint where a number, a count or two times stand as a key of a mapping."""
+    name = key.text.casefold()
+    if "output_step" in known and name in SPANS:
+        return quantities.span(value) or "write `start: ...` and `end: ...`"
+    if "output_step" in known and name in COUNTS:
+        texts = {k.text: v.text for k, v in given if isinstance(v, Scalar)}
+        length = texts.get("duration", texts.get("end", "duration"))
+        if "start" in texts and "duration" not in texts:
+            length = f"({length} - {texts['start']})"
+        length = "1" if name == "fps" else length
+        return (
+            f"write `output_step: {length}/{text_of(value)}`: the spacing of the rows"
+        )
+    if not re.fullmatch(r"\d[\d.]*", name):
+        return ""
+    if hint := quantities.split_by_comma(key):  # 1,5 or {1, unit: m}
+        return hint
+    names = [k.text for k, _ in given]
+    after = "".join(names[names.index(key.text) + 1 :][:1])
+    unit = after if quantities.is_unit(after) else "..."
+    return f"write {{value: {key.text}, unit: {unit}}}"
+
+
+def of_lines(node: Node, what: str) -> str:
+    """Give a hint where something else stands for a mapping."""
+    names = _names_of(node)
+    if what == "`coordinates`" and names:
+        return f"write {{{', '.join(f'{name}: {{}}' for name in names)}}}"
+    if what == "a plot" and len(names) in (1, 2):
+        return f"write {{x: {names[0] if names[1:] else 't'}, y: {names[-1]}}}"
+    versus = r"(\w+) (?:vs\.?|versus|over|against) (\w+)"
+    if what == "a plot" and (shown := re.fullmatch(versus, text_of(node))):
+        return f"write {{x: {shown[2]}, y: {shown[1]}}}"
+    if what.startswith("the coordinate") and len(names) == 1:
+        return f"write {{unit: {names[0]}}}"
+    if isinstance(node, Sequence):
+        return "write lines `name: value`, without the `-` or brackets of a list"
+    text = node.text if isinstance(node, Scalar) else ""
+    if what == "`constraints`" and "=" in text:
+        return f"write `name: {text}`, with a name of your own"
+    if match := re.match(r"(\w+)\s*=\s*([^=\s].*)", text):
+        return f"a colon is missing: `{match[1]}: {match[2]}`"
+    if match := re.match(r"([^\s:]+):([^\s:]\S*)", text):
+        return f"a space is missing after the colon: `{match[1]}: {match[2]}`"
+    if match := re.fullmatch(r"([^\W\d_]\w*)\s+([^\s:=]+)", text):
+        return f"a colon is missing: `{match[1]}: {match[2]}`"
+    return ""
+
+
+def _names_of(node: Node) -> list[str]:
+    """Give the names of a list, with brackets or without; none where it is another."""
+    text = node.text if isinstance(node, Scalar) else ""
+    if isinstance(node, Sequence):
+        text = ",".join(i.text if isinstance(i, Scalar) else "?" for i in node.items)
+    one = r"[^\W\d_]\w*"
+    found = text.split(",") if re.fullmatch(rf"{one}(?:\s*,\s*{one})*", text) else []
+    return [name.strip() for name in found]
+
+
+def as_list(node: Node, what: str = "") -> str:
+    """Say how what stands for a list is written as one."""
+    if isinstance(node, Mapping):
+        pairs = [(key.text, text_of(value)) for key, value in node.entries]
+        if not any(text for _, text in pairs):
+            return f"write [{', '.join(key for key, _ in pairs)}]"
+        if "link" in what:
+            links = ", ".join(f"[{a}, {b}]" for a, b in pairs)
+            return f"write [{links}]" if what == "`links`" else f"write {links}"
+        return f"write [{{{', '.join(f'{a}: {b}' for a, b in pairs)}}}]"
+    text = node.text.strip() if isinstance(node, Scalar) else ""
+    if text == "all":
+        return "delete it: all are there without it"
+    if text[:1] + text[-1:] in ("()", "[]"):
+        text = text[1:-1]
+    return f"write [{' '.join(text.split())}]" if text else "a list is written [a, b]"
+
+
+def text_of(node: Node) -> str:
+    """Give the text of a scalar, of a list of them, or dots."""
+    if isinstance(node, Sequence):
+        return ", ".join(map(text_of, node.items))
+    return node.text if isinstance(node, Scalar) else "..."
