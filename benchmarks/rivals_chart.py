@@ -2,19 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import islice
-
-from lagsim.outputs.sheet import (
-    DIM,
-    EDGE,
-    LINE,
-    SMALL,
-    Sheet,
-    in_house_style,
-    wrapped,
-)
+from lagsim.outputs.figure import Picture, headed
+from lagsim.outputs.sheet import DIM, SMALL, WIDTH, content, in_house_style
 from lagsim.studies.bench.chart import (
-    BESIDE,
+    ERROR,
     WORST,
     Cost,
     cost_panel,
@@ -25,11 +16,8 @@ from lagsim.studies.bench.chart import (
 )
 from lagsim.studies.experiment import stamp
 
-WIDTH, RIGHT, TOP = 7.6, 0.15, 0.98
-# Names beside each other; the rest stand below.
-NAMED, LEGEND, LOWER = 4, 0.46, 0.2
-DOWN, HEIGHT = 0.72, 2.1
-
+# Inches: a panel with its scales, what is below all of them.
+HEIGHT, REST = 2.7, 0.2
 LOOKS = {
     "lagsim": look(0),
     "heyoka": look(2, 1),
@@ -53,41 +41,30 @@ def chart(document):
     """Draw all scenes of results-rivals.json; gives a PNG."""
     scenes = document["scenes"]
     rows = -(-len(scenes) // 2)
-    notes = wrapped([WHAT, f"{stamp(document)}."], WIDTH - 2 * EDGE)
-    under = TOP + rows * (HEIGHT + DOWN)
-    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1)
-    sheet.heading("Time to integrate against the error made", "")
-    used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
-    named = [(name, LOOKS[name].sample) for name in used]
-    for row, some in enumerate(in_rows(named)):
-        top = LEGEND + LOWER * row
-        sheet.legend(BESIDE, top, some, WIDTH - BESIDE - RIGHT)
-    width = (WIDTH - RIGHT) / 2 - BESIDE
-    curves = [costs(scene) for scene in scenes]
+    drawing = Picture(figsize=(WIDTH, HEIGHT * rows + REST), layout="constrained")
+    panels = drawing.subplots(rows, 2, squeeze=False).flat
+    costs = [costs_of(scene) for scene in scenes]
     floor = max(scene["agreement"] for scene in scenes)
-    across = error_scale([c for panel in curves for c in panel], floor)
-    for k, scene in enumerate(scenes):
-        row, column = divmod(k, 2)
-        left = BESIDE + column * (width + BESIDE)
-        top = TOP + row * (HEIGHT + DOWN)
-        place = (left, top, width, HEIGHT)
-        floor = scene["agreement"]
-        cost_panel(sheet, place, across, curves[k], "seconds", floor=floor)
-        sheet.text(left, top - 0.06, scene["title"], size=SMALL, bold=True)
-        note = f"{scene['rows']} rows"
-        sheet.text(left + width, top - 0.06, note, size=SMALL, ha="right", color=DIM)
-    sheet.notes(under + 0.04, notes)
-    return sheet.content()
+    across = error_scale([c for panel in costs for c in panel], floor)
+    for axes, scene, own in zip(panels, scenes, costs, strict=False):
+        cost_panel(axes, across, own, "seconds", floor=scene["agreement"])
+        axes.set_xlabel(ERROR)
+        axes.set_title(scene["title"], weight="bold")
+        axes.set_title(f"{scene['rows']} rows", loc="right", color=DIM, size=SMALL)
+    for axes in panels[len(scenes) :]:
+        axes.remove()
+    used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
+    legend = [(name, LOOKS[name].sample) for name in used]
+    title, notes = (
+        "Time to integrate against the error made",
+        [WHAT, f"{stamp(document)}."],
+    )
+    headed(drawing, title, "", legend, notes)
+    drawing.get_layout_engine().set(h_pad=0.12)
+    return content(drawing, "png")
 
 
-def in_rows(names):
-    """Give names in rows of the legend."""
-    left = iter(names)
-    while row := list(islice(left, NAMED)):
-        yield row
-
-
-def costs(scene):
+def costs_of(scene):
     """Give the curves of a scene."""
     found = []
     for name, points in scene["points"].items():

@@ -8,8 +8,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 261
-LINES = 72_600
+FILES = 260
+LINES = 72_200
 LINES_OF_TESTS = 59_700
 
 

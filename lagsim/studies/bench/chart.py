@@ -6,37 +6,40 @@ curves are shown, those that matter, cheapest first.
 
 from __future__ import annotations
 
-import itertools
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import math
-from collections import defaultdict
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from lagsim.methods import names
 from lagsim.outputs.curves import LOST, curve, point
+from lagsim.outputs.figure import Picture, headed
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.outputs.sheet import (
     DIM,
-    EDGE,
-    LINE,
     PENS,
     SAMPLE,
     SMALL,
+    WIDTH,
     Pen,
-    Place,
-    Sheet,
+    content,
+    fitted,
     in_house_style,
     mark,
-    text_width,
-    wrapped,
 )
 from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY
+from lagsim.studies.bench.work_precision import COSTS, Key, Row, curves
 from lagsim.studies.experiment import stamp
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from matplotlib.axes import Axes
 
     from lagsim.run.observers.thinning import Array
 
@@ -45,11 +48,6 @@ MOST = 12
 OF_SCIPY = 2
 # A point that is further off than this costs what it does for no digits.
 AN_ANSWER = 0.1
-
-# A row of work_precision.json.
-Row = dict[str, Any]
-# Method and formulation.
-Key = tuple[str, str]
 
 
 class Shown(NamedTuple):
@@ -67,15 +65,13 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
     other formulations; of them first those that stay on the constraints. They are given
     cheapest first.
     """
-    curves: dict[Key, list[Row]] = defaultdict(list)
-    for row in rows:
-        if row["error"] is not None and row["error"] <= worst:
-            curves[row["method"], row["formulation"]].append(row)
-    times = {key: _times(entries, rows) for key, entries in curves.items()}
+    known = [r for r in rows if r["error"] is not None and r["error"] <= worst]
+    found = curves(known)
+    times = {key: _times(entries, rows) for key, entries in found.items()}
     ranked = sorted(times, key=lambda key: times[key])
-    taken = list(_in_turn(ranked, curves))[:MOST]
+    taken = list(_in_turn(ranked, found))[:MOST]
     return Shown(
-        {key: curves[key] for key in ranked if key in taken},
+        {key: found[key] for key in ranked if key in taken},
         {key: times[key] for key in ranked if key not in taken},
     )
 
@@ -127,9 +123,9 @@ FORMULATIONS = {"ignorable": 1, "elimination": 1, "baumgarte": 2, "drift": 3}
 SCIPY_MARKERS = ("x", "+", "1", "2", "3")
 GREY = "#777777"
 
-# Inches: what stands left of a panel, and from one name to the next beside it.
-BESIDE, NEXT = 0.8, 0.19
-ORDER = "cheapest first"
+ERROR = "← more accurate      error against range"
+# Inches: a panel with its scales, what is below all of them, names beside.
+HEIGHT, REST, NAMES = 3.3, 0.3, 2.4
 
 
 class Look(NamedTuple):
@@ -174,37 +170,33 @@ def seen(errors: Iterable[float]) -> Array:
     return np.fromiter((max(error, LEAST) for error in errors), float)
 
 
-def error_scale(curves: Sequence[Cost], floor: float) -> Scale:
+def error_scale(costs: Sequence[Cost], floor: float) -> Scale:
     """Give the scale that holds all errors, and at the left what cannot be resolved."""
-    known = np.concatenate([*(c.errors for c in curves), seen([floor]), [0.1]])
+    known = np.concatenate([*(c.errors for c in costs), seen([floor]), [0.1]])
     return Scale(0.4 * float(min(known)), 2.0 * float(max(known)), log=True)
 
 
 def cost_panel(
-    sheet: Sheet,
-    place: Place,
+    axes: Axes,
     across: Scale,
-    curves: Sequence[Cost],
+    costs: Sequence[Cost],
     of: str,
     *,
     floor: float,
-    below: bool = True,
     front: tuple[Array, Array] | None = None,
 ) -> None:
     """Draw curves of cost against error; errors below `floor` are not known."""
-    costs = [c.costs for c in curves if len(c.costs)]
-    up = log_scale(*costs, margin=0.05, least=0.08)
-    name = "← more accurate      error against range"
-    axes = sheet.panel(
-        place, across, up, below=(name if below else " ", ""),
-        side=(f"← faster      {of}", ""), ticks=(9, 7), reach=BESIDE - 0.2,
-    )  # fmt: skip
+    known = [c.costs for c in costs if len(c.costs)]
+    across.put(axes, "x", 9)
+    log_scale(*known, margin=0.05, least=0.08).put(axes, "y", 7)
+    axes.grid(visible=True)
+    axes.set_ylabel(f"← faster      {of}")
     if floor > across.low:
         axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
         axes.axvline(floor, **FLOOR)
     if front is not None:
         curve(axes, *front, FRONT)
-    for c in curves:
+    for c in costs:
         curve(axes, c.errors, c.costs, c.look.line)
         for x, y in zip(c.errors, c.costs, strict=True):
             if across.low <= x <= across.high:
@@ -212,69 +204,46 @@ def cost_panel(
         for x, y, ringed in zip(c.errors, c.costs, c.ringed, strict=False):
             if ringed:
                 point(axes, x, y, CHOSEN)
-    left, top, _, height = place
     # Numbers keep away from the corner where both axes begin.
-    corner: dict[str, Any] = {"ha": "right", "bold": True, "color": DIM}
-    sheet.text(left - 0.2, top + height + 0.17, "↙ better", size=SMALL, **corner)
-
-
-def names_beside(
-    sheet: Sheet, x: float, y: float, curves: Sequence[Cost], room: float
-) -> None:
-    """Name curves below each other, each by a piece of its line and its mark.
-
-    They come in the order of what they cost.
-    """
-    if not curves:
-        return
-    sheet.text(x, y, ORDER, size=SMALL, color=DIM)
-    y += NEXT
-    sheet.legend(x, y, [(c.name, c.look.sample) for c in curves], room, NEXT)
-
-
-def room_beside(curves: Sequence[Cost], most: float) -> float:
-    """Give the room that names take, in inches, up to so much."""
-    if not curves:
-        return 0.0
-    names = SAMPLE + max(text_width(c.name, SMALL) for c in curves)
-    return min(most, max(names, text_width(ORDER, SMALL)) + 0.02)
-
-
-# Inches: the sheet, its margins, the panels and what is between them; names beside.
-WIDTH, TOP, HEIGHT, GAP, BELOW = 7.6, 0.62, 3.0, 0.42, 0.5
-NAMES, BETWEEN = 2.7, 0.16
+    axes.annotate(
+        "↙ better", (0.0, 0.0), (-15.0, -12.0), "axes fraction", "offset points",
+        size=SMALL, weight="bold", color=DIM, ha="right",
+    )  # fmt: skip
 
 
 @in_house_style
 def chart(document: Mapping[str, Any], form: str = "png") -> bytes:
     """Draw what work_precision.json says. Returns a PNG, SVG or PDF."""
-    rows = document["rows"]
-    found = shown(rows, WORST)
-    by_cost = {of: _costs(found, of) for of in ("seconds", "evaluations")}
-    beside = room_beside(by_cost["seconds"], NAMES)
-    width = WIDTH - BESIDE - BETWEEN - beside - EDGE
-    notes = wrapped(_notes(document, found), WIDTH - 2 * EDGE)
-    under = TOP + 2 * HEIGHT + GAP + BELOW
-    sheet = Sheet(WIDTH, under + LINE * len(notes) + 0.1, form)
-    sheet.heading(document["model"]["name"], "what an error costs")
+    return content(figure(document), form)
+
+
+@in_house_style
+def figure(document: Mapping[str, Any]) -> Picture:
+    """Draw seconds and evaluations against the error that they bought."""
+    found = shown(document["rows"], WORST)
+    drawing = Picture(figsize=(WIDTH, 2 * HEIGHT + REST), layout="constrained")
+    panels = drawing.subplots(2)
     floor = float(seen([document["reference"]["floor"]])[0])
-    across = error_scale(by_cost["seconds"], floor)
-    for k, (of, curves) in enumerate(by_cost.items()):
-        place = (BESIDE, TOP + k * (HEIGHT + GAP), width, HEIGHT)
+    across = error_scale(_costs(found, COSTS[0]), floor)
+    for axes, of in zip(panels, COSTS, strict=True):
         front = _front(found, of)
-        cost_panel(
-            sheet, place, across, curves, of, floor=floor, below=k == 1, front=front
-        )
-    right = BESIDE + width + BETWEEN
-    names_beside(sheet, right, TOP + 0.08, by_cost["seconds"], beside)
-    named = [
+        cost_panel(axes, across, _costs(found, of), of, floor=floor, front=front)
+    panels[1].set_xlabel(ERROR)
+    if beside := _costs(found, COSTS[0]):
+        panels[0].legend(
+            [Line2D([], [], **c.look.sample) for c in beside],
+            [fitted(c.name, NAMES - SAMPLE, SMALL) for c in beside],
+            loc="upper left", bbox_to_anchor=(1.02, 1.0), title="cheapest first",
+            title_fontproperties={"size": SMALL}, alignment="left", labelspacing=0.8,
+        ).get_title().set_color(DIM)  # fmt: skip
+    legend = [
         ("Pareto front", FRONT | {"linewidth": 4.0}),
         ("what `auto` takes", CHOSEN),
         ("the reference is known to this", FLOOR),
     ]
-    sheet.legend(BESIDE, TOP - 0.1, named, WIDTH - BESIDE - EDGE)
-    sheet.notes(under + 0.1, notes)
-    return sheet.content()
+    name, notes = document["model"]["name"], _notes(document, found)
+    headed(drawing, name, "what an error costs", legend, notes)
+    return drawing
 
 
 def _costs(found: Shown, of: str) -> list[Cost]:
@@ -291,10 +260,9 @@ def _costs(found: Shown, of: str) -> list[Cost]:
     ]
 
 
-def _front(found: Shown, of: str) -> tuple[Any, Any]:
-    rows = itertools.chain.from_iterable(found.curves.values())
-    front = sorted((r["error"], r[of]) for r in rows if r[f"front_{of}"])
-    points = np.array(front, float).reshape(-1, 2)
+def _front(found: Shown, of: str) -> tuple[Array, Array]:
+    rows = [row for own in found.curves.values() for row in own if row[f"front_{of}"]]
+    points = np.array(sorted((r["error"], r[of]) for r in rows), float).reshape(-1, 2)
     return seen(points[:, 0]), seen(points[:, 1])
 
 
@@ -307,8 +275,9 @@ def _name(key: Key, keys: Iterable[Key]) -> str:
 
 def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
     lines = [f"Reference: {document['reference']['trust']}."]
-    keys = {(row["method"], row["formulation"]): None for row in document["rows"]}
-    gaps = _gaps(document["rows"], found, list(keys))
+    rows = curves(document["rows"])
+    keys = list(rows)
+    gaps = _gaps(rows, found)
     if gaps:
         lines.append(f"No result: {'; '.join(gaps)}.")
     if found.left_out:
@@ -332,22 +301,21 @@ def _rounded(times: float) -> str:
     return f"{float(f'{times:.2g}'):g}" if np.isfinite(times) else "no digits"
 
 
-def _gaps(rows: Sequence[Row], found: Shown, keys: Sequence[Key]) -> list[str]:
+def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> list[str]:
     """Say which settings gave nothing, and why, those next to each other together.
 
     Of the curves that are shown, and of those that would have nothing to show.
     """
     said = []
-    for key in keys:
+    for key, own in rows.items():
         if key in found.left_out:
             continue
-        entries = [r for r in rows if (r["method"], r["formulation"]) == key]
-        for outcome, group in groupby(entries, _without_answer):
+        for outcome, group in groupby(own, _without_answer):
             if outcome is not None:
                 missing = list(group)
                 ends = (missing[0], missing[-1])
                 values = dict.fromkeys(f"{e['value']:.3g}" for e in ends)
-                where = f"{_name(key, keys)} at {missing[0]['setting']}"
+                where = f"{_name(key, rows)} at {missing[0]['setting']}"
                 said.append(f"{where} {' to '.join(values)}: {outcome}")
     return said
 

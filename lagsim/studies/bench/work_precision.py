@@ -44,9 +44,10 @@ if TYPE_CHECKING:
     from lagsim.studies.bench.solving import Solved, Solver
 
     Point = tuple[float, float]
-    # A row of work_precision.json; the method and formulation that it is a point of.
-    Row = dict[str, Any]
-    Key = tuple[str, str]
+
+# A row of work_precision.json; the method and formulation that it is a point of.
+Row = dict[str, Any]
+Key = tuple[str, str]
 
 TOLERANCES = (1e-3, 1e-13)
 # Fixed steps begin at so many rows, and are halved this often at most.

@@ -9,7 +9,7 @@ import math
 import pytest
 
 from lagsim.methods import names
-from lagsim.studies.bench.chart import MOST, chart, look_of, shown
+from lagsim.studies.bench.chart import MOST, chart, figure, look_of, shown
 from lagsim.studies.bench.solving import SCIPY
 from lagsim.studies.experiment import stamp
 from tests.outputs.drawn import assert_legible, drawn
@@ -114,7 +114,7 @@ def test_at_most_a_dozen_curves_and_the_rest_is_named(crowded):
     methods = [method for method, _ in found.curves]
     assert len(set(methods)) == MOST
     assert sum(method in SCIPY for method in methods) == 2
-    said = " ".join(crowded.written())
+    said = " ".join(crowded.written()).replace("\n", " ")
     for method, kind in found.left_out:
         assert f"{method} {kind}" in said or f"{method} (" in said
 
@@ -162,15 +162,18 @@ def marked(looks):
     return [(look, look.mark["marker"]) for look in looks]
 
 
-def test_names_stand_beside_a_sample_of_their_curve(crowded):
-    said = {text.said: text.place[1] for text in crowded.texts}
-    for key in shown(crowd(), 3.0).curves:
-        look, name = look_of(*key), " ".join(key)
-        level = said[name if name in said else key[0]]
-        beside = [s for s in crowded.samples if abs(s.y[0] - level) < 0.06 * 200]
-        assert (look.mark["marker"], look.line["color"].lower()) in {
-            (s.marker, s.colour.lower()) for s in beside if len(s.x) == 3
-        }
+def test_names_stand_beside_a_sample_of_their_curve():
+    legend = figure(DOCUMENTS["crowd"]).axes[0].get_legend()
+    beside = {
+        text.get_text(): (line.get_marker(), line.get_color())
+        for text, line in zip(legend.texts, legend.legend_handles, strict=True)
+    }
+    found = shown(crowd(), 3.0).curves
+    assert len(beside) == len(found)
+    for key in found:
+        look = look_of(*key)
+        sample = beside.get(" ".join(key)) or beside[key[0]]
+        assert sample == (look.mark["marker"], look.line["color"])
 
 
 def test_what_is_better_and_what_it_was_measured_on_is_said():
