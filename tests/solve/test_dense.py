@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
 from lagsim.solve import dense
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
+from tests.kernels import bind
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -63,7 +63,7 @@ MODEL = {"dynamics": dynamics, "geometry": geometry, "bends": bends}
 
 def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:
     kernel = next(k for k in KERNELS if k.__name__ == name)
-    code.bind(kernel, MODEL)(0.0, y, p, out)
+    bind(kernel, MODEL)(0.0, y, p, out)
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,9 @@ import pytest
 
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels import code
 from lagsim.native.kernels.words import at
 from lagsim.solve import dense, laws
+from tests.kernels import bind
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -113,7 +113,7 @@ class System:
         model = {f.__name__: f for f in (dynamics, geometry, bends, loads, gaps)}
         out = np.full(4 * N + ROWS + 3, np.nan)
         y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
-        code.bind(getattr(laws, name), model)(0.0, y, p, out)
+        bind(getattr(laws, name), model)(0.0, y, p, out)
         return out
 
     @property
@@ -309,7 +309,7 @@ def test_what_holds_rounds_as_relations_do(seed):
     p = Parameters.made(n=N, m=len(rows), size=2 * N, loops=1)
     p.expected, p.least_sigma = len(rows), 1.0
     out = np.zeros(4 * N + ROWS + 3)
-    kernel = code.bind(dense.rounding, {"dynamics": dynamics, "loads": loads})
+    kernel = bind(dense.rounding, {"dynamics": dynamics, "loads": loads})
     kernel(0.0, np.zeros(2 * N), p, out)
     close(found, out[:N])
     back = np.linalg.solve(x.M, x.A[rows].T)
