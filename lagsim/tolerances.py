@@ -61,6 +61,11 @@ that the difference has digits, small enough that nothing bends."""
 STALLED_RESIDUAL = 1e-12
 """The residual against its terms up to which a projection may stop falling."""
 
+CONVERGED = 1e-12
+"""What Newton's method leaves at the start: of a residual against its terms, of a step
+against the values, of a gradient against the change; and what numbers that were
+computed elsewhere leave in a rate, against the motion."""
+
 STALLED_STEP = 1e-9
 """The Newton step against the state up to which steps of an implicit method may stop
 shrinking."""
@@ -82,8 +87,12 @@ SETTLED_POSITION = 1e-11
 # --- zero, beside a scale -------------------------------------------------------------
 
 DEPENDENT_ROWS = 1e-10
-"""The singular value, against the largest, below which constraint rows are dependent in
-a linearisation."""
+"""The singular value of scaled constraint rows, and the eigenvalue of a scaled mass
+matrix, against the largest, below which it is zero: rows at an angle of 1e-9 are two
+constraints."""
+
+SAFELY_INDEPENDENT = 1e-5
+"""Such a value above which it is not zero, known by inverse iteration to 1e-6."""
 
 NEARLY_DEPENDENT_ROWS = 1e-2
 """The smallest singular value of scaled rows below which they are solved by QR: normal

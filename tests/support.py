@@ -14,7 +14,7 @@ from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.report import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.mechanics.equations import Equations
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case

@@ -12,8 +12,7 @@ from lagsim.notes import Caution
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from lagsim.admissibility.dependence import Dependence
-    from lagsim.admissibility.report import RankReport
+    from lagsim.admissibility.rank import Dependence, RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations

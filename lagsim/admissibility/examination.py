@@ -8,29 +8,36 @@ the rounding error of the expressions that gave the start.
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility import advice, large
-from lagsim.admissibility.dependence import LEVELS, ThinSet, thin_set
+from lagsim.admissibility import advice
+from lagsim.admissibility.algebra import least_change_metric
 from lagsim.admissibility.finite import out_of_scale, refuse_infinite
 from lagsim.admissibility.inertia import needs_constraints
 from lagsim.admissibility.lengths import Form, Lengths
-from lagsim.admissibility.newton import Found, Trouble, metric_of, nearest, reach
-from lagsim.admissibility.point import Asked, Point
-from lagsim.admissibility.rank import analyse
-from lagsim.admissibility.report import RankReport, Start, StartReport
+from lagsim.admissibility.newton import (
+    Found,
+    Relations,
+    Trouble,
+    Wanted,
+    nearest,
+    nearest_sparse,
+    reach,
+)
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import LEVELS, RankReport, analyse
+from lagsim.admissibility.thin import ThinSet, thin_set
 from lagsim.admissibility.unilateral import (
     contact_status,
     in_force,
-    judge_laws,
     one_sided,
     out_of_force,
     with_timed,
 )
-from lagsim.admissibility.verdict import Verdict, judge, judge_starts
+from lagsim.admissibility.verdict import Verdict, judge, judge_laws, judge_starts
 from lagsim.language.derivatives import slopes
 from lagsim.language.graph import TooMuchError
 from lagsim.mechanics.equations import Instant
@@ -39,12 +46,104 @@ from lagsim.notes import Caution
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.dependence import Dependence
     from lagsim.admissibility.integrability import Reach
-    from lagsim.admissibility.point import AtState
+    from lagsim.admissibility.rank import Dependence
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
+
+
+@dataclass(frozen=True, slots=True)
+class Start(Instant):
+    """A state, which rows depend on others there, and whether M needs them.
+
+    Attributes
+    ----------
+    augmented : bool
+        M alone is singular, but with the constraints every acceleration is determined.
+    """
+
+    ranks: RankReport
+    augmented: bool
+
+
+class StartReport(NamedTuple):
+    """Verdicts, rank and repair of an initial state.
+
+    Attributes
+    ----------
+    state : Instant
+        The nearest exact state where the start is admissible, else the stated one.
+    verdicts : tuple of Verdict
+        The constraints, then the start values of definitions that are not met.
+    ranks : RankReport
+        Which equalities in force depend on others; at the nearest admissible state
+        where the start is not admissible and one was found.
+    lasting : RankReport
+        The same of those that are always in force.
+    sticking : int
+        By how much the limited equalities that hold raise the rank.
+    augmented : bool
+        M alone is singular, but with the constraints every acceleration is determined.
+    reach : Reach or None
+        What velocity constraints let the motion reach; None without any.
+    repair : dict or None
+        The initial names that would change, and to what, where the start is not
+        admissible and a nearest admissible state was found.
+    contradictions : tuple of Dependence
+        Rows that contradict others, at the state or, where no admissible one was found,
+        at the point of least residuals.
+    thin : ThinSet or None
+        The rows that no multiplier keeps, at the state or at the nearest one that meets
+        them.
+    unsolved : str
+        Why no admissible state was found, where none was; or why the guesses alone
+        did not suffice.
+    changes : dict
+        What the exact state changes by more than rounding: name -> (stated, exact).
+    """
+
+    state: Instant
+    verdicts: tuple[Verdict, ...]
+    ranks: RankReport
+    augmented: bool
+    reach: Reach | None
+    repair: dict[str, float] | None
+    contradictions: tuple[Dependence, ...]
+    unsolved: str
+    changes: dict[str, tuple[float, float]]
+    warnings: tuple[Caution, ...]
+    lasting: RankReport
+    thin: ThinSet | None = None
+    sticking: int = 0
+
+    @property
+    def start(self) -> Start:
+        """What a run begins with."""
+        at = self.state
+        return Start(at.t, at.q, at.v, self.lasting, self.augmented)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether a run may begin here."""
+        if self.contradictions or self.thin is not None:
+            return False
+        return all(v.satisfied for v in self.verdicts)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Coordinates minus the rank of the two-sided rows that hold.
+
+        On a set on which they lose their rank all over, its dimension, where known.
+        """
+        if self.thin is not None and self.thin.degrees_of_freedom is not None:
+            return self.thin.degrees_of_freedom
+        return len(self.state.q) - self.rank
+
+    @property
+    def rank(self) -> int:
+        """The rank of the two-sided rows that hold."""
+        return self.ranks.rank + self.sticking
 
 
 # --- Values of the start that are solved for: guesses, exact states, the nearest state
@@ -61,111 +160,88 @@ SHARES = 1e-6
 
 
 class Solver:
-    """Solves for values of the start, and keeps what there is to say about that."""
+    """Solves for values of the start, and keeps what there is to say about that.
 
-    def __init__(
-        self, point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-    ) -> None:
-        self.point, self.e = point, point.e
-        self.stated, self.errors = (q, v), errors
+    Attributes
+    ----------
+    touching : dict
+        One-sided relations that are to be met as equalities.
+    double : bool
+        Positions were found as a double root, and are known to half of the digits.
+    """
+
+    def __init__(self, stated: Point) -> None:
+        self.stated, self.e = stated, stated.e
         self.warnings: list[Caution] = []
-        # Positions were found as a double root, and are known to half of the digits.
         self.double = False
-        # One-sided relations that are to be met as equalities.
         self.touching: dict[str, Row] = {}
 
     def metric(self, free: Sequence[int]) -> Floats:
         """Give the metric of least change on the values `free`: M as it was stated."""
-        self.point.g.count(len(free) ** 3 / DECOMPOSED)
-        M = self.point.mass(*self.stated, free)
-        return metric_of(M, range(len(free)))
-
-    def _nearest(self, relations: AtState, x: Floats, *, far: bool = True) -> Found:
-        """Give the point nearest to x that meets the relations."""
-        free = relations.free
-        if len(free) >= large.LARGE and self._is_positive:
-            entries = self.point.mass_entries(*self.stated, free)
-            M = large.matrix(entries, len(free), len(free))
-            found = large.nearest(relations, x, M)
-            if found is not None:
-                return found
-        return nearest(relations, x, self.metric(free), far=far)
-
-    @cached_property
-    def _is_positive(self) -> bool:
-        return large.is_positive(self.point, *self.stated)
-
-    def asked(self, *, velocities: bool, definitions: bool = True) -> Asked:
-        """Give what is asked of positions, or of velocities."""
-        asked, g = Asked(), self.e.graph
-        for row in (*self.e.rows, *self.touching.values()):
-            if not velocities and row.holonomic:
-                asked.add(row.name, row.residual, row.residual_scale)
-            elif velocities and (not row.holonomic or row.name not in self.touching):
-                asked.add(row.name, row.rate, row.rate_scale)
-        names = frozenset(self.e.velocities)
-        for wanted in self.e.model.initial if definitions else ():
-            node = wanted.node
-            if node is None or bool(g.depends([node]) & names) is not velocities:
-                continue
-            size = g.call("abs", node)
-            asked.add(
-                f"{wanted.name}: {wanted.text}", node, size, wanted.value, wanted.error
-            )
-        return asked
-
-    def touch(self, rows: Mapping[str, Row]) -> None:
-        """Ask of one-sided relations that they just hold."""
-        self.touching |= rows
+        self.stated.g.count(len(free) ** 3 / DECOMPOSED)
+        return least_change_metric(self.stated.mass(free))
 
     def relations(
         self,
+        point: Point,
         free: Sequence[int],
-        q: Floats,
-        v: Floats,
         *,
         velocities: bool,
         definitions: bool = True,
-    ) -> AtState:
-        """Give what is asked of the values `free`."""
-        asked = self.asked(velocities=velocities, definitions=definitions)
-        return self.point.relations(
-            asked, free, q, v, self.errors, velocities=velocities
+    ) -> Relations:
+        """Give what is asked of the values `free`, positions or velocities."""
+        wanted, g = [], self.e.graph
+        for row in (*self.e.rows, *self.touching.values()):
+            if not velocities and row.holonomic:
+                wanted.append(Wanted(row.name, row.residual, row.residual_scale))
+            elif velocities and (not row.holonomic or row.name not in self.touching):
+                wanted.append(Wanted(row.name, row.rate, row.rate_scale))
+        names = frozenset(self.e.velocities)
+        for x in self.e.model.initial if definitions else ():
+            if x.node is not None and bool(g.depends([x.node]) & names) is velocities:
+                size = g.call("abs", x.node)
+                name = f"{x.name}: {x.text}"
+                wanted.append(Wanted(name, x.node, size, x.value, x.error))
+        return Relations(point, wanted, free, velocities=velocities)
+
+    def nearest(self, relations: Relations) -> Found:
+        """Solve for the values, from where they are."""
+        found = self._nearest(relations)
+        return self._noted(found, relations) if relations.wanted else found
+
+    def exact(self, point: Point, *, velocities: bool) -> Point:
+        """Give the nearest exact state; values that are exact to rounding stay."""
+        relations = self.relations(
+            point, range(point.n), velocities=velocities, definitions=False
         )
+        found = self._nearest(relations, far=False)
+        return relations.at(found.x) if found.met else point
 
-    def names(self, free: Sequence[int], *, velocities: bool) -> list[str]:
-        """Give the names of the values `free`."""
-        return [(self.e.velocities if velocities else self.e.q)[j] for j in free]
+    def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
+        """Give the nearest values that meet the relations."""
+        free = relations.free
+        if not relations.wanted:
+            return Found(relations.x0, met=True)
+        if len(free) >= Point.LARGE and self.stated.is_safely_positive:
+            M = self.stated.mass_entries(free).sparse(len(free), len(free))
+            found = nearest_sparse(relations, M)
+            if found is not None:
+                return found
+        return nearest(relations, self.metric(free), far=far)
 
-    def nearest(
-        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
-    ) -> Found:
-        """Solve for the values `free`, from where they are."""
-        asked = self.asked(velocities=velocities)
-        x = (v if velocities else q)[list(free)]
-        if not asked.nodes:
-            return Found(x, met=True)
-        relations = self.relations(free, q, v, velocities=velocities)
-        found = self._nearest(relations, x)
-        return self._noted(found, relations, asked.names, free, velocities)
-
-    def guesses(
-        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
-    ) -> Found:
+    def guesses(self, relations: Relations) -> Found:
         """Solve for guesses: the nearest of several roots, and a hint that there are.
 
         A guess that nothing determines stays as given.
         """
-        found = self.nearest(free, q, v, velocities=velocities)
+        found = self.nearest(relations)
         if not found.met:
             return found
-        x0 = (v if velocities else q)[list(free)]
-        names = self.names(free, velocities=velocities)
-        if not self.asked(velocities=velocities).nodes:
+        x0, names = relations.x0, relations.names
+        if not relations.wanted:
             self._undetermined(names, "nothing determines")
             return found
-        relations = self.relations(free, q, v, velocities=velocities)
-        found = self._closest_root(relations, x0, found, free, velocities)
+        found = self._closest_root(relations, found)
         named = {k for row in relations.slopes for k in row}
         flat, still = (
             np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
@@ -192,38 +268,30 @@ class Solver:
             text = f"{what} the guess `{name}`: it stays as given"
             self._warn("undetermined-guess", text)
 
-    def _closest_root(
-        self,
-        relations: AtState,
-        x0: Floats,
-        found: Found,
-        free: Sequence[int],
-        velocities: bool,
-    ) -> Found:
+    def _closest_root(self, relations: Relations, found: Found) -> Found:
         """Look for other roots around a guess; take the nearest, and say so."""
+        x0, k = relations.x0, len(relations.free)
         J = relations(found.x)[1]
         double = found.trouble is Trouble.DOUBLE_ROOT
-        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < len(free):
+        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < k:
             return found  # a family of roots: the nearest of them has been found
         random = np.random.default_rng(3)  # the same starts each time
-        size = self._spread(relations, x0, found.x, velocities=velocities)
-        size = np.maximum(size, np.abs(x0 - found.x))
+        size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
         size[size == 0] = 1.0
-        metric = self.metric(free)
-        roots = [found.x if velocities else _unwound(relations, found.x, x0)]
+        metric = self.metric(relations.free)
+        roots = [_unwound(relations, found.x)]
         for _ in range(OTHER_STARTS):
-            start = x0 + AROUND * size * random.standard_normal(len(free))
+            start = x0 + AROUND * size * random.standard_normal(k)
             other = reach(relations, start, metric, x0)
             if not other.met:
                 continue
-            x = other.x if velocities else _unwound(relations, other.x, x0)
+            x = _unwound(relations, other.x)
             if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
                 roots.append(x)
         if len(roots) == 1:
             return found
         roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
-        names = self.names(free, velocities=velocities)
-        listed = "; ".join(_listed(names, root) for root in roots[1:3])
+        listed = "; ".join(_listed(relations.names, root) for root in roots[1:3])
         self._warn(
             "other-roots",
             f"the guesses have other solutions too, such as {listed}; the nearest to "
@@ -231,39 +299,15 @@ class Solver:
         )
         return Found(roots[0], met=True)
 
-    def _spread(
-        self, relations: AtState, x0: Floats, x: Floats, *, velocities: bool
-    ) -> Floats:
-        """Give how far around a root x, found from x0, others are looked for."""
-        if velocities:  # 0 may be found as 1e-60
-            return np.full(len(x), np.max(np.abs([x0, x]), initial=0.0))
-        q, v = relations.state(x)
-        g, places = self.e.graph, {}
-        for j, name in enumerate(self.e.q):
-            places[g.variable(name)] = j
-        forms = []
-        for node in relations.asked.nodes:
-            found = slopes(g, node, frozenset(places))
-            forms.append(Form(node, {places[x]: slope for x, slope in found.items()}))
-        spread = Lengths(self.point, forms, q, v).spread
-        return np.asarray(spread[relations.free])
-
-    def _noted(
-        self,
-        found: Found,
-        relations: AtState,
-        asked: Sequence[str],
-        free: Sequence[int],
-        velocities: bool,
-    ) -> Found:
+    def _noted(self, found: Found, relations: Relations) -> Found:
         """Say what was odd about a root, or why there is none."""
-        where = _listed(self.names(free, velocities=velocities), found.x)
+        where = _listed(relations.names, found.x)
         residual, J = relations(found.x)
         worst = int(np.argmax(np.abs(residual)))
-        name = asked[worst]
+        name = relations.wanted[worst].name
         if found.met:
             if found.trouble is Trouble.DOUBLE_ROOT:
-                self.double |= not velocities
+                self.double |= not relations.velocities
                 self._warn(
                     "double-root",
                     f"Newton's method converges only linearly, to {where}: a "
@@ -276,11 +320,11 @@ class Solver:
             lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
             far = np.abs(residual) / lengths
-            shared = far > SHARES * np.max(far)
-            named = [f"`{x}`" for x, is_in in zip(asked, shared, strict=True) if is_in]
-            what = " and ".join(named)
+            shared = zip(relations.wanted, far > SHARES * np.max(far), strict=True)
+            named = [f"`{x.name}`" for x, is_in in shared if is_in]
             together = " together" if len(named) > 1 else ""
-            reason = f"{what} cannot be satisfied{together} near there: {least}"
+            reason = f"{' and '.join(named)} cannot be satisfied{together} near there"
+            reason = f"{reason}: {least}"
         elif found.trouble is Trouble.RUNS_AWAY:
             reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
         elif found.trouble is Trouble.RANK_LOSS:
@@ -295,23 +339,29 @@ class Solver:
     def _warn(self, code: str, text: str) -> None:
         self.warnings.append(Caution(code, text))
 
-    def exact(
-        self, free: Sequence[int], q: Floats, v: Floats, *, velocities: bool
-    ) -> Floats:
-        """Give the nearest exact values; those that are exact to rounding stay."""
-        x = v if velocities else q
-        if not self.asked(velocities=velocities, definitions=False).nodes:
-            return x
-        relations = self.relations(free, q, v, velocities=velocities, definitions=False)
-        found = self._nearest(relations, x, far=False)
-        return found.x if found.met else x
+
+def _spread(relations: Relations, x: Floats) -> Floats:
+    """Give how far around a root x, found from x0, others are looked for."""
+    if relations.velocities:  # 0 may be found as 1e-60
+        return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
+    point = relations.at(x)
+    g = point.g
+    places = {g.variable(name): j for j, name in enumerate(point.e.q)}
+    forms = []
+    for node in relations.nodes:
+        found = slopes(g, node, frozenset(places))
+        forms.append(Form(node, {places[x]: slope for x, slope in found.items()}))
+    return np.asarray(Lengths(point, forms).spread[relations.free])
 
 
-def _unwound(relations: AtState, x: Floats, near: Floats) -> Floats:
+def _unwound(relations: Relations, x: Floats) -> Floats:
     """Give a root without the whole turns of its angles that lead away from a guess.
 
     An angle is a component whose turn changes no relation: at the root, and beside it.
     """
+    if relations.velocities:
+        return x
+    near = relations.x0
     turns = np.rint((x - near) / TURN)
     for k in np.flatnonzero(turns):
         turn = np.zeros(len(x))
@@ -357,17 +407,27 @@ def examine(
         Where energies or forces are not finite, numbers lie too far apart to be
         computed with, or a coordinate has no inertia that no constraint determines.
     """
+    examiner = _Examiner(equations, time)
     try:
-        return _Examiner(equations, time).report(classify=classify)
+        return examiner.report(classify=classify)
     except np.linalg.LinAlgError:
-        raise out_of_scale(Point(equations, time)) from None
+        raise out_of_scale(equations.model) from None
+
+
+def start_at(equations: Equations, state: Instant) -> Start:
+    """Give the ranks of equations at a state that satisfies their constraints.
+
+    Plans are made from that.
+    """
+    point = Point(equations, state)
+    point = point.at(errors=point.solved_errors())
+    return Start(state.t, state.q, state.v, analyse(point), needs_constraints(point))
 
 
 class _Judged(NamedTuple):
     """Where the rows are looked at, what is met there, and what contradicts."""
 
-    q: Floats
-    v: Floats
+    point: Point
     ranks: RankReport
     contradictions: tuple[Dependence, ...]
     repair: dict[str, float] | None = None
@@ -379,67 +439,63 @@ class _Examiner:
     def __init__(self, equations: Equations, time: float) -> None:
         self.always, self.off = equations, out_of_force(equations, time)
         self.e = with_timed(equations, self.off)
-        self.point = Point(self.e, time)
-        self.initial = {value.name: value for value in equations.model.initial}
-        self.errors = {value.name: value.error for value in equations.model.initial}
-        names = (*equations.q, *equations.velocities)
-        stated = [self.initial[name].value for name in names]
-        guessed = [self.initial[name].guess for name in names]
+        self.initial = {x.name: x for x in equations.model.initial}
+        # Of the values as they are stated, or solved for where they are guesses.
+        self.errors = {x.name: x.error for x in equations.model.initial}
+        own = [self.initial[x] for x in (*equations.q, *equations.velocities)]
         n = self.n = len(equations.q)
-        self.q0, self.v0 = np.array(stated[:n]), np.array(stated[n:])
-        self.free_q = [j for j in range(n) if guessed[j]]
-        self.free_v = [j for j in range(n) if guessed[n + j]]
+        values = np.array([x.value for x in own])
+        self.origin = values[:n], values[n:]
+        self.stated = Point(self.e, Instant(time, *self.origin), self.errors)
+        self.free = [[j for j in range(n) if x[j].guess] for x in (own[:n], own[n:])]
+        self.solver = Solver(self.stated)
 
     def report(self, *, classify: bool) -> StartReport:
-        point = self.point
-        guessed = bool(self.free_q or self.free_v)
-        refuse_infinite(point, self.q0, self.v0, self.off, rows=not guessed)
-        self.solver = Solver(point, self.q0, self.v0, self.errors)
-        q, v, unsolved = self._guessed()
+        e, guessed = self.e, any(self.free)
+        refuse_infinite(self.stated, self.off, rows=not guessed)
+        point, unsolved = self._guessed()
         if guessed:
-            refuse_infinite(point, q, v, self.off, rows=True)
-        verdicts = judge(point, q, v, self.errors)
-        laws = judge_laws(point, self.off, (q, v), self.errors)
-        starts = judge_starts(point, q, v, self.errors)
+            refuse_infinite(point, self.off, rows=True)
+        verdicts, laws = judge(point), judge_laws(point, self.off)
+        starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
         warnings = self.solver.warnings
-        stated = (q.copy(), v.copy())
         met = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if met:
-            warnings += advice.rough_starts(self.e, verdicts, starts)
-            judged = self._exact(q, v, laws)
-            q, v = judged.q, judged.v
+            warnings += advice.rough_starts(e, verdicts, starts)
+            judged = self._exact(point, laws)
         else:
-            judged = self._nearby(q, v)
-        errors = self._errors(judged)
-        always = Point(self.always, point.t)
-        augmented = needs_constraints(always, judged.q, judged.v, errors)
-        warnings += advice.about_names(self.e.model)
-        warnings += advice.multiple_roots(self.e)
-        warnings += advice.about_reactions(self.e)
+            judged = self._nearby(point)
+        here = judged.point
+        always = Point(self.always, here.state, here.errors)
+        augmented = needs_constraints(always)
+        warnings += advice.about_names(e.model)
+        warnings += advice.multiple_roots(e)
+        warnings += advice.about_reactions(e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin
-        warnings += advice.about_ranks(self.e, judged.ranks, thin, sound=sound)
+        warnings += advice.about_ranks(e, judged.ranks, thin, sound=sound)
         reach: Reach | None = None
-        redundant = {d.name for d in judged.ranks.dependences}
-        verdicts = [x._replace(redundant=x.name in redundant) for x in verdicts]
-        if classify and not all(row.holonomic for row in self.e.rows):
+        dependent = {d.name for d in judged.ranks.dependences}
+        verdicts = [x._replace(redundant=x.name in dependent) for x in verdicts]
+        if classify and not all(row.holonomic for row in e.rows):
             from lagsim.admissibility.integrability import classified
 
-            verdicts, reach = classified(point, verdicts, judged.q)
+            verdicts, reach = classified(here, verdicts)
         lasting, sticking = judged.ranks, 0
-        if self.e is not self.always:
-            lasting = analyse(always, judged.q, judged.v, errors)
+        if e is not self.always:
+            lasting = analyse(always)
         if classify and laws:
-            told = contact_status(point, laws, judged, errors, sound=sound and met)
-            warnings += told.warnings
-            laws, sticking = told.verdicts, told.raised
-        if self.e.laws:
-            place = {c.name: k for k, c in enumerate(self.e.model.constraints)}
-            whole = [*in_force(verdicts, self.e), *laws]
+            laws, sticking, told = contact_status(
+                here, laws, judged.ranks.rank, sound=sound and met
+            )
+            warnings += told
+        if e.laws:
+            place = {c.name: k for k, c in enumerate(e.model.constraints)}
+            whole = [*in_force(verdicts, e), *laws]
             verdicts = sorted(whole, key=lambda x: place[x.name])
         return StartReport(
-            state=Instant(point.t, q, v),
+            state=here.state if met else point.state,
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
             lasting=lasting,
@@ -449,59 +505,55 @@ class _Examiner:
             repair=judged.repair,
             contradictions=judged.contradictions,
             unsolved=judged.unsolved or unsolved,
-            changes=self._changes(stated, (q, v)),
+            changes=self._changes(point, here) if met else {},
             warnings=tuple(warnings),
             thin=judged.thin,
         )
 
-    def _guessed(self) -> tuple[Floats, Floats, str]:
+    def _guessed(self) -> tuple[Point, str]:
         """Solve the guesses, positions first, then velocities; say why they fail."""
-        q, v = self.q0.copy(), self.v0.copy()
-        for free, x, velocities in ((self.free_q, q, False), (self.free_v, v, True)):
+        point, warnings = self.stated, self.solver.warnings
+        for free, velocities in zip(self.free, (False, True), strict=True):
             if not free:
                 continue
-            before, said = x[free], len(self.solver.warnings)
-            found = self.solver.guesses(free, q, v, velocities=velocities)
-            while found.met:
-                x[free] = found.x
-                if not self._touch(q, v, velocities=velocities, free=free):
+            before = len(warnings)
+            while True:
+                relations = self.solver.relations(point, free, velocities=velocities)
+                found = self.solver.guesses(relations)
+                if not found.met:
+                    return point, found.reason
+                solved = relations.at(found.x)
+                if not self._touch(solved, velocities=velocities, free=free):
                     break
-                x[free] = before
-                del self.solver.warnings[said:]
-                found = self.solver.guesses(free, q, v, velocities=velocities)
-            if not found.met:
-                return q, v, found.reason
-            errors = self.point.solved_errors(q, v, (self.q0, self.v0))
-            names = self.solver.names(free, velocities=velocities)
-            moved = zip(names, x[free] != before, strict=True)
-            self.errors.update({name: errors[name] for name, far in moved if far})
-        return q, v, ""
+                del warnings[before:]
+            errors = solved.solved_errors(self.origin)
+            for name, far in zip(relations.names, found.x != relations.x0, strict=True):
+                if far:
+                    self.errors[name] = errors[name]
+            point = solved.at(errors=self.errors)
+        return point, ""
 
-    def _errors(self, judged: _Judged) -> dict[str, float]:
-        """Give the errors of a state: as stated, or of values solved for."""
-        values = self.point.values(judged.q, judged.v)
-        names = (*self.e.q, *self.e.velocities)
-        if all(values[name] == self.initial[name].value for name in names):
-            return dict(self.errors)
-        errors = self.point.solved_errors(judged.q, judged.v, (self.q0, self.v0))
-        for name, value in values.items():
-            if name in errors and value == self.initial[name].value:
-                errors[name] = self.errors[name]
-        return errors
+    def _inexact(self, point: Point) -> Point:
+        """Give a point with the errors of its values: as stated, or solved for."""
+        here = {x: point.values[x] for x in (*self.e.q, *self.e.velocities)}
+        same = {name for name, x in here.items() if x == self.initial[name].value}
+        if same == here.keys():
+            return point.at(errors=dict(self.errors))
+        errors = point.solved_errors(self.origin)
+        return point.at(errors=errors | {name: self.errors[name] for name in same})
 
-    def _analysed(self, q: Floats, v: Floats, levels: Sequence[str]) -> _Judged:
-        judged = _Judged(q, v, RankReport(0, 1.0, 0, 1.0), ())
-        sizes, both = self.point.sizes(q, v), ((q, self.q0), (v, self.v0))
-        way_q, way_v = (
-            np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes) for x, x0 in both
-        )
-        double = way_q if self.solver.double else None
-        errors = self._errors(judged)
-        ranks = analyse(self.point, q, v, errors, levels, double=double)
-        thin = None
+    def _analysed(self, point: Point, levels: Sequence[str]) -> _Judged:
+        sizes = point.sizes
+        ways = [
+            np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes)
+            for x, x0 in zip((point.q, point.v), self.origin, strict=True)
+        ]
+        double = ways[0] if self.solver.double else None
+        point = self._inexact(point)
+        ranks, thin = analyse(point, levels, double=double), None
         if levels == LEVELS:
-            ways = (np.zeros_like(q) if double is None else double, way_v)
-            thin, real = thin_set(self.point, q, v, ranks.dependences, ways)
+            around = (np.zeros(self.n) if double is None else double, ways[1])
+            thin, real = thin_set(point, ranks.dependences, around)
             ranks = ranks._replace(
                 dependences=tuple(
                     # It is not one too many, though no state nearby was found.
@@ -512,70 +564,56 @@ class _Examiner:
                 ),
             )
         against = tuple(d for d in ranks.dependences if d.contradictions)
-        return judged._replace(ranks=ranks, contradictions=against, thin=thin)
+        unsolved = f"{thin}: {SIMPLE}" if thin and not against else ""
+        return _Judged(point, ranks, against, thin=thin, unsolved=unsolved)
 
-    def _exact(self, q: Floats, v: Floats, laws: Sequence[Verdict]) -> _Judged:
-        """Give the nearest exact state; one that is exact to rounding stays."""
-        everything = range(self.n)
+    def _exact(self, point: Point, laws: Sequence[Verdict]) -> _Judged:
+        """Judge the nearest exact state; one that is exact to rounding stays."""
         passed = {
             x.name
             for x in laws
             if x.judged and x.position.value < 0 and not x.position.exact
         }
-        self.solver.touch(one_sided(self.e, passed))
-        q = self.solver.exact(everything, q, v, velocities=False)
-        v = self.solver.exact(everything, q, v, velocities=True)
-        judged = self._analysed(q, v, LEVELS)
+        self.solver.touching |= one_sided(self.e, passed)
+        point = self.solver.exact(point, velocities=False)
+        judged = self._analysed(self.solver.exact(point, velocities=True), LEVELS)
         if judged.contradictions:
             unsolved = f"{_told(judged.contradictions)}: no motion can begin here"
             return judged._replace(unsolved=unsolved)
-        if judged.thin:
-            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
         return judged
 
-    def _nearby(self, q: Floats, v: Floats) -> _Judged:
+    def _nearby(self, point: Point) -> _Judged:
         """Give what `_repaired` does, or that it takes too much work to find."""
         try:
-            return self._repaired(q, v)
+            return self._repaired(point)
         except TooMuchError:
-            return self._analysed(q, v, ())._replace(unsolved=FAR)
+            return self._analysed(point, ())._replace(unsolved=FAR)
 
-    def _repaired(self, q: Floats, v: Floats) -> _Judged:
-        """Give the nearest admissible state over all values, and the names to change.
+    def _repaired(self, point: Point) -> _Judged:
+        """Judge the nearest admissible state over all values; name those to change.
 
         Where there is none, what contradicts at the point of least residuals.
         """
-        everything = range(self.n)
-        state = [self.q0.copy(), self.v0.copy()]
+        near, everything = self.stated.at(errors=self.errors), range(self.n)
         for k, velocities in enumerate((False, True)):
-            found = self.solver.nearest(
-                everything, state[0], state[1], velocities=velocities
-            )
-            state[k] = found.x
+            relations = self.solver.relations(near, everything, velocities=velocities)
+            found = self.solver.nearest(relations)
+            near = relations.at(found.x)
             if not found.met:
-                least = self._analysed(state[0], state[1], LEVELS[: k + 1])
-                against = least.contradictions
+                against = self._analysed(near, LEVELS[: k + 1]).contradictions
                 told = f"{_told(against)}; {found.least}" if against else found.reason
-                judged = self._analysed(q, v, ())
+                judged = self._analysed(point, ())
                 return judged._replace(contradictions=against, unsolved=told)
-            if self._touch(state[0], state[1], velocities=velocities):
-                return self._repaired(q, v)
-        changed = self._changes((self.q0, self.v0), (state[0], state[1]))
-        judged = self._analysed(state[0], state[1], LEVELS)
-        if judged.contradictions:
+            if self._touch(near, velocities=velocities):
+                return self._repaired(point)
+        changed = self._changes(self.stated, near)
+        judged = self._analysed(near, LEVELS)
+        if judged.contradictions or judged.thin:
             return judged
-        if judged.thin:
-            return judged._replace(unsolved=f"{judged.thin}: {SIMPLE}")
-        repair = {name: new for name, (_, new) in changed.items()}
-        return judged._replace(repair=repair)
+        return judged._replace(repair={name: new for name, (_, new) in changed.items()})
 
     def _touch(
-        self,
-        q: Floats,
-        v: Floats,
-        *,
-        velocities: bool,
-        free: Sequence[int] | None = None,
+        self, point: Point, *, velocities: bool, free: Sequence[int] | None = None
     ) -> bool:
         """Ask of what is violated that it just holds; tell if any of that is new.
 
@@ -583,47 +621,31 @@ class _Examiner:
         """
         if not self.e.laws:
             return False
-        errors = self.point.solved_errors(q, v, (self.q0, self.v0))
-        missed = {
-            x.name
-            for x in judge_laws(self.point, self.off, (q, v), errors)
-            if not x.satisfied and x.name not in self.solver.touching
-        }
+        solved = point.at(errors=point.solved_errors(self.origin))
+        missed = {x.name for x in judge_laws(solved, self.off) if not x.satisfied}
         new = {
             name: row
             for name, row in one_sided(self.e, missed).items()
-            if row.holonomic is not velocities
+            if name not in self.solver.touching
+            and row.holonomic is not velocities
             and (free is None or not row.A.entries.keys().isdisjoint(free))
         }
-        self.solver.touch(new)
+        self.solver.touching |= new
         return bool(new)
 
-    def _changes(
-        self, old: tuple[Floats, Floats], new: tuple[Floats, Floats]
-    ) -> dict[str, tuple[float, float]]:
+    def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
+        """Give what changes by more than rounding: name -> (old, new)."""
         names = (*self.e.q, *self.e.velocities)
-        before, after = np.concatenate(old), np.concatenate(new)
-        errors = self.point.solved_errors(*new, old)
-        bounds = [REPORTED * errors[name] for name in names]
-        moved = np.abs(after - before) > bounds
+        errors = new.solved_errors((old.q, old.v))
+        pairs: Mapping[str, tuple[float, float]] = {
+            name: (old.values[name], new.values[name]) for name in names
+        }
         return {
-            name: (float(before[i]), float(after[i]))
-            for i, name in enumerate(names)
-            if moved[i]
+            name: (a, b)
+            for name, (a, b) in pairs.items()
+            if abs(b - a) > REPORTED * errors[name]
         }
 
 
 def _told(against: tuple[Dependence, ...]) -> str:
     return "; ".join(d.contradiction() for d in against)
-
-
-def start_at(equations: Equations, state: Instant) -> Start:
-    """Give the ranks of equations at a state that satisfies their constraints.
-
-    Plans are made from that.
-    """
-    q, v = state.q, state.v
-    point = Point(equations, state.t)
-    errors = point.solved_errors(q, v)
-    ranks = analyse(point, q, v, errors)
-    return Start(state.t, q, v, ranks, needs_constraints(point, q, v, errors))

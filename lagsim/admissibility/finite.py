@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,13 +14,12 @@ from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Sequence
+    from collections.abc import Collection, Sequence
 
     from lagsim.admissibility.point import Point
     from lagsim.errors import Place
     from lagsim.language.arrays import Floats
-    from lagsim.language.graph import Graph
-    from lagsim.model.model import Constraint, Model
+    from lagsim.model.model import Model
 
 # So many of what is not finite by one expression are named.
 MOST_NAMES = 4
@@ -35,9 +35,7 @@ DIRECTION = (
 )
 
 
-def refuse_infinite(
-    point: Point, q: Floats, v: Floats, off: Collection[str], *, rows: bool
-) -> None:
+def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     """Refuse a state at which energies, forces or constraints are not finite.
 
     The `rows` of constraints need not be where they are only guessed, nor those of
@@ -55,52 +53,46 @@ def refuse_infinite(
     ]
     named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
     if rows:
-        more = [law.row for law in e.laws if law.constraint not in off]
-        held = {row.name: row for row in (*e.rows, *more)}
+        laws = [law for law in e.laws if law.constraint not in off]
+        held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
-        apart = _open(point, q, v)
+        apart = _open(point)
         named += [
             (f"the rate of {name}", row.rate)
             for name, row in held.items()
             if name not in apart
         ]
-        named += [
-            (f"the bound of {law.multiplier}", law.bound)
-            for law in e.laws
-            if law.constraint not in off
-        ]
+        named += [(f"the bound of {law.multiplier}", law.bound) for law in laws]
     named += [
         (f"the inertia of {q}", node) for q, node in zip(e.q, e.inertias, strict=True)
     ]
     found = [(name, node) for name, node in named if node is not None]
-    values = point.array([node for _, node in found], q, v)
-    resting = {name for name, rate in zip(e.velocities, v, strict=True) if not rate}
+    values = point.array([node for _, node in found]).tolist()
     faulty = [
         (name, node, value)
         for (name, node), value in zip(found, values, strict=True)
-        if not np.isfinite(value)
+        if not math.isfinite(value)
     ]
     if not faulty:
         return
-    sources = _sources(point, q, v)
-    by: dict[_Source | None, list[int]] = {}
-    for k, (_, node, _) in enumerate(faulty):
-        by.setdefault(_source(point, node, sources), []).append(k)
+    sources = _sources(point)
+    by: dict[_Source | None, list[tuple[str, int, float]]] = {}
+    for one in faulty:
+        by.setdefault(_source(point, one[1], sources), []).append(one)
     if len(by) > 1:
         by.pop(None, None)  # by several of those that are reported
-    state = _State(point, q, v, resting, _home(e.model, sources))
-    raise InputError(
-        [state.problem(s, [faulty[k] for k in ks]) for s, ks in by.items()]
-    )
+    # The place of what is not finite by several things, or by none alone.
+    places = [source.place for source in sources]
+    places += [e.model.places.get(x) for x in ("kinetic", "potential", "lagrangian")]
+    home = next((place for place in places if place is not None), None)
+    raise InputError([_problem(point, s, own, home) for s, own in by.items()])
 
 
-# Its multiples are far from each other, less whole numbers (H. Weyl, 1916).
-GOLDEN = (5**0.5 - 1) / 2
-
-
-def _along(g: Graph, moving: Sequence[int]) -> dict[int, int]:
-    """Give a direction that no difference vanishes along."""
-    return {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
+def _open(point: Point) -> set[str]:
+    """Give the contacts whose gaps are open: of them no rate is asked."""
+    contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
+    gaps = point.array([law.row.residual for law in contacts])
+    return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}
 
 
 class _Source(NamedTuple):
@@ -111,14 +103,9 @@ class _Source(NamedTuple):
     place: Place | None
 
 
-def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
+def _sources(point: Point) -> list[_Source]:
     """Give these, each definition and energy before what uses it."""
     e, model = point.e, point.e.model
-    definitions = [
-        _Source(f"the definition `{d.name}`", d.node, model.places.get(d.name))
-        for d in sorted(model.definitions, key=lambda d: d.node)
-        if d.level is not Level.OUTPUT
-    ]
     energies = {
         "kinetic": model.kinetic,
         "potential": model.potential,
@@ -126,43 +113,47 @@ def _sources(point: Point, q: Floats, v: Floats) -> list[_Source]:
     }
     if model.kinetic is None:
         energies["lagrangian"] = model.lagrangian
-    said = [
+    stated = [
         _Source(f"`{name}`", node, model.places.get(name))
         for name, node in energies.items()
         if node is not None
     ]
-    said += [_Source(f"the force on `{f.on}`", f.node, f.place) for f in model.forces]
-    said += [
+    stated += [_Source(f"the force on `{f.on}`", f.node, f.place) for f in model.forces]
+    stated += [
         _Source(f"the constraint `{c.name}`", c.relation.node, c.relation.place)
         for c in model.constraints
     ]
-    said += [source for c in model.constraints for source in _law(c)]
-    used = set(e.graph.cone([source.node for source in said]))
-    said = [*(d for d in definitions if d.node in used), *said]
-    nodes = [source.node for source in said]
-    moving = [e.graph.variable(name) for name in (*e.q, *e.velocities)]
-    slopes = tangent(e.graph, nodes, _along(e.graph, moving))
-    values, rates = point.array([*nodes, *slopes], q, v).reshape(2, -1)
-    finite = np.isfinite(values) & np.isfinite(rates)
-    return [s for s, sound in zip(said, finite, strict=True) if not sound]
+    for c in model.constraints:  # what bounds the force of each
+        bounds = {"limit": c.limit}
+        if c.law is not None:
+            bounds |= {"friction": c.law.friction, "static friction": c.law.static}
+        stated += [
+            _Source(f"the {what} of `{c.name}`", node, c.relation.place)
+            for what, node in bounds.items()
+            if node is not None
+        ]
+    used = set(e.graph.cone([source.node for source in stated]))
+    definitions = [
+        _Source(f"the definition `{d.name}`", d.node, model.places.get(d.name))
+        for d in sorted(model.definitions, key=lambda d: d.node)
+        if d.level is not Level.OUTPUT and d.node in used
+    ]
+    stated = [*definitions, *stated]
+    values, slopes = _values_and_slopes(point, [source.node for source in stated])
+    finite = np.isfinite(values) & np.isfinite(slopes)
+    return [s for s, sound in zip(stated, finite, strict=True) if not sound]
 
 
-def _law(c: Constraint) -> Iterator[_Source]:
-    """Give what bounds the force of a constraint."""
-    bounds = {"limit": c.limit}
-    if c.law is not None:
-        bounds |= {"friction": c.law.friction, "static friction": c.law.static}
-    for what, node in bounds.items():
-        if node is not None:
-            text = f"the {what} of `{c.name}`"
-            yield _Source(text, node, c.relation.place)
+# Its multiples are far from each other, less whole numbers (H. Weyl, 1916).
+GOLDEN = (5**0.5 - 1) / 2
 
 
-def _home(model: Model, sources: list[_Source]) -> Place | None:
-    """Give the place of what is not finite by several things, or by none alone."""
-    places = [source.place for source in sources]
-    places += [model.places.get(x) for x in ("kinetic", "potential", "lagrangian")]
-    return next((place for place in places if place is not None), None)
+def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
+    """Give values and slopes (2, k) of nodes, in a direction in which none vanishes."""
+    g = point.g
+    moving = [g.variable(name) for name in (*point.e.q, *point.e.velocities)]
+    along = {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
+    return point.array([*nodes, *tangent(g, nodes, along)]).reshape(2, -1)
 
 
 def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
@@ -177,107 +168,75 @@ def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
     return sources[0] if users == sources else None  # all of them by the first
 
 
-class _State(NamedTuple):
-    """A state at which something is not finite.
+def _problem(
+    point: Point,
+    source: _Source | None,
+    faulty: list[tuple[str, int, float]],
+    home: Place | None,
+) -> Problem:
+    """Give the fault of what the file says, and of all that is not finite by it."""
+    g, names = point.g, [name for name, _, _ in faulty]
+    more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
+    place = source.place if source else home
+    found = _innermost(point, source.node if source else faulty[0][1])
+    if found is None:
+        name, node, value = faulty[0]
+        by = f", by {source.what}" if source else ""
+        text = f"{name} is {value} at the start, not finite{by}"
+        if names[1:]:
+            text += f"; so are {', '.join(names[1:MOST_NAMES])}{more}"
+        hint = DIRECTION if _rests(point, node) else NO_VALUE
+        return Problem("not-finite", text, place, hint)
+    inner, instead = found
+    where = f" in {source.what}" if source else ""
+    text = f"`{expression_text(g, inner)}`{where} {instead} at the start"
+    args = [a for a in dict.fromkeys(g.args[inner]) if g.value(a) is None]
+    values = zip(args, point.array(args), strict=True)
+    told = [f"{expression_text(g, a)} is {value:g}" for a, value in values]
+    text += f", where {' and '.join(told)}" if told else ""
+    if source is None or names != [source.what.strip("`")]:
+        text += f"; it makes {', '.join(names[:MOST_NAMES])}{more} not finite"
+    return Problem("not-finite", text, place, _hint(point, inner))
 
-    Attributes
-    ----------
-    resting : set of str
-        The velocities that are 0.
-    home : Place or None
-        Of what is not finite by nothing that the file says alone.
+
+def _innermost(point: Point, node: int) -> tuple[int, str] | None:
+    """Give the first expression below a node without a value or a slope.
+
+    And what it has instead: its arguments have both.
     """
-
-    point: Point
-    q: Floats
-    v: Floats
-    resting: set[str]
-    home: Place | None
-
-    def problem(
-        self, source: _Source | None, faulty: list[tuple[str, int, float]]
-    ) -> Problem:
-        """Give the fault of what the file says, and of all that is not finite by it."""
-        g = self.point.e.graph
-        names = [name for name, _, _ in faulty]
-        more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
-        depend = f"{', '.join(names[:MOST_NAMES])}{more}"
-        node = source.node if source else faulty[0][1]
-        found = self._innermost(node)
-        if found is None:
-            name, node, value = faulty[0]
-            by = f", by {source.what}" if source else ""
-            text = f"{name} is {value} at the start, not finite{by}"
-            if names[1:]:
-                text += f"; so are {', '.join(names[1:MOST_NAMES])}{more}"
-            hint = DIRECTION if g.depends([node]) & self.resting else NO_VALUE
-            return Problem(
-                "not-finite", text, source.place if source else self.home, hint
-            )
-        inner, said = found
-        where = f" in {source.what}" if source else ""
-        arguments = self._arguments(inner)
-        text = f"`{expression_text(g, inner)}`{where} {said} at the start"
-        text += f", where {arguments}" if arguments else ""
-        if source is None or names != [source.what.strip("`")]:
-            text += f"; it makes {depend} not finite"
-        place = source.place if source else self.home
-        return Problem("not-finite", text, place, self._hint(inner))
-
-    def _innermost(self, node: int) -> tuple[int, str] | None:
-        """Give the first expression below a node without a value or a slope.
-
-        And what it has instead: its arguments have both.
-        """
-        g = self.point.e.graph
-        cone = g.cone([node])
-        moving = [g.variable(n) for n in (*self.point.e.q, *self.point.e.velocities)]
-        slopes = tangent(g, cone, _along(g, moving))
-        values, rates = self.point.array([*cone, *slopes], self.q, self.v).reshape(
-            2, -1
-        )
-        for told, numbers in (("is {:g}", values), ("has no finite slope", rates)):
-            for n, number in zip(cone, numbers, strict=True):
-                if not np.isfinite(number):
-                    return n, told.format(number)
-        return None
-
-    def _arguments(self, node: int) -> str:
-        """Give the values of the arguments of an expression that are no numbers."""
-        g = self.point.e.graph
-        args = [a for a in dict.fromkeys(g.args[node]) if g.value(a) is None]
-        values = self.point.array(args, self.q, self.v)
-        return " and ".join(
-            f"{expression_text(g, a)} is {value:g}"
-            for a, value in zip(args, values, strict=True)
-        )
-
-    def _hint(self, node: int) -> str:
-        g = self.point.e.graph
-        op, args = g.ops[node], g.args[node]
-        if g.depends([node]) & self.resting:
-            return DIRECTION
-        values = self.point.array(args, self.q, self.v)
-        if op in ("sqrt", "log", "log10") and values[0] < 0.0:
-            return f"start, or guess, where {expression_text(g, args[0])} is positive"
-        if op == "div" and values[1] == 0.0:
-            return f"start, or guess, where {expression_text(g, args[1])} is not 0"
-        return NO_VALUE
+    cone = point.g.cone([node])
+    texts = ("is {:g}", "has no finite slope")
+    for text, numbers in zip(texts, _values_and_slopes(point, cone), strict=True):
+        for n, number in zip(cone, numbers, strict=True):
+            if not np.isfinite(number):
+                return n, text.format(number)
+    return None
 
 
-def _open(point: Point, q: Floats, v: Floats) -> set[str]:
-    """Give the contacts whose gaps are open: of them no rate is asked."""
-    contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
-    gaps = point.array([law.row.residual for law in contacts], q, v)
-    return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}
+def _rests(point: Point, node: int) -> bool:
+    """Tell whether a node depends on a velocity that is 0."""
+    rates = zip(point.e.velocities, point.v, strict=True)
+    return bool(point.g.depends([node]) & {name for name, rate in rates if not rate})
 
 
-def out_of_scale(point: Point) -> InputError:
+def _hint(point: Point, node: int) -> str:
+    g = point.g
+    op, args = g.ops[node], g.args[node]
+    if _rests(point, node):
+        return DIRECTION
+    values = point.array(args)
+    if op in ("sqrt", "log", "log10") and values[0] < 0.0:
+        return f"start, or guess, where {expression_text(g, args[0])} is positive"
+    if op == "div" and values[1] == 0.0:
+        return f"start, or guess, where {expression_text(g, args[1])} is not 0"
+    return NO_VALUE
+
+
+def out_of_scale(model: Model) -> InputError:
     """Give what tells that doubles do not hold what the start asks for.
 
     LAPACK fails for nothing else: what it is given has overflowed on the way.
     """
-    model = point.e.model
     stated = {value.name: value.value for value in model.initial}
     known = stated | {p.name: p.value for p in model.parameters}
     sizes = {name: abs(x) for name, x in known.items() if x}

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.large import is_large, is_positive
-from lagsim.admissibility.newton import RANK, null_space, sizes_of
+from lagsim.admissibility.algebra import null_space, sizes_of
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_rows
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.tolerances import DEPENDENT_ROWS, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,9 +26,7 @@ if TYPE_CHECKING:
 PASSING = 1e-13
 
 
-def needs_constraints(
-    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-) -> bool:
+def needs_constraints(point: Point) -> bool:
     """Tell whether M is singular alone but positive where the constraints let it move.
 
     Raises
@@ -38,20 +35,18 @@ def needs_constraints(
         Where a direction that the constraints admit has no inertia, or any direction a
         negative one.
     """
-    if (is_large(point) or point.e.chains) and is_positive(point, q, v):
+    if (point.is_large or point.e.chains) and point.is_safely_positive:
         return False
-    M = point.mass(q, v)
-    A = point.jacobian(point.e.rows, q, v, errors)
-    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
-    scaled = M / np.outer(size, size)
+    size, scaled, rows = _scaled(point)
     inertia, directions = np.linalg.eigh(scaled)
-    least = PASSING if _varies(point) else RANK
+    varies = not point.g.depends(point.e.mass_nodes).isdisjoint(point.e.q)
+    least = PASSING if varies else DEPENDENT_ROWS
     if inertia[0] > least:
         return False
-    if inertia[0] < -RANK:
+    if inertia[0] < -DEPENDENT_ROWS:
         direction = directions[:, 0] / size
         raise InputError([_problem(point, direction, negative=True)])
-    kernel = _admissible(A / size)
+    kernel = _admissible(rows)
     if not kernel.shape[1]:
         return True
     inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
@@ -62,30 +57,33 @@ def needs_constraints(
     raise InputError([_problem(point, direction, negative=False, which=always)])
 
 
-def admitted_inertia(point: Point, q: Floats, v: Floats, i: int) -> float:
+def admitted_inertia(point: Point, i: int) -> float:
     """Give the inertia that a force on coordinate i meets; inf: constraints hold it.
 
     That is 1 over its acceleration by a unit force along the admissible directions.
     """
-    M = point.mass(q, v)
-    A = point.jacobian(point.e.rows, q, v, {})
-    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
-    kernel = _admissible(A / size)
-    inertia, directions = np.linalg.eigh(kernel.T @ (M / np.outer(size, size)) @ kernel)
+    size, scaled, rows = _scaled(point)
+    kernel = _admissible(rows)
+    inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
     along = (kernel[i] @ directions) ** 2
     moved = float(np.sum(along / np.maximum(inertia, UNIT_ROUNDOFF)))
     return float(size[i] ** 2 / moved) if moved > 0.0 else math.inf
+
+
+def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
+    """Give sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
+
+    What is only rounding in A is zero.
+    """
+    M, A = point.mass_matrix, point.jacobian(point.e.rows, rounded=True)
+    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
+    return size, M / np.outer(size, size), A / size
 
 
 def _admissible(rows: Floats) -> Floats:
     """Give the directions (n, k) that rows (m, n) leave."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return null_space(rows / np.where(lengths > 0, lengths, 1.0))
-
-
-def _varies(point: Point) -> bool:
-    e = point.e
-    return not e.graph.depends(e.mass_nodes).isdisjoint(e.q)
 
 
 def _factor(c: float) -> str:
@@ -131,7 +129,7 @@ def _problem(
 # which says why.
 
 # More than any bound asks for: what is closer to one is looked at by itself.
-CLEAR = 2.0 * max(RANK, PASSING)
+CLEAR = 2.0 * max(DEPENDENT_ROWS, PASSING)
 
 
 def needs_no_solve(equations: Equations) -> bool:

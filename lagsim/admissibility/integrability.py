@@ -13,12 +13,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.large import is_large
+from lagsim.admissibility.algebra import Span, least_squares, null_space
 from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.newton import least_squares, reach
-from lagsim.admissibility.point import Asked
+from lagsim.admissibility.newton import Relations, reach, wanted_of
 from lagsim.language.derivatives import tangent
-from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.functions import CHOOSING, STEPS
 
 if TYPE_CHECKING:
@@ -64,39 +62,33 @@ class Reach(NamedTuple):
 
 
 def classified(
-    point: Point, verdicts: Sequence[Verdict], q: Floats
+    point: Point, verdicts: Sequence[Verdict]
 ) -> tuple[list[Verdict], Reach]:
     """Say which Pfaffian relations alone are integrable, and what all let it reach."""
     rows = {row.name: row for row in point.e.rows}
-    whole = reach_of(point, point.e.rows, q)
-    found = []
-    for verdict in verdicts:
+    whole = reach_of(point, point.e.rows)
+    found = list(verdicts)
+    for k, verdict in enumerate(verdicts):
         if verdict.pfaffian:
             row = rows[verdict.name]
-            alone = whole if len(rows) == 1 else reach_of(point, [row], q)
+            alone = whole if len(rows) == 1 else reach_of(point, [row])
             decided = alone.hidden is not None
             integrable = alone.hidden == 1 if decided else None
             why = "" if decided else alone.reason
-            found.append(verdict._replace(integrable=integrable, undecided=why))
-        else:
-            found.append(verdict)
+            found[k] = verdict._replace(integrable=integrable, undecided=why)
     return found, whole
 
 
-def reach_of(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
-    """Decide what the motions that `rows` admit can reach from near q."""
+def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
+    """Decide what the motions that `rows` admit can reach from near the point."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
     switched = _switch(point, rows)
     if switched is not None:
         return Reach(None, None, reason=switched)
-    if is_large(point):
+    if point.is_large:
         return Reach(None, None, reason=f"{point.n} coordinates have too many brackets")
-    time = point.t
-    try:
-        return _at_generic_points(point, rows, q)
-    finally:
-        point.move_to(time)
+    return _at_generic_points(point.at(v=np.zeros(point.n), errors={}), rows)
 
 
 def _switch(point: Point, rows: Sequence[Row]) -> str | None:
@@ -115,28 +107,27 @@ def _switch(point: Point, rows: Sequence[Row]) -> str | None:
     return None
 
 
-def _at_generic_points(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
+def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
     """Decide at random points, of which two must agree.
 
     At special points less may be reached: the greatest dimension holds.
     """
     random = np.random.default_rng(2)  # the same points each time
-    weights = point.sizes(q, np.zeros_like(q))
-    time = point.t
+    q, weights = point.q, point.sizes
     found: list[Reach] = []
-    spread = of_rows(point, rows, q, np.zeros_like(q)).spread
+    spread = of_rows(point, rows).spread
     # Where no gradient depends on a coordinate, only its own size tells.
     own = np.where(np.abs(q) > 0.0, np.abs(q), 1.0 / weights)
     spread = np.where(spread > 0.0, spread, own)
     for size in (spread, np.maximum(spread, 1.0 / weights)):
         pair = 0
         for _ in range(TRIALS):
-            point.move_to(time + SPREAD * abs(random.standard_normal()))
+            later = point.t + SPREAD * abs(random.standard_normal())
             near = q + SPREAD * size * random.standard_normal(len(q))
-            near_admissible = _admissible(point, rows, near)
-            if near_admissible is None:
+            admissible = _admissible(point.at(near, t=later), rows)
+            if admissible is None:
                 continue
-            found.append(_Distribution(point, rows, near_admissible, weights).reach())
+            found.append(_Distribution(admissible, rows).reach())
             pair += 1
             if pair == PAIR:
                 break
@@ -153,19 +144,14 @@ def _at_generic_points(point: Point, rows: Sequence[Row], q: Floats) -> Reach:
     return best
 
 
-def _admissible(point: Point, rows: Sequence[Row], q: Floats) -> Floats | None:
-    """Give a state that the holonomic rows admit, near q; None if it is not found."""
-    asked = Asked()
-    for row in rows:
-        if row.holonomic:
-            asked.add(row.name, row.residual, row.residual_scale)
-    if not asked.nodes:
-        return q
-    v = np.zeros_like(q)
-    everything = range(point.n)
-    relations = point.relations(asked, everything, q, v, {}, velocities=False)
-    found = reach(relations, q, np.diag(point.sizes(q, v) ** 2))
-    return found.x if found.met else None
+def _admissible(point: Point, rows: Sequence[Row]) -> Point | None:
+    """Give a state that the holonomic rows admit, near a point; None: not found."""
+    wanted = wanted_of(rows, velocities=False)
+    if not wanted:
+        return point
+    relations = Relations(point, wanted, range(point.n), velocities=False)
+    found = reach(relations, point.q, np.diag(point.sizes**2))
+    return relations.at(found.x) if found.met else None
 
 
 class _Distribution:
@@ -175,38 +161,31 @@ class _Distribution:
     `bound` directions by the `free` ones.
     """
 
-    def __init__(
-        self, point: Point, rows: Sequence[Row], q: Floats, weights: Floats
-    ) -> None:
+    def __init__(self, point: Point, rows: Sequence[Row]) -> None:
         self.point, self.rows, self.g = point, rows, point.g
         g = self.g
         self.names = [*point.e.q, "t"]
         self.variables = [g.variable(name) for name in self.names]
-        self.values = point.values(q, np.zeros_like(q))
         # Vectors are compared with each coordinate in its own size.
-        self.weights = np.append(weights, 1.0)
+        self.weights = np.append(point.sizes, 1.0)
         self.budget = len(self.g) + MOST_NODES
         zero = {g.variable(name): g.zero for name in point.e.velocities}
         self.forms = []
         for row in rows:
             slopes = g.substitute(row.A, zero)
             self.forms.append([*slopes, g.substitute([row.rate], zero)[0]])
-        self.numbers = np.array([self._at(form) for form in self.forms])
+        self.numbers = np.array([point.array(form) for form in self.forms])
         self.scaled = self.numbers / self.weights
         lengths = np.linalg.norm(self.scaled, axis=1, keepdims=True)
         self.scaled /= np.where(lengths > 0, lengths, 1.0)
-
-    def _at(self, nodes: Sequence[int]) -> Floats:
-        return np.array(evaluate(self.g, nodes, self.values))
 
     def reach(self) -> Reach:
         """Close the distribution under brackets."""
         if not np.all(np.isfinite(self.numbers)):
             return Reach(None, None, reason="the forms are not finite near the start")
         fields = self._fields()
-        span = _Span(len(self.names))
-        basis = [f for f in fields if self._extends(span, f)]
-        newest = basis
+        span = Span(len(self.names))
+        newest = [f for f in fields if self._extends(span, f)]
         while newest and span.size < len(self.names):
             brackets = []
             for a, b in ((a, b) for a in fields for b in newest):
@@ -220,15 +199,12 @@ class _Distribution:
             newest = brackets
         return self._judged(span)
 
-    def _extends(self, span: _Span, field: Sequence[int]) -> bool:
+    def _extends(self, span: Span, field: Sequence[int]) -> bool:
         """Add a field to the span if it leaves it by more than rounding."""
-        vector = self._at(field) * self.weights
-        rest = span.outside(vector)
+        rest = _outside(span, self.point.array(field) * self.weights)
         if rest is None:
             return False
-        exact = {name: (value, 0.0) for name, value in self.values.items()}
-        found = evaluate_with_error(self.g, field, exact)
-        rounding = np.array([error for _, error in found]) * self.weights
+        rounding = self.point.rounding(field) * self.weights
         if np.linalg.norm(rest) <= CAUTION * np.linalg.norm(rounding):
             return False
         span.add(rest)
@@ -275,54 +251,29 @@ class _Distribution:
         first, second = tangent(g, b, along_a), tangent(g, a, along_b)
         return [g.call("sub", x, y) for x, y in zip(first, second, strict=True)]
 
-    def _judged(self, span: _Span) -> Reach:
+    def _judged(self, span: Span) -> Reach:
         """Read the hidden holonomic combinations off what is reached."""
         # What vanishes on everything reached is a combination of the forms; the
         # holonomic rows are no news.
-        kinds = np.array([row.holonomic for row in self.rows])
-        known = _Span(len(self.names))
-        for form in self.scaled[kinds]:
-            rest = known.outside(form)
+        known = Span(len(self.names))
+        for row, form in zip(self.rows, self.scaled, strict=True):
+            rest = _outside(known, form) if row.holonomic else None
             if rest is not None:
                 known.add(rest)
-        blocked = _kernel(np.vstack([span.matrix, known.matrix]))
-        hidden = blocked.shape[1]
+        blocked = null_space(np.vstack([span.basis, known.basis]), 1e-6)
         shares = least_squares(self.scaled.T, blocked, INDEPENDENT)
         names = tuple(
             row.name
             for row, share in zip(self.rows, shares, strict=True)
             if not row.holonomic and np.any(np.abs(share) > 1e-6)
         )
-        return Reach(span.size - 1, hidden, names)
+        return Reach(span.size - 1, blocked.shape[1], names)
 
 
-class _Span:
-    """A growing set of independent vectors."""
-
-    def __init__(self, dimension: int) -> None:
-        self.matrix = np.empty((0, dimension))
-
-    @property
-    def size(self) -> int:
-        return len(self.matrix)
-
-    def outside(self, vector: Floats) -> Floats | None:
-        """Give the part of the vector outside the span; None if there is none."""
-        length = np.linalg.norm(vector)
-        if not np.isfinite(length) or length == 0:
-            return None
-        left = vector / length
-        for _ in range(2):
-            left = left - self.matrix.T @ (self.matrix @ left)
-        return None if np.linalg.norm(left) <= INDEPENDENT else left * length
-
-    def add(self, rest: Floats) -> None:
-        """Take in what is outside."""
-        self.matrix = np.vstack([self.matrix, rest / np.linalg.norm(rest)])
-
-
-def _kernel(matrix: Floats) -> Floats:
-    """Give an orthonormal basis, as columns, of what `matrix` maps to zero."""
-    _, sizes, basis = np.linalg.svd(matrix)
-    rank = int(np.sum(sizes > 1e-6))
-    return np.asarray(basis[rank:].T)
+def _outside(span: Span, vector: Floats) -> Floats | None:
+    """Give the part of a vector outside the span; None if there is none."""
+    length = np.linalg.norm(vector)
+    if not np.isfinite(length) or length == 0:
+        return None
+    rest = span.outside(vector / length)
+    return None if np.linalg.norm(rest) <= INDEPENDENT else rest * length

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.newton import SOLVED, least_squares
+from lagsim.admissibility.algebra import least_squares
 from lagsim.language.derivatives import tangent
-from lagsim.language.evaluate import evaluate
+from lagsim.tolerances import STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,12 +60,9 @@ class Lengths:
         its own length; 0 where the gradient vanishes, inf where it does not change.
     """
 
-    def __init__(
-        self, point: Point, forms: Sequence[Form], q: Floats, v: Floats
-    ) -> None:
+    def __init__(self, point: Point, forms: Sequence[Form]) -> None:
         self.point, self.forms = point, forms
-        self.q, self.v = q, v
-        self.weights = point.sizes(q, v)
+        self.weights = point.sizes
         self.columns: list[list[int]] = []
         # Of each form the gradient, then its first and second derivatives by each of
         # the positions that it depends on: in the metric of M.
@@ -98,7 +95,7 @@ class Lengths:
                         row[i] = slope
                     wanted.append(row)
         flat = [node for nodes in wanted for node in nodes]
-        values = iter(evaluate(g, flat, self.point.values(self.q, self.v)))
+        values = iter(self.point.array(flat).tolist())
         for form, ways in zip(self.forms, along, strict=True):
             columns = list(form.A)
             rows = 2 * len(ways) + 1
@@ -108,7 +105,7 @@ class Lengths:
             self.tables.append(table)
             size = np.linalg.norm(table, axis=1)
             # A gradient that is only the rounding of where it is taken vanishes.
-            rounding = SOLVED * float(size[1::2] @ np.abs(self.q[ways]))
+            rounding = STATE_ROUNDOFF * float(size[1::2] @ np.abs(self.point.q[ways]))
             size[0] = size[0] if size[0] > rounding else 0.0
             self.own.append(
                 {
@@ -173,19 +170,19 @@ class Lengths:
         ]
         size = max(known, default=0.0)
         lengths = self._shortest(TINY * size, 1.0)
-        size = size or float(np.linalg.norm(self.weights * self.q)) or 1.0
+        size = size or float(np.linalg.norm(self.weights * self.point.q)) or 1.0
         wanted = {k for own in self.own for k in own}
         for k in range(self.point.n):
             if k not in wanted:
                 lengths[k] = 0.0
             elif np.isinf(lengths[k]):
-                own = 0.0 if known else abs(float(self.q[k]))
+                own = 0.0 if known else abs(float(self.point.q[k]))
                 lengths[k] = own or size / self.weights[k]
         return lengths
 
     def scales(self) -> Floats:
         """Give the size of each form by its lengths, (m,); inf where it has none."""
-        values = self.point.array([form.node for form in self.forms], self.q, self.v)
+        values = self.point.array([form.node for form in self.forms])
         missed = values - np.array([form.target for form in self.forms])
         return np.array([self._scale(i, x) for i, x in enumerate(missed)])
 
@@ -202,9 +199,9 @@ class Lengths:
         scale = _longest(slopes, self.coordinates[columns])
         if np.isfinite(scale):
             return scale
-        moved = float(self.tables[i][0] @ (self.weights * self.q)[columns])
+        moved = float(self.tables[i][0] @ (self.weights * self.point.q)[columns])
         constant = abs(value - moved)
-        terms = float(np.max(slopes * np.abs(self.q[columns]), initial=0.0))
+        terms = float(np.max(slopes * np.abs(self.point.q[columns]), initial=0.0))
         return np.inf if constant <= ROUNDED * terms else max(constant, abs(moved))
 
     def motions(self) -> Floats:
@@ -224,7 +221,7 @@ class Lengths:
         ways = [self._least(i) / self.weights[k] for k in own]
         factors = [1.0, *(x for way in ways for x in (way, way * way))]
         seen = table * np.array(factors)[:, None]
-        v = (self.weights * self.v)[self.columns[i]]
+        v = (self.weights * self.point.v)[self.columns[i]]
         self.point.g.count(seen.size * min(seen.shape) / FITTED)
         along = seen.T @ least_squares(seen.T, v)
         return float(np.linalg.norm(table[0]) * np.linalg.norm(along))
@@ -234,9 +231,9 @@ class Lengths:
         return float(min(way * self.weights[k] for k, way in self.own[i].items()))
 
 
-def of_rows(point: Point, rows: Sequence[Row], q: Floats, v: Floats) -> Lengths:
+def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
     """Give the lengths of constraint rows."""
-    return Lengths(point, [Form(r.residual, r.A.entries) for r in rows], q, v)
+    return Lengths(point, [Form(r.residual, r.A.entries) for r in rows])
 
 
 def _way(size: float, first: float, second: float) -> float:

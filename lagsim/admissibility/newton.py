@@ -11,94 +11,179 @@ says why.
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.algebra import (
+    Entries,
+    cholesky,
+    kkt_factors,
+    least_squares,
+    null_space,
+)
+from lagsim.language.derivatives import slopes, tangent
+from lagsim.tolerances import CONVERGED, STATE_ROUNDOFF, TERM_ROUNDOFF
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
 
 
-# --- The metric of changes: M, and its replacement where M is singular
+# --- Relations: residuals as functions of some values of a state
 
-# Singular values below this part of the largest, of what was scaled, are zero.
-RANK = 1e-10
+# A step of m dense equations for k values takes m * k * min(m, k) / STEP operations.
+STEP = 350.0
 
 
-def metric_of(M: Floats, free: Sequence[int]) -> Floats:
-    """Give the metric of least change on the values `free`: M, or Euclid's.
+class Wanted(NamedTuple):
+    """A node and the value that it should have, which may have an error.
 
-    Euclid's where M is not positive definite on them.
+    scale : int
+        The size of its terms: a node.
     """
-    part = M[np.ix_(list(free), list(free))]
-    return part if _positive(part) else np.eye(len(free))
+
+    name: str
+    node: int
+    scale: int
+    target: float = 0.0
+    error: float = 0.0
 
 
-def rank_metric(M: Floats, A: Floats) -> Floats:
-    """Give the metric in which rows are compared: M, or its diagonal, completed."""
-    if _positive(M):
-        return M
-    return np.diag(sizes_of(np.sqrt(np.abs(np.diag(M))), A) ** 2)
+def wanted_of(rows: Sequence[Row], *, velocities: bool) -> list[Wanted]:
+    """Give what rows ask of velocities, or those that are holonomic of positions."""
+    if velocities:
+        return [Wanted(r.name, r.rate, r.rate_scale) for r in rows]
+    return [Wanted(r.name, r.residual, r.residual_scale) for r in rows if r.holonomic]
 
 
-def solving_metric(M: Floats, A: Floats) -> Floats:
-    """Give the metric of least change in which the motion is solved for.
+class Relations:
+    """Residuals r (m,) as a function of values x (k,) of a state, the others given.
 
-    M; where that is singular M + A^T W A, W diagonal and to the size of M (see
-    `solve.dense`); where that is, too, Euclid's.
+    Parameters
+    ----------
+    free
+        The indices of these values, among the positions or the `velocities`.
     """
-    if _positive(M):
-        return M
-    inertias = np.abs(np.diag(M))
-    met = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
-    sizes = np.where(met > 0.0, met, np.max(inertias, initial=0.0) or 1.0)
-    squares = np.sum(A * A, axis=1)
-    weights = sizes / np.where(squares > 0.0, squares, 1.0)
-    whole = np.asarray(M + (A.T * weights) @ A)
-    return whole if _positive(whole) else np.eye(len(M))
 
+    def __init__(
+        self,
+        point: Point,
+        wanted: Sequence[Wanted],
+        free: Sequence[int],
+        *,
+        velocities: bool,
+    ) -> None:
+        self.point, self.wanted = point, wanted
+        self.free, self.velocities = list(free), velocities
+        self.nodes = [x.node for x in wanted]
+        self.targets = np.array([x.target for x in wanted])
+        names = point.e.velocities if velocities else point.e.q
+        self.names = [names[j] for j in self.free]
+        self._place = {point.g.variable(x): k for k, x in enumerate(self.names)}
 
-def sizes_of(roots: Floats, A: Floats) -> Floats:
-    """Give for each coordinate sqrt(M_jj), or what the rows A (m, n) put in its place.
+    @property
+    def x0(self) -> Floats:
+        """The values as they are at the point, (k,)."""
+        return (self.point.v if self.velocities else self.point.q)[self.free]
 
-    roots : (n,), sqrt(M_jj).
+    def at(self, x: Floats, errors: Floats | None = None) -> Point:
+        """Give the point with these values, which may have other errors."""
+        state = (self.point.q.copy(), self.point.v.copy())
+        state[self.velocities][self.free] = x
+        if errors is None:
+            return self.point.at(*state)
+        own: Mapping[str, float] = dict(zip(self.names, errors.tolist(), strict=True))
+        return self.point.at(*state, {**self.point.errors, **own})
 
-    A massless coordinate counts as much as the others in the row that weighs it most,
-    so that its unit does not matter.
-    """
-    sizes = roots.copy()
-    massless = sizes == 0
-    if not massless.any():
-        return sizes
-    heavy = ~massless
-    known = np.linalg.norm(A[:, heavy] / sizes[heavy], axis=1)
-    weights = np.abs(A[:, massless]) / np.where(known > 0, known, 1.0)[:, None]
-    found = np.max(weights, axis=0, initial=0.0)
-    usable = np.isfinite(found) & (found > 0)
-    sizes[massless] = np.where(usable, found, 1.0)
-    return sizes
+    @cached_property
+    def slopes(self) -> list[dict[int, int]]:
+        """The slopes of each node: index among the values -> node."""
+        g, unknowns = self.point.g, frozenset(self._place)
+        found = [slopes(g, node, unknowns) for node in self.nodes]
+        return [{self._place[x]: s for x, s in row.items()} for row in found]
 
+    @cached_property
+    def _second(self) -> list[tuple[int, int, int, int]]:
+        """The second derivatives that do not vanish: row, two values, node."""
+        g, found = self.point.g, []
+        for i, row in enumerate(self.slopes):
+            nodes = list(row.values())
+            for x in sorted(frozenset(g.cone(nodes)) & frozenset(self._place)):
+                found += [
+                    (i, j, self._place[x], node)
+                    for j, node in zip(row, tangent(g, nodes, {x: g.one}), strict=True)
+                    if node != g.zero
+                ]
+        return found
 
-def _positive(M: Floats) -> bool:
-    size = np.sqrt(np.abs(np.diag(M)))
-    if not np.all(size > 0) or not np.all(np.isfinite(M)):
-        return False
-    return bool(np.linalg.eigvalsh(M / np.outer(size, size))[0] > RANK)
+    def curvature(self, x: Floats, multipliers: Floats) -> Floats:
+        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
+        found = np.zeros((len(self.free), len(self.free)))
+        values = self.at(x).array([entry[3] for entry in self._second])
+        for (i, j, k, _), value in zip(self._second, values, strict=True):
+            found[j, k] += multipliers[i] * value
+        return (found + found.T) / 2
 
+    def __call__(self, x: Floats) -> tuple[Floats, Floats]:
+        """Give r (m,) and dr/dx (m, k)."""
+        m, k = len(self.targets), len(self.free)
+        self.point.g.count(m * k * min(m, k) / STEP)
+        r, entries = self.with_entries(x)
+        return r, entries.dense(m, k)
 
-def least_squares(A: Floats, b: Floats, cutoff: float | None = RANK) -> Floats:
-    """Give the least x of least |A x - b|, with singular values below a part left out.
+    def sparse(self, x: Floats) -> tuple[Floats, Any]:
+        """Give r (m,) and dr/dx (m, k) as a sparse matrix."""
+        r, entries = self.with_entries(x)
+        return r, entries.sparse(len(r), len(x))
 
-    Raises
-    ------
-    LinAlgError
-        Where something is not finite. LAPACK would say so on stderr, too.
-    """
-    if not (np.all(np.isfinite(A)) and np.all(np.isfinite(b))):
-        raise np.linalg.LinAlgError("not finite")
-    return np.asarray(np.linalg.lstsq(A, b, rcond=cutoff)[0])
+    def with_entries(self, x: Floats) -> tuple[Floats, Entries]:
+        """Give r (m,) and the entries of dr/dx that are not zero."""
+        own, slopes = self.nodes, self.slopes
+        every = [*own, *(node for row in slopes for node in row.values())]
+        found = self.at(x).array(every)
+        i = np.repeat(np.arange(len(slopes)), [len(row) for row in slopes])
+        j = np.array([j for row in slopes for j in row], dtype=int)
+        return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
+
+    def met(self, x: Floats, errors: Floats) -> bool:
+        """Tell whether r is small against its terms, or rounding for these errors."""
+        point = self.at(x, errors)
+        residual, terms = self._against_terms(point)
+        far = np.flatnonzero(~(residual <= terms))
+        # Bounds of rounding take long: of the row that misses most they mostly suffice.
+        far = far[np.argsort((terms - residual)[far])].tolist()
+        parts = (far[:1], far[1:])
+        return all(np.all(residual[x] <= self._rounding(point, x)) for x in parts)
+
+    def missed(self, x: Floats, errors: Floats) -> Any:
+        """Tell of each of r whether it is more than that, (m,) of bool."""
+        point = self.at(x, errors)
+        residual, terms = self._against_terms(point)
+        found = ~(residual <= terms)
+        far = np.flatnonzero(found).tolist()
+        found[far] = ~(residual[far] <= self._rounding(point, far))
+        return found
+
+    def exact(self, x: Floats) -> bool:
+        """Tell whether r is within the rounding errors of x as it was stated."""
+        point = self.at(x)
+        residual = np.abs(point.array(self.nodes) - self.targets)
+        return bool(np.all(residual <= self._rounding(point, range(len(residual)))))
+
+    def _against_terms(self, point: Point) -> tuple[Floats, Floats]:
+        """Give |r| (m,), and what of it is small against its terms, (m,)."""
+        scale = np.abs(point.array([x.scale for x in self.wanted]))
+        scale = np.maximum(scale, np.abs(self.targets))
+        return np.abs(point.array(self.nodes) - self.targets), CONVERGED * scale
+
+    def _rounding(self, point: Point, rows: Sequence[int]) -> Floats:
+        found = point.rounding([self.nodes[i] for i in rows])
+        return np.asarray(found + [self.wanted[i].error for i in rows])
 
 
 # --- Divergence: relations that are satisfied by rounding alone, ever farther out
@@ -113,18 +198,10 @@ BACKWARD = 0.1
 # And what its slope there makes of the whole way is no more than so many times its
 # residual, or than the rounding of its slopes along the way.
 LEVEL = 8.0
-SLOPE_ROUNDING = 2.0**-50
-
-
-class Missed(Protocol):
-    """Residuals, of which some are not met."""
-
-    def missed(self, x: Floats, errors: Floats) -> Any:
-        """Tell of each of r whether it is not met (m,)."""
 
 
 def runs_away(
-    relations: Missed,
+    relations: Relations,
     at: Callable[[Floats], tuple[Floats, Any]],
     x0: Floats,
     x: Floats,
@@ -140,11 +217,12 @@ def runs_away(
     back = x - BACKWARD * way
     r, J = at(x)
     first, slopes = at(x0)
-    told = np.abs(J @ way)
-    if not np.all(np.isfinite(told)):
+    linear = np.abs(J @ way)
+    if not np.all(np.isfinite(linear)):
         return False
-    noise = np.maximum(np.abs(r), SLOPE_ROUNDING * (abs(slopes) @ np.abs(way)))
-    gone = ~(told > LEVEL * np.maximum(noise, SLOPE_ROUNDING * np.abs(first)))
+    rounding = np.maximum(np.abs(r), TERM_ROUNDOFF * (abs(slopes) @ np.abs(way)))
+    rounding = np.maximum(rounding, TERM_ROUNDOFF * np.abs(first))
+    gone = ~(linear > LEVEL * rounding)
     if not np.any(gone):
         return False
     missed = relations.missed(x0, errors) & ~relations.missed(back, errors)
@@ -154,11 +232,8 @@ def runs_away(
 # --- Newton's method, and the minimum
 
 MOST_STEPS = 60
-# A residual this small against its own terms is met, and then polished.
-MET = 1e-12
+# So often a residual that is met is polished.
 POLISHING = 3
-# The rounding error of a value that was solved for, against its size.
-SOLVED = 2.0**-51
 SMALLEST_DAMPING = 1e-6
 # Newton's method leaves (k - 1)/k of the distance to a k-fold root: such a part, steady
 # to so much, that many times in a row.
@@ -166,12 +241,13 @@ HALVINGS = 5
 SLOW = (0.4, 0.85)
 STEADY = 0.05
 ARRIVED = 2
-# The gradient along the relations, against the change, that a minimum may have left.
-FLAT = 1e-12
 # Other starts, and the sizes at which they are looked for; with more unknowns than
 # these the nearest point is a minimum among its neighbours only.
 OTHER_STARTS = 6
 FEW = 8
+# A step of a sparse iteration that is no shorter than this part of the one before is
+# the last.
+SHORTER = 0.9
 
 
 class Trouble(Enum):
@@ -198,35 +274,15 @@ class Found(NamedTuple):
     least: str = ""
 
 
-class Relations(Protocol):
-    """Residuals and their slopes; when they are met."""
-
-    def __call__(self, x: Floats) -> tuple[Floats, Floats]:
-        """Give r (m,) and dr/dx (m, k)."""
-
-    def curvature(self, x: Floats, multipliers: Floats) -> Floats:
-        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
-
-    def met(self, x: Floats, errors: Floats) -> bool:
-        """Tell whether r is small against its terms, or rounding for these errors."""
-
-    def missed(self, x: Floats, errors: Floats) -> Any:
-        """Tell of each of r whether it is not (m,)."""
-
-    def exact(self, x: Floats) -> bool:
-        """Tell whether r is within the rounding errors of x as it was stated."""
-
-
-def nearest(
-    relations: Relations, x0: Floats, metric: Floats, *, far: bool = True
-) -> Found:
-    """Give the point nearest to `x0` in `metric` (k, k) that meets `relations`.
+def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
+    """Give the point nearest to x0 in `metric` (k, k) that meets `relations`.
 
     Where none is found, the point of least |r| near there. `far`: other starts are
     tried, too, for a nearer point or where the first fails.
     """
+    x0 = relations.x0
     if relations.exact(x0):
-        return Found(x0.copy(), met=True)
+        return Found(x0, met=True)
     reached = reach(relations, x0, metric)
     if far and not reached.met:
         # In the metric the way can be a narrow valley.
@@ -240,21 +296,50 @@ def nearest(
                 continue
             x = _descend(relations, x0, other.x, metric)
             if best is None:
-                reached = other
-            if best is None or _length(x - x0, metric) < (1 - 1e-6) * _length(
-                best - x0, metric
-            ):
+                reached, best = other, x
+            elif _square(x - x0, metric) < (1 - 1e-6) * _square(best - x0, metric):
                 best = x
     if best is None:
         return _explained(relations, reached, metric)
     return Found(best, met=True, trouble=reached.trouble)
 
 
+def nearest_sparse(relations: Relations, M: Any) -> Found | None:
+    """Give the same in the sparse metric M (n, n); None where that does not settle.
+
+    Each step goes to the nearest point that meets the relations to first order.
+    """
+    x0 = relations.x0
+    if relations.exact(x0):
+        return Found(x0, met=True)
+    x, last = x0.copy(), np.inf
+    for _ in range(MOST_STEPS):
+        r, J = relations.sparse(x)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J.data))):
+            return None
+        factors = kkt_factors(M, J)
+        if factors is None:
+            return None
+        step = factors.solve(np.concatenate([M @ (x0 - x), -r]))[: len(x)]
+        if not np.all(np.isfinite(step)):
+            return None
+        x = x + step
+        # Each value against its own size, for others may be far larger; one that
+        # should be zero ends where steps no longer become shorter.
+        length = float(np.sqrt(step @ (M @ step)))
+        if np.all(np.abs(step) <= CONVERGED * np.abs(x)) or length > SHORTER * last:
+            way = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
+            errors = STATE_ROUNDOFF * (np.abs(x) + way)
+            gone = runs_away(relations, relations.sparse, x0, x, errors)
+            return Found(x, met=True) if relations.met(x, errors) and not gone else None
+        last = length
+    return None
+
+
 def _by_size(x0: Floats, metric: Floats) -> Floats:
     """Give the metric in which each value counts against its own size."""
-    diagonal = np.diag(metric)
     size = np.abs(x0)
-    rest = np.sqrt(_length(x0, metric) or 1.0) / np.sqrt(diagonal)
+    rest = np.sqrt(_square(x0, metric) or 1.0) / np.sqrt(np.diag(metric))
     return np.diag(np.where(size > 0, size, rest) ** -2.0)
 
 
@@ -265,43 +350,40 @@ def _others(
     random = np.random.default_rng(3)
     L = cholesky(metric)
     if best is None:
-        far = float(np.sqrt(_length(x0, metric))) or 1.0
-        near = _bent(relations, x0, L) or far
+        far = float(np.sqrt(_square(x0, metric))) or 1.0
+        near = _curved(relations, x0, L) or far
     else:
-        near = far = float(np.sqrt(_length(best - x0, metric)))
+        near = far = float(np.sqrt(_square(best - x0, metric)))
     for k in range(OTHER_STARTS):
         kick = np.linalg.solve(L.T, random.standard_normal(len(x0)))
         size = near if k < OTHER_STARTS // 2 else far
         yield x0 + size * 10.0 ** ((k % 3) - 1) * kick
 
 
-def _bent(relations: Relations, x0: Floats, L: Floats) -> float:
+def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
     """Give how far away relations are met by their second derivatives; 0: not known."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):
-        bend = np.linalg.norm(_congruent(relations.curvature(x0, one), L))
-        if np.isfinite(residual) and np.isfinite(bend) and bend > 0.0:
-            found = max(found, float(np.sqrt(2.0 * abs(residual) / bend)))
+        H = np.nan_to_num(relations.curvature(x0, one), nan=np.inf)
+        scaled = np.linalg.solve(L, np.linalg.solve(L, H).T)
+        size = np.linalg.norm(scaled)
+        if np.isfinite(residual) and np.isfinite(size) and size > 0.0:
+            found = max(found, float(np.sqrt(2.0 * abs(residual) / size)))
     return found
 
 
-def _congruent(H: Floats, L: Floats) -> Floats:
-    half = np.linalg.solve(L, np.nan_to_num(H, nan=np.inf))
-    return np.asarray(np.linalg.solve(L, half.T))
-
-
 def reach(
-    relations: Relations, x0: Floats, metric: Floats, guess: Floats | None = None
+    relations: Relations, start: Floats, metric: Floats, guess: Floats | None = None
 ) -> Found:
     """Take damped steps of least change until the relations are met.
 
-    `guess`: what was to be solved for, if x0 is another start.
+    `guess`: what was to be solved for, if `start` is another start.
     """
     try:
-        return _reached(relations, x0, metric, x0 if guess is None else guess)
+        return _reached(relations, start, metric, start if guess is None else guess)
     except np.linalg.LinAlgError:  # steps went where doubles hold no more
-        return Found(x0.copy(), met=False, trouble=Trouble.NOT_FINITE)
+        return Found(start.copy(), met=False, trouble=Trouble.NOT_FINITE)
 
 
 def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) -> Found:
@@ -310,7 +392,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
     r, J = relations(x)
     # What x is left with: the rounding of the largest that each value has been, and of
     # the way that all of them went together.
-    largest, ulp = np.abs(x), SOLVED / np.sqrt(np.diag(metric))
+    largest, ulp = np.abs(x), STATE_ROUNDOFF / np.sqrt(np.diag(metric))
     way = 0.0
     halvings, last, before = 0, np.inf, np.inf
     jump, jumped, polished = -MOST_STEPS, False, 0
@@ -320,7 +402,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return Found(x, met=False, trouble=Trouble.NOT_FINITE)
         step = least_change(J, r, L)
-        length = float(np.sqrt(_length(step, metric)))
+        length = float(np.sqrt(_square(step, metric)))
         part = length / (last or 1.0)
         steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
         halvings = halvings + 1 if steady else 0
@@ -328,7 +410,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
             jump, step = k, step / (1.0 - part)
             halvings = 0
-        met = relations.met(x, SOLVED * largest + way * ulp)
+        met = relations.met(x, STATE_ROUNDOFF * largest + way * ulp)
         jumped |= met and not polished and k - jump <= ARRIVED
         polished += met
         damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
@@ -337,8 +419,9 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         x, r, J = damped
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
-    met = not np.any(r) or relations.met(x, SOLVED * largest + way * ulp)
-    if met and runs_away(relations, relations, guess, x, SOLVED * largest + way * ulp):
+    errors = STATE_ROUNDOFF * largest + way * ulp
+    met = not np.any(r) or relations.met(x, errors)
+    if met and runs_away(relations, relations, guess, x, errors):
         return Found(x, met=False, trouble=Trouble.RUNS_AWAY)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED
@@ -378,8 +461,7 @@ def least_change(J: Floats, residual: Floats, L: Floats) -> Floats:
     """Give the least dx in L L^T with J dx = -residual (in the least squares)."""
     Y = np.linalg.solve(L, J.T).T
     lengths = _lengths(J, L)
-    right = -residual / lengths
-    solution = least_squares(Y / lengths[:, None], right)
+    solution = least_squares(Y / lengths[:, None], -residual / lengths)
     return np.asarray(np.linalg.solve(L.T, solution))
 
 
@@ -410,15 +492,13 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
     way = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
-    if relations.met(x, SOLVED * (np.abs(x) + way)):
+    if relations.met(x, STATE_ROUNDOFF * (np.abs(x) + way)):
         return Found(x, met=True)
     r, J = residual(z), slopes(z)
     sizes = np.linalg.svd(J, compute_uv=False)
     steepest = float(np.linalg.norm(J.T @ r))
-    size = float(np.linalg.norm(J)) * float(np.linalg.norm(r))
-    if steepest <= 1e-6 * size or not np.any(J):
-        return Found(x, met=False, trouble=Trouble.MINIMUM)
-    lost = sizes[-1] <= 1e-6 * sizes[0]
+    level = steepest <= 1e-6 * float(np.linalg.norm(J)) * float(np.linalg.norm(r))
+    lost = not level and np.any(J) and sizes[-1] <= 1e-6 * sizes[0]
     return Found(x, met=False, trouble=Trouble.RANK_LOSS if lost else Trouble.MINIMUM)
 
 
@@ -429,53 +509,44 @@ class _Slope:
         self, relations: Relations, x0: Floats, x: Floats, metric: Floats
     ) -> None:
         self.relations, self.x, self.metric = relations, x, metric
-        self.J = relations(x)[1]
-        self.L = cholesky(metric)
-        lengths = _lengths(self.J, self.L)
-        Y = np.linalg.solve(self.L, self.J.T).T / lengths[:, None]
-        gap = self.L.T @ (x - x0)
+        J, L = relations(x)[1], cholesky(metric)
+        lengths = _lengths(J, L)
+        Y = np.linalg.solve(L, J.T).T / lengths[:, None]
+        gap = L.T @ (x - x0)
         self.multipliers = least_squares(Y.T, gap) / lengths
-        self.kernel = np.linalg.solve(self.L.T, null_space(Y))
+        self.kernel = np.linalg.solve(L.T, null_space(Y))
         self.gradient = self.kernel.T @ (metric @ (x - x0))
         self.change = float(np.linalg.norm(gap))
         self.steepness = float(np.linalg.norm(self.gradient))
 
     def step(self) -> Floats:
         """Give Newton's step along the relations; one downwards where that is not."""
-        H = self.kernel.T @ self._hessian() @ self.kernel
-        bends, directions = np.linalg.eigh(H)
+        # The Hessian of the Lagrange function.
+        H = self.metric - self.relations.curvature(self.x, self.multipliers)
+        H = H if np.all(np.isfinite(H)) else self.metric
+        curvatures, directions = np.linalg.eigh(self.kernel.T @ H @ self.kernel)
         along = directions.T @ self.gradient
-        if self.steepness <= FLAT * self.change and bends[0] < -1e-6:
+        if self.steepness <= CONVERGED * self.change and curvatures[0] < -1e-6:
             # A ridge, not a valley: leave it on the side that is the same each time.
             return np.asarray(0.1 * self.change * (self.kernel @ directions[:, 0]))
-        down = -along / np.maximum(np.abs(bends), 1e-3)
+        down = -along / np.maximum(np.abs(curvatures), 1e-3)
         return np.asarray(self.kernel @ (directions @ down))
-
-    def _hessian(self) -> Floats:
-        """Give metric - sum multiplier_i r_i'', of the Lagrange function."""
-        H = self.metric - self.relations.curvature(self.x, self.multipliers)
-        return H if np.all(np.isfinite(H)) else self.metric
 
 
 def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
     """Go along the relations from a point that meets them to the nearest one."""
     try:
-        return _descended(_Slope(relations, x0, x, metric), x0)
+        here = _Slope(relations, x0, x, metric)
+        for _ in range(MOST_STEPS):
+            if not here.kernel.shape[1] or here.change == 0:
+                break  # isolated: there is nothing to choose
+            step = here.step()
+            there = _lower(here, x0, step) if np.any(step) else None
+            if there is None:
+                break
+            here = there
     except np.linalg.LinAlgError:
         return x
-
-
-def _descended(here: _Slope, x0: Floats) -> Floats:
-    for _ in range(MOST_STEPS):
-        if not here.kernel.shape[1] or here.change == 0:
-            break  # isolated: there is nothing to choose
-        step = here.step()
-        if not np.any(step):
-            break
-        there = _lower(here, x0, step)
-        if there is None:
-            break
-        here = there
     return here.x
 
 
@@ -498,19 +569,5 @@ def _lower(here: _Slope, x0: Floats, step: Floats) -> _Slope | None:
     return None
 
 
-def cholesky(metric: Floats) -> Floats:
-    """Give L with L L^T = metric."""
-    return np.asarray(np.linalg.cholesky(metric), dtype=float)
-
-
-def null_space(J: Floats) -> Floats:
-    """Give an orthonormal basis (k, k - rank) of what J maps to zero."""
-    if not J.size:
-        return np.eye(J.shape[1])
-    _, sizes, basis = np.linalg.svd(J)
-    rank = int(np.sum(sizes > RANK * np.max(sizes, initial=0.0)))
-    return np.asarray(basis[rank:].T)
-
-
-def _length(x: Floats, metric: Floats) -> float:
+def _square(x: Floats, metric: Floats) -> float:
     return float(x @ metric @ x)

@@ -1,29 +1,30 @@
-"""Rank of the constraint rows: which are independent, which depend on others.
+"""Rank of the constraint Jacobian: dependent rows, by name, and what contradicts.
 
 Rows are compared in the metric of M and scaled to length 1, so that neither units nor
 the scale of a relation count. A nearly parallel row is a real constraint: only what
-vanishes against RANK is dependent. A gradient that is nothing but rounding is zero.
+vanishes against DEPENDENT_ROWS is dependent. A gradient that is nothing but rounding is
+zero.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.dependence import LEVELS, Demands, Dependence
-from lagsim.admissibility.large import SURELY, SparseRows, is_large
-from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.newton import (
-    RANK,
-    Trouble,
+from lagsim.admissibility.algebra import (
+    Span,
+    kkt_factors,
+    largest_eigenvalue,
     least_squares,
+    lengths_in,
     rank_metric,
-    reach,
     solving_metric,
 )
-from lagsim.admissibility.point import Asked
-from lagsim.admissibility.report import RankReport
+from lagsim.admissibility.lengths import of_rows
+from lagsim.admissibility.newton import Relations, Trouble, reach, wanted_of
+from lagsim.tolerances import DEPENDENT_ROWS, SAFELY_INDEPENDENT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -31,6 +32,12 @@ if TYPE_CHECKING:
     from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Flags, Floats
 
+# What dependent rows ask for may differ by this part of its size: rounding, and starts
+# that were typed.
+CONTRADICTION = 1e-8
+# Bounds of rounding errors are to first order; this keeps them bounds.
+CAUTION = 100.0
+LEVELS = ("position", "velocity", "acceleration")
 # How far, against the state, and how often generic states are looked for nearby.
 NEARBY = 0.05
 SAMPLES = 3
@@ -45,29 +52,81 @@ HALF = 1e-6
 BLOCK = 256
 
 
-class _Generic(NamedTuple):
-    """Rank and smallest singular value at a generic state, and the rows to spare."""
+class Dependence(NamedTuple):
+    """A row that others span: row = sum of coefficient times row.
+
+    Attributes
+    ----------
+    combination : tuple of (name, coefficient)
+        Empty where the row itself vanishes.
+    everywhere : bool or None
+        Whether it is so at generic admissible states nearby, or only here; None where
+        no such state was found.
+    contradictions : dict
+        Level -> by how much what the row asks for differs from what the others imply.
+    """
+
+    name: str
+    combination: tuple[tuple[str, float], ...]
+    everywhere: bool | None
+    contradictions: dict[str, float]
+
+    def __str__(self) -> str:
+        """Give the combination as text, `c3 = 2 c1 - c2`."""
+        text = ""
+        for name, c in self.combination:
+            size = "" if abs(abs(c) - 1) < 1e-9 else f"{abs(c):.6g} "
+            text += f"{' - ' if c < 0 else ' + '}{size}{name}"
+        if text.startswith(" - "):
+            text = "-" + text.removeprefix(" - ")
+        return f"{self.name} = {text.removeprefix(' + ') or '0'}"
+
+    def contradiction(self) -> str:
+        """Name what contradicts what, on the first level that does; empty if none."""
+        for level, size in self.contradictions.items():
+            if not self.combination:
+                return (
+                    f"`{self.name}` cannot be satisfied on the level of {level}: "
+                    f"its gradient vanishes, and it is off by {size:.6g}"
+                )
+            others = " and ".join(f"`{name}`" for name, _ in self.combination)
+            return (
+                f"`{self.name}` contradicts {others} on the level of {level}, "
+                f"by {size:.6g}"
+            )
+        return ""
+
+
+class RankReport(NamedTuple):
+    """The rank of the rows at a state.
+
+    Attributes
+    ----------
+    smallest : float
+        The smallest singular value of the scaled rows that is not zero (1 if none).
+    generic_rank, generic_smallest : int, float
+        The same at generic admissible states nearby.
+    dependences : tuple of Dependence
+        One for each row that the earlier ones span, in the order of the file.
+    not_unique : tuple of str
+        The constraints whose multipliers are not determined.
+    """
 
     rank: int
     smallest: float
-    redundant: tuple[bool, ...]
+    generic_rank: int
+    generic_smallest: float
+    dependences: tuple[Dependence, ...] = ()
+    not_unique: tuple[str, ...] = ()
 
 
 def analyse(
-    point: Point,
-    q: Floats,
-    v: Floats,
-    errors: Mapping[str, float],
-    levels: Sequence[str] = LEVELS,
-    *,
-    double: Floats | None = None,
+    point: Point, levels: Sequence[str] = LEVELS, *, double: Floats | None = None
 ) -> RankReport:
     """Find the rank of the constraint rows, and the dependent ones by name.
 
     Parameters
     ----------
-    errors
-        Of the state's values, by name.
     levels
         Those on which contradictions are looked for: what the state meets, and the
         first one that it does not.
@@ -78,41 +137,31 @@ def analyse(
     rows = point.e.rows
     if not rows:
         return RankReport(0, 1.0, 0, 1.0)
-    if is_large(point):
-        rows_now = SparseRows(point, q, v, errors)
-        smallest = rows_now.smallest
-        if smallest > SURELY:
+    if point.is_large:
+        smallest, _ = _smallest_of_sparse(point, rounded=True)
+        if smallest > SAFELY_INDEPENDENT:
             return RankReport(len(rows), smallest, len(rows), smallest)
-    Y, lengths = scaled_rows(point, q, v, errors=errors)
+    Y, lengths = scaled_rows(point, rounded=True)
     if double is not None:
-        lengths = _without_traces(point, q, v, Y, lengths, double)
-    flags = redundant_rows(Y, RANK if double is None else HALF)
+        lengths = _without_traces(point, Y, lengths, double)
+    flags = dependent_rows(Y, DEPENDENT_ROWS if double is None else HALF)
     rank = flags.count(False)
     left, sizes, _ = np.linalg.svd(Y, full_matrices=False)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
-    generic = _generic(point, q, v, rank, double)
-    demands = Demands(point, q, v, errors, levels)
-    combinations = _combinations(Y, lengths, flags)
+    generic = _generic(point, rank, double)
+    demands = _demands(point, levels)
     dependences = []
-    for i in [i for i, flag in enumerate(flags) if flag]:
-        coefficients = combinations[i]
+    for i, coefficients in _combinations(Y, lengths, flags).items():
         everywhere = None
         if generic is not None:
-            everywhere = generic.redundant[i] or generic.rank <= rank
-        dependences.append(
-            Dependence(
-                rows[i].name,
-                tuple((rows[j].name, c) for j, c in coefficients.items()),
-                everywhere,
-                demands.contradictions(i, coefficients),
-            )
-        )
-    loose = _dependent(left[:, :rank])
-    names = tuple(
-        row.name for row, is_loose in zip(rows, loose, strict=True) if is_loose
-    )
+            everywhere = generic.dependent[i] or generic.rank <= rank
+        combination = tuple((rows[j].name, c) for j, c in coefficients.items())
+        against = _contradictions(demands, i, coefficients)
+        dependences.append(Dependence(rows[i].name, combination, everywhere, against))
+    shared = zip(rows, _in_dependences(left[:, :rank]), strict=True)
+    names = tuple(row.name for row, is_in in shared if is_in)
     # Rank can only be lost at a state, not won.
     if generic is None or generic.rank < rank:
         generic = _Generic(rank, smallest, tuple(flags))
@@ -123,35 +172,47 @@ def analyse(
 
 def scaled_rows(
     point: Point,
-    q: Floats,
-    v: Floats,
     metric: Callable[[Floats, Floats], Floats] = rank_metric,
-    errors: Mapping[str, float] | None = None,
+    *,
+    rounded: bool = False,
 ) -> tuple[Floats, Floats]:
     """Give the rows (m, n) in a metric made of M and A, to length 1, and their lengths.
 
-    With `errors`, those of the state, entries that are only
-    rounding are zero.
+    With `rounded`, entries that are only rounding are zero.
     """
-    A = np.nan_to_num(point.jacobian(point.e.rows, q, v, errors))
-    Y = np.linalg.solve(np.linalg.cholesky(metric(point.mass(q, v), A)), A.T).T
+    A = np.nan_to_num(point.jacobian(point.e.rows, rounded=rounded))
+    Y = np.linalg.solve(np.linalg.cholesky(metric(point.mass_matrix, A)), A.T).T
     lengths = np.linalg.norm(Y, axis=1)
     return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
 
 
+def row_lengths(point: Point) -> Floats:
+    """Lengths (m,) of the rows as the motion is solved for, 0 of what is rounding.
+
+    nan where M is not finite.
+    """
+    if point.is_large and point.is_safely_positive:
+        found = lengths_in(*_sparse(point))
+        if np.all(np.isfinite(found)):
+            return found
+    if not np.all(np.isfinite(point.mass_matrix)):
+        return np.full(len(point.e.rows), np.nan)
+    return scaled_rows(point, solving_metric, rounded=True)[1]
+
+
 def weakest_rows(
-    point: Point, q: Floats, v: Floats, rank: int, usual: Sequence[float]
+    point: Point, rank: int, usual: Sequence[float]
 ) -> tuple[Floats, float]:
     """Give the combination (m,) of rows that is closest to zero, and its length.
 
     The last of `rank` singular values; rows count as not shorter than they are as a
     rule, `usual`.
     """
-    if is_large(point):
-        rows = SparseRows(point, q, v, usual=usual)
-        if rows.smallest > 0.0:
-            return rows.weakest, rows.smallest
-    Y, lengths = scaled_rows(point, q, v, solving_metric)
+    if point.is_large:
+        smallest, weakest = _smallest_of_sparse(point, usual)
+        if smallest > 0.0:
+            return weakest, smallest
+    Y, lengths = scaled_rows(point, solving_metric)
     scale = np.maximum(lengths, usual)
     Y = Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
     left, sizes, _ = np.linalg.svd(Y)
@@ -159,23 +220,55 @@ def weakest_rows(
     return left[:, last], float(sizes[last])
 
 
-def redundant_rows(Y: Floats, cutoff: float = RANK) -> list[bool]:
+def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
+    """Give M (n, n) and A (m, n) as sparse matrices."""
+    rows, n = point.e.rows, point.n
+    A = point.jacobian_entries(rows, rounded=rounded).sparse(len(rows), n)
+    return point.mass_entries().sparse(n, n), A
+
+
+def _smallest_of_sparse(
+    point: Point, usual: Sequence[float] | None = None, *, rounded: bool = False
+) -> tuple[float, Floats]:
+    """Give the smallest singular value of sparse rows, and its combination (m,).
+
+    Each row is divided by its length, or by `usual`; 0 where it is not safe to tell.
+    """
+    from scipy.sparse import diags
+
+    m, n = len(point.e.rows), point.n
+    unknown = 0.0, np.zeros(m)
+    if not point.is_safely_positive:
+        return unknown
+    M, A = _sparse(point, rounded=rounded)
+    lengths = lengths_in(M, A)
+    scale = lengths if usual is None else np.fmax(usual, lengths)
+    if not np.all(scale > 0):
+        return unknown
+    factors = kkt_factors(M, diags(1.0 / scale) @ A)
+    if factors is None:
+        return unknown
+
+    def inverse(r: Floats) -> Floats:
+        """Give (A M^-1 A^T)^-1 r."""
+        return -np.asarray(factors.solve(np.concatenate([np.zeros(n), r])))[n:]
+
+    largest, weakest = largest_eigenvalue(inverse, m)
+    return 1.0 / math.sqrt(largest) if np.isfinite(largest) else 0.0, weakest
+
+
+def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
     """Tell of each scaled row whether the earlier ones already span it."""
-    basis, rank = np.empty((min(Y.shape), Y.shape[1])), 0
-    flags: list[bool] = []
+    span, flags = Span(Y.shape[1]), []
     for row in Y:
-        left = row.copy()
-        for _ in range(2):  # twice is enough (Kahan)
-            left -= (basis[:rank] @ left) @ basis[:rank]
-        length = float(np.linalg.norm(left))
-        flags.append(length <= cutoff)
-        if not flags[-1] and rank < len(basis):
-            basis[rank] = left / length
-            rank += 1
+        rest = span.outside(row)
+        flags.append(float(np.linalg.norm(rest)) <= cutoff)
+        if not flags[-1]:
+            span.add(rest)
     return flags
 
 
-def _dependent(range_: Floats) -> Flags:
+def _in_dependences(range_: Floats) -> Flags:
     """Tell which rows are part of some dependence, (m,).
 
     Those whose unit vectors are not in the range of the columns of an orthogonal
@@ -192,48 +285,163 @@ def _dependent(range_: Floats) -> Flags:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Give each redundant row as a combination of the independent rows before it."""
+    """Give each dependent row as a combination of the independent rows before it."""
     independent = [i for i, flag in enumerate(flags) if not flag]
-    redundant = [i for i, flag in enumerate(flags) if flag]
-    K = least_squares(Y[independent].T, Y[redundant].T, None)
+    dependent = [i for i, flag in enumerate(flags) if flag]
+    K = least_squares(Y[independent].T, Y[dependent].T, None)
     return {
         i: {
             j: float(c * lengths[i] / lengths[j])
             for j, c in zip(independent, k, strict=True)
             if abs(c) > 1e-9
         }
-        for i, k in zip(redundant, K.T, strict=True)
+        for i, k in zip(dependent, K.T, strict=True)
     }
 
 
-def _generic(
-    point: Point, q: Floats, v: Floats, least: int, double: Floats | None
-) -> _Generic | None:
+def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
+    """Give what each row asks for on each level, and what of that is none (m,)."""
+    rows = point.e.rows
+    asked = {
+        "position": [r.residual if r.holonomic else point.g.zero for r in rows],
+        "velocity": [r.rate for r in rows],
+        "acceleration": [r.b for r in rows],
+    }
+    sizes = {
+        "position": [r.residual_scale for r in rows],
+        "velocity": [r.rate_scale for r in rows],
+        "acceleration": asked["acceleration"],
+    }
+    # Not with terms that only the distance from the origin makes large.
+    lengths = of_rows(point, rows)
+    own = {"position": lengths.scales, "velocity": lengths.motions}
+    found = {}
+    for level in levels:
+        scales = abs(point.array(sizes[level]))
+        if level in own:
+            scales = np.fmin(scales, own[level]())
+        small = CONTRADICTION * scales + CAUTION * point.rounding(asked[level])
+        found[level] = point.array(asked[level]), small
+    return found
+
+
+def _contradictions(
+    demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
+) -> dict[str, float]:
+    """Give the levels on which row i differs from the combination of others."""
+    among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
+    found = {}
+    for level, (values, small) in demands.items():
+        # That a vanishing row is not met is no contradiction yet: states elsewhere
+        # may meet it.
+        if level == "position" and not others:
+            continue
+        gap = float(abs(weights @ values[among]))
+        if gap > np.abs(weights) @ small[among]:
+            found[level] = gap
+    return found
+
+
+# --- States nearby
+
+
+class Neighbourhood:
+    """Random states around a point, as far from it as its rows are long.
+
+    Parameters
+    ----------
+    ways
+        How far positions and velocities were moved to get to the point, (n,) each: that
+        far around a double root lengths are not known.
+
+    Attributes
+    ----------
+    metric : (n, n)
+        In which states are brought back to the rows.
+    spreads
+        How far positions and velocities are varied, (n,) each.
+    """
+
+    def __init__(
+        self, point: Point, ways: Sequence[Floats | None] = (None, None)
+    ) -> None:
+        self.point, v = point.at(errors={}), point.v
+        self.metric = rank_metric(point.mass_matrix, point.gradients)
+        speed = np.sqrt(v @ self.metric @ v) or 1.0
+        own = np.where(v != 0, np.abs(v), speed / np.sqrt(np.diag(self.metric)))
+        self.spreads = [of_rows(point, point.e.rows).spread, own]
+        for k, (spread, way) in enumerate(zip(self.spreads, ways, strict=True)):
+            if way is not None:
+                self.spreads[k] = np.where(spread > 0.0, np.fmax(spread, way), 0.0)
+
+    def varied(
+        self, size: float, random: np.random.Generator, *, velocities: bool
+    ) -> Floats:
+        """Give positions or velocities that are varied by a part of the spread."""
+        x = self.point.v if velocities else self.point.q
+        kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
+        return np.asarray(x + size * self.spreads[velocities] * kick)
+
+    def admissible(
+        self, size: float, random: np.random.Generator
+    ) -> tuple[Point, bool] | None:
+        """Give a state that all rows admit, and whether it is a double root.
+
+        None if it was not found.
+        """
+        if not np.all(np.isfinite(self.metric)):
+            return None
+        g, rows = self.point.g, self.point.e.rows
+        q, v = (self.varied(size, random, velocities=x) for x in (False, True))
+        near, double = self.point.at(q, v), False
+        entries = [a for row in rows for a in row.A.entries.values()]
+        moving = g.depends(entries) & frozenset(self.point.e.velocities)
+        for velocities in (False, True) if moving else (False,):
+            wanted = wanted_of(rows, velocities=velocities)
+            if not wanted:
+                continue
+            relations = Relations(near, wanted, range(near.n), velocities=velocities)
+            reached = reach(relations, relations.x0, self.metric)
+            if not reached.met:
+                return None
+            near = relations.at(reached.x)
+            double |= reached.trouble is Trouble.DOUBLE_ROOT
+        return near, double
+
+
+class _Generic(NamedTuple):
+    """Rank and smallest singular value at a generic state, and the dependent rows."""
+
+    rank: int
+    smallest: float
+    dependent: tuple[bool, ...]
+
+
+def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None:
     """Give what the rows are like at generic admissible states nearby.
 
     least
         Their rank at the state, which is not lost around it.
     """
     random = np.random.default_rng(1)  # the same states each time
+    around = Neighbourhood(point, (double, None))
     found: list[_Generic] = []
     for trial in range(TRIALS):
-        nearby = NEARBY if trial < SAMPLES else NEARBY / 10.0 ** (trial - SAMPLES)
-        near = admissible_near(point, q, v, nearby, random, double)
+        size = NEARBY if trial < SAMPLES else NEARBY / 10.0 ** (trial - SAMPLES)
+        near = around.admissible(size, random)
         if near is None:
             continue
-        state = (near.q, near.v)
-        errors = point.solved_errors(*state, (q, v))
-        Y, lengths = scaled_rows(point, *state, errors=errors)
-        if near.double:
-            _without_traces(point, *state, Y, lengths, nearby * near.spread)
-        flags = redundant_rows(Y, HALF if near.double else GENERIC_RANK)
+        state, is_double = near
+        state = state.at(errors=state.solved_errors((point.q, point.v)))
+        Y, lengths = scaled_rows(state, rounded=True)
+        if is_double:
+            _without_traces(state, Y, lengths, size * around.spreads[0])
+        flags = dependent_rows(Y, HALF if is_double else GENERIC_RANK)
         sizes = np.linalg.svd(Y, compute_uv=False)
-        if (
-            flags.count(False) > least
-            and sizes[flags.count(False) - 1] < TRACE * nearby
-        ):
+        rank = flags.count(False)
+        if rank > least and sizes[rank - 1] < TRACE * size:
             # More than that grows on the way; this is what Newton's method left.
-            flags = redundant_rows(Y, TRACE * nearby)
+            flags = dependent_rows(Y, TRACE * size)
         rank = max(flags.count(False), least)
         smallest = float(sizes[rank - 1]) if rank else 1.0
         found.append(_Generic(rank, smallest, tuple(flags)))
@@ -242,74 +450,13 @@ def _generic(
     return max(found, key=lambda g: (g.rank, g.smallest), default=None)
 
 
-def _without_traces(
-    point: Point, q: Floats, v: Floats, Y: Floats, lengths: Floats, way: Floats
-) -> Floats:
+def _without_traces(point: Point, Y: Floats, lengths: Floats, way: Floats) -> Floats:
     """Take rows of Y for zero that nearly vanish here, and not so far; give lengths."""
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)
     for _ in range(SAMPLES):
-        near = q + way * np.clip(random.standard_normal(len(q)), -1.0, 1.0)
-        usual = np.fmax(usual, scaled_rows(point, near, v)[1])
+        kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
+        usual = np.fmax(usual, scaled_rows(point.at(point.q + way * kick))[1])
     gone = lengths <= HALF * usual
     Y[gone] = 0.0
     return np.asarray(np.where(gone, 0.0, lengths))
-
-
-class Near(NamedTuple):
-    """A state nearby, how far it was varied, whether it was found as a double root."""
-
-    q: Floats
-    v: Floats
-    spread: Floats
-    double: bool
-
-
-def admissible_near(
-    point: Point,
-    q: Floats,
-    v: Floats,
-    nearby: float,
-    random: np.random.Generator,
-    way: Floats | None = None,
-) -> Near | None:
-    """Give a random state near (q, v) that the constraints admit; None if not found.
-
-    way
-        To (q, v), where it was found as a double root: as far as that lengths
-        are not known.
-    """
-    metric = rank_metric(point.mass(q, v), point.jacobian(point.e.rows, q, v))
-    if not np.all(np.isfinite(metric)):
-        return None
-    sizes = np.sqrt(np.diag(metric))
-    speed = np.sqrt(v @ metric @ v) or 1.0
-    own = np.where(v != 0, np.abs(v), speed / sizes)
-    lengths = of_rows(point, point.e.rows, q, v).spread
-    if way is not None:
-        lengths = np.where(lengths > 0.0, np.fmax(lengths, way), 0.0)
-    spreads = (lengths, own)
-    state = []
-    for x, spread in zip((q, v), spreads, strict=True):
-        kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
-        state.append(x + nearby * spread * kick)
-    names = frozenset(point.e.velocities)
-    moving = (
-        point.g.depends([a for row in point.e.rows for a in row.A.entries.values()])
-        & names
-    )
-    double = False
-    for velocities in (False, True) if moving else (False,):
-        asked = Asked()
-        asked.add_rows(point.e.rows, velocities=velocities)
-        if not asked.nodes:
-            continue
-        relations = point.relations(
-            asked, range(point.n), state[0], state[1], {}, velocities=velocities
-        )
-        reached = reach(relations, state[velocities], metric)
-        if not reached.met:
-            return None
-        state[velocities] = reached.x
-        double |= reached.trouble is Trouble.DOUBLE_ROOT
-    return Near(state[0], state[1], spreads[0], double)

@@ -16,27 +16,24 @@ import numpy as np
 
 from lagsim.admissibility.lengths import LINKS, Form, Lengths, of_rows
 from lagsim.language.derivatives import slopes
-from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import DisjointSets
+from lagsim.mechanics.constraints import Kind
+from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Law, Row
 
 TOLERANCE = 1e-6
-# What all digits of a number leave in a residual of a few terms.
-ALL_DIGITS = 2.0**-47
 ONE_SIDED = "one-sided"
 START_VALUE = "start value"
 # The bound of rounding errors is to first order; this keeps it a bound.
 CAUTION = 4.0
 # The part of the motion that a rate counts as at least.
 MOTION = 0.1
-# What was computed elsewhere in double precision carries errors of this part of the
-# motion of the body.
-COMPUTED = 1e-12
+SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 
 
 class Residual(NamedTuple):
@@ -87,7 +84,7 @@ class Residual(NamedTuple):
     @property
     def digits(self) -> int | None:
         """With how many digits the start seems typed; None where it is exact."""
-        exact = self.exact or abs(self.value) <= ALL_DIGITS * self.scale
+        exact = self.exact or abs(self.value) <= RESIDUAL_ROUNDOFF * self.scale
         if not self.met or exact:
             return None
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
@@ -144,63 +141,44 @@ class Verdict(NamedTuple):
         return self.position.met and (self.velocity is None or self.velocity.met)
 
 
-def residuals(
-    point: Point,
-    nodes: Sequence[int],
-    scales: Sequence[int],
-    q: Floats,
-    v: Floats,
-    errors: Mapping[str, float],
-) -> list[Residual]:
-    """Judge `nodes`, given the errors of the initial values by name."""
-    return [
-        Residual(float(value), float(scale), float(CAUTION * error))
-        for value, scale, error in zip(
-            point.array(nodes, q, v),
-            point.array(scales, q, v),
-            point.rounding(nodes, q, v, errors),
-            strict=True,
-        )
-    ]
+# --- Equalities
 
 
-def judge(
-    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-) -> list[Verdict]:
+def judge(point: Point) -> list[Verdict]:
     """Judge the two-sided constraints."""
     rows = point.e.rows
-    held = residuals(
-        point,
-        [r.residual for r in rows],
-        [r.residual_scale for r in rows],
-        q,
-        v,
-        errors,
-    )
-    moving = residuals(
-        point, [r.rate for r in rows], [r.rate_scale for r in rows], q, v, errors
-    )
+    held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
+    moving = _against_terms(point, [(r.rate, r.rate_scale) for r in rows])
     # What is only rounding is met, whatever it is compared with.
     pairs = enumerate(zip(held, moving, strict=True))
     asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
     near = _neighbours(point, asked)
-    lengths = of_rows(point, [rows[i] for i in (*asked, *near)], q, v)
+    lengths = of_rows(point, [rows[i] for i in (*asked, *near)])
     scales, motions = lengths.scales(), lengths.motions()
-    whole = body_motions(point, lengths.forms[: len(asked)], q, v)
+    whole = body_motions(point, lengths.forms[: len(asked)])
     for i, scale, motion, body in zip(asked, scales, motions, whole, strict=False):
         moving[i] = _of_rate(moving[i], motion, body)
         held[i] = _of_size(held[i], scale) if rows[i].holonomic else moving[i]
-    return [
-        Verdict(
-            name=row.name,
-            kind="holonomic" if row.holonomic else "nonholonomic",
-            scleronomic=row.scleronomic,
-            pfaffian=None if row.holonomic else row.pfaffian,
-            position=position,
-            velocity=velocity if row.holonomic else None,
-        )
-        for row, position, velocity in zip(rows, held, moving, strict=True)
-    ]
+    return [_of_row(*row) for row in zip(rows, held, moving, strict=True)]
+
+
+def _of_row(row: Row, position: Residual, velocity: Residual) -> Verdict:
+    return Verdict(
+        name=row.name,
+        kind="holonomic" if row.holonomic else "nonholonomic",
+        scleronomic=row.scleronomic,
+        pfaffian=None if row.holonomic else row.pfaffian,
+        position=position,
+        velocity=velocity if row.holonomic else None,
+    )
+
+
+def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Residual]:
+    """Give the residuals of nodes, each with the node of its scale."""
+    nodes = [node for node, _ in pairs]
+    values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
+    found = (values, point.array([scale for _, scale in pairs]), rounding)
+    return [Residual(*row) for row in zip(*(x.tolist() for x in found), strict=True)]
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
@@ -217,7 +195,7 @@ def _of_size(residual: Residual, own: float) -> Residual:
     """Compare with the relation's own size where that is less than its terms."""
     if not np.isfinite(own):
         return residual
-    residual = residual._replace(floor=float(ALL_DIGITS * own))
+    residual = residual._replace(floor=float(RESIDUAL_ROUNDOFF * own))
     if own >= residual.scale:
         return residual
     return residual._replace(scale=float(own), size="the lengths that it relates")
@@ -225,89 +203,110 @@ def _of_size(residual: Residual, own: float) -> Residual:
 
 def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
     """Compare with the motion that a relation sees, and with that of its body."""
-    residual = residual._replace(floor=COMPUTED * body)
+    scale, size = residual.scale, residual.size
     if motion < residual.scale:
-        return residual._replace(
-            scale=float(motion), size="the velocities that it relates"
-        )
-    if np.isfinite(motion) and MOTION * motion > residual.scale:
-        size = "a tenth of the velocities that it relates"
+        scale, size = float(motion), "the velocities that it relates"
+    elif np.isfinite(motion) and MOTION * motion > residual.scale:
         scale = float(MOTION * motion)
-        return residual._replace(scale=scale, size=size)
-    return residual
+        size = "a tenth of the velocities that it relates"
+    return residual._replace(scale=scale, size=size, floor=CONVERGED * body)
 
 
-def body_motions(
-    point: Point, forms: Sequence[Form], q: Floats, v: Floats
-) -> list[float]:
+def body_motions(point: Point, forms: Sequence[Form]) -> list[float]:
     """Give |A| |v| of each form, of the coordinates whose inertia it shares.
 
-    To COMPUTED of that a rate is known at best.
+    To CONVERGED of that a rate is known at best.
     """
-    weights, shared = point.sizes(q, v), _Bodies(point)
+    weights, together = point.sizes, DisjointSets(point.n)
+    for _, own in point.e.coupled:
+        for i in own:
+            together.merge(own[0], i)
+    bodies = {i: body for body in together.sets() for i in body}
     found = []
     for form in forms:
         columns = list(form.A)
-        A = point.array(list(form.A.values()), q, v) / weights[columns]
-        body = shared.of(columns)
-        found.append(float(np.linalg.norm(A) * np.linalg.norm((weights * v)[body])))
+        A = point.array(list(form.A.values())) / weights[columns]
+        body = sorted({i for j in columns for i in bodies[j]})
+        motion = np.linalg.norm((weights * point.v)[body])
+        found.append(float(np.linalg.norm(A) * motion))
     return found
 
 
-class _Bodies:
-    """Coordinates that M couples with one another, directly or through others."""
-
-    def __init__(self, point: Point) -> None:
-        together = DisjointSets(point.n)
-        for _, own in point.e.coupled:
-            for i in own:
-                together.merge(own[0], i)
-        self.body = {i: body for body in together.sets() for i in body}
-
-    def of(self, columns: Sequence[int]) -> list[int]:
-        """Give the coordinates coupled with any of these, and these."""
-        return sorted({i for j in columns for i in self.body[j]})
+# --- Constraints that hold at times, and start values
 
 
-def judge_starts(
-    point: Point, q: Floats, v: Floats, errors: Mapping[str, float]
-) -> list[Verdict]:
-    """Judge the start values of definitions."""
+def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
+    """Judge the constraints that are no rows of `point`.
+
+    A gap and the rate of a freewheel must not be negative; a limited equality may slip;
+    those that are `off`, out of force, are not judged.
+    """
+    held = {row.name for row in point.e.rows}
+    laws = [
+        law
+        for law in point.e.laws
+        if law.kind is not Kind.SLIP and law.constraint not in held
+    ]
+    rows = [law.row for law in laws]
+    values = _against_levers(point, [(r.residual, 0.0) for r in rows])
+    rates = _against_levers(point, [(r.rate, 0.0) for r in rows])
+    bodies = body_motions(point, [Form(r.rate, r.A.entries) for r in rows])
     found = []
-    values = [w for w in point.e.model.initial if w.node is not None]
-    nodes = [w.node for w in values if w.node is not None]
-    left = measured(point, nodes, [w.value for w in values], (q, v), errors)
-    for wanted, residual in zip(values, left, strict=True):
-        missed = residual._replace(rounding=residual.rounding + CAUTION * wanted.error)
-        name = f"{wanted.name}: {wanted.text}"
-        found.append(Verdict(name, START_VALUE, True, None, missed, None))
+    for law, value, rate, body in zip(laws, values, rates, bodies, strict=True):
+        moving = rate._replace(floor=CONVERGED * body)
+        residual = value if law.row.holonomic else moving
+        in_force = law.constraint not in off
+        found.append(_of_law(law, residual, moving, in_force=in_force))
     return found
 
 
-def measured(
-    point: Point,
-    nodes: Sequence[int],
-    targets: Sequence[float],
-    state: tuple[Floats, Floats],
-    errors: Mapping[str, float],
+def _of_law(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Verdict:
+    signed, active = law.kind in SIDED, in_force
+    found = _of_row(law.row, value, rate)
+    if signed:
+        found = found._replace(kind=ONE_SIDED, velocity=None)
+        active = in_force and value.value <= max(value.rounding, value.floor)
+    return found._replace(
+        name=law.constraint,
+        judged=signed and in_force,
+        rate=rate,
+        active=active,
+        holds=None if in_force else False,
+        mode="" if in_force else "out of force",
+    )
+
+
+def judge_starts(point: Point) -> list[Verdict]:
+    """Judge the start values of definitions."""
+    values = [(x.node, x) for x in point.e.model.initial if x.node is not None]
+    missed = _against_levers(point, [(node, x.value) for node, x in values])
+    found = []
+    for (_, wanted), residual in zip(values, missed, strict=True):
+        rounding = residual.rounding + CAUTION * wanted.error
+        position = residual._replace(rounding=rounding)
+        name = f"{wanted.name}: {wanted.text}"
+        found.append(Verdict(name, START_VALUE, True, None, position, None))
+    return found
+
+
+def _against_levers(
+    point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Give what nodes miss their targets by, with its scale."""
-    if not nodes:
+    """Give what nodes miss their targets by, against values and |q_i dg/dq_i|."""
+    if not targets:
         return []
-    g, e = point.g, point.e
+    g, e, nodes = point.g, point.e, [node for node, _ in targets]
     variables = {g.variable(name): j for j, name in enumerate((*e.q, *e.velocities))}
     places = frozenset(variables)
-    sizes = np.abs(np.concatenate(state))
-    values, numbers = point.array(nodes, *state), point.values(*state)
-    rounding = CAUTION * point.rounding(nodes, *state, errors)
+    sizes = np.abs(np.concatenate([point.q, point.v]))
+    values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found, forms = [], []
-    for i, node in enumerate(nodes):
+    for (node, target), value, error in zip(targets, values, rounding, strict=True):
         A = {variables[x]: slope for x, slope in slopes(g, node, places).items()}
-        levers = np.abs(evaluate(g, A.values(), numbers)) * sizes[list(A)]
-        scale = max(abs(values[i]), abs(targets[i]), np.max(levers, initial=0.0))
-        missed = float(values[i] - targets[i])
-        found.append(Residual(missed, float(scale), float(rounding[i])))
+        levers = np.abs(point.array(list(A.values()))) * sizes[list(A)]
+        scale = max(abs(value), abs(target), np.max(levers, initial=0.0))
+        found.append(Residual(float(value - target), float(scale), float(error)))
         moving = any(j >= point.n for j in A)
-        forms.append(Form(node, {} if moving else A, targets[i]))
-    own = Lengths(point, forms, *state).scales()
+        forms.append(Form(node, {} if moving else A, target))
+    own = Lengths(point, forms).scales()
     return [_of_size(residual, x) for residual, x in zip(found, own, strict=True)]

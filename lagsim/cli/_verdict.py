@@ -12,7 +12,7 @@ from lagsim.codes import number
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.admissibility.report import StartReport
+    from lagsim.admissibility.examination import StartReport
     from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice

@@ -9,7 +9,7 @@ from lagsim.admissibility.verdict import START_VALUE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility.report import StartReport
+    from lagsim.admissibility.examination import StartReport
     from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice

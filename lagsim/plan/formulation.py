@@ -37,7 +37,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.admissibility.report import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings
@@ -343,8 +343,8 @@ def _eliminated(
         return reduction, f"constraints are redundant ({many} of rank {rank})"
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(e, start.t)
-    found = pairs(e, point.values(q, v), point.sizes(q, v))
+    point = Point(e, Instant(start.t, q, v))
+    found = pairs(e, point.values, point.sizes)
     if found:
         return reduction.eliminate(found), ""
     names = ", ".join(f"`{row.name}`" for row in equations.rows)

@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.large import is_large, row_lengths
-from lagsim.admissibility.newton import solving_metric
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import scaled_rows
+from lagsim.admissibility.rank import row_lengths
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
@@ -38,7 +36,7 @@ from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility.report import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
@@ -62,54 +60,45 @@ def usual_lengths(
     """
     if not equations.rows:
         return ()
-    point = Point(equations, start.t)
-    lengths = _lengths(point, start.q, start.v)
+    point = Point(equations, start)
+    lengths = _lengths(point)
     vanishing = np.flatnonzero(~(lengths > 0.0))
     if len(vanishing):
         random = np.random.default_rng(4)  # the same states each time
         for _ in range(AROUND):
             for k in vanishing:
-                q, v = _nearby(point, equations.rows[k], start, step, random)
-                found = _lengths(point, q, v)[k]
+                near = _nearby(point, equations.rows[k], step, random)
+                found = _lengths(near)[k]
                 lengths[k] = np.fmax(lengths[k], found)
     return tuple(map(float, np.nan_to_num(lengths)))
 
 
-def _lengths(point: Point, q: Floats, v: Floats) -> Floats:
+def _lengths(point: Point) -> Floats:
     """Give the lengths (m,), 0 of what is nothing but rounding; nan where M is not."""
-    if is_large(point):
-        found = row_lengths(point, q, v)
-        if np.all(np.isfinite(found)):
-            return found
-    if not np.all(np.isfinite(point.mass(q, v))):
-        return np.full(len(point.e.rows), np.nan)
     names = (*point.e.q, *point.e.velocities)
-    values = np.concatenate([q, v])
-    errors = dict(zip(names, STATE_ROUNDOFF * np.abs(values), strict=True))
-    return scaled_rows(point, q, v, solving_metric, errors)[1]
+    errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
+    return row_lengths(point.at(errors=dict(zip(names, errors, strict=True))))
 
 
-def _nearby(
-    point: Point, row: Row, start: Instant, step: float, random: np.random.Generator
-) -> tuple[Floats, Floats]:
+def _nearby(point: Point, row: Row, step: float, random: np.random.Generator) -> Point:
     """Give a state as far from the start as says something of a row."""
-    q, v = start.q, start.v
-    u, w = (random.standard_normal(point.n) / point.sizes(q, v) for _ in range(2))
+    q, v, sizes = point.q, point.v, point.sizes
+    u, w = (random.standard_normal(point.n) / sizes for _ in range(2))
     if row.holonomic:
-        distance = _own_distance(point, row, q, u)
+        distance = _own_distance(point, row, u)
         if distance > 0.0:
-            return q + NEARBY * distance * u, v
-    speed = float(np.linalg.norm(point.sizes(q, v) * v)) or 1.0
-    return q + NEARBY * speed * step * u, v + NEARBY * speed * w
+            return point.at(q + NEARBY * distance * u)
+    speed = float(np.linalg.norm(sizes * v)) or 1.0
+    return point.at(q + NEARBY * speed * step * u, v + NEARBY * speed * w)
 
 
-def _own_distance(point: Point, row: Row, q: Floats, u: Floats) -> float:
+def _own_distance(point: Point, row: Row, u: Floats) -> float:
     """Give how far along u the terms of a relation change by their own size."""
     e, g = point.e, point.g
     along = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
-    bend = tangent(g, tangent(g, [row.residual], along), along)
+    second = tangent(g, tangent(g, [row.residual], along), along)
     terms = addends(g, row.residual)
-    found = np.abs(point.array([*bend, *terms], q, u))
+    found = np.abs(point.at(v=u).array([*second, *terms]))
     if not found[0] > 0.0 or not np.all(np.isfinite(found)):
         return 0.0
     return float(np.sqrt(np.max(found[1:]) / found[0]))
@@ -375,7 +364,7 @@ def independence_of(
     elimination: Elimination,
 ) -> float:
     """Give how independent the rows are at the start by the pivots of `elimination`."""
-    values = Point(equations, start.t).values(start.q, start.v)
+    values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
     return float(evaluate(equations.graph, [elimination.health()], values)[0])

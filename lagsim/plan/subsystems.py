@@ -13,7 +13,6 @@ import numpy as np
 
 from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
-from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import SparseVector, TooLongError
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.groups import coordinates_of, groups, shares
@@ -24,7 +23,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.admissibility.report import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -173,13 +172,12 @@ def pace(part: Subsystem) -> float:
         nodes = Elimination(e).motion()[0]
     except TooLongError:
         return 0.0
-    point = Point(e, part.start.t)
-    n = len(e.q)
+    n, t = len(e.q), part.start.t
     y = np.concatenate([part.start.q, part.start.v])
 
     def rates(y: Floats) -> Floats:
-        values = point.values(y[:n], y[n:])
-        return np.array([*y[n:], *evaluate(e.graph, nodes, values)])
+        point = Point(e, Instant(t, y[:n], y[n:]))
+        return np.array([*y[n:], *point.array(nodes)])
 
     size = np.maximum(np.abs(y), np.max(np.abs(y), initial=1e-3))
     J = np.empty((2 * n, 2 * n))

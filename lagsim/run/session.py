@@ -16,7 +16,7 @@ from lagsim.run.interrupt import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility.report import Start, StartReport
+    from lagsim.admissibility.examination import Start, StartReport
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice

@@ -9,7 +9,7 @@ from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.report import StartReport
+    from lagsim.admissibility.examination import StartReport
 
 
 def judged(text: str, *, classify: bool = False) -> StartReport:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.admissibility import large
+from lagsim.admissibility import algebra
 from lagsim.admissibility.examination import examine
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
@@ -18,7 +18,7 @@ from lagsim.plan.making import make_plan
 from tests.support import MODELS
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.report import StartReport
+    from lagsim.admissibility.examination import StartReport
     from lagsim.mechanics.equations import Equations
 
 
@@ -27,7 +27,7 @@ def both(
 ) -> tuple[StartReport, StartReport]:
     """Examine with dense matrices, and as if the scene were large."""
     dense = examine(e)
-    monkeypatch.setattr(large, "LARGE", 1)
+    monkeypatch.setattr(Point, "LARGE", 1)
     return dense, examine(e)
 
 
@@ -70,23 +70,22 @@ def test_many_rods():
     n = 67
     e = derive(read(rod_chain(n, 1.0), "rods.yaml"))
     start = examine(e)
-    assert large.is_large(Point(e))
+    point = Point(e, start.state)
+    assert point.is_large
     assert start.admissible
     assert start.degrees_of_freedom == n
-    Y, _ = scaled_rows(Point(e), start.state.q, start.state.v)
+    Y, _ = scaled_rows(point)
     expected = np.linalg.svd(Y, compute_uv=False)[-1]
     assert start.ranks.smallest == pytest.approx(expected, rel=1e-5)
     # The weakest combination, by its definition.
-    left, smallest = weakest_rows(
-        Point(e), start.state.q, start.state.v, 2 * n, [0.0] * 2 * n
-    )
+    left, smallest = weakest_rows(point, 2 * n, [0.0] * 2 * n)
     assert np.linalg.norm(left @ Y) == pytest.approx(smallest, rel=1e-5)
     assert type(smallest) is float  # it is told in run.json
 
 
 def test_one_relation_too_many(monkeypatch):
     # What is not safely independent is looked into with dense matrices.
-    monkeypatch.setattr(large, "LARGE", 1)
+    monkeypatch.setattr(Point, "LARGE", 1)
     again = "again: 2*x6 - l*cos(a6) = 2*x5 + l*cos(a5)"
     text = rod_chain(6, 1.0).replace("initial:", f"  {again}\ninitial:")
     start = examine(derive(read(text, "rods.yaml")))
@@ -98,7 +97,7 @@ def test_one_relation_too_many(monkeypatch):
 
 
 def test_a_coordinate_without_inertia(monkeypatch):
-    monkeypatch.setattr(large, "LARGE", 1)
+    monkeypatch.setattr(Point, "LARGE", 1)
     text = rod_chain(6, 1.0).replace("l^2/12*a6_dot^2", "0")
     start = examine(derive(read(text, "rods.yaml")))
     assert start.augmented
@@ -108,14 +107,14 @@ def test_a_coordinate_without_inertia(monkeypatch):
 @pytest.mark.slow
 def test_factors_grow_with_a_chain(monkeypatch):
     sizes = []
-    factored = large._factored
+    factored = algebra.factored
 
     def counted(A, **options):
         factors = factored(A, **options)
         sizes.append(factors.nnz)
         return factors
 
-    monkeypatch.setattr(large, "_factored", counted)
+    monkeypatch.setattr(algebra, "factored", counted)
     e = derive(read(rod_chain(400, 1.0), "rods.yaml"))
     examine(e)
     # Five unknowns a rod, whose matrix has 13 entries; eliminated from one end to the

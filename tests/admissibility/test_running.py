@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lagsim.admissibility import large
+from lagsim.admissibility.point import Point
 from tests.admissibility.scenes import codes, judged, scene
 
 
@@ -59,9 +59,9 @@ def test_why_a_guess_is_none():
 
 
 @pytest.mark.parametrize("guess", ["3e4", "1e5", "3e5"])
-@pytest.mark.parametrize("least", [large.LARGE, 1])
+@pytest.mark.parametrize("least", [Point.LARGE, 1])
 def test_a_guess_that_runs_away_from_afar(guess, least, monkeypatch):
     """Where few steps lead to what rounding meets; in sparse matrices, too."""
-    monkeypatch.setattr(large, "LARGE", least)
+    monkeypatch.setattr(Point, "LARGE", least)
     start = judged(scene("x = sqrt(1 + x^2)", {"x": f"{{guess: {guess}}}"}))
     assert "diverges" in start.unsolved

@@ -18,6 +18,7 @@ import numpy as np
 from lagsim.admissibility.inertia import admitted_inertia
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
+from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
@@ -78,8 +79,8 @@ def _is_held(arc: Arc, k: int) -> bool:
         return False
     state, n = arc.state, arc.system.n
     where = state.inertia_where[2 * n * k : 2 * n * (k + 1)]
-    point = Point(e, float(state.inertia_when[k]))
-    found = admitted_inertia(point, where[:n], where[n:], e.q.index(name))
+    there = Instant(float(state.inertia_when[k]), where[:n], where[n:])
+    found = admitted_inertia(Point(e, there), e.q.index(name))
     return not found < VANISHING * float(state.inertia_largest[k])
 
 
@@ -156,8 +157,8 @@ def weakest(
     usual : (m,)
         Their lengths, in general.
     """
-    point = Point(equations, t)
-    left, smallest = weakest_rows(point, q, v, rank, usual)
+    point = Point(equations, Instant(t, q, v))
+    left, smallest = weakest_rows(point, rank, usual)
     heavy = np.abs(left) > 1e-3
     rows = zip(equations.rows, heavy, strict=True)
     return tuple(row.name for row, is_in in rows if is_in), smallest
