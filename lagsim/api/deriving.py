@@ -13,8 +13,8 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from lagsim.api.models import Model
     from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model as Read
     from lagsim.show.content import Content
 
 
@@ -38,9 +38,13 @@ class Derivation:
     @cached_property
     def text(self) -> str:
         """Text for a terminal."""
+        return self.as_text()
+
+    def as_text(self, *, ascii_only: bool = False) -> str:
+        """Give text for a terminal; in ASCII, as in model files, if so asked."""
         from lagsim.show.text import as_text
 
-        return as_text(self._content)
+        return as_text(self._content, ascii_only=ascii_only)
 
     @cached_property
     def latex(self) -> str:
@@ -79,7 +83,7 @@ class Derivation:
 
 
 def derive(
-    model: Model | str | Path,
+    model: Read | str | Path,
     *,
     substitute: bool = False,
     solve: bool = False,

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from lagsim.api.deriving import derive
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import ModelPath, Sets, assignments, show_json
 from lagsim.cli._streams import harmless, put
 from lagsim.cli._writing import put_file
 from lagsim.errors import InputError, Problem, visible
-from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read_file
 from lagsim.outputs.manifest import encode
-from lagsim.show.as_python import as_python
-from lagsim.version import __version__
-
-if TYPE_CHECKING:
-    from lagsim.mechanics.equations import Equations
 
 
 class Format(StrEnum):
@@ -105,24 +101,9 @@ def _unwritable(output: Path, why: str | None) -> Problem:
     return Problem("output-file", f"{output} cannot be written: {why}")
 
 
-def _derived(path: str, sets: list[str] | None, form: Format, **options: bool) -> bytes:
-    """Give what is written."""
-    model = read_file(path, assignments(sets))
-    if form is not Format.python:
-        from lagsim.show.symbols import refuse_long
-
-        refuse_long(model, substitute=options["substitute"])
-    equations: Equations = derive(model, chained=False)
-    if form is Format.python:
-        return as_python(equations, __version__).encode()
-    from lagsim.show.symbols import its_time
-
-    with its_time():
-        return _written(equations, form, **options)
-
-
-def _written(
-    equations: Equations,
+def _derived(
+    path: str,
+    sets: list[str] | None,
     form: Format,
     *,
     ascii_only: bool,
@@ -130,20 +111,17 @@ def _written(
     solve: bool,
     gauss: bool,
 ) -> bytes:
-    from lagsim.show.lagrange import content
+    """Give what is written."""
+    model = read_file(path, assignments(sets))
+    if form is not Format.python:
+        from lagsim.show.symbols import refuse_long
 
-    found = content(equations, substitute=substitute, solve=solve, with_gauss=gauss)
+        refuse_long(model, substitute=substitute)
+    found = derive(model, substitute=substitute, solve=solve, gauss=gauss)
     if form is Format.json:
-        from lagsim.show.as_json import as_json
-
-        return encode(as_json(found))
-    if form is Format.latex:
-        from lagsim.show.latex import as_latex
-
-        return as_latex(found).encode()
-    from lagsim.show.text import as_text
-
-    return as_text(found, ascii_only=ascii_only).encode()
+        return encode(found.json)
+    text = found.as_text(ascii_only=True) if ascii_only else getattr(found, form.value)
+    return str(text).encode()
 
 
 def _deliver(content: bytes, output: Path | None) -> None:
@@ -163,8 +141,6 @@ def _deliver(content: bytes, output: Path | None) -> None:
 
 def _print(content: bytes) -> None:
     """Print text; a stream that does not know a letter gets its number."""
-    import sys
-
     text = content.decode()
     if sys.stdout.isatty():
         text = visible(text)

@@ -7,7 +7,7 @@ import inspect
 import time
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -63,54 +63,33 @@ if TYPE_CHECKING:
     from lagsim.studies.restart import Restart
 
 
-Method = Annotated[
-    str | None,
-    typer.Option(
-        metavar="M",
-        help="Integration method; see `lagsim methods`.",
-        autocompletion=lambda: ["auto", *names()],
-    ),
-]
-Rtol = Annotated[
-    str | None,
-    typer.Option(metavar="X", help=f"Relative tolerance; default {DEFAULT_RTOL:g}."),
-]
-Atol = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X",
-        help="Absolute tolerance; default rtol times each component's scale.",
-    ),
-]
-Step = Annotated[
-    str | None,
-    typer.Option(
-        metavar="H", help="Step of fixed-step methods; default the output step."
-    ),
-]
-Formulation = Annotated[
-    str | None,
-    typer.Option(
-        metavar="F",
-        help="How constraints are satisfied: projection, elimination, baumgarte, "
-        "drift; full: nothing is reduced.",
-    ),
-]
-Gain = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X",
-        help="Gain of baumgarte, per unit of time; "
-        f"default {1 / ROWS_TO_DECAY:g}/output step.",
-    ),
-]
-Duration = Annotated[str | None, typer.Option(metavar="T", help="Duration of the run.")]
-OutputStep = Annotated[
-    str | None,
-    typer.Option(
-        metavar="H", help=f"Time between rows; default duration/{DEFAULT_ROWS}."
-    ),
-]
+# The keys of `simulation` that commands take: what stands for the value, and the help.
+_HELP = {
+    "method": "M Integration method; see `lagsim methods`.",
+    "rtol": f"X Relative tolerance; default {DEFAULT_RTOL:g}.",
+    "atol": "X Absolute tolerance; default rtol times each component's scale.",
+    "step": "H Step of fixed-step methods; default the output step.",
+    "formulation": "F How constraints are satisfied: projection, elimination, "
+    "baumgarte, drift; full: nothing is reduced.",
+    "gain": "X Gain of baumgarte, per unit of time; "
+    f"default {1 / ROWS_TO_DECAY:g}/output step.",
+    **{
+        key: f"X Of {name}, from {x.least:g} to {x.most:g}."
+        for key, (name, x) in options().items()
+    },
+    "duration": "T Duration of the run.",
+    "output_step": f"H Time between rows; default duration/{DEFAULT_ROWS}.",
+}
+
+
+def _setting(key: str) -> Any:
+    metavar, _, text = _HELP[key].partition(" ")
+    known = (lambda: ["auto", *names()]) if key == "method" else None
+    option = typer.Option(metavar=metavar, help=text, autocompletion=known)
+    return Annotated[str | None, option]
+
+
+SETTINGS = {key: _setting(key) for key in _HELP}
 ErrorBar = Annotated[
     ErrorBars,
     typer.Option(
@@ -118,19 +97,6 @@ ErrorBar = Annotated[
         "that takes at most about 2 s."
     ),
 ]
-
-
-# The keys of `simulation` that commands take.
-SETTINGS = {
-    "method": Method, "rtol": Rtol, "atol": Atol, "step": Step,
-    "formulation": Formulation, "gain": Gain,
-    **{
-        key: Annotated[str | None, typer.Option(metavar="X", help=text)]
-        for key, (name, x) in options().items()
-        for text in [f"Of {name}, from {x.least:g} to {x.most:g}."]
-    },
-    "duration": Duration, "output_step": OutputStep,
-}  # fmt: skip
 
 
 def with_settings(command: Callable[..., int]) -> Callable[..., int]:
@@ -191,24 +157,23 @@ def command(
     strict: Strict = False,
 ) -> int:
     """Check the start, integrate, write a table and pictures."""
-    job = partial(
-        Job, error_bars=error_bar, table=table, show_units=units,
-        plots=None if no_plots else form, animate=animate, resume=resume, quiet=quiet,
-        strict=strict,
+    wish = Wish(
+        error_bar, table, units, None if no_plots else form, animate, resume, quiet,
+        strict,
     )  # fmt: skip
     if len(models) > 1:
         from lagsim.cli._several import Batch
 
-        batch = Batch(models, folder, job, as_json=as_json, quiet=quiet)
+        batch = Batch(models, folder, partial(Job, wish), as_json=as_json, quiet=quiet)
         return batch.run(sets, options, jobs)
     documents: list[Any] | None = [] if as_json else None
-    own = job(folder, documents=documents)
+    job = Job(wish, folder, documents=documents)
     # The processor time so far is close to what starting and importing took.
-    own.clock.timings["import"] = time.process_time()
+    job.clock.timings["import"] = time.process_time()
     with faults_shown(documents, file=models[0]) as code:
         from lagsim.model.loading import text_of
 
-        code.append(own.run(*text_of(models[0]), assignments(sets), options))
+        code.append(job.run(*text_of(models[0]), assignments(sets), options))
     for document in documents or ():
         show_json(document)
     return code[-1]
@@ -218,8 +183,21 @@ def command(
 RESULTS = Path("results")
 
 
+class Wish(NamedTuple):
+    """How a run is made and written, see the options of the command."""
+
+    error_bars: ErrorBars
+    table: Format
+    show_units: bool
+    plots: Picture | None
+    animate: bool
+    resume: bool
+    quiet: bool
+    strict: bool
+
+
 class Job:
-    """One run of one model, with its clock and its options.
+    """One run of one model, with its clock.
 
     Parameters
     ----------
@@ -229,26 +207,13 @@ class Job:
 
     def __init__(
         self,
+        wish: Wish,
         folder: Path | None,
-        error_bars: ErrorBars,
-        table: Format,
         *,
-        show_units: bool,
-        plots: Picture | None,
-        animate: bool,
-        resume: bool,
-        quiet: bool,
-        strict: bool,
         documents: list[Any] | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
-        self.folder = folder
-        self.error_bars = error_bars
-        self.table, self.show_units = table, show_units
-        self.plots, self.animate, self.resume = plots, animate, resume
-        self.documents = documents
-        self.quiet = quiet
-        self.strict = strict
+        self.wish, self.folder, self.documents = wish, folder, documents
         self.interrupt = interrupt or Interrupt()
         self.clock = Clock()
         self._draw: Draw | None = None
@@ -261,17 +226,18 @@ class Job:
         options: Mapping[str, str],
     ) -> int:
         """Do it; give the exit code."""
-        if self.resume and self.table is not Format.CSV:
-            text = "--resume needs --table csv, which is written row by row"
-            raise InputError([Problem("usage", text)])
-        if self.table is not Format.CSV:
-            check_format(self.table, show_units=self.show_units)
+        wish = self.wish
+        if wish.table is not Format.CSV:
+            if wish.resume:
+                text = "--resume needs --table csv, which is written row by row"
+                raise InputError([Problem("usage", text)])
+            check_format(wish.table, show_units=wish.show_units)
         self.clock.lap("import")
 
         with self.interrupt.raised():
             model = read(text, file, overrides, options)
         aside: Any = contextlib.nullcontext()
-        if self.plots and is_watched():
+        if wish.plots and is_watched():
             from lagsim.studies.drawing import artist
 
             aside = artist(model)
@@ -280,15 +246,15 @@ class Job:
 
     def _do(self, model: Model, wishes: Mapping[str, Any]) -> int:
         with self.interrupt.raised():
-            session = self._ready(model)
+            session, quiet = self._ready(model), self.wish.quiet
         model = session.case.equations.model
         folder = self.folder or RESULTS / model.name
-        ask_for_room(session, folder, self.table, quiet=self.quiet)
+        ask_for_room(session, folder, self.wish.table, quiet=quiet)
         restart = partial(self._restart, folder, model.sha256, wishes)
-        known = restart() if self.resume else None
+        known = restart() if self.wish.resume else None
         first = None if known is None else known.rescue
         with open_results(folder, first=first) as results:
-            if known is not None and known.stand is None and not self.quiet:
+            if known is not None and known.stand is None and not quiet:
                 complain(f"lagsim: {folder} holds no interrupted run to continue")
             made = restart if known is None else lambda: known
             return self._integrate(session, results, made)
@@ -305,28 +271,28 @@ class Job:
         """Give what keeps a run of these wishes, and goes on with it."""
         from lagsim.studies.restart import Restart
 
-        more = self.error_bars, self.show_units, self.plots, self.animate
+        wish = self.wish
+        more = wish.error_bars, wish.show_units, wish.plots, wish.animate
         options = f"{sorted(wishes.items())} {more}"
         identity = {"model text": sha256, "set of options": options}
-        return Restart(folder, self.table.file, identity)
+        return Restart(folder, wish.table.file, identity)
 
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
-
-        columns, interrupt = session.system.columns.of_table, self.interrupt
-        units = of_table(session.case.equations, columns)
-        table = open_table(results, self.table, units, show_units=self.show_units)
+        wish, interrupt = self.wish, self.interrupt
+        units = of_table(session.case.equations, session.system.columns.of_table)
+        table = open_table(results, wish.table, units, show_units=wish.show_units)
         with table as writer, interrupt.noted():
             joined = None
-            if self.table is Format.CSV:
-                joined = partial(Later(writer, restart), at_once=self.resume)
+            if wish.table is Format.CSV:
+                joined = partial(Later(writer, restart), at_once=wish.resume)
             found = Attempts(
-                writer, interrupt, self.clock, error_bars=self.error_bars,
-                thinned=self.plots is not None, animated=self.animate,
-                progress=partial(progress_bar, quiet=self.quiet), joined=joined,
+                writer, interrupt, self.clock, error_bars=wish.error_bars,
+                thinned=wish.plots is not None, animated=wish.animate,
+                progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
             ).best(session)  # fmt: skip
-            lost = finish(writer, results, self.table)
+            lost = finish(writer, results, wish.table)
             full = lost or found.fault
             if not full and session.lists_events:
                 from lagsim.studies.drawing import events
@@ -338,10 +304,10 @@ class Job:
             document = found.record(cautions, self.clock.timings, files)
             if results.folder == RESULTS / document["model"]["name"]:
                 tell_of_replaced(results, document)
-            if not full and (self.plots or self.animate):
+            if not full and (wish.plots or wish.animate):
                 from lagsim.studies.drawing import drawings
 
-                form = (self.plots or Picture.PNG).value
+                form = (wish.plots or Picture.PNG).value
                 more = drawings(found, found.thin, found.frames, form, self._draw)
                 full = draw_all(results, document, more, interrupt, self.clock)
             if full:
@@ -356,7 +322,7 @@ class Job:
     def _code(
         self, found: Attempt, document: Mapping[str, Any], full: OSError | None
     ) -> int:
-        """Give the exit code, and say what a signal has cost."""
+        """Give the exit code, and say what a signal or `--strict` has cost."""
         interrupt = self.interrupt
         if full:
             return UnwritableError.exit_code
@@ -366,14 +332,9 @@ class Job:
             return 128 + interrupt.signal
         if not found.trajectory.outcome.complete:
             return 3
-        return self._strictly(found, document)
-
-    def _strictly(self, found: Attempt, document: Mapping[str, Any]) -> int:
-        """Give the exit code of a run that is complete; say why it is not 0."""
         cautions = document["warnings"]
-        if not (self.strict and cautions):
+        if not (self.wish.strict and cautions):
             return 0
-
         model = found.session.case.equations.model
         told = refused(model.name, [caution["code"] for caution in cautions])
         complain(told)
@@ -389,10 +350,10 @@ class Job:
             complain(f"lagsim: {document['reason']}{numbered}")
             if (folder / RESTART).exists():
                 complain("lagsim: the same command with --resume continues the run")
-        if not self.quiet or self.strict:
+        if not self.wish.quiet or self.wish.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']} [{caution['number']}]")
         if self.documents is not None:
             self.documents.append(document)
-        elif not self.quiet:
+        elif not self.wish.quiet:
             say(summary(found, document, folder))
