@@ -7,13 +7,28 @@ import zlib
 from dataclasses import dataclass, field
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from lagsim.outputs.curves import curve, point
-from lagsim.outputs.scale import Scale, extent, log_scale, time_scale, value_scale
-from lagsim.outputs.sheet import SMALL, Sheet, in_house_style, mark
+from lagsim.outputs.figure import (
+    SMALL,
+    Picture,
+    frame,
+    in_house_style,
+    legend_above,
+    mark,
+)
+from lagsim.outputs.scale import (
+    Scale,
+    extent,
+    log_scale,
+    size_of,
+    time_scale,
+    value_scale,
+)
 
-WIDTH, HEIGHT = 6.4, 2.6
-LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.2, 0.52, 0.42, 0.76
+WIDTH, HEIGHT = 6.4, 1.66
+LEFT, RIGHT, TOP, BOTTOM, BETWEEN = 0.72, 0.2, 0.18, 0.42, 0.76
 
 # What fails is vermilion, what holds blue, the exact thin and black: told apart by
 # everyone, and by their dashes in print.
@@ -53,13 +68,15 @@ class View:
 @in_house_style
 def draw(*views):
     """Draw views side by side; gives a PNG."""
-    sheet = Sheet(WIDTH, HEIGHT)
+    picture = Picture(TOP + HEIGHT + BOTTOM, "", width=WIDTH)
     room = WIDTH - LEFT - RIGHT - BETWEEN * (len(views) - 1)
-    width, height = room / len(views), HEIGHT - TOP - BOTTOM
-    for k, view in enumerate(views):
-        left = LEFT + k * (width + BETWEEN)
-        _panel(sheet, view, (left, TOP, width, height))
-    return small_png(sheet.pixels())
+    widths = [room / len(views)] * len(views)
+    [panels] = picture.panels(widths, [HEIGHT], left=LEFT, top=TOP, across=BETWEEN)
+    for axes, view in zip(panels, views, strict=True):
+        _panel(axes, view)
+    canvas = FigureCanvasAgg(picture)
+    canvas.draw()
+    return small_png(np.asarray(canvas.buffer_rgba()))
 
 
 def small_png(pixels):
@@ -100,21 +117,19 @@ def _scales(view, width, height):
     return x, log_scale(*ys, least=0.06) if view.log_y else value_scale(*ys)
 
 
-def _panel(sheet, view, place):
-    left, top, width, height = place
-    axes = sheet.panel(
-        place, *_scales(view, width, height), below=named(view.x), side=named(view.y),
-        ticks=(6, 5), reach=0.48, spare=0.5,
-    )  # fmt: skip
+def _panel(axes, view):
+    x, y = _scales(view, *size_of(axes))
+    frame(axes, x, y, below=named(view.x), up=named(view.y))
     for _, x, y, pen in view.curves:
         curve(axes, x, y, pen)
         if view.marks:
             for a, b in zip(x, y, strict=True):
                 if np.isfinite(b):
                     point(axes, a, b, mark("o", 3.0, pen["color"]))
-    sheet.text(left, top - 0.27, view.title, size=SMALL, bold=True)
+    axes.set_title(view.title, weight="bold", size=SMALL, pad=18.0)
     entries = [(name, pen) for name, _, _, pen in view.curves if name]
-    sheet.legend(left, top - 0.09, entries, width)
+    if entries:
+        legend_above(axes, entries)
 
 
 def named(text):

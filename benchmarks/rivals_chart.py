@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.outputs.figure import Picture, headed
-from lagsim.outputs.sheet import DIM, SMALL, WIDTH, content, in_house_style
+from lagsim.outputs.figure import DIM, SMALL, Picture, content, in_house_style
 from lagsim.studies.bench.chart import (
     ERROR,
     WORST,
@@ -41,7 +40,12 @@ def chart(document):
     """Draw all scenes of results-rivals.json; gives a PNG."""
     scenes = document["scenes"]
     rows = -(-len(scenes) // 2)
-    drawing = Picture(figsize=(WIDTH, HEIGHT * rows + REST), layout="constrained")
+    used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
+    drawing = Picture(
+        HEIGHT * rows + REST, "Time to integrate against the error made",
+        legend=[(name, LOOKS[name].sample) for name in used],
+        notes=[WHAT, f"{stamp(document)}."], layout="constrained",
+    )  # fmt: skip
     panels = drawing.subplots(rows, 2, squeeze=False).flat
     costs = [costs_of(scene) for scene in scenes]
     floor = max(scene["agreement"] for scene in scenes)
@@ -53,15 +57,8 @@ def chart(document):
         axes.set_title(f"{scene['rows']} rows", loc="right", color=DIM, size=SMALL)
     for axes in panels[len(scenes) :]:
         axes.remove()
-    used = [name for name in LOOKS if any(name in s["points"] for s in scenes)]
-    legend = [(name, LOOKS[name].sample) for name in used]
-    title, notes = (
-        "Time to integrate against the error made",
-        [WHAT, f"{stamp(document)}."],
-    )
-    headed(drawing, title, "", legend, notes)
     drawing.get_layout_engine().set(h_pad=0.12)
-    return content(drawing, "png")
+    return content(drawing)
 
 
 def costs_of(scene):

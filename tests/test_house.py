@@ -8,8 +8,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 259
-LINES = 71_700
+FILES = 258
+LINES = 71_400
 LINES_OF_TESTS = 59_700
 
 

@@ -90,10 +90,10 @@ class Error(ErrorBar):
         return block(f"Error of {self.model}", self._summary())
 
     def _repr_html_(self) -> str:
-        from lagsim.outputs.sheet import content
+        from lagsim.outputs.figure import content
 
         title = f"Error of {self.model}"
-        drawn = picture(content(self.plot(), "png"), title)
+        drawn = picture(content(self.plot()), title)
         return "\n".join([heading(title), table(self._summary()), drawn])
 
     def plot(self) -> Figure:

@@ -90,7 +90,7 @@ def _wrote(
         form = path.suffix.lower()[1:]
         columns = overlay.chosen(runs, names)
         draw = partial(overlay.picture, runs, columns, form)
-        return put_picture(path, lambda: draw().content(), folders=True)
+        return put_picture(path, draw, folders=True)
     found, told = overlay.motions(runs)
     if not found and not also:
         raise InputError([Problem("nothing-to-draw", text) for text in told])

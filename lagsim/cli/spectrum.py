@@ -120,7 +120,7 @@ def _write(file: Path, found: Spectrum, title: str) -> None:
         rows = zip(found.frequency.tolist(), found.amplitude.tolist(), strict=True)
         put_file(file, table_of(("frequency", "amplitude"), rows))
     else:
-        from lagsim.outputs.sheet import content
+        from lagsim.outputs.figure import content
 
         put_picture(file, lambda: content(found.plot(title), file.suffix[1:]))
 

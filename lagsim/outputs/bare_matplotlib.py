@@ -2,7 +2,7 @@
 
 On loading it reads `matplotlibrc` in the working directory first, which may be a
 stranger's, a pipe, or no text; and fails at a MPLBACKEND that it does not know. What is
-drawn here takes its style from neither (`sheet.in_house_style`). A program that has
+drawn here takes its style from neither (`figure.in_house_style`). A program that has
 loaded matplotlib before keeps what it has.
 """
 

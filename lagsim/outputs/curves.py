@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib.lines import Line2D
 
+from lagsim.outputs.figure import DPI, Pen, mark
 from lagsim.outputs.scale import extent
-from lagsim.outputs.sheet import DPI, Pen, mark
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

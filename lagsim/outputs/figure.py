@@ -1,6 +1,7 @@
-"""Columns as a matplotlib Figure, which its owner may change and save as any other.
+"""One picture: a matplotlib Figure with a header, panels of given sides, small print.
 
-It looks like the pictures of a run (`sheet`), with places that a layout engine finds.
+Lengths are inches, places those from the upper left corner. They are known before
+anything is drawn: a layout engine would take as long as all the drawing.
 """
 
 from __future__ import annotations
@@ -8,51 +9,401 @@ from __future__ import annotations
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
+import functools
+import io
 import math
-from typing import TYPE_CHECKING, NamedTuple
+import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
-from lagsim.outputs.letters import mathtext
-from lagsim.outputs.sheet import (
-    DIM,
-    EDGE,
-    FAINT,
-    HEADING,
-    LINE,
-    NORMAL,
-    PENS,
-    SMALL,
-    WIDTH,
-    Pen,
-    content,
-    fitted,
-    in_house_style,
-    in_lines,
-    mark,
-    text_width,
-    wrapped,
-)
+from lagsim.outputs.letters import BELOW, END, mathtext, plain
+from lagsim.outputs.scale import label, size_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.legend import Legend
+    from numpy.typing import NDArray
 
     from lagsim.language.arrays import Floats
+    from lagsim.outputs.scale import Scale
+
+# Of pixels to the inch.
+DPI = 200
+# A picture, what is free at its edge, and at the sides of its panels.
+WIDTH, EDGE, LEFT, RIGHT = 7.0, 0.12, 0.78, 0.18
+# The base line of the title; the title, a line of a legend, one of small print.
+LEVEL, TITLE, NAMES, LINE = 0.22, 0.34, 0.2, 0.14
+# Below the last panel: its numbers and what they are.
+BELOW_PANELS = 0.45
+# How much longer than its panel a name at its side, or below it, may be.
+SPARE = 0.4
+
+# Points, as printed.
+SMALL, NORMAL, HEADING = 7.5, 8.5, 9.5
+# Of a line of text, the part above its base line.
+ASCENT = 0.76
+
+# matplotlib's own.
+FONT = "DejaVu Sans"
+
+INK, DIM, FAINT = "#000000", "#555555", "#d8d8d8"
+
+ELLIPSIS = "…"
+
+# Of a legend: the piece of line, with the space after it, and the space between names.
+STROKE, SAMPLE, GAP = 0.28, 0.34, 0.18
+
+# How lines and marks look, in matplotlib's words for a Line2D.
+Pen: TypeAlias = dict[str, Any]
+# What an axis shows, and its unit.
+Named: TypeAlias = tuple[str, str]
+NOTHING: Named = ("", "")
+
+# M. Okabe, K. Ito (2008), "Color Universal Design": told apart by the colour blind.
+# The dashes tell them apart in grey. Their yellow is left out: unreadable on white.
+PENS: tuple[Pen, ...] = (
+    {"color": "#0072B2"},
+    {"color": "#E69F00", "dashes": (4.0, 1.4), "linewidth": 1.1},
+    {"color": "#D55E00", "dashes": (1.2, 1.0)},
+    {"color": "#009E73", "dashes": (6.0, 1.4, 1.2, 1.4)},
+    {"color": "#CC79A7", "dashes": (9.0, 2.0)},
+    {"color": "#56B4E9", "dashes": (3.0, 1.2, 1.0, 1.2, 1.0, 1.2)},
+)
+BLACK: Pen = {"color": INK}
+# Of maps, and of many curves; of a cell without a result.
+COLOURS, NO_RESULT = "viridis", "#999999"
+
+
+def mark(marker: str, size: float, color: str = INK, fill: str = "") -> Pen:
+    """Return the pen of points that no line joins."""
+    edge = 0.0 if marker == "." else 0.8
+    return {
+        "color": color, "marker": marker, "markersize": size, "linestyle": "none",
+        "markerfacecolor": fill or color, "markeredgewidth": edge,
+    }  # fmt: skip
+
+
+HOUSE: dict[Any, Any] = {
+    "font.family": FONT, "font.size": NORMAL, "axes.axisbelow": True,
+    "grid.color": FAINT, "grid.linewidth": 0.4,
+    "axes.edgecolor": DIM, "axes.linewidth": 0.6, "axes.labelsize": NORMAL,
+    "axes.titlelocation": "left", "axes.titlesize": SMALL, "axes.titley": 1.0,
+    "axes.titlepad": 0.06 * 72,
+    "xtick.labelsize": SMALL, "ytick.labelsize": SMALL,
+    "xtick.major.size": 0.0, "ytick.major.size": 0.0,
+    "ytick.alignment": "center_baseline", "lines.linewidth": 0.9,
+    "legend.frameon": False, "legend.fontsize": SMALL, "legend.borderpad": 0.0,
+    "legend.borderaxespad": 0.0, "legend.handlelength": STROKE * 72 / SMALL,
+    "legend.handletextpad": (SAMPLE - STROKE) * 72 / SMALL,
+    "legend.columnspacing": GAP * 72 / SMALL, "svg.hashsalt": "lagsim",
+}  # fmt: skip
+_KINDS = (
+    "text.", "mathtext.", "font.", "lines.", "path.", "agg.", "figure.", "patch.",
+    "axes.", "grid.", "xtick.", "ytick.", "markers.", "contour.", "pcolor", "svg.",
+    "pdf.", "legend.", "savefig.",
+)  # fmt: skip
+# No file tells a date, a version or who made it: the same rows give the same bytes.
+NOBODY = {
+    "png": ("Software",),
+    "svg": ("Creator", "Date", "Format", "Type"),
+    "pdf": ("Creator", "Producer", "CreationDate"),
+}
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
+    """Let a function draw as lagsim does, whatever the user's matplotlibrc says."""
+
+    @functools.wraps(draw)
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
+        style: dict[Any, Any] = mpl.rcParamsDefault | HOUSE
+        style = {k: v for k, v in style.items() if k.startswith(_KINDS)}
+        with mpl.rc_context(style), warnings.catch_warnings():
+            # A letter that the font lacks becomes a box; that is no fault of the run.
+            warnings.simplefilter("ignore")
+            return draw(*args, **kwargs)
+
+    return drawn
+
+
+@in_house_style
+def content(figure: Figure, form: str = "png") -> bytes:
+    """Give a figure as a file: png, svg or pdf; with letters as outlines in an svg."""
+    file = io.BytesIO()
+    how: dict[str, Any] = {"metadata": dict.fromkeys(NOBODY[form])}
+    if form == "png":
+        # A third faster than matplotlib's usual 6, and a tenth larger.
+        how["pil_kwargs"] = {"compress_level": 3}
+    figure.savefig(file, format=form, dpi=DPI, **how)
+    return file.getvalue()
+
+
+@functools.cache
+def _ruler() -> RendererAgg:
+    return RendererAgg(1, 1, DPI)  # type: ignore[no-untyped-call]
+
+
+@functools.lru_cache(maxsize=1024)
+def text_width(text: str, size: float = NORMAL, weight: str = "normal") -> float:
+    """Return the width of a text in inches."""
+    font = FontProperties(family=FONT, size=size, weight=weight)
+    shown = mathtext(text)
+    measured = _ruler().get_text_width_height_descent(  # type: ignore[no-untyped-call]
+        shown, font, ismath=is_math_text(shown)
+    )
+    return float(measured[0]) / DPI
+
+
+def fitted(text: str, room: float, size: float = NORMAL, weight: str = "normal") -> str:
+    """Return the text, its middle left out until it is at most `room` inches wide."""
+    shown = "".join(c if c.isprintable() or c in (BELOW, END) else " " for c in text)
+    if text_width(shown, size, weight) <= room:
+        return shown
+    text = shown = plain(shown)
+    keep = len(text)
+    while (width := text_width(shown, size, weight)) > room and keep > 1:
+        keep = max(1, min(keep - 1, int(keep * room / width)))
+        # Names differ at the end more often than in the middle.
+        head = (keep + 1) // 2
+        shown = text[:head] + ELLIPSIS + text[len(text) - (keep - head) :]
+    return shown
+
+
+def wrapped(notes: Iterable[str], room: float) -> list[str]:
+    """Break texts in small print into lines of at most `room` inches."""
+    lines = []
+    for note in notes:
+        lines.append("")
+        for word in note.split():
+            longer = f"{lines[-1]} {word}".strip()
+            if lines[-1] and text_width(longer, SMALL) > room:
+                lines.append(word)
+            else:
+                lines[-1] = longer
+    return lines
+
+
+def in_lines(
+    entries: Sequence[tuple[str, Pen]], room: float
+) -> list[list[tuple[str, Pen]]]:
+    """Break the entries of a legend into lines of at most `room` inches."""
+    lines: list[list[tuple[str, Pen]]] = []
+    left = 0.0
+    for name, pen in entries:
+        wanted = SAMPLE + text_width(name, SMALL) + GAP
+        if not lines or wanted > left:
+            lines.append([])
+            left = room
+        lines[-1].append((name, pen))
+        left -= wanted
+    return lines
+
+
+def legend(
+    of: Figure | Axes, entries: Sequence[tuple[str, Pen]], room: float, **more: Any
+) -> Legend:
+    """Name lines side by side, cut to their shares of the room where it is short."""
+    abreast = more.setdefault("ncols", len(entries))
+    wanted = sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
+    share = math.inf if wanted <= room else room / abreast - SAMPLE
+    share -= GAP if abreast > 1 else 0.0
+    names = [mathtext(fitted(name, share, SMALL)) for name, _ in entries]
+    # Where there is no pen there is no line.
+    lines = [Line2D([], [], **(pen or {"linestyle": "none"})) for _, pen in entries]
+    return of.legend(lines, names, **more)
+
+
+def legend_above(axes: Axes, entries: Sequence[tuple[str, Pen]]) -> None:
+    """Name the lines of a panel above it."""
+    anchor: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
+    legend(axes, entries, size_of(axes)[0], **anchor, borderaxespad=0.4)
+
+
+class Picture(Figure):
+    """A picture with a title, what it shows, a legend, and notes.
+
+    Parameters
+    ----------
+    height : float
+        Of what is between the header and the notes: panels, and what belongs to them.
+    title, subject : str
+        At the left and at the right of the first line.
+    legend : sequence of (str, Pen)
+        Below it.
+    remarks, notes : sequence of str
+        Small print below these, and at the end.
+    layout : str, optional
+        A layout engine of matplotlib's, which finds the places of panels.
+
+    Attributes
+    ----------
+    top : float
+        Where the panels begin.
+    """
+
+    def __init__(
+        self,
+        height: float,
+        title: str,
+        subject: str = "",
+        *,
+        width: float = WIDTH,
+        legend: Sequence[tuple[str, Pen]] = (),
+        remarks: Iterable[str] = (),
+        notes: Iterable[str] = (),
+        layout: Any = None,
+    ) -> None:
+        room = width - 2 * EDGE
+        names = in_lines(legend, room)
+        above, below = wrapped(remarks, room), wrapped(notes, room)
+        self.top = TITLE + NAMES * len(names) + LINE * len(above)
+        under = LINE * (len(below) + bool(below))
+        high = self.top + height + under
+        super().__init__(figsize=(width, high), dpi=DPI, layout=layout)
+        if isinstance(engine := self.get_layout_engine(), ConstrainedLayoutEngine):
+            engine.set(rect=(0.0, under / high, 1.0, height / high), wspace=0.08)
+        title = fitted(title, 0.65 * width, HEADING, "bold")
+        self.write(EDGE, LEVEL, title, size=HEADING, weight="bold")
+        room -= text_width(title, HEADING, "bold") + GAP
+        right = width - EDGE
+        self.write(right, LEVEL, subject, room=room, ha="right", color=DIM)
+        for k, line in enumerate(names):
+            self.name(EDGE, TITLE + 0.08 + k * NAMES, line, width - 2 * EDGE)
+        self._small_print(self.top - LINE * len(above), above)
+        self._small_print(high - under + 0.5 * LINE, below)
+
+    def _small_print(self, top: float, lines: Sequence[str]) -> None:
+        for k, text in enumerate(lines):
+            self.write(EDGE, top + (k + 0.6) * LINE, text, size=SMALL, color=DIM)
+
+    @property
+    def width(self) -> float:
+        """Its width."""
+        return float(self.get_figwidth())
+
+    @property
+    def height(self) -> float:
+        """Its height."""
+        return float(self.get_figheight())
+
+    def write(
+        self, x: float, y: float, text: str, *, room: float = math.inf, **look: Any
+    ) -> None:
+        """Write text, cut to `room`; of it names of `Letters` are typeset."""
+        look = {"size": NORMAL, "weight": "normal", **look}
+        shown = mathtext(fitted(text, room, look["size"], look["weight"]))
+        self.text(x, self.height - y, shown, transform=self.dpi_scale_trans, **look)
+
+    def name(
+        self,
+        x: float,
+        y: float,
+        entries: Sequence[tuple[str, Pen]],
+        room: float,
+        **more: Any,
+    ) -> None:
+        """Name lines from here on to the right; with `ncols=1` below each other."""
+        if entries:
+            place = x, self.height - y + ASCENT * SMALL / 72
+            legend(
+                self, entries, room, loc="upper left", bbox_to_anchor=place,
+                bbox_transform=self.dpi_scale_trans, **more,
+            ).set_in_layout(False)  # fmt: skip
+
+    def panels(
+        self,
+        widths: Sequence[float],
+        heights: Sequence[float],
+        *,
+        left: float = LEFT,
+        top: float = 0.0,
+        across: float = 0.0,
+        down: float = 0.0,
+    ) -> NDArray[Any]:
+        """Give a grid of panels (rows, columns), so far below the header.
+
+        Parameters
+        ----------
+        widths, heights
+            Of the columns and the rows of the grid.
+        across, down
+            What is between columns, and between rows.
+        """
+        wide, high, top = self.width, self.height, self.top + top
+        right = left + sum(widths) + across * (len(widths) - 1)
+        below = top + sum(heights) + down * (len(heights) - 1)
+        grid = self.add_gridspec(
+            len(heights), len(widths), left=left / wide, right=right / wide,
+            top=1.0 - top / high, bottom=1.0 - below / high,
+            wspace=across * len(widths) / sum(widths), width_ratios=widths,
+            hspace=down * len(heights) / sum(heights), height_ratios=heights,
+        )  # fmt: skip
+        found = grid.subplots(squeeze=False)
+        for axes in found.flat:
+            axes.grid(visible=True)
+        return np.asarray(found)
+
+    def _repr_png_(self) -> bytes:
+        """Give what a notebook shows, without pyplot."""
+        return content(self)
+
+
+def frame(
+    axes: Axes,
+    x: Scale,
+    y: Scale,
+    *,
+    below: Named = NOTHING,
+    up: Named = NOTHING,
+    above: bool | None = None,
+    colour: str = INK,
+) -> None:
+    """Give a panel its scales, and name what they show.
+
+    Parameters
+    ----------
+    below, up : name and unit of each axis; without `below` it has no numbers.
+    above : the second stands above the panel, or at its side; None: where it fits.
+    colour : of the axis that runs up.
+    """
+    x.put(axes, "x", bare=not below[0])
+    y.put(axes, "y")
+    width, height = size_of(axes)
+    axes.set_xlabel(_named(axes.xaxis, below, width + SPARE))
+    if above is None:
+        above = text_width(label(axes.yaxis, *up)) > height + SPARE
+    if above:
+        axes.set_title(_named(axes.yaxis, up, width, SMALL))
+    else:
+        axes.set_ylabel(_named(axes.yaxis, up, height + SPARE), color=colour)
+    axes.tick_params("y", labelcolor=colour)
+
+
+def _named(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
+    return mathtext(fitted(label(axis, *named), room, size)) if named[0] else ""
+
+
+# --- Columns
 
 # What has the unit of energy, known or not.
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
-# Inches: of a panel, of one that shows a path, and of what is below the last.
-PANEL, PATH, SPECTRUM, REST = 1.9, 4.2, 3.2, 0.41
-MAP = 2.6
-# From above: of the line of the title, of what is below it, and of a legend; between
-# panels beside each other, in parts of their width.
-LINE_OF_TITLE, TITLE, LEGEND, APART = 0.22, 0.34, 0.22, 0.08
-COLOURS, NO_RESULT = "viridis", "#999999"
+# Inches: of a panel of columns, of one that shows a path, of a spectrum, of a map; and
+# between them.
+PANEL, PATH, SPECTRUM, MAP = 1.65, 4.2, 3.2, 2.2
+APART = 0.26
 # Of the largest amplitude, what a spectrum still shows.
 SHOWN = 1e-5
 
@@ -75,11 +426,19 @@ class Column(NamedTuple):
         return mathtext(fitted(text, room))
 
 
-class Picture(Figure):
-    """A Figure that notebooks show without pyplot."""
+def stacked(found: Picture, count: int, height: float, top: float = 0.0) -> list[Axes]:
+    """Give so many panels above each other, on one scale that runs across."""
+    width, top = found.width - LEFT - RIGHT, top + APART
+    panels = found.panels([width], [height] * count, top=top, down=APART)[:, 0]
+    for axes in panels[:-1]:
+        axes.sharex(panels[-1])
+        axes.tick_params(labelbottom=False)
+    return list(panels)
 
-    def _repr_png_(self) -> bytes:
-        return content(self, "png")
+
+def stack_height(count: int, height: float) -> float:
+    """Give what so many panels above each other take."""
+    return count * (APART + height) + BELOW_PANELS
 
 
 @in_house_style
@@ -90,16 +449,15 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
     """
     groups = list(_grouped(columns))
     equal = bool(against.unit) and {c.unit for c in columns} == {against.unit}
-    height = PATH if equal else PANEL * len(groups)
-    found = Picture(figsize=(WIDTH, height + REST), layout="constrained")
-    panels = found.subplots(len(groups), sharex=True, squeeze=False)[:, 0]
+    height = PATH if equal else PANEL
+    found = Picture(stack_height(len(groups), height), title)
+    panels = stacked(found, len(groups), height)
     for axes, group in zip(panels, groups, strict=True):
         _draw(axes, against, group)
         if equal:
             axes.set_aspect("equal", adjustable="datalim")
-    panels[-1].set_xlabel(against.label, size=NORMAL)
+    panels[-1].set_xlabel(against.label)
     found.align_ylabels()
-    headed(found, title)
     return found
 
 
@@ -108,38 +466,34 @@ def spectrum_figure(
     title: str, across: Column, up: Column, peaks: Sequence[tuple[float, float]]
 ) -> Picture:
     """Draw amplitudes against frequencies, with the places of peaks, and their list."""
-    found = Picture(figsize=(WIDTH, SPECTRUM + REST), layout="constrained")
-    axes = found.subplots()
+    subject = f"spectrum of {up.name.removeprefix('amplitude of ')}"
+    found = Picture(stack_height(1, SPECTRUM), title, subject)
+    [axes] = stacked(found, 1, SPECTRUM)
     _draw(axes, across, [up])
     axes.set_yscale("log")
     axes.minorticks_off()
-    axes.set_xlabel(across.label, size=NORMAL)
+    axes.set_xlabel(across.label)
     largest = float(up.values.max(initial=0.0))
     if largest:
         axes.set_ylim(SHOWN * largest, 5 * largest)
         seen = across.values[up.values >= SHOWN * largest]
         axes.set_xlim(0.0, 1.05 * float(seen[-1]))
     unit = f" {up.unit}" if up.unit else ""
+    white = {"facecolor": "white", "edgecolor": "none"}
     for number, place in enumerate(peaks, 1):
         axes.plot(*place, **mark("o", 3.0))
         axes.annotate(
-            str(number),
-            place,
-            (3.0, 3.0),
-            textcoords="offset points",
-            size=SMALL,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.3, "alpha": 0.8},
-        )
+            str(number), place, (3.0, 3.0), textcoords="offset points", size=SMALL,
+            bbox=white | {"pad": 0.3, "alpha": 0.8},
+        )  # fmt: skip
     lines = [
         f"{number}:  {frequency:.4g} {across.unit},  {amplitude:.3g}{unit}"
         for number, (frequency, amplitude) in enumerate(peaks, 1)
     ]
     axes.text(
         0.99, 0.98, mathtext("\n".join(lines)), transform=axes.transAxes, size=SMALL,
-        ha="right", va="top", multialignment="left",
-        bbox={"facecolor": "white", "edgecolor": "none"},
+        ha="right", va="top", multialignment="left", bbox=white,
     )  # fmt: skip
-    headed(found, title, f"spectrum of {up.name.removeprefix('amplitude of ')}")
     return found
 
 
@@ -152,73 +506,36 @@ def map_figure(
     *,
     subject: str = "",
     abreast: int = 1,
-    legend: Sequence[tuple[str, Pen]] = (),
-    notes: Sequence[str] = (),
+    **header: Any,
 ) -> Picture:
     """Draw maps, values (rows, columns), over two others: borders of their cells.
 
-    So many beside each other; of what is nan the ground is seen.
+    So many beside each other; of what is nan the ground is seen. `header` are what else
+    a `Picture` is made of.
     """
     rows = -(-len(maps) // abreast)
-    found = Picture(figsize=(WIDTH, MAP * rows + REST), layout="constrained")
-    panels = found.subplots(rows, abreast, sharex=True, sharey=True, squeeze=False)
-    for axes, column in zip(panels.flat, maps, strict=False):
+    found = Picture(stack_height(rows, MAP), title, subject, **header)
+    # Each with its bar of colours, and the numbers at it.
+    width = (WIDTH - LEFT + EDGE) / abreast - LEFT
+    panels = found.panels(
+        [width] * abreast, [MAP] * rows, top=APART, across=LEFT, down=APART
+    )
+    for k, (axes, column) in enumerate(zip(panels.flat, maps, strict=False)):
         axes.set_facecolor(NO_RESULT)
+        axes.grid(visible=False)
         cells = np.ma.masked_invalid(column.values)
         drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
-        bar = found.colorbar(drawn, ax=axes, aspect=15)
-        bar.set_label(column.within(0.85 * MAP), size=NORMAL)
-        bar.ax.tick_params(labelsize=SMALL, length=0.0)
-        axes.tick_params(length=2.0, labelsize=SMALL)
+        bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
+        bar.set_label(column.within(MAP + SPARE))
+        is_last = k + abreast >= len(maps)
+        axes.tick_params(length=2.0, labelbottom=is_last, labelleft=k % abreast == 0)
+        if k % abreast == 0:
+            axes.set_ylabel(up.within(MAP + SPARE))
+        if is_last:
+            axes.set_xlabel(across.within(width))
     for axes in panels.flat[len(maps) :]:
         axes.remove()
-    for axes in panels[:, 0]:
-        axes.set_ylabel(up.within(0.85 * MAP), size=NORMAL)
-    for axes in panels[-1, : len(maps) - abreast * (rows - 1)]:
-        axes.set_xlabel(across.within(WIDTH / (abreast + 0.5)), size=NORMAL)
-    headed(found, title, subject, legend, notes)
     return found
-
-
-def headed(
-    found: Figure,
-    title: str,
-    subject: str = "",
-    legend: Sequence[tuple[str, Pen]] = (),
-    notes: Sequence[str] = (),
-) -> None:
-    """Write a title at the left and what is shown at the right, over all panels.
-
-    Under them a legend, of names and pens, and below the panels notes in small print.
-    The figure grows by what they take.
-    """
-    lines = wrapped(notes, WIDTH - 2 * EDGE)
-    below = LINE * (len(lines) + bool(lines))
-    named = in_lines(legend, WIDTH - 2 * EDGE) if legend else []
-    above = TITLE + LEGEND * len(named)
-    high = found.get_figheight() + above + below
-    found.set_figheight(high)
-    edge = EDGE / WIDTH
-    for k, line in enumerate(named):
-        samples = [Line2D([], [], **pen) for _, pen in line]
-        found.legend(
-            samples, [mathtext(name) for name, _ in line], loc="upper left",
-            bbox_to_anchor=(edge, 1.0 - (TITLE + k * LEGEND) / high), ncols=len(line),
-        ).set_in_layout(False)  # fmt: skip
-    # Above the panels, and with one line for both to stand on.
-    engine = found.get_layout_engine()
-    assert isinstance(engine, ConstrainedLayoutEngine)
-    shown = (high - above - below) / high
-    engine.set(rect=(0.0, below / high, 1.0, shown), wspace=APART)
-    level = 1.0 - LINE_OF_TITLE / high
-    title = fitted(title, 0.65 * WIDTH, HEADING, bold=True)
-    room = WIDTH - 4 * EDGE - text_width(title, HEADING, bold=True)
-    subject = mathtext(fitted(subject, room))
-    found.text(edge, level, mathtext(title), size=HEADING, weight="bold")
-    found.text(1.0 - edge, level, subject, ha="right", size=NORMAL, color=DIM)
-    if lines:
-        text = "\n".join(map(mathtext, lines))
-        found.text(edge, 0.4 * LINE / high, text, size=SMALL, color=DIM, va="bottom")
 
 
 def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
@@ -235,16 +552,13 @@ def _grouped(columns: Sequence[Column]) -> Iterable[list[Column]]:
 def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     for column, pen in zip(group, PENS, strict=False):
         axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
-    axes.grid(color=FAINT, linewidth=0.4)
-    axes.spines[:].set(color=DIM, linewidth=0.6)
-    axes.tick_params(length=0.0, labelsize=SMALL)
     axes.yaxis.get_offset_text().set_fontsize(SMALL)
     axes.margins(x=0.0 if against.name == "t" else 0.03)
     if len(group) == 1:
-        axes.set_ylabel(group[0].label, size=NORMAL)
-        return
-    axes.set_ylabel(mathtext(group[0].unit), size=NORMAL)
-    axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(group), frameon=False,
-        fontsize=SMALL, borderaxespad=0.2,
-    )  # fmt: skip
+        axes.set_ylabel(group[0].within(PATH))
+    else:
+        axes.set_ylabel(mathtext(group[0].unit))
+        axes.legend(
+            loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(group),
+            borderaxespad=0.4,
+        )  # fmt: skip

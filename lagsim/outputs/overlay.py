@@ -8,64 +8,54 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import numpy as np
-from matplotlib import colormaps
-from matplotlib.colors import to_hex
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
 
 from lagsim.outputs.curves import series
-from lagsim.outputs.letters import Letters
-from lagsim.outputs.record import LEFT, REACH, RIGHT
-from lagsim.outputs.scale import Scale, time_scale, value_scale
-from lagsim.outputs.sheet import (
-    EDGE,
+from lagsim.outputs.figure import (
+    COLOURS,
+    LEFT,
+    NOTHING,
     PENS,
     SMALL,
-    WIDTH,
     Pen,
-    Sheet,
+    Picture,
+    frame,
     in_house_style,
-    in_lines,
+    stack_height,
+    stacked,
 )
+from lagsim.outputs.letters import Letters
+from lagsim.outputs.scale import time_scale, value_scale
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.run.observers.thinning import Array, Thinning
+    from lagsim.run.observers.thinning import Thinning
 
-# Inches: what stands above the panels, a line of the legend, between two panels, and
-# below the last one; and how high a panel is where there are so many.
-TOP, LINE, BETWEEN, BELOW = 0.5, 0.17, 0.14, 0.45
+# Inches: how high a panel is where there are so many; and at least.
 HEIGHTS = (2.9, 1.9, 1.5, 1.3)
 LEAST = 1.1
 # Runs that a legend names; of more, colours tell which is which: a bar of them, how
-# long and how high it is, and where it begins.
-MOST_NAMED, COLOURS = 12, "viridis"
-BAR_LONG, BAR_HIGH, BAR_AT = 2.6, 0.1, 1.7
+# long and how high it is, where it begins, and what it takes with its numbers.
+MOST_NAMED = 12
+BAR_LONG, BAR_HIGH, BAR_AT, BAR = 2.6, 0.1, 1.7, 0.3
 
 
 def pens(count: int) -> list[Pen]:
     """Give pens that are told apart: by colour, and by dashes, also where those end."""
     size = len(PENS)
-    found = []
-    for k in range(count):
-        pen = dict(PENS[(k + k // size) % size])
-        found.append(pen | {"color": PENS[k % size]["color"]})
-    return found
+    return [
+        PENS[(k + k // size) % size] | {"color": PENS[k % size]["color"]}
+        for k in range(count)
+    ]
 
 
-def _coloured(values: Array) -> list[Pen]:
-    """Give pens whose colours go with values."""
-    span = float(np.ptp(values)) or 1.0
-    colours = colormaps[COLOURS]((values - values.min()) / span)
-    return [{"color": to_hex(colour), "linewidth": 0.7} for colour in colours]
-
-
-def _bar(sheet: Sheet, letters: Letters, name: str, bar: Scale) -> None:
+def _bar(found: Picture, name: str, colours: ScalarMappable) -> None:
     """Draw what the colours of many runs mean."""
-    sheet.text(LEFT, 0.42, f"colour: {letters.text(name)}", size=SMALL, room=BAR_AT)
-    levels = np.linspace(bar.low, bar.high, 65)
-    place = (LEFT + BAR_AT, 0.34, BAR_LONG, BAR_HIGH)
-    axes = sheet.panel(place, bar, Scale(0.0, 1.0), below=(" ", ""), ticks=(5, 0))
-    axes.pcolormesh(levels, [0.0, 1.0], levels[None, :-1], cmap=COLOURS, zorder=1.0)
+    found.write(LEFT, found.top + 0.1, f"colour: {name}", size=SMALL, room=BAR_AT)
+    [[axes]] = found.panels([BAR_LONG], [BAR_HIGH], left=LEFT + BAR_AT)
+    found.colorbar(colours, cax=axes, orientation="horizontal")
 
 
 @in_house_style
@@ -75,8 +65,7 @@ def picture(
     units: Mapping[str, str],
     notes: Sequence[str] = (),
     order: tuple[str, Sequence[float]] = ("run", ()),
-    form: str = "png",
-) -> Sheet:
+) -> Picture:
     """Draw each column of `units` against time, with all runs on the same axes.
 
     Parameters
@@ -91,48 +80,36 @@ def picture(
         Said below the legend.
     order : tuple
         A name, and a number for each run, by which many runs are coloured.
-    form : str
-        png, svg or pdf.
     """
     columns = [name for name in units if name != "t"]
     letters = Letters(columns)
-    width = WIDTH - LEFT - RIGHT
     many = len(runs) > MOST_NAMED
     values = np.array(order[1] or range(1, len(runs) + 1), float)
-    bar = Scale(float(values.min()), float(values.max()))
-    looks = _coloured(values) if many else pens(len(runs))
-    entries = list(zip(runs, looks, strict=True))
-    lines = [[]] if many else in_lines(entries, width - EDGE)
-    height = HEIGHTS[len(columns) - 1] if len(columns) <= len(HEIGHTS) else LEAST
-    top = TOP + LINE * (len(lines) - 1 + len(notes)) + (0.3 if many else 0.0)
-    panels = len(columns) * (height + BETWEEN) - BETWEEN
-    sheet = Sheet(WIDTH, top + panels + BELOW, form)
-    subject = ", ".join(letters.name(name) for name in columns)
-    sheet.heading(title, f"{subject} of {len(runs)} runs")
+    colours = ScalarMappable(Normalize(values.min(), values.max()), COLOURS)
+    looks = pens(len(runs))
     if many:
-        _bar(sheet, letters, order[0], bar)
-    for k, line in enumerate(lines):
-        sheet.legend(LEFT, 0.42 + k * LINE, line, width)
-    for k, note in enumerate(notes):
-        below = 0.42 + (len(lines) + k) * LINE + (0.3 if many else 0.0)
-        sheet.text(LEFT, below, note, size=SMALL, room=width)
-    drawn = {
-        name: [(rows.series(name), pen) for rows, (_, pen) in zip(
-            runs.values(), entries, strict=True
-        )]
-        for name in columns
-    }  # fmt: skip
-    times = time_scale(np.concatenate([t for (t, _), _ in drawn[columns[0]]]))
-    for k, name in enumerate(columns):
-        last = name == columns[-1]
-        axes = sheet.panel(
-            (LEFT, top + k * (height + BETWEEN), width, height),
-            times,
-            value_scale(*(values for (_, values), _ in drawn[name])),
-            below=("t", units.get("t", "")) if last else ("", ""),
-            side=(letters.name(name), units[name]),
-            reach=REACH,
-        )
-        for (t, values), pen in drawn[name]:
-            series(axes, t, values, pen)
-    return sheet
+        looks = [
+            {"color": to_hex(c), "linewidth": 0.7} for c in colours.to_rgba(values)
+        ]
+    height = HEIGHTS[len(columns) - 1] if len(columns) <= len(HEIGHTS) else LEAST
+    aside = BAR if many else 0.0
+    found = Picture(
+        stack_height(len(columns), height) + aside, title,
+        f"{', '.join(letters.name(name) for name in columns)} of {len(runs)} runs",
+        legend=[] if many else list(zip(runs, looks, strict=True)),
+        remarks=notes,
+    )  # fmt: skip
+    if many:
+        _bar(found, letters.text(order[0]), colours)
+    rows = list(runs.values())
+    times = time_scale(np.concatenate([r.series(columns[0])[0] for r in rows]))
+    panels = stacked(found, len(columns), height, aside)
+    for axes, name in zip(panels, columns, strict=True):
+        drawn = [r.series(name) for r in rows]
+        below = ("t", units.get("t", "")) if name == columns[-1] else NOTHING
+        scale = value_scale(*(column for _, column in drawn))
+        frame(axes, times, scale, below=below, up=(letters.name(name), units[name]))
+        for (t, column), pen in zip(drawn, looks, strict=True):
+            series(axes, t, column, pen)
+    found.align_ylabels()
+    return found

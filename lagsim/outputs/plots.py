@@ -7,16 +7,34 @@ model asks for against time or against each other.
 from __future__ import annotations
 
 import gc
-from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from itertools import pairwise, zip_longest
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.native.link import ahead
 from lagsim.outputs.attempted import attempted
 from lagsim.outputs.curves import dotted, inches, path, series, stems
-from lagsim.outputs.record import LEFT, REACH, RIGHT, Record, header, header_height
+from lagsim.outputs.figure import (
+    BELOW_PANELS,
+    BLACK,
+    DIM,
+    EDGE,
+    INK,
+    LEFT,
+    NOTHING,
+    PENS,
+    RIGHT,
+    SMALL,
+    WIDTH,
+    Picture,
+    content,
+    fitted,
+    frame,
+    in_house_style,
+    legend_above,
+    mark,
+)
 from lagsim.outputs.scale import (
     NOISE,
     Scale,
@@ -25,27 +43,12 @@ from lagsim.outputs.scale import (
     noise_scale,
     power_of_ten,
     read_off,
+    size_of,
     spread_scale,
     value_scale,
     with_one_power,
 )
-from lagsim.outputs.scene_panel import ScenePanel
-from lagsim.outputs.sheet import (
-    BLACK,
-    DIM,
-    EDGE,
-    INK,
-    LINE,
-    NOTHING,
-    PENS,
-    SMALL,
-    WIDTH,
-    Place,
-    Sheet,
-    in_house_style,
-    mark,
-    text_width,
-)
+from lagsim.outputs.views import Views
 from lagsim.run.observers.thinning import DRIFT
 
 if TYPE_CHECKING:
@@ -55,13 +58,14 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model, Plot, Scene
     from lagsim.outputs.attempted import Made
-    from lagsim.outputs.sheet import Named, Pen
+    from lagsim.outputs.figure import Pen
+    from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array
 
 # --- Columns against time
 
-# Inches for the numbers at the left of a small panel.
-NUMBERS = 0.46
+# Inches for the numbers at the left of a small panel, and above each for its name.
+NUMBERS, APART = 0.46, 0.25
 
 # Coordinates of one unit share a panel while they are few, and while none of them
 # would be squeezed by the others into less than this part of it.
@@ -139,109 +143,66 @@ class Panels:
 
     Attributes
     ----------
-    total : how much of a sheet the panels take, with the time axis below.
-    gap : how much of it is above each of them.
+    height : how much of a picture they take.
     """
 
-    def __init__(
-        self,
-        record: Record,
-        groups: Sequence[tuple[str, ...]],
-        least: float = 0.0,
-        *,
-        paired: bool = False,
-    ) -> None:
-        self._record, self._groups = record, groups
-        self._aside = 0.0
-        self._columns, self._height = next(
-            size for most, *size in GRIDS if len(groups) <= most
-        )
-        self._wide = self._columns == 1
-        self._groups, self._columns = in_pairs(groups, int(self._columns))
-        groups = self._groups
-        self._headed = [self._is_headed(group) for group in groups]
-        if paired:  # all names in one place
-            self._headed = [any(self._headed)] * len(groups)
-        self.gap = 0.25
-        if self._wide:
-            self.gap = 0.24 if any(self._headed) else 0.12
-        rows = -(-len(groups) // self._columns)
-        self._height = max(self._height, least / rows - self.gap)
-        self.total = rows * (self._height + self.gap) + 0.45
+    def __init__(self, record: Record, groups: Sequence[tuple[str, ...]]) -> None:
+        self._record = record
+        abreast, self._each = next(x for most, *x in GRIDS if len(groups) <= most)
+        self._groups, self._abreast = in_pairs(groups, int(abreast))
+        self._rows = -(-len(self._groups) // self._abreast)
+        self.height = self._rows * (self._each + APART) + BELOW_PANELS
 
-    @property
-    def tall(self) -> float:
-        """How high they are, from the frame of the first to that of the last."""
-        return self.total - 0.45 - self.gap
-
-    def leave(self, width: float) -> None:
-        """Leave so much free at their right."""
-        self._aside = width
-
-    def _is_headed(self, group: tuple[str, ...]) -> bool:
-        """Whether the name stands above the panel and not at its side."""
-        if not group:
-            return False
-        # A power of ten may stand beside the unit.
-        name, unit = self._record.named(group[0])
-        text = f"{name} (10⁻³ {unit})"
-        beside = self._wide and text_width(text) <= self._height - 0.05
-        return len(group) > 1 or not beside
-
-    @staticmethod
-    def _scale(
-        group: Sequence[str], drawn: Sequence[tuple[Array, Array]], size: float
-    ) -> Scale:
-        if group[0].startswith(IMPULSE):  # single values, each with a size of its own
-            return value_scale(*(values for _, values in drawn), size=size)
-        return spread_scale(*drawn, size=size)
-
-    def draw(self, sheet: Sheet, top: float) -> None:
-        """Draw them below `top`."""
-        record = self._record
-        width = (WIDTH - RIGHT - EDGE) / self._columns - NUMBERS
-        left = EDGE + NUMBERS
-        if self._wide:
-            left, width = LEFT, WIDTH - LEFT - RIGHT - self._aside
-        count = len(self._groups)
+    def draw(self, picture: Picture, *, above: bool = False) -> None:
+        """Draw them below the header, with all names `above` them or as it fits."""
+        record, abreast = self._record, self._abreast
+        left, width = LEFT, WIDTH - LEFT - RIGHT
+        if abreast > 1:
+            left, above = EDGE + NUMBERS, True
+            width = (WIDTH - RIGHT - EDGE) / abreast - NUMBERS
+        panels = picture.panels(
+            [width] * abreast, [self._each] * self._rows, left=left, top=APART,
+            across=NUMBERS, down=APART,
+        )  # fmt: skip
         sizes: dict[str, float] = {}
         for name in (name for group in self._groups for name in group):
             unit, height = record.unit(name), height_of(record.rows.series(name)[1])
             sizes[unit] = max(sizes.get(unit, 0.0), height)
-        for k, group in enumerate(self._groups):
+        under = self._groups[abreast:]
+        for axes, group, follows in zip_longest(panels.flat, self._groups, under):
             if not group:
+                axes.remove()
                 continue
-            row, column = divmod(k, self._columns)
-            x = left + column * (width + NUMBERS)
-            y = top + row * (self._height + self.gap) + self.gap
-            drawn = [record.rows.series(name) for name in group]
-            size = sizes[record.unit(group[0])]
-            scale = self._scale(group, drawn, size)
+            unit = record.unit(group[0])
             written = [record.letters.name(name) for name in group]
-            named = (", ".join(written), record.unit(group[0]))
-            above = self._headed[k] and len(group) == 1
-            under = k + int(self._columns)
-            is_last = under >= count or not self._groups[under]
-            axes = sheet.panel(
-                (x, y, width, self._height), record.time(), scale,
-                below=record.named("t") if is_last else NOTHING,
-                side=NOTHING if above else named,
-                above=named if above else NOTHING,
-                reach=REACH,
+            drawn = [record.rows.series(name) for name in group]
+            scale = scale_of(group, drawn, sizes[unit])
+            frame(
+                axes, record.time(), scale, up=(", ".join(written), unit),
+                below=NOTHING if follows else record.named("t"),
+                above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
             record.mark(axes)
             shown = stems if group[0].startswith(IMPULSE) else series
             for (t, values), pen in zip(drawn, PENS, strict=False):
                 shown(axes, t, values, pen)
-            tell(sheet, (x, y, width, self._height), scale, drawn, above=above)
+            tell(axes, scale, drawn, above=above)
             if len(group) > 1:
-                names = list(zip(written, PENS, strict=False))
-                sheet.legend(x, y - 0.06, names, width)
+                legend_above(axes, list(zip(written, PENS, strict=False)))
+        picture.align_ylabels()
+
+
+def scale_of(
+    group: Sequence[str], drawn: Sequence[tuple[Array, Array]], size: float
+) -> Scale:
+    """Return the scale of columns, beside others of their unit of this size."""
+    if group[0].startswith(IMPULSE):  # single values, each with a size of its own
+        return value_scale(*(values for _, values in drawn), size=size)
+    return spread_scale(*drawn, size=size)
 
 
 def tell(
-    sheet: Sheet,
-    place: Place,
+    axes: Axes,
     scale: Scale,
     drawn: Sequence[tuple[Array, Array]],
     *,
@@ -256,15 +217,16 @@ def tell(
     at = int(np.abs(every[k]).argmax())
     t, most = drawn[k][0], read_off(float(every[k][at]))
     said = f"powers of ten beyond {read_off(scale.linear)}"
+    width, _ = size_of(axes)
     if above:  # in a small panel it would stand across the curve
-        left, top, width, _ = place
-        room, x = 0.68 * width, left + width
-        text = f"{most}; {said}"
-        sheet.text(x, top - 0.06, text, size=SMALL, room=room, ha="right", color=DIM)
+        text = fitted(f"{most}; {said}", 0.68 * width, SMALL)
+        axes.set_title(text, loc="right", color=DIM)
         return
     # Where the greatest value is not.
-    side = "left" if t[at] - t[0] > 0.5 * (t[-1] - t[0]) else "right"
-    sheet.corner(place, f"{most} at t = {read_off(t[at], 5)}; {said}", side)
+    x, side = (0.01, "left") if t[at] > 0.5 * (t[0] + t[-1]) else (0.99, "right")
+    text = fitted(f"{most} at t = {read_off(t[at], 5)}; {said}", width, SMALL)
+    look: Pen = {"size": SMALL, "color": DIM, "transform": axes.transAxes}
+    axes.text(x, 0.96, text, ha=side, va="top", **look)
 
 
 def height_of(values: Array) -> float:
@@ -281,177 +243,145 @@ HEIGHT, TALLEST, NARROWEST = 3.6, 5.2, 2.4
 # look like a line.
 LONGEST = 12.0
 DIRECTIONS = frozenset("xyz")
+SIDES = ("y", "y2")
 
 
-class PlotPanel:
-    """One entry of `output.plots`, `number` counted from 0.
-
-    Attributes
-    ----------
-    timed : whether it is drawn against time.
-    height : of the sheet that it takes below its title, in inches.
-    width : of the sheet.
-    """
-
-    def __init__(self, record: Record, number: int, wanted: Plot, scene: Scene) -> None:
-        self._record, self._wanted, self._number = record, wanted, number
-        self.timed = wanted.x.text.strip() == "t"
-        names = list(wanted.curves(number))
-        self._x = names[0]
-        self._sides = {
-            axis: [name for name in names if name.split(".")[2] == axis]
-            for axis in ("y", "y2")
-        }
-        self._drawn = {name: self._values(name) for name in names[1:]}
-        self._is_equal = self._has_one_scale(scene)
-        self._scales = self._scaled()
-        across, up = WIDTH - LEFT - RIGHT, HEIGHT
-        if wanted.y2:
-            across -= LEFT - RIGHT
-        if self._is_equal:
-            across, up = self._fit(across)
-        self._size = across, up
-        self.width = across + LEFT + (LEFT if wanted.y2 else RIGHT)
-        self.height = up + 0.45
-
-    def _values(self, name: str) -> tuple[Array, Array]:
-        """Give what is drawn; what has no place on an axis of powers is a gap."""
-        rows, log = self._record.rows, self._wanted.log
-        # Against time the envelope keeps spikes; others need both values of a row.
-        x, y = rows.series(name) if self.timed else rows.path(self._x, name)
-        if "x" in log:
-            x = np.where(x > 0.0, x, np.nan)
-        if name.split(".")[2] in log:
-            y = np.where(y > 0.0, y, np.nan)
-        return x, y
-
-    def _has_one_scale(self, scene: Scene) -> bool:
-        """Tell whether both directions are of one kind: then circles are round."""
-        wanted, record = self._wanted, self._record
-        if self.timed or wanted.y2 or wanted.log:
-            return False
-        curves = wanted.curves(self._number)
-        units = {record.unit(name) for name in curves}
-        components = {node for parts in scene.points.values() for node in parts}
-        is_known = units != {""} and len(units) == 1
-        is_known |= all(curve.node in components for curve in curves.values())
-        is_known |= all(curve.text in DIRECTIONS for curve in curves.values())
-        found = self._extents()
-        spans = [high - low for low, high in found]
-        return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
-
-    def _extents(self) -> list[tuple[float, float]]:
-        xs, ys = zip(*self._drawn.values(), strict=True)
-        return [extent(*values) or (0.0, 0.0) for values in (xs, ys)]
-
-    def _scaled(self) -> dict[str, Scale]:
-        log = self._wanted.log
-        xs = [x for x, _ in self._drawn.values()]
-        scales = {"x": value_scale(*xs, margin=0.03)}
-        if self.timed:
-            scales["x"] = self._record.time()
-        if "x" in log:
-            scales["x"] = log_scale(*xs, margin=0.0, least=0.0)
-        for axis, names in self._sides.items():
-            drawn = [self._drawn[name] for name in names]
-            values = [y for _, y in drawn]
-            if axis in log:
-                scales[axis] = log_scale(*values)
-            elif self.timed and names:
-                scales[axis] = spread_scale(*drawn)
-            else:
-                scales[axis] = value_scale(*values)
-        return scales
-
-    def _fit(self, widest: float) -> tuple[float, float]:
-        """Give both directions one scale; return width and height of the panel."""
-        ends = [(self._scales[axis].low, self._scales[axis].high) for axis in "xy"]
-        spans = [high - low for low, high in ends]
-        scale = max(spans[0] / widest, spans[1] / TALLEST)
-        sides = [span / scale for span in spans]
-        sides[0] = max(sides[0], NARROWEST)
-        sides[1] = max(sides[1], 0.5 * NARROWEST)
-        for axis, (low, high), side in zip("xy", ends, sides, strict=True):
-            middle, half = 0.5 * (low + high), 0.5 * scale * side
-            self._scales[axis] = Scale(middle - half, middle + half)
-        shared = with_one_power([self._scales["x"], self._scales["y"]])
-        self._scales |= dict(zip("xy", shared, strict=True))
-        return sides[0], sides[1]
-
-    def pens(self) -> Mapping[str, Pen]:
-        """Return the pen of each curve."""
-        return dict(zip(self._drawn, PENS * 2, strict=False))
-
-    def draw(self, sheet: Sheet, top: float) -> None:
-        """Draw it below `top`."""
-        wanted, record = self._wanted, self._record
-        curves, pens = wanted.curves(self._number), self.pens()
-        if len(pens) > 1:
-            entries = [
-                (record.letters.text(curves[name].text), pen)
-                for name, pen in pens.items()
-            ]
-            sheet.legend(LEFT, top - 0.06, entries, self._size[0])
-        place = (LEFT, top, *self._size)
-        unit = record.unit("t" if self.timed else self._x)
-        below = (record.letters.text(wanted.x.text), unit)
-        axes = sheet.panel(
-            place, self._scales["x"], self._scales["y"], below=below,
-            side=self._named("y"), reach=REACH, colour=self._colour("y"),
+@in_house_style
+def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
+    """Draw one entry of the model's `output.plots`, `number` counted from 0."""
+    curves, timed = wanted.curves(number), wanted.x.text.strip() == "t"
+    x, *names = curves
+    texts = {name: record.letters.text(curve.text) for name, curve in curves.items()}
+    pens = dict(zip(names, PENS * 2, strict=False))
+    drawn = {name: _values(record, wanted, x, name, timed=timed) for name in names}
+    scales = _scales(record, wanted, drawn, timed=timed)
+    right = LEFT if wanted.y2 else RIGHT
+    size = WIDTH - LEFT - right, HEIGHT
+    if not timed and _has_one_scale(record, wanted, number, scene, drawn):
+        size = _equal(scales, size[0])
+    named = APART if len(names) > 1 else 0.06
+    picture = record.picture(
+        named + size[1] + BELOW_PANELS, wanted.title, timed=timed,
+        width=LEFT + size[0] + right,
+    )  # fmt: skip
+    [[axes]] = picture.panels([size[0]], [size[1]], top=named)
+    below = (record.letters.text(wanted.x.text), record.unit("t" if timed else x))
+    for side in SIDES if wanted.y2 else SIDES[:1]:
+        own = [name for name in names if side_of(name) == side]
+        units = {record.unit(name) for name in own}
+        up = ", ".join(texts[n] for n in own), units.pop() if len(units) == 1 else ""
+        single = wanted.y2 and len(own) == 1
+        colour = pens[own[0]]["color"] if single else INK
+        panel = axes if side == "y" else axes.twinx()
+        frame(
+            panel, scales["x"], scales[side], below=below, up=up, colour=colour,
+            above=None if len(names) == 1 else False,
         )  # fmt: skip
-        if self.timed:
+        if timed and side == "y":
             record.mark(axes)
-        self._draw_curves(axes, self._sides["y"])
-        if self.timed:
-            drawn_left = [self._drawn[name] for name in self._sides["y"]]
-            tell(sheet, place, self._scales["y"], drawn_left)
-        if self._sides["y2"]:
-            aside = sheet.panel(
-                place, self._scales["x"], self._scales["y2"],
-                side=self._named("y2"), reach=REACH, over=axes,
-                colour=self._colour("y2"),
-            )  # fmt: skip
-            self._draw_curves(aside, self._sides["y2"])
+            tell(axes, scales[side], [drawn[name] for name in own])
+        for name in own:
+            _draw(record, panel, *drawn[name], pens[name], timed=timed)
+    if len(names) > 1:
+        legend_above(axes, [(texts[name], pens[name]) for name in names])
+    return picture
 
-    def _named(self, axis: str) -> Named:
-        """Name the curves of an axis, and the unit that all of them have."""
-        record, curves = self._record, self._wanted.curves(self._number)
-        names = self._sides[axis]
-        units = {record.unit(name) for name in names}
-        texts = [record.letters.text(curves[name].text) for name in names]
-        return ", ".join(texts), units.pop() if len(units) == 1 else ""
 
-    def _colour(self, axis: str) -> str:
-        """Give the colour of an axis with one curve, where there are two axes."""
-        names, pens = self._sides[axis], self.pens()
-        single = len(names) == 1 and self._sides["y2"]
-        return str(pens[names[0]]["color"]) if single else INK
+def side_of(name: str) -> str:
+    """Return the axis of a curve: y, or y2 at the right."""
+    return name.split(".")[2]
 
-    def _draw_curves(self, axes: Axes, names: Sequence[str]) -> None:
-        pens = self.pens()
-        for name in names:
-            (x, y), pen = self._drawn[name], pens[name]
-            if self.timed:
-                series(axes, x, y, pen)
-                continue
-            dots = mark(".", 1.2, pen["color"])
-            path(
-                axes, x, y, dots if dotted(*inches(axes, x, y)) else pen,
-                self._record.trusted(),
-            )  # fmt: skip
+
+def _values(
+    record: Record, wanted: Plot, x: str, name: str, *, timed: bool
+) -> tuple[Array, Array]:
+    """Give what is drawn; what has no place on an axis of powers is a gap."""
+    # Against time the envelope keeps spikes; others need both values of a row.
+    across, up = record.rows.series(name) if timed else record.rows.path(x, name)
+    if "x" in wanted.log:
+        across = np.where(across > 0.0, across, np.nan)
+    if side_of(name) in wanted.log:
+        up = np.where(up > 0.0, up, np.nan)
+    return across, up
+
+
+def _scales(
+    record: Record,
+    wanted: Plot,
+    drawn: Mapping[str, tuple[Array, Array]],
+    *,
+    timed: bool,
+) -> dict[str, Scale]:
+    xs = [x for x, _ in drawn.values()]
+    scales = {"x": record.time() if timed else value_scale(*xs, margin=0.03)}
+    if "x" in wanted.log:
+        scales["x"] = log_scale(*xs, margin=0.0, least=0.0)
+    for side in SIDES:
+        own = [found for name, found in drawn.items() if side_of(name) == side]
+        values = [y for _, y in own]
+        if side in wanted.log:
+            scales[side] = log_scale(*values)
+        else:
+            scales[side] = spread_scale(*own) if timed and own else value_scale(*values)
+    return scales
+
+
+def _has_one_scale(
+    record: Record,
+    wanted: Plot,
+    number: int,
+    scene: Scene,
+    drawn: Mapping[str, tuple[Array, Array]],
+) -> bool:
+    """Tell whether both directions are of one kind: then circles are round."""
+    if wanted.y2 or wanted.log:
+        return False
+    curves = wanted.curves(number)
+    units = {record.unit(name) for name in curves}
+    components = {node for parts in scene.points.values() for node in parts}
+    is_known = units != {""} and len(units) == 1
+    is_known |= all(curve.node in components for curve in curves.values())
+    is_known |= all(curve.text in DIRECTIONS for curve in curves.values())
+    ends = [extent(*x) or (0.0, 0.0) for x in zip(*drawn.values(), strict=True)]
+    spans = [high - low for low, high in ends]
+    return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
+
+
+def _equal(scales: dict[str, Scale], widest: float) -> tuple[float, float]:
+    """Give both directions one scale; return width and height of the panel."""
+    ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
+    spans = [high - low for low, high in ends]
+    scale = max(spans[0] / widest, spans[1] / TALLEST)
+    sides = max(spans[0] / scale, NARROWEST), max(spans[1] / scale, 0.5 * NARROWEST)
+    found = []
+    for (low, high), side in zip(ends, sides, strict=True):
+        middle, half = 0.5 * (low + high), 0.5 * scale * side
+        found.append(Scale(middle - half, middle + half))
+    scales |= dict(zip("xy", with_one_power(found), strict=True))
+    return sides
+
+
+def _draw(
+    record: Record, axes: Axes, x: Array, y: Array, pen: Pen, *, timed: bool
+) -> None:
+    if timed:
+        series(axes, x, y, pen)
+        return
+    dots = mark(".", 1.2, pen["color"])
+    pen = dots if dotted(*inches(axes, x, y)) else pen
+    path(axes, x, y, pen, record.trusted())
 
 
 # --- The pictures
 
-# Panels are above each other up to so many; the least that they take with a view of the
-# scene beside them, in inches.
-STACKED, BESIDE = 5, 3.3
+# The panels of the energies and of their drift, in inches.
+TALL, LOW = 2.2, 1.1
 # The picture that takes longest.
 LONG = "trajectory"
 
 
 @in_house_style
-def energy(record: Record, *, is_sum: bool) -> Sheet:
+def energy(record: Record, *, is_sum: bool) -> Picture:
     """Draw the energies, and below them how far energy - work strays from its start.
 
     Parameters
@@ -460,10 +390,10 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
         the difference `DRIFT` where there is a column `work`.
     is_sum : whether the energy is T + V, and not another energy function.
     """
-    top = header_height(record) + 0.26
+    heights = [TALL, LOW]
+    picture = record.picture(sum(heights) + 2 * APART + BELOW_PANELS, "energy")
     width = WIDTH - LEFT - RIGHT
-    sheet = record.sheet(WIDTH, top + 2.2 + 0.36 + 1.1 + 0.45)
-    header(sheet, record, "energy")
+    (axes,), (lower,) = picture.panels([width], heights, top=APART, down=APART)
     total = "energy T + V" if is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
@@ -471,36 +401,32 @@ def energy(record: Record, *, is_sum: bool) -> Sheet:
     pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
     drawn = {name: record.rows.series(name) for name in names}
     values = spread_scale(*drawn.values())
-    side = ("energy", record.unit("energy"))
-    place = (LEFT, top, width, 2.2)
-    axes = sheet.panel(place, record.time(), values, side=side, reach=REACH)
+    frame(axes, record.time(), values, up=("energy", record.unit("energy")))
     record.mark(axes)
     for name in names:
         series(axes, *drawn[name], pens[name])
-    tell(sheet, place, values, list(drawn.values()))
-    entries = [(named[name], pens[name]) for name in names]
-    sheet.legend(LEFT, top - 0.06, entries, width)
-    _drift(sheet, record, (LEFT, top + 2.56, width, 1.1))
-    return sheet
+    tell(axes, values, list(drawn.values()))
+    legend_above(axes, [(named[name], pens[name]) for name in names])
+    _drift(lower, record)
+    picture.align_ylabels()
+    return picture
 
 
-def _drift(sheet: Sheet, record: Record, place: Place) -> None:
+def _drift(axes: Axes, record: Record) -> None:
     ledger = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(ledger)
     drift = values - (values[0] if len(values) else 0.0)
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
     unit = record.unit("energy")
-    axes = sheet.panel(
-        place, record.time(), noise_scale(drift, size), below=record.named("t"),
-        side=("drift", unit), reach=REACH,
-    )  # fmt: skip
+    scale = noise_scale(drift, size)
+    frame(axes, record.time(), scale, below=record.named("t"), up=("drift", unit))
     record.mark(axes)
     series(axes, t, drift, BLACK)
     what = "energy − work" if ledger == DRIFT else "energy"
     worst = height_of(drift)
     most = f"at most {_written(worst)} {unit}" if worst else "0 in every row"
     text = f"{what} minus its first value: {most}".rstrip()
-    sheet.text(LEFT, place[1] - 0.06, text, size=SMALL, room=place[2])
+    axes.set_title(fitted(text, WIDTH - LEFT - RIGHT, SMALL))
 
 
 def _written(value: float) -> str:
@@ -511,27 +437,23 @@ def _written(value: float) -> str:
 
 
 @in_house_style
-def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Sheet:
+def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Picture:
     """Draw the coordinates against time, and the paths of the scene's points."""
     shown = chosen(coordinates, MOST_PANELS)
-    groups = grouped(record, shown)
-    views = ScenePanel(record, scene, narrow=len(groups) <= STACKED)
-    panels = Panels(record, groups, BESIDE if views.beside else 0.0)
-    if views.beside:
-        panels.leave(views.width_for(panels.tall))
-    top = header_height(record)
-    sheet = record.sheet(WIDTH, top + panels.total + views.height)
-    header(sheet, record, _counted("coordinates", len(shown), len(coordinates)))
-    panels.draw(sheet, top)
-    if not views.empty:
-        views.draw(sheet, top + panels.total, top + panels.gap)
-    return sheet
+    panels = Panels(record, grouped(record, shown))
+    views = Views(record, scene)
+    subject = _counted("coordinates", len(shown), len(coordinates))
+    picture = record.picture(panels.height + views.height, subject)
+    panels.draw(picture)
+    if views.height:
+        views.draw(picture, panels.height)
+    return picture
 
 
 @in_house_style
 def constraint_forces(
     record: Record, coordinates: Sequence[str], constraints: Sequence[str]
-) -> Sheet:
+) -> Picture:
     """Draw the constraint force on each coordinate, each multiplier and impulse."""
     forces = [f"Qc_{name}" for name in coordinates]
     multipliers = [f"lambda_{name}" for name in constraints]
@@ -541,7 +463,7 @@ def constraint_forces(
     total = len(forces) + len(multipliers) + len(impulses)
     families = _acting(record, (forces, multipliers, impulses))
     acting = sum(len(names) for names in families)
-    left = sum(len(names) for names in families)
+    left = acting
     shown: list[str] = []
     for names in families:
         room = MOST_PANELS - len(shown)
@@ -549,18 +471,17 @@ def constraint_forces(
             names, room if left <= room else max(1, room * len(names) // left)
         )
         left -= len(names)
-    panels = Panels(record, [(name,) for name in shown], paired=True)
-    top = header_height(record)
-    sheet = record.sheet(WIDTH, top + panels.total)
     subject = "constraint forces Qc and multipliers λ"
     if families[2]:
         subject = "constraint forces and impulses"
     if acting < total:
-        header(sheet, record, f"{subject}; {total - acting} more are 0")
+        subject = f"{subject}; {total - acting} more are 0"
     else:
-        header(sheet, record, _counted(subject, len(shown), total))
-    panels.draw(sheet, top)
-    return sheet
+        subject = _counted(subject, len(shown), total)
+    panels = Panels(record, [(name,) for name in shown])
+    picture = record.picture(panels.height, subject)
+    panels.draw(picture, above=True)
+    return picture
 
 
 def _acting(
@@ -585,22 +506,6 @@ def _counted(subject: str, shown: int, total: int) -> str:
     return subject if shown == total else f"{subject}: {shown} of {total} are shown"
 
 
-@in_house_style
-def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Sheet:
-    """Draw one entry of the model's `output.plots`, `number` counted from 0."""
-    panel = PlotPanel(record, number, wanted, scene)
-    top = header_height(record, timed=panel.timed)
-    lines = [LINE for shown in (wanted.title, len(panel.pens()) > 1) if shown]
-    top += 0.06 + sum(lines)
-    sheet = record.sheet(panel.width, top + panel.height)
-    header(sheet, record, "", timed=panel.timed)
-    if wanted.title:
-        at = top - 0.06 - (LINE if len(lines) > 1 else 0.0)
-        sheet.text(LEFT, at, wanted.title, size=SMALL, room=panel.width - LEFT - RIGHT)
-    panel.draw(sheet, top)
-    return sheet
-
-
 def pictures(record: Record, model: Model, is_sum: bool) -> Iterator[Made]:
     """Give file name and content of every picture of a run, one after the other."""
     files = dict(_files(record, model, is_sum=is_sum))
@@ -619,25 +524,15 @@ def _files(
     record: Record, model: Model, *, is_sum: bool
 ) -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Give what makes the file of each picture, by its name."""
-    for name, draw in _drawings(record, model, is_sum=is_sum):
-        yield name, partial(_file, draw)
 
+    def file(draw: Callable[..., Picture], *about: Any, **more: Any) -> Any:
+        return lambda: content(draw(record, *about, **more), record.form)
 
-def _file(draw: Callable[[], Sheet]) -> bytes:
-    return draw().content()
-
-
-def _drawings(
-    record: Record, model: Model, *, is_sum: bool
-) -> Iterator[tuple[str, Callable[[], Sheet]]]:
-    """Give what draws each picture, by its name."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
-    yield "energy", partial(energy, record, is_sum=is_sum)
-    yield LONG, partial(trajectory, record, coordinates, model.scene)
+    yield "energy", file(energy, is_sum=is_sum)
+    yield LONG, file(trajectory, coordinates, model.scene)
     if model.constraints:
         names = [constraint.name for constraint in model.constraints]
-        forces = partial(constraint_forces, record, coordinates, names)
-        yield "constraint_forces", forces
+        yield "constraint_forces", file(constraint_forces, coordinates, names)
     for number, wanted in enumerate(model.output.plots):
-        one = partial(plot, record, number, wanted, model.scene)
-        yield f"plot_{number + 1}", one
+        yield f"plot_{number + 1}", file(plot, number, wanted, model.scene)

@@ -1,4 +1,4 @@
-"""What the pictures of one run have in common, and what stands above each of them."""
+"""What the pictures of one run have in common: its rows, names, units, marks."""
 
 from __future__ import annotations
 
@@ -9,31 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.outputs.curves import LOST, MARKS, OTHERS, Mark, marks, shade
+from lagsim.outputs.figure import WIDTH, Picture
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.scale import Scale, time_scale
-from lagsim.outputs.sheet import (
-    DIM,
-    EDGE,
-    GAP,
-    HEADING,
-    SAMPLE,
-    SMALL,
-    Sheet,
-    text_width,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from matplotlib.axes import Axes
 
-    from lagsim.outputs.sheet import Pen
+    from lagsim.outputs.figure import Pen
     from lagsim.run.observers.thinning import Thinning
-
-# Inches at the sides of a sheet; from the frame of a wide panel to its label.
-LEFT, RIGHT, REACH = 0.78, 0.18, 0.58
-# More entries than this have a line of their own below the title.
-BESIDE = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +47,19 @@ class Record:
     letters: Letters = field(default_factory=Letters)
     form: str = "png"
 
-    def sheet(self, width: float, height: float) -> Sheet:
-        """Return an empty sheet in the format of this run's pictures."""
-        return Sheet(width, height, self.form)
+    def picture(
+        self,
+        height: float,
+        subject: str,
+        *,
+        width: float = WIDTH,
+        timed: bool = True,
+    ) -> Picture:
+        """Return a picture with the model's name, what it shows, and its marks."""
+        return Picture(
+            height, self.title, subject, width=width, legend=self.legend(timed=timed),
+            remarks=[self.note] if self.note else (),
+        )  # fmt: skip
 
     def unit(self, column: str) -> str:
         """Return the unit of a column, empty where none is known."""
@@ -101,28 +97,3 @@ class Record:
     def time(self) -> Scale:
         """Return the scale of time, from the first row to the last."""
         return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))
-
-
-def header_height(record: Record, *, timed: bool = True) -> float:
-    """Return how much of a sheet `header` takes."""
-    crowded = len(record.legend(timed=timed)) > BESIDE
-    return 0.32 + 0.18 * ((1 if record.note else 0) + (1 if crowded else 0))
-
-
-def header(sheet: Sheet, record: Record, subject: str, *, timed: bool = True) -> None:
-    """Write the model's name, what the picture shows, and that a run is incomplete."""
-    right, below = sheet.width - RIGHT, 0.39
-    sheet.text(right, 0.22, subject, ha="right", color=DIM)
-    right -= text_width(subject) + GAP
-    entries = record.legend(timed=timed)
-    if len(entries) > BESIDE:
-        sheet.legend(LEFT, below, entries, sheet.width - LEFT - RIGHT)
-        below += 0.18
-    else:
-        right -= sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
-        sheet.legend(right, 0.22, entries, sheet.width)
-    room = right - EDGE - GAP
-    sheet.text(EDGE, 0.22, record.title, size=HEADING, bold=True, room=room)
-    if record.note:
-        room = sheet.width - 2 * EDGE
-        sheet.text(EDGE, below, record.note, size=SMALL, color=DIM, room=room)

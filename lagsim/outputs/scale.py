@@ -10,22 +10,21 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.ticker import (
-    FixedLocator,
     Formatter,
     FuncFormatter,
     Locator,
     LogLocator,
     MaxNLocator,
-    NullFormatter,
     NullLocator,
     ScalarFormatter,
+    SymmetricalLogLocator,
 )
 
 from lagsim.outputs.letters import SUPERSCRIPTS
 from lagsim.run.observers.thinning import HUGE, TINY
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
@@ -43,10 +42,8 @@ PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-1, 3)
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
 
-# Inches: a digit of the numbers at ticks with half of what is left free beside each
-# number; a panel that is wider has room for as many as it gets.
-DIGIT, FREE, CROWDED = 0.067, 0.1, 3.0
-
+# Inches: what a number across takes, in a panel that is no wider than the second.
+ROOMY, BRIEFLY, CROWDED = 0.67, 0.43, 3.0
 
 # A spike lasts for no more than this part of the time, and is so many times as high as
 # anything else.
@@ -82,81 +79,49 @@ class Scale(NamedTuple):
         self,
         axes: Axes,
         direction: Literal["x", "y"],
-        most: int,
+        most: int | None = None,
         *,
         bare: bool = False,
-        room: float = math.inf,
-    ) -> Array:
-        """Give Axes this range and some `most` ticks, `bare` or not; return where.
+    ) -> None:
+        """Give Axes this range and at most so many ticks, by default as many as fit.
 
-        Their numbers take no more than `room` inches beside each other.
+        What numbers count in stands in the `label`; `bare` axes have none.
         """
-        axis: Axis = axes.xaxis if direction == "x" else axes.yaxis
-        kind = "symlog" if self.linear else "log" if self.log else "linear"
-        if axis.get_scale() != kind or self.linear:
-            options = {"linthresh": self.linear, "linscale": self.share}
-            choose = axes.set_xscale if direction == "x" else axes.set_yscale
-            choose(kind, **(options if self.linear else {}))
-            axis.set_minor_locator(NullLocator())
-        limit = axes.set_xlim if direction == "x" else axes.set_ylim
-        limit(self.low, self.high)
-        if not most:
-            axis.set_major_locator(NullLocator())
-            return np.empty(0)
-        for scale, count in self._ways(most):
-            locator, formatter = scale.ticks(count)
-            axis.set_major_locator(locator)
-            axis.set_major_formatter(NullFormatter() if bare else formatter)
-            # Nothing asks where numbers end; to measure them costs as much as they do.
-            places = axis.get_majorticklocs()
-            if bare or room >= CROWDED or self._fits(formatter, places, room):
-                break
-        axis.set_major_locator(FixedLocator(list(places)))
-        return places
-
-    def _ways(self, most: int) -> Iterator[tuple[Scale, int]]:
-        """Give ways to write numbers, the best first."""
-        yield self, most if self.log else max(most, LEAST_TICKS)
-        for count in range(most, 1, -1):
-            yield self, count
-            yield self._replace(plain=BRIEF), count
-
-    def _fits(self, formatter: Formatter, places: Array, room: float) -> bool:
-        """Tell whether numbers, at least two, stand beside each other."""
-        low, high = sorted((self.low, self.high))
-        numbers = formatter.format_ticks([x for x in places if low <= x <= high])
-        breadth = DIGIT * max(map(len, numbers), default=0) + FREE
-        return len(numbers) > 1 and len(numbers) * breadth <= room
+        across = direction == "x"
+        axis: Axis = axes.xaxis if across else axes.yaxis
+        choose = axes.set_xscale if across else axes.set_yscale
+        if self.linear:
+            choose("symlog", linthresh=self.linear, linscale=self.share)
+        elif self.log:
+            choose("log")
+        (axes.set_xlim if across else axes.set_ylim)(self.low, self.high)
+        scale = self
+        if most is None:
+            width, height = size_of(axes)
+            most = max(3, min(7, math.ceil(3.4 * height)))
+            if across and width < CROWDED:
+                most, scale = max(2, int(width / BRIEFLY)), self._replace(plain=BRIEF)
+            elif across:
+                most = int(width / ROOMY)
+        elif most and not self.log:
+            most = max(most, LEAST_TICKS)
+        locator, formatter = scale.ticks(most)
+        axis.set_major_locator(locator)
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter(formatter)
+        axis.offsetText.set_visible(False)
+        if bare:
+            axis.set_tick_params(labelbottom=False)
 
     def ticks(self, most: int) -> tuple[Locator, Formatter]:
-        """Give some `most` ticks, and how their numbers are written."""
+        """Give at most so many ticks, and how their numbers are written."""
+        if not most:
+            return NullLocator(), ScalarFormatter()
         if self.linear:
-            return self._beyond(most)
+            locator = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
+            locator.set_params(numticks=most)
+            return locator, FuncFormatter(_as_read)
         return self._powers(most) if self.log else self._round(most)
-
-    def _beyond(self, most: int) -> tuple[Locator, Formatter]:
-        """Give ticks of both parts: round numbers, and powers of ten beyond them."""
-        inside = max(self.low, -self.linear), min(self.high, self.linear)
-        found = [0.0] if inside[0] <= 0.0 <= inside[1] else []
-        found += [self.linear, -self.linear]
-        for end in (self.low, self.high):
-            last = math.floor(math.log10(max(abs(end), self.linear)))
-            least = math.ceil(math.log10(self.linear)) + 1
-            found += [math.copysign(10.0**k, end) for k in range(last, least - 1, -1)]
-        kept: list[float] = []
-        apart = (self._length(self.high) - self._length(self.low)) / (1.4 * most)
-        for x in found:
-            at = self._length(x)
-            free = all(abs(at - self._length(other)) >= apart for other in kept)
-            if free and self.low <= x <= self.high:
-                kept.append(x)
-        return FixedLocator(sorted(kept)), FuncFormatter(_as_read)
-
-    def _length(self, x: float) -> float:
-        """Return how far from 0 a value is shown, in decades."""
-        part = abs(x) / self.linear
-        beyond = self.share + math.log10(part) if part > 1.0 else self.share * part
-        return math.copysign(beyond, x)
 
     def _round(self, most: int) -> tuple[Locator, Formatter]:
         steps = [1, 2, 2.5, 5, 10]
@@ -176,6 +141,12 @@ class Scale(NamedTuple):
             return LogLocator(numticks=most), FuncFormatter(_as_power)
         subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
         return LogLocator(subs=subs, numticks=most), FuncFormatter(_as_number)
+
+
+def size_of(axes: Axes) -> tuple[float, float]:
+    """Return width and height of a panel in inches."""
+    dpi = axes.figure.dpi
+    return axes.bbox.width / dpi, axes.bbox.height / dpi
 
 
 class Counting(ScalarFormatter):

@@ -10,18 +10,24 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.outputs.curves import point, series
-from lagsim.outputs.figure import Column, Picture, headed
-from lagsim.outputs.letters import Letters, raised
-from lagsim.outputs.scale import Scale, log_scale, time_scale, value_scale
-from lagsim.outputs.sheet import (
+from lagsim.outputs.figure import (
+    BLACK,
+    LEFT,
+    NOTHING,
     PENS,
+    RIGHT,
     WIDTH,
     Named,
     Pen,
+    Picture,
     content,
+    frame,
     in_house_style,
     mark,
+    stack_height,
 )
+from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.scale import log_scale, time_scale, value_scale
 from lagsim.run.observers.thinning import Thinning
 
 if TYPE_CHECKING:
@@ -32,15 +38,15 @@ if TYPE_CHECKING:
 
 # So many columns are shown.
 MOST = 4
-# Inches: a panel with its scales, and what is below all of them.
-HEIGHT, REST = 1.6, 0.2
+# Inches: a panel, and what is above it.
+HEIGHT, APART = 1.4, 0.26
 # Differences so much smaller than the largest are not shown.
 LEAST = 1e-12
 # Rows that are thinned at once.
 ROWS = 1 << 16
 
 GOLDEN: Pen = {"color": PENS[1]["color"], "linewidth": 2.2}
-NEW = APART = PENS[0]
+NEW, DIFFERENCE = PENS[0], BLACK
 BAND: Pen = {"color": "#009E73", "linewidth": 5.0}
 PLACE = mark("o", 4.0, PENS[2]["color"], "none")
 
@@ -98,36 +104,33 @@ def drawn(
     title: str, subject: str, curves: Sequence[Curve], notes: Sequence[str] = ()
 ) -> bytes:
     """Draw columns below each other, and notes; give a PNG."""
-    found = Picture(figsize=(WIDTH, HEIGHT * len(curves) + REST), layout="constrained")
-    panels = found.subplots(len(curves), 2, squeeze=False)
+    legend = [
+        ("golden", GOLDEN), ("new", NEW), ("difference", DIFFERENCE), ("bound", BAND),
+        ("worst", PLACE),
+    ]  # fmt: skip
+    height = stack_height(len(curves), HEIGHT)
+    found = Picture(height, title, subject, legend=legend, notes=notes)
+    widths, heights = [(WIDTH - 2 * LEFT - RIGHT) / 2] * 2, [HEIGHT] * len(curves)
+    panels = found.panels(widths, heights, top=APART, across=LEFT, down=APART)
     for (worst, (name, unit), rows), (both, off) in zip(curves, panels, strict=True):
         (t, g), (_, n) = rows.series("golden"), rows.series("new")
-        value_scale(g, n).put(both, "y", 5)
+        time, below = time_scale(t), ("t", "s") if both is panels[-1][0] else NOTHING
+        up = name, raised(unit)
+        frame(both, time, value_scale(g, n), below=below, up=up)
         series(both, t, g, GOLDEN)
         series(both, rows.series("new")[0], n, NEW)
         # The size of the difference, and the band that it has to stay in.
         (t, apart), (times, bound) = rows.series("apart"), rows.series("bound")
-        whole = log_scale(apart, bound, margin=0.0, least=0.5)
-        low = max(whole.low, LEAST * whole.high)
-        Scale(low, whole.high, log=True).put(off, "y", 5)
+        scale = log_scale(apart, bound, margin=0.0, least=0.5)
+        scale = scale._replace(low=max(scale.low, LEAST * scale.high))
+        frame(off, time, scale, below=below, up=("|new − golden|", raised(unit)))
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
-        off.fill_between(times, low, bound, **shade, zorder=0.4)
-        series(off, t, np.where(apart > 0.0, apart, np.nan), APART)
+        off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
+        series(off, t, np.where(apart > 0.0, apart, np.nan), DIFFERENCE)
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
-        for axes, what in ((both, name), (off, "|new − golden|")):
-            axes.grid(visible=True)
-            time_scale(t).put(axes, "x", 5)
-            axes.set_ylabel(Column(what, raised(unit), t).within(HEIGHT))
-    for axes in panels[-1]:
-        axes.set_xlabel("t (s)")
     found.align_ylabels()
-    legend = [
-        ("golden", GOLDEN), ("new", NEW), ("difference", APART), ("bound", BAND),
-        ("worst", PLACE),
-    ]  # fmt: skip
-    headed(found, title, subject, legend, notes)
-    return content(found, "png")
+    return content(found)
 
 
 def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinning:

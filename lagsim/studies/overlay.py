@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.outputs.sheet import Sheet
     from lagsim.studies.tables import Table
 
 # Columns that are shown where none are named, and parameters that a name shows.
@@ -194,8 +193,9 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
     return list(dict.fromkeys(names))
 
 
-def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> Sheet:
-    """Draw columns of all runs on the same axes; `form` is png, svg or pdf."""
+def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> bytes:
+    """Draw columns of all runs on the same axes; give a PNG, SVG or PDF."""
+    from lagsim.outputs.figure import content
     from lagsim.outputs.overlay import picture
     from lagsim.run.observers.thinning import Thinning
 
@@ -210,7 +210,8 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
     remarks = [remark for run in runs for remark in run.table.remarks]
-    return picture(title(runs), rows, units, remarks, _order(runs), form)
+    drawn = picture(title(runs), rows, units, remarks, _order(runs))
+    return content(drawn, form)
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:

@@ -81,11 +81,11 @@ class Spectrum(NamedTuple):
         ]
 
     def _repr_html_(self) -> str:
+        from lagsim.outputs.figure import content
         from lagsim.outputs.notebook import heading, picture, table
-        from lagsim.outputs.sheet import content
 
         title = f"Spectrum of {self.column}"
-        drawn = picture(content(self.plot(), "png"), title)
+        drawn = picture(content(self.plot()), title)
         return "\n".join([heading(title), table(self._summary()), drawn])
 
     @property

@@ -6,6 +6,7 @@ corner, as on the picture.
 
 from __future__ import annotations
 
+import io
 import itertools
 import struct
 from contextlib import contextmanager
@@ -20,9 +21,10 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from PIL import Image
 
 from lagsim.model.model import Curve, Plot
-from lagsim.outputs.sheet import Sheet
+from lagsim.outputs.figure import Picture, content
 
 
 @dataclass
@@ -105,7 +107,7 @@ def panel_of(axes):
 @contextmanager
 def noted():
     """Note what is drawn."""
-    drawing, inside = Drawing(), []
+    drawing = Drawing()
     plain = {kind: kind.draw for kind in (Axes, Text, Line2D, Figure)}
 
     known = {}
@@ -119,10 +121,8 @@ def noted():
         plain[Figure](self, renderer)
 
     def axes(self, renderer):
-        inside.append(self)
         # The ticks are up to date after they have been drawn.
         plain[Axes](self, renderer)
-        inside.pop()
         drawing.panels.append(panel_of(self))
 
     def text(self, renderer):
@@ -137,7 +137,7 @@ def noted():
 
     def line(self, renderer):
         plain[Line2D](self, renderer)
-        if not inside:
+        if self.axes is None or self not in self.axes.lines:
             drawing.samples.append(line_of(self))
 
     with pytest.MonkeyPatch.context() as patch:
@@ -152,9 +152,14 @@ def drawn(draw, *args, **kwargs):
     """Draw a sheet and give what was drawn on it."""
     with noted() as drawing:
         drawing.sheet = draw(*args, **kwargs)
-        if isinstance(drawing.sheet, Sheet):
-            drawing.sheet.content()
+        if isinstance(drawing.sheet, Picture):
+            content(drawing.sheet)
     return drawing
+
+
+def pixels(picture):
+    """The picture as it is seen: (height, width, 3)."""
+    return np.asarray(Image.open(io.BytesIO(content(picture))))[:, :, :3].astype(int)
 
 
 def against(x, y, title=""):

@@ -13,7 +13,7 @@ import lagsim
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation.film import ROOM, Film, Track
-from lagsim.outputs.sheet import PENS
+from lagsim.outputs.figure import PENS
 from tests.support import MODELS
 
 # Numbers of a page have 24 bits.

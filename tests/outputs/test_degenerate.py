@@ -7,10 +7,10 @@ import pytest
 
 from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
+from lagsim.outputs.figure import DPI, WIDTH, content
 from lagsim.outputs.record import Record
-from lagsim.outputs.scene_panel import BETWEEN, LEAST, ScenePanel
-from lagsim.outputs.sheet import WIDTH
 from lagsim.run.observers.thinning import DRIFT, Thinning
+from tests.outputs.drawn import drawn
 
 LINE = np.linspace(0.0, 1.0, 9)
 # What a column may be: by name, at nine times.
@@ -66,7 +66,7 @@ def draw_all(known):
         wanted = Plot(Curve(0, x), curves, curves, log, "title")
         sheets.append(plots.plot(known, 0, wanted, PLANE))
     for sheet in sheets:
-        assert sheet.content().startswith(b"\x89PNG")
+        assert content(sheet).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
@@ -96,14 +96,11 @@ def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):
     names = ("t", "a", "point.p.1", "point.p.2", "point.p.3")
     rows = np.zeros((9, 5))
     rows[:, 0], rows[:, 2 + moving] = LINE, size * LINE
-    scene = Scene({"p": (0, 0, 0)}, ())
-    panel = ScenePanel(record(rows, names), scene, narrow=False)
-    x, y, z = panel._lengths
-    assert min(x, y, z) >= LEAST
-    assert x + BETWEEN + y <= WIDTH - 0.95
-    known = record(rows, names)
-    content = plots.trajectory(known, ["a"], scene).content()
-    assert content.startswith(b"\x89PNG")
+    scene = Scene({"p": (0, 0, 0)})
+    for panel in drawn(plots.trajectory, record(rows, names), ["a"], scene).panels:
+        assert panel.box.y0 > 0.0
+        assert panel.box.x1 < WIDTH * DPI
+        assert min(panel.box.width, panel.box.height) >= 0.9 * DPI - 1.0
 
 
 @pytest.mark.parametrize("place", [0.0, -1e290])
@@ -114,4 +111,4 @@ def test_all_points_at_rest_in_one_place(place, dimension):
     rows[:, 0] = LINE
     scene = Scene({"p": (0,) * dimension, "q": (0,) * dimension}, (("p", "q"),))
     sheet = plots.trajectory(record(rows, names), ["a"], scene)
-    assert sheet.content().startswith(b"\x89PNG")
+    assert content(sheet).startswith(b"\x89PNG")

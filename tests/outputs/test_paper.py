@@ -12,16 +12,21 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from lagsim.outputs.sheet import NOBODY, Sheet, in_house_style
+from lagsim.outputs.figure import NOBODY, content
 from tests.outputs import test_plots
+from tests.outputs.drawn import noted
 
 SVG = "{http://www.w3.org/2000/svg}"
 VECTORS = [form for form in NOBODY if form != "png"]
 
 
+def sheets():
+    run = test_plots.record(test_plots.swing(), horizon=9.0)
+    return list(test_plots.all_sheets(run))
+
+
 def made(form):
-    run = test_plots.record(test_plots.swing(), form=form, horizon=9.0)
-    return [s.content() for s in test_plots.all_sheets(run)]
+    return [content(sheet, form) for sheet in sheets()]
 
 
 SCRIPT = """
@@ -61,43 +66,40 @@ def test_the_same_bytes_again_and_after_a_picture_in_pixels(form):
 
 
 def test_an_svg_has_the_size_of_the_sheet_and_is_white():
-    sheet = in_house_style(lambda: Sheet(3.0, 2.0, "svg"))()
-    root = ET.fromstring(sheet.content())
-    assert (root.get("width"), root.get("height")) == ("216pt", "144pt")
+    [sheet, *_] = sheets()
+    root = ET.fromstring(content(sheet, "svg"))
+    size = [72 * sheet.width, 72 * sheet.height]
+    told = [float(root.get(x).removesuffix("pt")) for x in ("width", "height")]
+    assert told == pytest.approx(size, abs=1e-3)
     first = next(root.iter(f"{SVG}path"))
     assert "#ffffff" in first.get("style")
     numbers = np.array(re.findall(r"[\d.]+", first.get("d")), float).reshape(-1, 2)
     assert numbers.min(0).tolist() == [0.0, 0.0]
-    assert numbers.max(0).tolist() == [216.0, 144.0]
+    assert numbers.max(0).tolist() == pytest.approx(size, abs=1e-3)
 
 
 @pytest.mark.parametrize("form", VECTORS)
 def test_files_tell_no_date_and_nobody(form):
     told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
-    for content in made(form):
-        assert not told.search(content)
+    for file in made(form):
+        assert not told.search(file)
 
 
 def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
-    for content, sheet in zip(
-        made("pdf"), test_plots.all_sheets(test_plots.record(test_plots.swing())),
-        strict=True,
-    ):  # fmt: skip
-        assert content.startswith(b"%PDF-")
-        assert content.rstrip().endswith(b"%%EOF")
-        [box] = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", content)
+    for file, sheet in zip(made("pdf"), sheets(), strict=True):
+        assert file.startswith(b"%PDF-")
+        assert file.rstrip().endswith(b"%%EOF")
+        [box] = re.findall(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", file)
         expected = [72 * sheet.width, 72 * sheet.height]
         assert [float(x) for x in box] == pytest.approx(expected, abs=0.01)
 
 
 def test_a_line_stands_where_it_stands_in_pixels():
     """The frame of the first panel, from both: inches from the upper left corner."""
-    from tests.outputs.drawn import drawn
-
     places = {}
     for form, dpi in (("png", 200), ("svg", 72)):
-        run = test_plots.record(test_plots.swing(), form=form)
-        drawing = drawn(test_plots.energies, run)
+        with noted() as drawing:
+            content(sheets()[0], form)
         box = drawing.panels[0].box
         places[form] = [box.x0 / dpi, box.y0 / dpi, box.x1 / dpi, box.y1 / dpi]
     assert places["svg"] == pytest.approx(places["png"], abs=1e-6)

@@ -7,8 +7,7 @@ import pytest
 
 from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
-from lagsim.outputs.record import RIGHT
-from lagsim.outputs.sheet import DPI, PENS
+from lagsim.outputs.figure import DPI, PENS, RIGHT
 from tests.outputs.drawn import against, drawn, finite
 from tests.outputs.test_plots import record
 

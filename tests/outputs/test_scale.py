@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lagsim.outputs.figure import Picture, frame, in_house_style
 from lagsim.outputs.scale import (
     LEAST_TICKS,
     label,
@@ -17,7 +18,6 @@ from lagsim.outputs.scale import (
     time_scale,
     value_scale,
 )
-from lagsim.outputs.sheet import Sheet, in_house_style
 from tests.outputs.drawn import drawn
 
 PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
@@ -39,10 +39,11 @@ def test_rounding_noise_of_a_constant_is_flat():
 
 @in_house_style
 def panel_with(scale, ticks=5, unit=""):
-    sheet = Sheet(3.0, 3.0)
-    place = (1.0, 0.5, 1.5, 1.5)
-    sheet.panel(place, FLAT, scale, side=("x", unit), ticks=(3, ticks))
-    return sheet
+    picture = Picture(2.5, "")
+    [[axes]] = picture.panels([1.5], [1.5])
+    frame(axes, FLAT, scale, up=("x", unit))
+    scale.put(axes, "y", ticks)
+    return picture
 
 
 def read(scale, ticks=5):
@@ -80,7 +81,9 @@ def test_ticks_are_round_distinct_and_where_they_say():
         values = np.array([centre, centre + spread])
         most = int(random.integers(2, 9))
         for scale in (value_scale(values), time_scale(values), noise_scale(values, 1)):
-            axis, places = axes.yaxis, scale.put(axes, "y", most)
+            axis = axes.yaxis
+            scale.put(axes, "y", most)
+            places = axis.get_majorticklocs()
             said = label(axis, "x")
             numbers = axis.get_major_formatter().format_ticks(places)
             assert scale.low < scale.high

@@ -7,7 +7,7 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
-from lagsim.outputs.sheet import content
+from lagsim.outputs.figure import content
 from lagsim.studies.spectrum import EVEN, LEAST_ROWS, spectrum
 from tests.outputs.drawn import noted
 

@@ -18,20 +18,19 @@ from matplotlib.lines import Line2D
 
 from lagsim.methods import names
 from lagsim.outputs.curves import LOST, curve, point
-from lagsim.outputs.figure import Picture, headed
-from lagsim.outputs.scale import Scale, log_scale
-from lagsim.outputs.sheet import (
+from lagsim.outputs.figure import (
     DIM,
     PENS,
     SAMPLE,
     SMALL,
-    WIDTH,
     Pen,
+    Picture,
     content,
     fitted,
     in_house_style,
     mark,
 )
+from lagsim.outputs.scale import Scale, log_scale
 from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY
 from lagsim.studies.bench.work_precision import COSTS, Key, Row, curves
 from lagsim.studies.experiment import stamp
@@ -221,7 +220,15 @@ def chart(document: Mapping[str, Any], form: str = "png") -> bytes:
 def figure(document: Mapping[str, Any]) -> Picture:
     """Draw seconds and evaluations against the error that they bought."""
     found = shown(document["rows"], WORST)
-    drawing = Picture(figsize=(WIDTH, 2 * HEIGHT + REST), layout="constrained")
+    legend = [
+        ("Pareto front", FRONT | {"linewidth": 4.0}),
+        ("what `auto` takes", CHOSEN),
+        ("the reference is known to this", FLOOR),
+    ]
+    drawing = Picture(
+        2 * HEIGHT + REST, document["model"]["name"], "what an error costs",
+        legend=legend, notes=_notes(document, found), layout="constrained",
+    )  # fmt: skip
     panels = drawing.subplots(2)
     floor = float(seen([document["reference"]["floor"]])[0])
     across = error_scale(_costs(found, COSTS[0]), floor)
@@ -236,13 +243,6 @@ def figure(document: Mapping[str, Any]) -> Picture:
             loc="upper left", bbox_to_anchor=(1.02, 1.0), title="cheapest first",
             title_fontproperties={"size": SMALL}, alignment="left", labelspacing=0.8,
         ).get_title().set_color(DIM)  # fmt: skip
-    legend = [
-        ("Pareto front", FRONT | {"linewidth": 4.0}),
-        ("what `auto` takes", CHOSEN),
-        ("the reference is known to this", FLOOR),
-    ]
-    name, notes = document["model"]["name"], _notes(document, found)
-    headed(drawing, name, "what an error costs", legend, notes)
     return drawing
 
 

@@ -17,20 +17,20 @@ from matplotlib.colors import to_rgba
 
 from lagsim.methods import method as method_named
 from lagsim.outputs.curves import curve, point
-from lagsim.outputs.figure import Column, Picture, headed
-from lagsim.outputs.scale import Scale, log_scale
-from lagsim.outputs.sheet import (
+from lagsim.outputs.figure import (
     DIM,
-    DPI,
     EDGE,
     INK,
     SMALL,
     WIDTH,
+    Column,
     Pen,
+    Picture,
     content,
     in_house_style,
     mark,
 )
+from lagsim.outputs.scale import Scale, log_scale
 from lagsim.studies.bench.chart import look_of
 from lagsim.studies.bench.stability import (
     BREAKS,
@@ -104,8 +104,15 @@ def chart(document: Record, form: str = "png") -> bytes:
         heights = [each + BELOW, BELOW / 2 + region * -(-len(fixed) // REGIONS)]
         regions = [Region(document, name) for name in fixed]
     heights += [3 * WORK + BELOW] if adaptive else []
-    size = WIDTH, sum(heights)
-    drawing = Picture(figsize=size, dpi=DPI, layout="constrained")
+    hidden = not any(region.along for region in regions)
+    at_start = any(len(region.at_start) for region in regions)
+    drawing = Picture(
+        sum(heights), document["model"]["name"],
+        "where methods hold and where they fail",
+        legend=_legend(document, at_start=at_start, along=not hidden),
+        notes=_notes(document, eigenvalues=at_start or not hidden),
+        layout="constrained",
+    )  # fmt: skip
     places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
     parts = [drawing.add_subfigure(places[k]) for k in range(len(heights))]
     panels: list[Axes] = []
@@ -114,12 +121,6 @@ def chart(document: Record, form: str = "png") -> bytes:
         panels = _regions(parts[1], regions)
     if adaptive:
         _work(parts[-1], document)
-    hidden = not any(region.along for region in regions)
-    at_start = any(len(region.at_start) for region in regions)
-    legend = _legend(document, at_start=at_start, along=not hidden)
-    notes = _notes(document, eigenvalues=at_start or not hidden)
-    subject = "where methods hold and where they fail"
-    headed(drawing, document["model"]["name"], subject, legend, notes)
     engine = drawing.get_layout_engine()
     assert engine is not None
     for _ in range(LAYOUTS):

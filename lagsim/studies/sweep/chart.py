@@ -12,14 +12,20 @@ import numpy as np
 
 from lagsim.outputs.figure import (
     NO_RESULT,
+    PENS,
+    WIDTH,
     Column,
+    Pen,
     Picture,
+    content,
     figure,
-    headed,
+    in_house_style,
     map_figure,
+    mark,
+    stack_height,
+    stacked,
 )
 from lagsim.outputs.letters import letters_of, raised
-from lagsim.outputs.sheet import PENS, WIDTH, Pen, content, in_house_style, mark
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,8 +38,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Inches: a panel of curves, and what is below all of them.
-CURVES, REST = 1.5, 0.4
+# Inches: a panel of curves.
+CURVES = 1.5
 # Panels at most, or rows of maps: of coordinates first, then of definitions.
 MOST = 6
 # Values that spread over so many times the least, and evenly so in their logarithms,
@@ -57,7 +63,7 @@ def chart(found: Found) -> bytes:
         "subject": f"{found.grid.runs} runs", "notes": _notes(found, len(names))
     }  # fmt: skip
     if len(found.grid.axes) == 1:
-        return content(_curves(found, names[:MOST], more, missing=missing), "png")
+        return content(_curves(found, names[:MOST], more, missing=missing))
     more["legend"] = [("not complete", BAND | {"color": NO_RESULT})] if missing else []
     runs = np.arange(found.grid.runs)
     parts = ["end"] if found.work.ends else ["end", "max"]
@@ -67,7 +73,7 @@ def chart(found: Found) -> bytes:
         ]
         for name, part in product(names[:MOST], parts)
     }
-    return content(_maps(found, columns, abreast=2, **more), "png")
+    return content(_maps(found, columns, abreast=2, **more))
 
 
 def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
@@ -126,9 +132,13 @@ def _curves(
 ) -> Picture:
     """Draw the ends of columns, and the bands that they are in."""
     order, x = _along(found, found.grid.axes[0])
-    drawing = Picture(figsize=(WIDTH, CURVES * len(names) + REST), layout="constrained")
-    panels = drawing.subplots(len(names), sharex=True, squeeze=False)[:, 0]
     ends = AT_END if len(order) <= FEW else MANY_AT_END
+    legend = [("at the end", ends)]
+    legend += [] if found.work.ends else [("from least to greatest", BAND)]
+    legend += [("not complete", FAILED)] if missing else []
+    height = stack_height(len(names), CURVES)
+    drawing = Picture(height, found.model.name, legend=legend, **more)
+    panels = stacked(drawing, len(names), CURVES)
     for axes, name in zip(panels, names, strict=True):
         cells = values_of(found, name, order)
         axes.fill_between(
@@ -140,15 +150,10 @@ def _curves(
             low = np.full(len(none), axes.get_ylim()[0])
             axes.plot(none, low, **FAILED, clip_on=False, zorder=3.0)
             axes.set_ylim(low[0])
-        axes.grid(visible=True)
         axes.set_ylabel(_column(found, name, cells).within(CURVES))
     panels[-1].set_xscale("log" if is_log(x.values) else "linear")
     panels[-1].set_xlabel(x.within(WIDTH))
     drawing.align_ylabels()
-    legend = [("at the end", ends)]
-    legend += [] if found.work.ends else [("from least to greatest", BAND)]
-    legend += [("not complete", FAILED)] if missing else []
-    headed(drawing, found.model.name, legend=legend, **more)
     return drawing
 
 
