@@ -99,7 +99,7 @@ def _cut(line: str) -> str:
 def entry(row: Row, message: str) -> str:
     """Give what the page says of one message."""
     lines = [f"#### {row.number} {row.code}", "", row.happened]
-    if row.found:
+    if row.expected:
         lines += ["", f"Expected: {row.expected}"]
     if f"  hint: {row.hint}" not in message:
         lines += ["", f"Try: {row.hint}."]

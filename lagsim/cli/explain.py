@@ -65,7 +65,7 @@ def _document(row: Row) -> dict[str, Any]:
     return {
         "number": row.number,
         "code": row.code,
-        "expected": row.expected,
+        "expected": row.expected or row.happened,
         "hint": row.hint,
         "example": {"model": row.model, "commands": row.commands},
     }
@@ -76,7 +76,7 @@ def _page(row: Row) -> str:
         f"{row.number} {row.code}",
         "",
         textwrap.fill(row.happened, WIDTH),
-        *([textwrap.fill(f"Expected: {row.expected}", WIDTH)] if row.found else []),
+        *([textwrap.fill(f"Expected: {row.expected}", WIDTH)] if row.expected else []),
         textwrap.fill(row.hint, WIDTH, initial_indent="  hint: ",
                       subsequent_indent="        "),
     ]  # fmt: skip

@@ -20,6 +20,9 @@ simulation: {duration: 1}
 MODEL = "pendulum.yaml"
 
 
+CHECK = (f"lagsim check {MODEL}",)
+
+
 class Row(NamedTuple):
     """One message.
 
@@ -27,8 +30,10 @@ class Row(NamedTuple):
     ----------
     number, code : str
         `E104`, and the word that documents have for it. Neither ever changes.
+    happened : str
+        What has been found, or has happened.
     expected : str
-        The rule that is broken; of a warning, what has happened.
+        Of an error, the rule that is broken.
     hint : str
         What to try, where the message itself has no better hint.
     change : str
@@ -36,22 +41,15 @@ class Row(NamedTuple):
         it is not made of these.
     commands : tuple of str
         What is called then; the last one gives the message.
-    found : str
-        Of an error, what has been found.
     """
 
     number: str
     code: str
+    happened: str
     expected: str
     hint: str
     change: str = ""
-    commands: tuple[str, ...] = (f"lagsim check {MODEL}",)
-    found: str = ""
-
-    @property
-    def happened(self) -> str:
-        """What has happened."""
-        return self.found or self.expected
+    commands: tuple[str, ...] = CHECK
 
     @property
     def model(self) -> str:
@@ -66,3 +64,15 @@ def _sections(text: str) -> dict[str, str]:
     """Give the sections of a model, by their keys and in their order."""
     parts = re.split(r"(?m)^(?=\w+:)", text)
     return {part.partition(":")[0]: part for part in parts if part}
+
+
+def warning(
+    number: str,
+    code: str,
+    happened: str,
+    hint: str,
+    change: str = "",
+    commands: tuple[str, ...] = CHECK,
+) -> Row:
+    """Give the row of a warning, which breaks no rule."""
+    return Row(number, code, happened, "", hint, change, commands)

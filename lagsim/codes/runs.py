@@ -14,8 +14,8 @@ _RUN_INTO = "lagsim run pendulum.yaml -o {} --no-plots -q"
 
 ROWS = (
     # E5xx: a run that began and could not finish, or whose rows cannot be trusted.
-    Row(
-        "E501", "step-too-small",
+    Row("E501", "step-too-small",
+        "The step size became too small.",
         "A step is large enough to change the time in double precision.",
         "the motion runs into a singularity (a division by zero, a coordinate that "
         "loses its meaning) or is very stiff: look at the component named, stop before "
@@ -23,19 +23,15 @@ ROWS = (
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
-        _RUN,
-        found="The step size became too small.",
-    ),
-    Row(
-        "E502", "too-many-steps",
+        _RUN),
+    Row("E502", "too-many-steps",
+        "The run took too many steps.",
         "A run takes at most 10^8 steps.",
         "the motion has much faster parts than the run is long: shorten the duration, "
         "or look for a stiffness or a frequency that is larger than it should be",
-        commands=(),
-        found="The run took too many steps.",
-    ),
-    Row(
-        "E503", "values-not-finite",
+        commands=()),
+    Row("E503", "values-not-finite",
+        "An energy, a force or a constraint became infinite or not a number.",
         "Energies, forces and constraints are finite throughout the run.",
         "an energy, a force or a constraint has no finite value there (a root or a "
         "logarithm of something negative, a division by zero, a number that is "
@@ -43,43 +39,35 @@ ROWS = (
         _POINT + "initial: {x: 1, y: 0, x_dot: 1}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: y^2/2}\n"
         "forces: {y: sqrt(3 - x)}\nsimulation: {duration: 5}\n",
-        (_RUN[0] + " --method rk4 --step 0.1",),
-        found="An energy, a force or a constraint became infinite or not a number.",
-    ),
-    Row(
-        "E504", "projection-failed",
+        (_RUN[0] + " --method rk4 --step 0.1",)),
+    Row("E504", "projection-failed",
+        "A state could not be projected onto the constraints.",
         "Near each computed state Newton's method finds one that satisfies the "
         "constraints.",
         "the constraints cannot all be satisfied near this state: the mechanism is at "
         "a dead point or cannot be assembled, or a fixed step is too large",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
         "constraints: {rod: x^2 + y^2 = 1}\n",
-        (_RUN[0] + " --method rk4 --step 1",),
-        found="A state could not be projected onto the constraints.",
-    ),
-    Row(
-        "E505", "newton-failed",
+        (_RUN[0] + " --method rk4 --step 1",)),
+    Row("E505", "newton-failed",
+        "The equations of an implicit step could not be solved.",
         "The iteration for the equations of each implicit step converges.",
         "the motion runs into a singularity there, a force jumps, or a step is too "
         "large for forces as nonlinear as these: look at this state",
         "coordinates: {x: {}}\ndefinitions: {}\n"
         "energy: {kinetic: x_dot^2/2, potential: -exp(x^2)}\n"
         "initial: {x: 1, x_dot: 1}\n",
-        (_RUN[0] + " --method midpoint --step 0.5",),
-        found="The equations of an implicit step could not be solved.",
-    ),
-    Row(
-        "E506", "constraint-jumps",
+        (_RUN[0] + " --method midpoint --step 0.5",)),
+    Row("E506", "constraint-jumps",
+        "The position that a constraint prescribes, or a gap, jumped.",
         "The position that a constraint prescribes, or a gap, changes without jumps.",
         "a constraint, or a gap, may change its speed abruptly, not its position: join "
         "the pieces of its motion, or of the ground",
         _POINT + "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}\n"
         "constraints: {belt: 'x = if(t < 0.5, 1, 2)'}\n",
-        _RUN,
-        found="The position that a constraint prescribes, or a gap, jumped.",
-    ),
-    Row(
-        "E507", "switches-accumulate",
+        _RUN),
+    Row("E507", "switches-accumulate",
+        "Forces switched infinitely often within a finite time.",
         "Forces and friction switch a finite number of times in a finite time.",
         "no motion continues from there: change the forces near their switches, or "
         "stop before that time",
@@ -90,11 +78,9 @@ energy: {kinetic: (x_dot^2 + z_dot^2)/2, potential: 0}
 forces: {x: "if(z_dot >= 0, -1, 1)", z: "if(x_dot >= 0, 1, -1)"}
 initial: {x: 0, z: 0}
 """,
-        _RUN,
-        found="Forces switched infinitely often within a finite time.",
-    ),
-    Row(
-        "E508", "no-answer",
+        _RUN),
+    Row("E508", "no-answer",
+        "The rows violate a constraint, or repeats of the run do not agree.",
         "The rows satisfy the constraints, and a repeat gives the same motion.",
         "no method can integrate the motion past that time, or its constraints "
         "contradict each other from there on: look at the model around that time, or "
@@ -103,11 +89,9 @@ initial: {x: 0, z: 0}
         "energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*z}\n"
         "constraints: {cone: x_dot^2 + y_dot^2 = 4*z_dot^2}\n"
         "initial: {x: 0, y: 0, z: 0}\n",
-        _RUN,
-        found="The rows violate a constraint, or repeats of the run do not agree.",
-    ),
-    Row(
-        "E509", "paradox",
+        _RUN),
+    Row("E509", "paradox",
+        "No contact forces exist that satisfy the laws of contact and friction.",
         "At every time some contact forces push, obey the law of friction, and keep "
         "the bodies apart.",
         "friction and the bodies' inertia allow no motion there (Painleve's paradox): "
@@ -122,30 +106,24 @@ constraints:
   guide: {relation: q = 1, when: t < 0.1}
 initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
 """,
-        _RUN,
-        found="No contact forces exist that satisfy the laws of contact and friction.",
-    ),
-    Row(
-        "E510", "state-jumps",
+        _RUN),
+    Row("E510", "state-jumps",
+        "A position, or a velocity without an impact, jumped.",
         "Positions are continuous, and so are velocities except at impacts.",
         "positions never jump, and velocities only at an impact: the rows up to there "
         "are valid. This is a fault of lagsim's: please report the model",
-        commands=(),
-        found="A position, or a velocity without an impact, jumped.",
-    ),
-    Row(
-        "E511", "no-reference",
+        commands=()),
+    Row("E511", "no-reference",
+        "No reference solution was found to measure errors against.",
         "Errors are measured against a reference that two computations agree on.",
         "`lagsim run` shows where it fails; `--budget` allows more time",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
-        ("lagsim bench pendulum.yaml --budget 1",),
-        found="No reference solution was found to measure errors against.",
-    ),
+        ("lagsim bench pendulum.yaml --budget 1",)),
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
-    Row(
-        "E601", "differs",
+    Row("E601", "differs",
+        "Two results differ by more than the bound.",
         "At each time each column differs by no more than its bound.",
         "look at the column and the time that are named first: `--plot FILE` draws "
         "them; `lagsim golden --update` stores what is right now",
@@ -153,218 +131,166 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
             _RUN_INTO.format("one"),
             _RUN_INTO.format("other --set m=2 --set l=1.01"),
             "lagsim compare one other",
-        ),
-        found="Two results differ by more than the bound.",
-    ),
-    Row(
-        "E602", "bad-table",
+        )),
+    Row("E602", "bad-table",
+        "A file is not a table of results.",
         "A table has a header, a column `t`, and a number in each cell.",
         "give tables as `lagsim run` writes them, or their folders",
-        commands=("lagsim compare pendulum.yaml pendulum.yaml",),
-        found="A file is not a table of results.",
-    ),
-    Row(
-        "E603", "no-golden",
+        commands=("lagsim compare pendulum.yaml pendulum.yaml",)),
+    Row("E603", "no-golden",
+        "There is no golden of this model.",
         "The model has a stored result, `NAME.csv` and `NAME.json`, in the folder "
         "`golden`.",
         "`lagsim golden --update` stores one",
-        commands=("lagsim golden pendulum.yaml",),
-        found="There is no golden of this model.",
-    ),
-    Row(
-        "E604", "bad-golden",
+        commands=("lagsim golden pendulum.yaml",)),
+    Row("E604", "bad-golden",
+        "The files of a golden are damaged, or do not belong together.",
         "`NAME.csv` and `NAME.json` of a golden are complete and come from one run.",
         "`lagsim golden --update` stores it again",
         commands=(
             "lagsim golden pendulum.yaml --update -q",
             "printf {} > golden/pendulum.json",
             "lagsim golden pendulum.yaml",
-        ),
-        found="The files of a golden are damaged, or do not belong together.",
-    ),
-    Row(
-        "E605", "incomplete",
+        )),
+    Row("E605", "incomplete",
+        "The run of a golden could not finish.",
         "A golden is stored from a complete run.",
         "correct what the message names, or shorten the duration",
         "coordinates: {r: {unit: m}}\ndefinitions: {}\n"
         "energy: {kinetic: r_dot^2/2, potential: -1/r}\n"
         "initial: {r: 1}\nsimulation: {duration: 2}\n",
-        ("lagsim golden pendulum.yaml --update",),
-        found="The run of a golden could not finish.",
-    ),
-    Row(
-        "E606", "no-results",
+        ("lagsim golden pendulum.yaml --update",)),
+    Row("E606", "no-results",
+        "A folder holds no results.",
         "The folder holds trajectory.csv and run.json, as `lagsim run` writes them.",
         "`lagsim run MODEL -o FOLDER` makes such a folder",
-        commands=("lagsim overlay nowhere",),
-        found="A folder holds no results.",
-    ),
-    Row(
-        "E607", "no-column",
+        commands=("lagsim overlay nowhere",)),
+    Row("E607", "no-column",
+        "A column to be drawn is missing in a table.",
         "A column that is drawn is in each of the tables.",
         "name columns that all of them have: --columns x",
-        commands=(_RUN_INTO.format("one"), "lagsim overlay one one --columns speed"),
-        found="A column to be drawn is missing in a table.",
-    ),
-    Row(
-        "E608", "no-spectrum",
+        commands=(_RUN_INTO.format("one"), "lagsim overlay one one --columns speed")),
+    Row("E608", "no-spectrum",
+        "A spectrum cannot be computed from this column.",
         "A spectrum needs rows at equal distances in time, with a number in each.",
         "a run with one `output_step` gives such rows",
         "simulation: {duration: 1, output_step: 0.5}\n",
-        (_RUN_INTO.format("one"), "lagsim spectrum one theta"),
-        found="A spectrum cannot be computed from this column.",
-    ),
-    Row(
-        "E609", "not-json",
+        (_RUN_INTO.format("one"), "lagsim spectrum one theta")),
+    Row("E609", "not-json",
+        "A file is not JSON.",
         "The file is work_precision.json, as `lagsim bench` writes it.",
         "give the file work_precision.json, or its folder",
-        commands=("printf { > work_precision.json", "lagsim bench work_precision.json"),
-        found="A file is not JSON.",
-    ),
-    Row(
-        "E610", "not-a-bench",
+        commands=(
+            "printf { > work_precision.json", "lagsim bench work_precision.json",
+        )),
+    Row("E610", "not-a-bench",
+        "A JSON document is not one of `lagsim bench`.",
         "The document has the keys that `lagsim bench` writes.",
         "run `lagsim bench` again",
         commands=(
             "printf {} > work_precision.json",
             "lagsim bench work_precision.json",
-        ),
-        found="A JSON document is not one of `lagsim bench`.",
-    ),
-    Row(
-        "E611", "another-sweep",
+        )),
+    Row("E611", "another-sweep",
+        "The folder holds another sweep.",
         "`--resume` goes on with the same model, values and options.",
         "leave --resume out to start again, or choose another folder with -o",
         commands=(
             "mkdir found; echo [] > found/sweep.rows.jsonl",
             "lagsim sweep pendulum.yaml m=1,3 -o found -q --resume",
-        ),
-        found="The folder holds another sweep.",
-    ),
-    Row(
-        "E612", "nothing-to-draw",
+        )),
+    Row("E612", "nothing-to-draw",
+        "The results have nothing to animate.",
         "What is drawn has a section `scene`, or columns `x` and `y`.",
         "give the model a `scene`, or definitions `x` and `y`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
-        (_RUN_INTO.format("one"), "lagsim overlay one one -o both.html"),
-        found="The results have nothing to animate.",
-    ),
-    Row(
-        "E613", "another-run",
+        (_RUN_INTO.format("one"), "lagsim overlay one one -o both.html")),
+    Row("E613", "another-run",
+        "The folder holds another run.",
         "`--resume` goes on with the same model and options, on the same machine.",
         "leave --resume out to start again, or choose another folder with -o",
         commands=(
             "mkdir out; echo kept > out/.lagsim-restart",
             "lagsim run pendulum.yaml -o out --resume",
-        ),
-        found="The folder holds another run.",
-    ),
+        )),
     # E7xx: files and folders that are written.
-    Row(
-        "E701", "output-folder",
+    Row("E701", "output-folder",
+        "The output folder cannot be used.",
         "The output folder can be made and written, and nothing else writes into it.",
         "choose another folder",
-        commands=("lagsim run pendulum.yaml -o pendulum.yaml",),
-        found="The output folder cannot be used.",
-    ),
-    Row(
-        "E702", "output-file",
+        commands=("lagsim run pendulum.yaml -o pendulum.yaml",)),
+    Row("E702", "output-file",
+        "The output file cannot be written.",
         "The output file can be written, and is not the model.",
         "choose another file",
-        commands=("lagsim derive pendulum.yaml -o pendulum.yaml",),
-        found="The output file cannot be written.",
-    ),
-    Row(
-        "E703", "exists",
+        commands=("lagsim derive pendulum.yaml -o pendulum.yaml",)),
+    Row("E703", "exists",
+        "The file exists already.",
         "`lagsim new NAME` makes NAME.yaml, which does not exist yet.",
         "choose another name",
-        commands=("lagsim new pendulum",),
-        found="The file exists already.",
-    ),
-    Row(
-        "E704", "unwritable",
+        commands=("lagsim new pendulum",)),
+    Row("E704", "unwritable",
+        "The model file cannot be written.",
         "The folder of the new file exists, and you may write there.",
         "look at the folder, and at who may write there",
-        commands=("lagsim new nowhere/pendulum",),
-        found="The model file cannot be written.",
-    ),
-    Row(
-        "E705", "no-room",
+        commands=("lagsim new nowhere/pendulum",)),
+    Row("E705", "no-room",
+        "There is no room for the results.",
         "The disk has room for what is written.",
         "make room on the disk, or choose another one with -o",
-        commands=("lagsim methods > /dev/full",),
-        found="There is no room for the results.",
-    ),
-    Row(
-        "E706", "missing-package",
+        commands=("lagsim methods > /dev/full",)),
+    Row("E706", "missing-package",
+        "A package that an option needs is not installed.",
         "The packages that an option needs are installed.",
         "install what the message names, or leave the option out",
-        commands=(),
-        found="A package that an option needs is not installed.",
-    ),
-    Row(
-        "E707", "one-name",
+        commands=()),
+    Row("E707", "one-name",
+        "Two models have the same name.",
         "Models that are run together have different names, and so different folders.",
         "give one of them another `name`",
         commands=(
             "cp pendulum.yaml twin.yaml",
             "lagsim run pendulum.yaml twin.yaml --no-plots",
-        ),
-        found="Two models have the same name.",
-    ),
+        )),
     # E8xx: the command line.
-    Row(
-        "E801", "usage",
+    Row("E801", "usage",
+        "An argument or an option is wrong.",
         "Arguments and options are those of the command's `--help`, with values of "
         "the right kind, such as --set m=2.",
         "`lagsim COMMAND --help` lists them",
-        commands=("lagsim check pendulum.yaml --set m",),
-        found="An argument or an option is wrong.",
-    ),
-    Row(
-        "E802", "unknown-template",
+        commands=("lagsim check pendulum.yaml --set m",)),
+    Row("E802", "unknown-template",
+        "The template does not exist.",
         "A template is one of those that `lagsim new --help` lists.",
         "`lagsim new --help` lists them",
-        commands=("lagsim new swing --template swing",),
-        found="The template does not exist.",
-    ),
-    Row(
-        "E803", "unknown-code",
+        commands=("lagsim new swing --template swing",)),
+    Row("E803", "unknown-code",
+        "There is no message of this number or code.",
         "A message has a number such as E104, and a code such as duplicate-key.",
         "docs/errors.md lists them all, and so does `lagsim explain`",
-        commands=("lagsim explain E999",),
-        found="There is no message of this number or code.",
-    ),
+        commands=("lagsim explain E999",)),
     # E9xx: lagsim itself, and the machine below it.
-    Row(
-        "E901", "bug",
+    Row("E901", "bug",
+        "lagsim has failed by an error of its own.",
         "lagsim handles every input without an internal error.",
         "this is a bug in lagsim, not in your model: please report it with the model "
         "file and what is printed",
-        commands=(),
-        found="lagsim has failed by an error of its own.",
-    ),
-    Row(
-        "E902", "failed",
+        commands=()),
+    Row("E902", "failed",
+        "A process ended before it had a result.",
         "Each process that does a part of the work ends normally.",
         "run the named model by itself, to see its messages",
-        commands=(),
-        found="A process ended before it had a result.",
-    ),
-    Row(
-        "E903", "starved",
+        commands=()),
+    Row("E903", "starved",
+        "The system has no memory or no open files left.",
         "The system has enough memory and open files.",
         "raise the limits (ulimit -v, ulimit -n, those of a container), or run less at "
         "one time",
-        commands=(),
-        found="The system has no memory or no open files left.",
-    ),
-    Row(
-        "E904", "unknown-cpu",
+        commands=()),
+    Row("E904", "unknown-cpu",
+        "`LAGSIM_CPU` names an unknown processor.",
         "`LAGSIM_CPU` names a processor that LLVM knows.",
         "leave it out",
-        commands=("LAGSIM_CPU=abacus lagsim run pendulum.yaml --no-plots",),
-        found="`LAGSIM_CPU` names an unknown processor.",
-    ),
+        commands=("LAGSIM_CPU=abacus lagsim run pendulum.yaml --no-plots",)),
 )  # fmt: skip

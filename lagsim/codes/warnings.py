@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import MODEL, Row
+from lagsim.codes.row import MODEL, warning
 
 _PLANE = """\
 coordinates: {x: {unit: m}, y: {unit: m}}
@@ -13,76 +13,55 @@ _RUN = ("lagsim run pendulum.yaml --no-plots",)
 _OSCILLATOR = "lagsim run models/failing/oscillator.yaml --no-plots "
 
 ROWS = (
-    Row(
-        "W101", "unused-parameter",
+    warning("W101", "unused-parameter",
         "A parameter is given and no expression names it.",
         "look for a name that is spelt otherwise, or delete the parameter",
-        "parameters: {m: 1, g: 9.81, l: 1, length: 2}\n",
-    ),
-    Row(
-        "W102", "degrees",
+        "parameters: {m: 1, g: 9.81, l: 1, length: 2}\n"),
+    warning("W102", "degrees",
         "A quantity in `deg`, or a number of degrees such as 60, enters `sin`, "
         "`cos` or `tan`, which take radians.",
         "write theta*pi/180 there",
-        "coordinates: {theta: {unit: deg}}\n",
-    ),
-    Row(
-        "W103", "rough-start",
+        "coordinates: {theta: {unit: deg}}\n"),
+    warning("W103", "rough-start",
         "The start was rounded, and satisfies the constraints only approximately.",
         "write the start value as the expression that is shown",
         _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
-        "initial: {x: 0.8, y: -0.6000001}\n",
-    ),
-    Row(
-        "W104", "redundant",
+        "initial: {x: 0.8, y: -0.6000001}\n"),
+    warning("W104", "redundant",
         "A constraint follows from others.",
         "leave it out; the motion is the same",
         _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
-        "initial: {x: 1, y: 1}\n",
-    ),
-    Row(
-        "W105", "multipliers-not-unique",
+        "initial: {x: 1, y: 1}\n"),
+    warning("W105", "multipliers-not-unique",
         "Constraints are redundant: their multipliers are not unique, and those of "
         "least norm are given.",
         "leave constraints out until the others determine their forces",
         _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
-        "initial: {x: 1, y: 1}\n",
-    ),
-    Row(
-        "W106", "vanishing-gradient",
+        "initial: {x: 1, y: 1}\n"),
+    warning("W106", "vanishing-gradient",
         "The gradient of a constraint vanishes at the start.",
         "start elsewhere, or write the constraint otherwise",
-        _PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n",
-    ),
-    Row(
-        "W107", "multiple-root",
+        _PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n"),
+    warning("W107", "multiple-root",
         "A relation is a power, whose gradient is 0 wherever it holds: its root is "
         "taken.",
         "take the root of both sides",
-        _PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n",
-    ),
-    Row(
-        "W108", "double-root",
+        _PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n"),
+    warning("W108", "double-root",
         "A guess is at a double root of the constraints.",
         "guess elsewhere, or write the constraint so that its root is simple",
         _PLANE + "constraints: {curve: y^3 = (x - 1)^2*(x + 2), line: x = 1}\n"
-        "initial: {x: {guess: 1.1}, y: {guess: 0.1}}\n",
-    ),
-    Row(
-        "W109", "other-roots",
+        "initial: {x: {guess: 1.1}, y: {guess: 0.1}}\n"),
+    warning("W109", "other-roots",
         "The guesses have other solutions than the one taken.",
         "guess nearer to the one that is meant",
         _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
-        "initial: {x: 0.8, y: {guess: 0.01}}\n",
-    ),
-    Row(
-        "W110", "undetermined-guess",
+        "initial: {x: 0.8, y: {guess: 0.01}}\n"),
+    warning("W110", "undetermined-guess",
         "Nothing determines a guess: it stays as given.",
         "give it as a value",
-        "initial: {theta: {guess: 1}}\n",
-    ),
-    Row(
-        "W111", "painleve",
+        "initial: {theta: {guess: 1}}\n"),
+    warning("W111", "painleve",
         "Friction laws contradict each other at the start (Painlevé's paradox): `run` "
         "refuses it.",
         "reduce the friction, or let a body yield a little",
@@ -94,130 +73,94 @@ energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2/3)/2, potential: 9.81*y}
 constraints:
   tip: {relation: y >= cos(q), restitution: 0, friction: mu, slip: end_dot}
 initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
-""",
-    ),
-    Row(
-        "W112", "reaction-zero",
+"""),
+    warning("W112", "reaction-zero",
         "No energy, force or constraint uses a definition whose reaction is asked for: "
         "the reaction is 0.",
         "ask for the reaction of a definition that energies, forces or constraints use",
-        "output: {reactions: [x]}\n",
-    ),
-    Row(
-        "W201", "start-changed",
+        "output: {reactions: [x]}\n"),
+    warning("W201", "start-changed",
         "The run starts from the nearest exact state.",
         "write the start that is shown by `lagsim check --repair`",
         _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n",
-        _RUN,
-    ),
-    Row(
-        "W202", "step-unused",
+        _RUN),
+    warning("W202", "step-unused",
         "`step` has no effect: only methods with a fixed step use it.",
         "leave it out, or take a method with a fixed step",
         "simulation: {duration: 1, step: 0.01}\n",
-        _RUN,
-    ),
-    Row(
-        "W203", "tolerance-unused",
+        _RUN),
+    warning("W203", "tolerance-unused",
         "Tolerances have no effect: only methods that choose their steps use them.",
         "leave them out, or take a method that chooses its steps",
-        commands=(_RUN[0] + " --method rk4 --step 0.001 --rtol 1e-9",),
-    ),
-    Row(
-        "W204", "gain-unused",
+        commands=(_RUN[0] + " --method rk4 --step 0.001 --rtol 1e-9",)),
+    warning("W204", "gain-unused",
         "`gain` has no effect: only the formulation `baumgarte` uses it.",
         "leave it out, or ask for `formulation: baumgarte`",
         "simulation: {duration: 1, gain: 10}\n",
-        _RUN,
-    ),
-    Row(
-        "W206", "option-unused",
+        _RUN),
+    warning("W206", "option-unused",
         "An option of a method has no effect: the method of the run has no such one.",
         "leave it out, or ask for the method that `lagsim run --help` names at it",
         "simulation: {duration: 1, spectral_radius: 0.8}\n",
-        _RUN,
-    ),
-    Row(
-        "W301", "horizon",
+        _RUN),
+    warning("W301", "horizon",
         "Past this time the estimated error exceeds 0.1 of a coordinate's range.",
         "end the run there, or use averages and bounds, which chaos leaves reliable",
-        commands=("lagsim run models/failing/chaos.yaml --no-plots",),
-    ),
-    Row(
-        "W302", "end-in-doubt",
+        commands=("lagsim run models/failing/chaos.yaml --no-plots",)),
+    warning("W302", "end-in-doubt",
         "A repeat of the run ends differently.",
         "tighten the tolerance, or look at the model around that time",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/cubic-well.yaml")
             + " --method verlet --step 1.7320508",
-        ),
-    ),
-    Row(
-        "W303", "constraint-not-held",
+        )),
+    warning("W303", "constraint-not-held",
         "Rows are off the constraints by more than 1e-6 of their scale.",
         "take `--formulation projection`, or `auto`",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/rod.yaml")
             + " --formulation drift --method rk4 --step 0.01",
-        ),
-    ),
-    Row(
-        "W304", "energy-gained",
+        )),
+    warning("W304", "energy-gained",
         "energy - work grew by more than 0.1 % of the energy in play.",
         "take a shorter step, a tighter tolerance, or `auto`",
-        commands=(_OSCILLATOR + "--method euler --step 0.01",),
-    ),
-    Row(
-        "W305", "energy-lost",
+        commands=(_OSCILLATOR + "--method euler --step 0.01",)),
+    warning("W305", "energy-lost",
         "energy - work fell by more than 0.1 % of the energy in play.",
         "take a shorter step, a tighter tolerance, or `auto`",
-        commands=(_OSCILLATOR + "--method rk4 --step 1",),
-    ),
-    Row(
-        "W306", "step-at-stability-bound",
+        commands=(_OSCILLATOR + "--method rk4 --step 1",)),
+    warning("W306", "step-at-stability-bound",
         "Stability, not accuracy, decides how long a step may be, and the step is near "
         "that bound or past it.",
         "take the step that is named, or a method for stiff motion: radau",
-        commands=(_OSCILLATOR + "--method rk4 --step 2.9 --duration 50",),
-    ),
-    Row(
-        "W307", "fast-mode-damped",
+        commands=(_OSCILLATOR + "--method rk4 --step 2.9 --duration 50",)),
+    warning("W307", "fast-mode-damped",
         "The method takes energy out of an oscillation that has some.",
         "take a shorter step or a tighter tolerance, or hold what oscillates",
         commands=(
             _RUN[0].replace(MODEL, "models/failing/stiff-spring.yaml")
             + " --set l0=1e-4 --method generalized-alpha --step 1e-4",
-        ),
-    ),
-    Row(
-        "W308", "nearly-dependent",
+        )),
+    warning("W308", "nearly-dependent",
         "Constraints became nearly dependent; from there on a QR decomposition solves "
         "them.",
         "look at the mechanism around that time; other coordinates may avoid it",
-        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
-    ),
-    Row(
-        "W309", "rank",
+        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",)),
+    warning("W309", "rank",
         "Constraints became dependent: a singular configuration.",
         "the motion may branch there: use one coordinate fewer to select a branch",
-        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",),
-    ),
-    Row(
-        "W310", "coordinate-singularity",
+        commands=("lagsim run models/failing/parallelogram.yaml --no-plots",)),
+    warning("W310", "coordinate-singularity",
         "The inertia of a coordinate nearly vanished during the run.",
         "take coordinates whose pole lies elsewhere",
-        commands=("lagsim run models/failing/polar-miss.yaml --no-plots",),
-    ),
-    Row(
-        "W311", "impact-order",
+        commands=("lagsim run models/failing/polar-miss.yaml --no-plots",)),
+    warning("W311", "impact-order",
         "Contacts struck at one time, and the outcome depends on their order: taken as "
         "simultaneous.",
         "give the gaps that the real bodies have, or springs",
-        commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",),
-    ),
-    Row(
-        "W312", "impact-energy",
+        commands=("lagsim run models/failing/balls-in-a-row.yaml --no-plots",)),
+    warning("W312", "impact-energy",
         "An impact raised the energy, which restitution with friction can.",
         "less restitution or friction there",
         """\
@@ -229,10 +172,8 @@ constraints:
   tip: {relation: y >= a*sin(q), restitution: 1, friction: 1, slip: end_dot}
 initial: {x: 0, q: 0.8, y: a*sin(q) + 0.47, x_dot: 0.1, y_dot: -2}
 """,
-        _RUN,
-    ),
-    Row(
-        "W313", "shared-contact",
+        _RUN),
+    warning("W313", "shared-contact",
         "Contacts are redundant: their forces are not unique, and one solution is "
         "given.",
         "leave contacts out until the others determine their forces",
@@ -248,47 +189,35 @@ constraints:
 initial: {z: 0, a: 0, b: 0}
 simulation: {duration: 0.1, output_step: 0.1}
 """,
-        _RUN,
-    ),
-    Row(
-        "W314", "unsettled-impulses",
+        _RUN),
+    warning("W314", "unsettled-impulses",
         "The relaxation of `moreau` did not converge in a step: contacts yield a "
         "little.",
         "take a shorter step, or a method that locates impacts",
-        commands=(),
-    ),
-    Row(
-        "W315", "unresolved-switch",
+        commands=()),
+    warning("W315", "unresolved-switch",
         "More than one motion from a switch of the forces is possible.",
         "define the forces at the switch itself, or start away from it",
         "coordinates: {x: {}}\ndefinitions: {push: 'if(x_dot >= 0, 1, -1)'}\n"
         "energy: {kinetic: x_dot^2/2, potential: 0}\nforces: {x: push}\n"
         "initial: {x: 0}\n",
-        _RUN,
-    ),
-    Row(
-        "W316", "short-times",
+        _RUN),
+    warning("W316", "short-times",
         "A short pulse could be stepped over: an argument of time has too many extrema "
         "for all of them to be checked.",
         "bound the step by a shorter `output_step`, or write the pulse as an `if`",
-        commands=(),
-    ),
-    Row(
-        "W317", "events-unlisted",
+        commands=()),
+    warning("W317", "events-unlisted",
         "More events happened than are listed: `event_counts` counts all.",
         "end the run earlier, or count what is of interest in the table; what is so "
         "light that it hops or chatters at each step can be given more mass, or left "
         "out",
-        commands=(),
-    ),
-    Row(
-        "W318", "error-unknown",
+        commands=()),
+    warning("W318", "error-unknown",
         "The error is not known: the repeat that estimates it failed.",
         "look at the model where the repeat failed, or try another method or rtol",
-        commands=(),
-    ),
-    Row(
-        "W319", "energy-drifts",
+        commands=()),
+    warning("W319", "energy-drifts",
         "energy - work, which is constant, changed by more than the tolerance allows.",
         "put the origin, and the frame, near the moving bodies; or use differences as "
         "coordinates",
@@ -301,37 +230,28 @@ energy:
 initial: {x: 1e9 - 0.5, y: 0, u: 1e9 + 0.5, v: 0, y_dot: -0.6, v_dot: 0.6}
 simulation: {duration: 40, output_step: 0.5}
 """,
-        _RUN,
-    ),
-    Row(
-        "W320", "column-not-finite",
+        _RUN),
+    warning("W320", "column-not-finite",
         "A column of the table has values that are not finite (inf or nan).",
         "choose units in which the numbers are nearer to 1, or look at what the "
         "expression of the column divides by from that time on",
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: 1e300*g*theta}\n",
-        _RUN,
-    ),
-    Row(
-        "W401", "nothing-to-draw",
+        _RUN),
+    warning("W401", "nothing-to-draw",
         "`--animate` found neither a section `scene` nor definitions `x` and `y`: "
         "there is no page.",
         "give the model a `scene`",
         "definitions: {}\n"
         "energy: {kinetic: m*l^2*theta_dot^2/2, potential: -m*g*l*cos(theta)}\n",
-        (_RUN[0] + " --animate",),
-    ),
-    Row(
-        "W402", "result-replaced",
+        (_RUN[0] + " --animate",)),
+    warning("W402", "result-replaced",
         "The default folder held a result of other parameters or options, or of "
         "another file, which this run has replaced.",
         "name folders with -o to keep both",
-        commands=(_RUN[0] + " -q", _RUN[0] + " --set m=2"),
-    ),
-    Row(
-        "W403", "not-drawn",
+        commands=(_RUN[0] + " -q", _RUN[0] + " --set m=2")),
+    warning("W403", "not-drawn",
         "A picture, or the page, could not be drawn. The table and run.json are "
         "complete.",
         "this is a fault of lagsim's: please report it with the model",
-        commands=(),
-    ),
+        commands=()),
 )  # fmt: skip

@@ -65,8 +65,7 @@ def test_no_number_is_ever_given_anew():
 def test_each_says_what_is_found_and_expected_and_what_to_try():
     for row in ALL:
         assert re.fullmatch(r"[^ ].*\.", row.happened)
-        assert bool(row.found) == (row.number[0] == "E")
-        assert re.fullmatch(r"[^ ].*\.", row.expected)
+        assert re.fullmatch(r"[^ ].*\.", row.expected) or row.number[0] == "W"
         assert re.fullmatch(r"[^ ].*[^. ]", row.hint) or "model" in row.hint
     assert {row.code for row in ALL if not row.commands} == set(WITHOUT)
 
