@@ -8,10 +8,14 @@ file can still be read and all its faults be reported at once.
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.errors import Problem
+from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Broken, Node, Scalar, Source
+
+if TYPE_CHECKING:
+    import yaml
 
 _FORBIDDEN = re.compile(
     "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
@@ -37,13 +41,17 @@ _BEGINS = {
     "?": "`? ` begins a key in YAML",
     ",": "`,` cannot begin a value in YAML",
 }
+_ONE_COLUMN = "the keys of one section begin in the same column"
+
+# Line and column, both counted from 0.
+At = tuple[int, int]
 
 
 class Repair(NamedTuple):
-    """The text without the faulty value, and line and column of what stands for it."""
+    """The text without the faulty value, and where something stands for it."""
 
     text: str
-    spoilt: tuple[int, int]
+    spoilt: At
 
 
 class Diagnosis(NamedTuple):
@@ -64,27 +72,9 @@ def bad_character(source: Source) -> Problem | None:
     return Problem("yaml-character", text, shown.place(match.start()))
 
 
-def diagnose(
-    source: Source,
-    problem: str,
-    at: tuple[int, int],
-    context: str,
-    context_at: tuple[int, int] | None,
-) -> Diagnosis:
-    """Say what a syntax error of the YAML parser means.
-
-    Parameters
-    ----------
-    source
-        The text.
-    problem, context
-        The parser's own words.
-    at, context_at
-        Where: line and column, counted from 0.
-    """
-    if context_at is not None:
-        context_at = _inside(source, context_at)
-    case = _Case(source, problem, _inside(source, at), context, context_at)
+def diagnose(source: Source, error: Exception) -> Diagnosis:
+    """Say what a syntax error of the YAML parser means."""
+    case = _Case(source, error)
     for rule in (
         _tab, _missing_space, _no_colon, _open_quote, _open_bracket, _second_colon,
         _indentation, _beginning, _after_quote, _in_brackets,
@@ -92,32 +82,43 @@ def diagnose(
         found = rule(case)
         if found is not None:
             return found
-    return case.fault(f"this is not YAML: {problem}", case.at)
+    return case.fault(f"this is not YAML: {case.problem}")
 
 
-def _inside(source: Source, at: tuple[int, int]) -> tuple[int, int]:
-    """Bring a place at the very end back to the last line that says something."""
-    line, column = min(at[0], source.count - 1), at[1]
-    while line > 0 and not source.line(line).strip():
-        line -= 1
-        column = len(source.line(line))
-    return line, min(column, len(source.line(line)))
+class _Case:
+    """A syntax error: the parser's own words, and where it stopped."""
 
+    def __init__(self, source: Source, error: Exception) -> None:
+        self.source = source
+        self.problem = getattr(error, "problem", None) or str(error)
+        self.context = getattr(error, "context", None) or ""
+        self.at = self._inside(getattr(error, "problem_mark", None)) or (0, 0)
+        self.context_at = self._inside(getattr(error, "context_mark", None))
+        self.line = source.line(self.at[0])
+        self.character = self.line[self.at[1] : self.at[1] + 1]
 
-class _Case(NamedTuple):
-    source: Source
-    problem: str
-    at: tuple[int, int]
-    context: str
-    context_at: tuple[int, int] | None
+    def _inside(self, mark: yaml.Mark | None) -> At | None:
+        """Bring a place at the very end back to the last line that has something."""
+        if mark is None:
+            return None
+        line, column = min(mark.line, self.source.count - 1), mark.column
+        while line > 0 and not self.source.line(line).strip():
+            line -= 1
+            column = len(self.source.line(line))
+        return line, min(column, len(self.source.line(line)))
 
     @property
-    def line(self) -> str:
-        return self.source.line(self.at[0])
+    def first_key(self) -> bool:
+        """Whether the parser stopped at the first colon of its line."""
+        return ":" not in self.line[: self.at[1]] and self.character == ":"
 
     @property
-    def character(self) -> str:
-        return self.line[self.at[1] : self.at[1] + 1]
+    def above(self) -> int:
+        """The line before, blank ones apart."""
+        line = self.at[0] - 1
+        while line > 0 and not self.source.line(line).strip():
+            line -= 1
+        return line
 
     def entry(self) -> re.Match[str] | None:
         """Give the entry or item in whose value the parser stopped."""
@@ -127,22 +128,27 @@ class _Case(NamedTuple):
     def fault(
         self,
         text: str,
-        at: tuple[int, int],
         hint: str = "",
+        at: At | None = None,
         *,
         length: int = 1,
         code: str = "yaml-syntax",
         set_aside: bool = False,
     ) -> Diagnosis:
-        place = self.source.place(self.source.starts[at[0]] + at[1], length)
+        """Give a fault where the parser stopped, or elsewhere."""
+        line, column = at or self.at
+        place = self.source.place(self.source.starts[line] + column, length)
         repair = self._set_aside() if set_aside else None
-        return Diagnosis(Problem(code, text, place, hint), at[0], repair)
+        return Diagnosis(Problem(code, text, place, hint), line, repair)
+
+    def lines(self) -> list[str]:
+        return [self.source.line(i) for i in range(self.source.count)]
 
     def _set_aside(self) -> Repair | None:
         entry = self.entry()
         if entry is None:
             return None
-        lines = [self.source.line(i) for i in range(self.source.count)]
+        lines = self.lines()
         first, column = self.at[0], entry.start("value")
         dropped = [lines[first][column:]]
         lines[first] = lines[first][:column] + "_"
@@ -153,39 +159,29 @@ class _Case(NamedTuple):
                 break
             dropped.append(lines[i])
             lines[i] = ""
-        left = "\n".join(dropped)
-        if left.count("{") != left.count("}") or left.count("[") != left.count("]"):
-            return None
-        return Repair("\n".join(lines), (first, column))
+        repair = Repair("\n".join(lines), (first, column))
+        return repair if _is_balanced("\n".join(dropped)) else None
+
+
+def _is_balanced(text: str) -> bool:
+    return all(text.count(a) == text.count(b) for a, b in ("{}", "[]"))
 
 
 def _tab(case: _Case) -> Diagnosis | None:
     blank = case.line[: len(case.line) - len(case.line.lstrip())]
     if "\t" not in blank and case.character != "\t":
         return None
-    column = blank.index("\t") if "\t" in blank else case.at[1]
-    return case.fault("a tab is used where YAML expects spaces", (case.at[0], column),
-                      "indent with spaces", code="yaml-tab")  # fmt: skip
-
-
-def _first_key(case: _Case) -> bool:
-    """Tell whether the parser stopped at the first colon of its line."""
-    return ":" not in case.line[: case.at[1]] and case.character == ":"
-
-
-def _line_before(case: _Case) -> int:
-    line = case.at[0] - 1
-    while line > 0 and not case.source.line(line).strip():
-        line -= 1
-    return line
+    at = case.at[0], blank.index("\t") if "\t" in blank else case.at[1]
+    text = "a tab is used where YAML expects spaces"
+    return case.fault(text, "indent with spaces", at, code="yaml-tab")
 
 
 def _missing_space(case: _Case) -> Diagnosis | None:
     number = case.at[0]
     if "simple key" in case.context and case.context_at:
         number = case.context_at[0]
-    elif "mapping values" in case.problem and _first_key(case) and number > 0:
-        number = _line_before(case)
+    elif "mapping values" in case.problem and case.first_key and number > 0:
+        number = case.above
     else:
         return None
     line = case.source.line(number)
@@ -194,16 +190,15 @@ def _missing_space(case: _Case) -> Diagnosis | None:
         return None
     key, value = match["key"], match["value"].rstrip()
     found = line[match.start("key") : match.start("value") + len(value)]
-    fault = case.fault(
-        f"a space is missing after the colon in `{found}`" if "=" not in found else
-        f"a colon is missing in `{found}`",
-        (number, match.start("key")), f"write `{key}: {value}`", length=len(found),
-        code="missing-space",
-    )  # fmt: skip
-    lines = [case.source.line(i) for i in range(case.source.count)]
-    column = match.end("key") + 2
+    text = f"a space is missing after the colon in `{found}`"
+    if "=" in found:
+        text = f"a colon is missing in `{found}`"
+    at, hint = (number, match.start("key")), f"write `{key}: {value}`"
+    fault = case.fault(text, hint, at, length=len(found), code="missing-space")
+    lines = case.lines()
     lines[number] = line[: match.end("key")] + ": _"
-    return Diagnosis(fault.problem, number, Repair("\n".join(lines), (number, column)))
+    spoilt = number, match.end("key") + 2
+    return fault._replace(repair=Repair("\n".join(lines), spoilt))
 
 
 def _no_colon(case: _Case) -> Diagnosis | None:
@@ -211,17 +206,17 @@ def _no_colon(case: _Case) -> Diagnosis | None:
         return None
     number, column = case.context_at
     found = case.source.line(number)[column:].strip()
-    return case.fault(f"expected `key: value`, found `{found[:40]}`", case.context_at,
-                      length=len(found))  # fmt: skip
+    text = f"expected `key: value`, found `{found[:40]}`"
+    return case.fault(text, at=case.context_at, length=len(found))
 
 
 def _open_quote(case: _Case) -> Diagnosis | None:
     if "quoted scalar" not in case.context or case.context_at is None:
         return None
     if "end of stream" in case.problem or "document" in case.problem:
-        return case.fault("this quote is never closed", case.context_at)
-    return case.fault("this is no escape of YAML's double quotes", case.at,
-                      "use single quotes", set_aside=True)  # fmt: skip
+        return case.fault("this quote is never closed", at=case.context_at)
+    text = "this is no escape of YAML's double quotes"
+    return case.fault(text, "use single quotes", set_aside=True)
 
 
 def _open_bracket(case: _Case) -> Diagnosis | None:
@@ -229,51 +224,38 @@ def _open_bracket(case: _Case) -> Diagnosis | None:
         return None
     number, column = case.context_at
     rest = case.source.line(number)[column:]
-    if number == case.at[0] and rest.count("{") == rest.count("}") and (
-        rest.count("[") == rest.count("]")
-    ):  # fmt: skip
-        return None
     bracket = rest[:1]
-    if bracket not in ("{", "["):
+    if bracket not in ("{", "[") or (number == case.at[0] and _is_balanced(rest)):
         return None
     expected = "`,` or `}`" if bracket == "{" else "`,` or `]`"
-    return case.fault(f"this `{bracket}` is not closed", case.context_at,
-                      f"line {case.at[0] + 1} has something else where {expected} is "
-                      "expected")  # fmt: skip
+    hint = f"line {case.at[0] + 1} has something else where {expected} is expected"
+    return case.fault(f"this `{bracket}` is not closed", hint, case.context_at)
 
 
 def _second_colon(case: _Case) -> Diagnosis | None:
     if case.character != ":" or case.entry() is None:
         return None
-    return case.fault(
-        "a second `:` in one entry", case.at,
-        "give each entry its own line or comma; a text with a colon must be quoted",
-        set_aside=True,
-    )  # fmt: skip
+    hint = "give each entry its own line or comma; a text with a colon must be quoted"
+    return case.fault("a second `:` in one entry", hint, set_aside=True)
 
 
 def _indentation(case: _Case) -> Diagnosis | None:
     indent = len(case.line) - len(case.line.lstrip())
-    if "mapping values" in case.problem and _first_key(case) and case.at[0] > 0:
-        above = case.source.line(_line_before(case)).strip()
+    if "mapping values" in case.problem and case.first_key and case.at[0] > 0:
+        line = case.source.line(case.above)
+        above = line.strip()
         if ":" not in above:
-            number = _line_before(case)
-            column = case.source.line(number).index(above)
-            return case.fault(f"a colon is missing after `{above[:40]}`",
-                              (number, column), f"write `{above[:40]}:`",
-                              length=len(above))  # fmt: skip
-        return case.fault(
-            f"this line is indented as if it belonged to `{above[:40]}`, "
-            "which has a value already", (case.at[0], indent),
-            "the keys of one section begin in the same column",
-        )  # fmt: skip
-    if case.at[1] <= indent and ("expected key" in case.problem or
-                                 "block end" in case.problem or
-                                 "document start" in case.problem):  # fmt: skip
-        return case.fault(
-            "this line fits no section above it", (case.at[0], indent),
-            "the keys of one section begin in the same column",
-        )  # fmt: skip
+            text = f"a colon is missing after `{above[:40]}`"
+            hint = f"write `{above[:40]}:`"
+            at = case.above, line.index(above)
+            return case.fault(text, hint, at, length=len(above))
+        text = f"this line is indented as if it belonged to `{above[:40]}`, "
+        text += "which has a value already"
+        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
+    ended = ("expected key", "block end", "document start")
+    if case.at[1] <= indent and any(words in case.problem for words in ended):
+        text = "this line fits no section above it"
+        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
     return None
 
 
@@ -294,13 +276,11 @@ def _beginning(case: _Case) -> Diagnosis | None:
             hint = "write " + re.sub(r"\|+([^|]+)\|+", r"abs(\1)", quoted)
         elif not _is_expression(quoted):
             hint += f" if it is a text; an expression begins without `{case.line[at]}`"
-    return case.fault(text, (case.at[0], at), hint, set_aside=True)
+    return case.fault(text, hint, (case.at[0], at), set_aside=True)
 
 
 def _is_expression(text: str) -> bool:
-    """Tell whether a text is one, once it is quoted."""
-    from lagsim.language.parser import ExpressionError, parse, parse_relation
-
+    """Tell whether a text is one, or a relation, once it is quoted."""
     for parser in (parse, parse_relation):
         try:
             parser(text)
@@ -314,35 +294,30 @@ def _after_quote(case: _Case) -> Diagnosis | None:
     entry = case.entry()
     if entry is None or entry["value"][0] not in "'\"":
         return None
-    return case.fault("something follows the closing quote", case.at,
-                      "quote the whole value", set_aside=True)  # fmt: skip
+    text = "something follows the closing quote"
+    return case.fault(text, "quote the whole value", set_aside=True)
 
 
 def _in_brackets(case: _Case) -> Diagnosis | None:
     if case.character and case.character in "}]":
-        return case.fault(f"`{case.character}` closes nothing", case.at, set_aside=True)
+        return case.fault(f"`{case.character}` closes nothing", set_aside=True)
     if "parsing a flow" not in case.context:
         return None
     closer = "]" if "sequence" in case.context else "}"
     hint = "an expression in braces is best quoted"
-    return case.fault(f"expected `,` or `{closer}`", case.at, hint, set_aside=True)
+    return case.fault(f"expected `,` or `{closer}`", hint, set_aside=True)
 
 
 def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
     """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
-    if not isinstance(key, Scalar) or key.quoted:
-        return key, value, None
-    if ":" not in key.text or not (isinstance(value, Scalar) and value.empty):
+    empty = isinstance(value, Scalar) and value.empty
+    if not isinstance(key, Scalar) or key.quoted or ":" not in key.text or not empty:
         return key, value, None
     match = re.match(_NO_SPACE, key.text)
     if match is None:
         return key, value, None
     name, rest = match["key"], key.text[match.start("value") :]
-    problem = Problem(
-        "missing-space",
-        f"a space is missing after the colon in `{key.text}`",
-        key.place,
-        f"write `{name}: {rest}`",
-    )
+    text = f"a space is missing after the colon in `{key.text}`"
+    problem = Problem("missing-space", text, key.place, f"write `{name}: {rest}`")
     place = key.place_of(0, len(name))
     return Scalar(name, False, place, key.span), Broken(key.place), problem

@@ -17,9 +17,10 @@ import yaml
 
 from lagsim import files, limits
 from lagsim.errors import InputError, Place, Problem
-from lagsim.model.diagnosis import Diagnosis, bad_character, diagnose, unspaced
+from lagsim.model.diagnosis import bad_character, diagnose, unspaced
 from lagsim.model.nodes import (
     Broken,
+    Entry,
     Mapping,
     Node,
     Scalar,
@@ -97,42 +98,27 @@ def load(text: str, file: str) -> Document:
         What places call it.
     """
     original = Source(file, text.removeprefix("\ufeff"))
-    bad = bad_character(original)
-    if bad is not None:
+    if bad := bad_character(original):
         return Document(None, (bad,))
     source, spoilt, found = original, set[tuple[int, int]](), list[Problem]()
     repairs = max(1, min(MAX_REPAIRS, REPAIRED_CHARACTERS // (len(text) + 1)))
     reached = -1
     while True:
-        builder = _Builder(source, spoilt)
+        builder, root = _Builder(source, spoilt), None
         try:
             root = builder.run()
+            break
         except (yaml.YAMLError, ValueError, OverflowError) as error:
-            root, diagnosis = None, _diagnosis(error, source)
-        else:
-            return _document(root, found + builder.problems)
+            diagnosis = diagnose(source, error)
         if diagnosis.line <= reached:
-            return _document(None, found + builder.problems)
+            break
         found.append(diagnosis.problem)
         if diagnosis.repair is None or len(found) > repairs:
-            return _document(None, found + builder.problems)
+            break
         reached = diagnosis.line
         spoilt.add(diagnosis.repair.spoilt)
         source = Source(file, diagnosis.repair.text, original)
-
-
-def _document(root: Node | None, problems: list[Problem]) -> Document:
-    return Document(root, tuple(problems))
-
-
-def _diagnosis(error: Exception, source: Source) -> Diagnosis:
-    marks: list[tuple[int, int] | None] = []
-    for name in ("problem_mark", "context_mark"):
-        mark = getattr(error, name, None)
-        marks.append((mark.line, mark.column) if mark else None)
-    problem = getattr(error, "problem", None) or str(error)
-    context = getattr(error, "context", None) or ""
-    return diagnose(source, problem, marks[0] or (0, 0), context, marks[1])
+    return Document(root, (*found, *builder.problems))
 
 
 def _span(event: yaml.Event) -> tuple[int, int]:
@@ -140,13 +126,6 @@ def _span(event: yaml.Event) -> tuple[int, int]:
     assert start is not None
     assert end is not None
     return start.index, end.index
-
-
-def _together(first: Node, second: Node) -> Node:
-    """Give two sections of one name as one, so that no name in them is missed."""
-    if isinstance(first, Mapping) and isinstance(second, Mapping):
-        return Mapping(first.entries + second.entries, first.place, first.flow)
-    return first
 
 
 @dataclass(slots=True)
@@ -177,8 +156,9 @@ class _Builder:
             if isinstance(event, yaml.DocumentStartEvent):
                 self.documents += 1
                 if self.documents > 1:
-                    self._fault("several-documents", "a second document begins here",
-                                event, "a model file holds one document")  # fmt: skip
+                    text = "a second document begins here"
+                    hint = "a model file holds one document"
+                    self._fault("several-documents", text, event, hint)
                     break
             elif isinstance(event, yaml.CollectionEndEvent):
                 self._close(event)
@@ -186,17 +166,21 @@ class _Builder:
                 return None
         return self.root
 
-    def _fault(self, code: str, text: str, event: yaml.Event, hint: str = "") -> None:
-        start, end = _span(event)
-        place = self.source.place(start, max(1, end - start))
-        self.problems.append(Problem(code, text, place, hint))
+    def _fault(
+        self, code: str, text: str, where: Place | yaml.Event, hint: str = ""
+    ) -> None:
+        if isinstance(where, yaml.Event):
+            start, end = _span(where)
+            where = self.source.place(start, max(1, end - start))
+        self.problems.append(Problem(code, text, where, hint))
 
     def _take(self, event: yaml.NodeEvent) -> bool:
         """Take the beginning of a node; give False where that goes too far."""
+        hint = "quote the value if it is an expression"
+        anchor, tag = event.anchor, getattr(event, "tag", None)
         if isinstance(event, yaml.AliasEvent):
-            name = event.anchor
-            text = f"`*{name}` is an alias of YAML, which models do not use"
-            self._fault("alias", text, event, "quote the value if it is an expression")
+            text = f"`*{anchor}` is an alias of YAML, which models do not use"
+            self._fault("alias", text, event, hint)
             self._attach(Broken(self.source.place(_span(event)[0])))
             return True
         self.nodes += 1
@@ -204,9 +188,16 @@ class _Builder:
             text = f"the file has more than {limits.NODES:,} values and collections"
             self._fault("too-many-values", text, event)
             return False
-        sound = self._no_anchor_or_tag(event)
+        if anchor is not None:
+            text = f"`&{anchor}` is an anchor of YAML, which models do not use"
+            self._fault("anchor", text, event, hint)
+        if tag is not None:
+            start = _span(event)[0]
+            written = self.source.text[start : start + 40].split(maxsplit=1)[0]
+            text = f"`{written}` is a tag of YAML, which models do not use"
+            self._fault("tag", text, event, f"write `not` for a negation; {hint}")
         if isinstance(event, yaml.ScalarEvent):
-            self._attach(self._scalar(event, sound=sound))
+            self._attach(self._scalar(event, sound=anchor is None and tag is None))
             return True
         if len(self.open) >= MAX_DEPTH:
             self._fault("too-deep", f"nested deeper than {MAX_DEPTH} levels", event)
@@ -215,20 +206,6 @@ class _Builder:
         flow = bool(getattr(event, "flow_style", False))
         self.open.append(_Open(mapping, flow, _span(event)[0], []))
         return True
-
-    def _no_anchor_or_tag(self, event: yaml.NodeEvent) -> bool:
-        before = len(self.problems)
-        hint = "quote the value if it is an expression"
-        if event.anchor is not None:
-            text = f"`&{event.anchor}` is an anchor of YAML, which models do not use"
-            self._fault("anchor", text, event, hint)
-        if getattr(event, "tag", None) is not None:
-            start = _span(event)[0]
-            written = self.source.text[start : start + 40].split(maxsplit=1)[0]
-            hint = "write `not` for a negation; " + hint
-            text = f"`{written}` is a tag of YAML, which models do not use"
-            self._fault("tag", text, event, hint)
-        return len(self.problems) == before
 
     def _scalar(self, event: yaml.ScalarEvent, *, sound: bool) -> Node:
         start, end = _span(event)
@@ -251,103 +228,70 @@ class _Builder:
     def _close(self, event: yaml.Event) -> None:
         top = self.open.pop()
         place = self.source.place(top.start, _span(event)[1] - top.start)
-        if top.flow:
-            top.parts, problems = joined_pieces(
-                self.source, top.parts, mapping=top.mapping
-            )
-            self.problems += problems
+        parts = self._joined(top.parts, top.mapping) if top.flow else top.parts
         if top.mapping:
-            self._attach(Mapping(self._entries(top.parts), place, top.flow))
+            self._attach(Mapping(self._entries(parts), place))
         else:
-            self._attach(Sequence(tuple(top.parts), place, top.flow))
+            self._attach(Sequence(tuple(parts), place))
 
-    def _entries(self, parts: list[Node]) -> tuple[tuple[Scalar, Node], ...]:
-        found: dict[str, tuple[Scalar, Node]] = {}
+    def _entries(self, parts: list[Node]) -> tuple[Entry, ...]:
+        found: dict[str, Entry] = {}
         for given, below in zip(parts[::2], parts[1::2], strict=True):
             key, value, problem = unspaced(given, below)
             if problem is not None:
                 self.problems.append(problem)
-            problem = self._bad_key(key, found)
-            if problem is not None:
-                self.problems.append(problem)
-            if isinstance(key, Scalar) and problem is None:
-                found[key.text] = key, value
-            elif isinstance(key, Scalar) and key.text in found:
+            if isinstance(key, Broken):
+                continue
+            if not isinstance(key, Scalar):
+                self._fault("complex-key", "a key must be a plain text", key.place)
+            elif key.text == "<<" and not key.quoted:
+                text = "`<<` is a merge key of YAML, which models do not use"
+                self._fault("merge-key", text, key.place, "write the entries out")
+            elif key.text in found:
                 first, above = found[key.text]
-                found[key.text] = first, _together(above, value)
+                text = f"the key `{key.text}` is given twice"
+                hint = f"the first is in line {first.place.line}"
+                self._fault("duplicate-key", text, key.place, hint)
+                if isinstance(above, Mapping) and isinstance(value, Mapping):
+                    # as one, so that no name in them is missed
+                    both = Mapping(above.entries + value.entries, above.place)
+                    found[key.text] = first, both
+            else:
+                found[key.text] = key, value
         return tuple(found.values())
 
-    def _bad_key(
-        self, key: Node, found: dict[str, tuple[Scalar, Node]]
-    ) -> Problem | None:
-        if isinstance(key, Broken):
-            return None
-        if not isinstance(key, Scalar):
-            return Problem("complex-key", "a key must be a plain text", key.place)
-        if key.text == "<<" and not key.quoted:
-            text = "`<<` is a merge key of YAML, which models do not use"
-            return Problem("merge-key", text, key.place, "write the entries out")
-        if key.text in found:
-            first = found[key.text][0].place
-            return Problem(
-                "duplicate-key",
-                f"the key `{key.text}` is given twice",
-                key.place,
-                f"the first is in line {first.line}",
-            )
-        return None
+    # Expressions that a comma has split, between the braces and brackets of YAML
 
+    def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
+        """Give the parts of a collection with `Broken` for what a comma has split.
 
-# --- Expressions that a comma has split, between the braces and brackets of YAML
+        In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
+        """
+        whole: list[Node] = []
+        step = 2 if mapping else 1
+        i = 0
+        while i < len(parts):
+            whole += parts[i : i + step]
+            last = _end_of_split(parts, i + step - 1, step)
+            if last is not None:
+                whole[-1] = self._split(whole[-1], parts[last])
+                i = last
+            i += step
+        return whole
+
+    def _split(self, first: Node, last: Node) -> Broken:
+        assert isinstance(first, Scalar)
+        assert isinstance(last, Scalar)
+        start, stop = first.span.start, last.span.end
+        place = self.source.place(start, stop - start)
+        written = " ".join(self.source.text[start:stop].split())
+        text = "the comma inside the parentheses ends the value here"
+        self._fault("split-by-comma", text, place, f'quote the expression: "{written}"')
+        return Broken(place)
+
 
 # A call has no more arguments than this, so a longer search is in vain (and slow).
 _MOST_PIECES = 20
-
-
-def joined_pieces(
-    source: Source, parts: list[Node], *, mapping: bool
-) -> tuple[list[Node], list[Problem]]:
-    """Find expressions that a comma has split, and put `Broken` in their place.
-
-    In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
-
-    Parameters
-    ----------
-    source
-        The text.
-    parts
-        The items of a sequence in brackets, or keys and values in turn.
-    mapping
-        Which of the two.
-    """
-    whole: list[Node] = []
-    problems: list[Problem] = []
-    step = 2 if mapping else 1
-    i = 0
-    while i < len(parts):
-        whole += parts[i : i + step]
-        last = _end_of_split(parts, i + step - 1, step)
-        if last is not None:
-            problem, whole[-1] = _split(source, whole[-1], parts[last])
-            problems.append(problem)
-            i = last
-        i += step
-    return whole, problems
-
-
-def _split(source: Source, first: Node, last: Node) -> tuple[Problem, Broken]:
-    assert isinstance(first, Scalar)
-    assert isinstance(last, Scalar)
-    start, stop = first.span.start, last.span.end
-    place = source.place(start, stop - start)
-    text = " ".join(source.text[start:stop].split())
-    problem = Problem(
-        "split-by-comma",
-        "the comma inside the parentheses ends the value here",
-        place,
-        f'quote the expression: "{text}"',
-    )
-    return problem, Broken(place)
 
 
 def _end_of_split(parts: list[Node], i: int, step: int) -> int | None:

@@ -167,7 +167,6 @@ class Mapping(NamedTuple):
 
     entries: tuple[Entry, ...]
     place: Place
-    flow: bool = False
 
 
 class Sequence(NamedTuple):
@@ -175,7 +174,6 @@ class Sequence(NamedTuple):
 
     items: tuple[Node, ...]
     place: Place
-    flow: bool = False
 
 
 class Broken(NamedTuple):

@@ -52,12 +52,10 @@ class TestValues:
     def test_collections(self):
         a = value_of("a: {b: [1, 2], c: {}}\n")
         assert isinstance(a, Mapping)
-        assert a.flow
         b, c = (value for _, value in a.entries)
         assert isinstance(b, Sequence)
         assert [i.text for i in b.items if isinstance(i, Scalar)] == ["1", "2"]
         assert isinstance(c, Mapping)
-        assert not root_of("a: 1\n").flow
 
     def test_places(self):
         root = root_of("# c\na:\n  bc: [1, 22]\n")
