@@ -31,7 +31,7 @@ from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers import Observer
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.system.functions import in_groups, joined, largest_beside
-from lagsim.run.system.sleepers import timed
+from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import UNIT_ROUNDOFF
 
@@ -315,7 +315,7 @@ def _sees_all(system: System) -> bool:
 
     Then other steps are other means enough, and no second method has to be linked.
     """
-    return not system.sleepers and not timed(system.equations)
+    return not system.indicators and not is_localized_in_time(system.equations)
 
 
 def _has_room(plan: Plan, tighter: Plan) -> bool:

@@ -61,7 +61,7 @@ def test_a_loop_gives_the_coefficients(
 
 
 def test_more_sums_than_one_loop_takes() -> None:
-    most = straight_line.TOGETHER * straight_line.AT_ONCE
+    most = straight_line.WIDTHS[0]
     g = Graph()
     x, y, z = (g.variable(name) for name in STATE)
     rate = g.one

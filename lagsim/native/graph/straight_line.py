@@ -303,11 +303,10 @@ class Writer(Lines):
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
 
-# Numbers in a vector. LLVM takes two or four registers where they are shorter.
+# Sums are padded to a multiple of this, and made by so many at a time: the widest is
+# enough to overlap, and no more than there are registers.
 TOGETHER = 8
-VECTOR = f"<{TOGETHER} x double>"
-# Vectors of sums in one loop: enough to overlap, and no more than there are registers.
-AT_ONCE = 4
+WIDTHS = (32, 16, TOGETHER)
 # The sums and rows begin where lines of the cache do.
 LINE_BYTES = 64
 
@@ -318,23 +317,77 @@ LINE_BYTES = 64
 MOST_EDGES = 32
 
 _MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"
-
-
-_FUSED_NAME = f"llvm.fmuladd.v{TOGETHER}f64"
-_FUSED = f"declare {VECTOR} @{_FUSED_NAME}({VECTOR}, {VECTOR}, {VECTOR})"
-
-
-class _Memory:
-    """Where things are, counted in numbers."""
-
-    def __init__(self, loop: Loop, first_order: int) -> None:
-        self.count = len(loop.recurrence.sums)
-        self.padded = -(-self.count // TOGETHER) * TOGETHER
-        self.edges = self.padded if self.count <= MOST_EDGES else 0
-        self.kept = self.padded + (self.count if self.edges else 0)
-        self.rows = -(-(self.kept + first_order) // TOGETHER) * TOGETHER
-        self.row = 2 * self.padded
-        self.size = self.rows + self.row * loop.order + LINE_BYTES // 8
+# Sums over j of a[j] b[-j], where row j follows row j - 1 after so many bytes.
+_SUMS = """\
+declare {vector} @llvm.fmuladd.v{width}f64({vector}, {vector}, {vector})
+define internal void @sums.{width}(ptr %a, ptr %b, i64 %count, ptr %to) {{
+entry:
+%some = icmp sgt i64 %count, 0
+br i1 %some, label %each, label %done
+each:
+%j = phi i64 [0, %entry], [%next, %each]
+%sum = phi {vector} [zeroinitializer, %entry], [%more, %each]
+%ahead = mul i64 %j, {row_bytes}
+%back = sub i64 0, %ahead
+%a.j = getelementptr i8, ptr %a, i64 %ahead
+%b.j = getelementptr i8, ptr %b, i64 %back
+%x = load {vector}, ptr %a.j, align {align}
+%y = load {vector}, ptr %b.j, align {align}
+%more = call {vector} @llvm.fmuladd.v{width}f64({vector} %x, {vector} %y, {vector} %sum)
+%next = add i64 %j, 1
+%again = icmp slt i64 %next, %count
+br i1 %again, label %each, label %done
+done:
+%all = phi {vector} [zeroinitializer, %entry], [%more, %each]
+store {vector} %all, ptr %to, align {align}
+ret void
+}}"""
+# The sums of order k > 2 have terms from j = `first` to k - 1 - `left`; that of order 2
+# has one, which is at both ends.
+_SERIES = """\
+@{name}.orders = private constant [{entries} x double] [{orders}], align 8
+@{name}.zeros = private constant [{row} x double] zeroinitializer
+define void @{name}({signature}) {{
+entry:
+%raw = getelementptr double, ptr %p, i64 {base}
+%address = ptrtoint ptr %raw to i64
+%negative = sub i64 0, %address
+%missing = and i64 %negative, {mask}
+%w = getelementptr i8, ptr %raw, i64 %missing
+%rows.0 = getelementptr double, ptr %w, i64 {rows_before}
+%orders.0 = getelementptr double, ptr @{name}.orders, i64 -{each}
+store double {order}, ptr %out
+call void @{name}.start({signature}, ptr %w, ptr null, ptr null, ptr null)
+br label %order
+order:
+%k = phi i64 [1, %entry], [%next, %order]
+%is.2 = icmp eq i64 %k, 2
+%begin = select i1 %is.2, i64 1, i64 {first}
+%stop = sub i64 %k, {left}
+%end.j = select i1 %is.2, i64 2, i64 %stop
+%count = sub i64 %end.j, %begin
+%at = mul i64 %k, {row}
+%row = getelementptr double, ptr %rows.0, i64 %at
+%a.at = mul i64 %begin, {row}
+%a = getelementptr double, ptr %rows.0, i64 %a.at
+%back = sub i64 0, %a.at
+%b = getelementptr double, ptr %row, i64 %back
+{sums}
+%orders.at = mul i64 %k, {each}
+%orders = getelementptr double, ptr %orders.0, i64 %orders.at
+%row.1 = getelementptr double, ptr %rows.0, i64 {row}
+%is.1 = icmp eq i64 %k, 1
+%ones = select i1 %is.1, ptr @{name}.zeros, ptr %row.1
+%next = add i64 %k, 1
+%ahead = mul i64 %next, {size}
+%there = getelementptr double, ptr %out, i64 1
+%row.out = getelementptr double, ptr %there, i64 %ahead
+call void @{name}.order({called})
+%more = icmp slt i64 %next, {last}
+br i1 %more, label %order, label %end
+end:
+ret void
+}}"""
 
 
 def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None:
@@ -348,29 +401,69 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
     made, firsts = _with_edges(g, r, edges)
     once = hoisted(g, made, {*orders, *r.carried, *r.sums, *edges, *firsts})
     once = [n for n in once if n not in places]
-    memory = _Memory(loop, len(once))
-    kept = {n: ("w", memory.kept + i) for i, n in enumerate(once)}
+    # In numbers, from w on: the sums, their ends, what is made once, and the rows.
+    padded = -(-count // TOGETHER) * TOGETHER
+    kept_at = padded + len(edges)
+    rows_at = -(-(kept_at + len(once)) // TOGETHER) * TOGETHER
+    kept = {n: ("w", kept_at + i) for i, n in enumerate(once)}
     begin = [(n, ("out", 1 + i)) for i, n in enumerate((*r.state, *r.rates))]
-    begin += [(g.zero, ("w", memory.edges + i)) for i in range(len(edges))]
+    begin += [(g.zero, ("w", padded + i)) for i in range(len(edges))]
     begin += kept.items()
     internal: dict[str, Any] = {"more": _MORE, "linkage": "internal "}
     w.function(f"{name}.start", begin, places, **internal)
-    rows = [i for j in range(count) for i in (j, memory.padded + j)]
+    rows = [i for j in range(count) for i in (j, padded + j)]
     found = {**places, **kept}
     found |= {n: ("w", i) for i, n in enumerate(r.sums)}
-    found |= {n: ("w", memory.edges + i) for i, n in enumerate(edges)}
+    found |= {n: ("w", padded + i) for i, n in enumerate(edges)}
     found |= {n: ("ones", i) for i, n in zip(rows, firsts, strict=False)}
     found |= {n: ("out", i - size) for i, n in enumerate(r.carried)}
     found |= {n: ("orders", i) for i, n in enumerate(orders)}
     to = [("out", i) for i in range(size)] + [("row", i) for i in rows]
-    to += [("w", memory.edges + i) for i in range(len(edges))]
+    to += [("w", padded + i) for i in range(len(edges))]
     w.function(f"{name}.order", list(zip(made, to, strict=True)), found, **internal)
     base = w.scratch + w.scratch_used
-    w.scratch_used += memory.size
-    w.lines += _tables(name, loop, memory)
-    w.lines.append(f"define void @{name}({w.signature}) {{")
-    w.lines += _whole(w, name, loop, memory, base)
-    w.declared.add(_FUSED)
+    row = 2 * padded
+    w.scratch_used += rows_at + row * loop.order + LINE_BYTES // 8
+    table = [
+        number(x)
+        for k in range(1, loop.order)
+        for x in (k, 1.0 / k, 1.0 / (k + 1), k == 1)
+    ]
+    text = _SERIES.format(
+        name=name, signature=w.signature, base=base, align=LINE_BYTES,
+        mask=LINE_BYTES - 1, order=number(loop.order), last=loop.order,
+        size=size, each=len(ORDERS),
+        entries=len(table), orders=", ".join(f"double {x}" for x in table),
+        row=row, rows_before=rows_at - row, sums=_sums(w, padded),
+        first=2 if edges else 1, left=1 if edges else 0,
+        called=(w.signature + _MORE).replace("%out", "%row.out"),
+    )  # fmt: skip
+    w.lines.append(text)
+
+
+def _sums(w: Writer, padded: int) -> str:
+    """Give the calls that make the sums of an order, and declare what they call."""
+    calls, start = [], 0
+    while start < padded:
+        width = next(x for x in WIDTHS if x <= padded - start)
+        w.declared.add(
+            _SUMS.format(
+                width=width,
+                vector=f"<{width} x double>",
+                row_bytes=16 * padded,
+                align=LINE_BYTES,
+            )
+        )
+        passed = [f"ptr %a.{start}", f"ptr %b.{start}", "i64 %count"]
+        passed.append(f"ptr %to.{start}")
+        calls += [
+            f"%a.{start} = getelementptr double, ptr %a, i64 {start}",
+            f"%b.{start} = getelementptr double, ptr %b, i64 {padded + start}",
+            f"%to.{start} = getelementptr double, ptr %w, i64 {start}",
+            f"call void @sums.{width}({', '.join(passed)})",
+        ]
+        start += width
+    return "\n".join(calls)
 
 
 def _with_edges(
@@ -392,147 +485,6 @@ def _with_edges(
         ends = g.call("mul", one, b), g.call("mul", a, other)
         following.append(g.call("add", *ends))
     return made + following, firsts
-
-
-def _tables(name: str, loop: Loop, memory: _Memory) -> list[str]:
-    """Write what ORDERS are of each order, and a row of zeros."""
-    orders = ", ".join(
-        f"double {number(x)}"
-        for k in range(1, loop.order)
-        for x in (k, 1.0 / k, 1.0 / (k + 1), k == 1)
-    )
-    table = f"[{len(ORDERS) * (loop.order - 1)} x double]"
-    return [
-        f"@{name}.orders = private constant {table} [{orders}], align 8",
-        f"@{name}.zeros = private constant [{memory.row} x double] zeroinitializer",
-    ]
-
-
-def _whole(w: Writer, name: str, loop: Loop, memory: _Memory, base: int) -> list[str]:
-    """Write what calls the others, order by order."""
-    size, each = len(loop.recurrence.state), len(ORDERS)
-    lines = [
-        "entry:",
-        f"%raw = getelementptr double, ptr %p, i64 {base}",
-        "%address = ptrtoint ptr %raw to i64",
-        "%negative = sub i64 0, %address",
-        f"%missing = and i64 %negative, {LINE_BYTES - 1}",
-        "%w = getelementptr i8, ptr %raw, i64 %missing",
-        f"%first = getelementptr double, ptr %w, i64 {memory.rows - memory.row}",
-        f"%orders.0 = getelementptr double, ptr @{name}.orders, i64 {-each}",
-    ]
-    null = "ptr null, ptr null, ptr null"
-    called = (w.signature + _MORE).replace("%out", "%row.out")
-    lines += [
-        f"store double {number(loop.order)}, ptr %out",
-        f"call void @{name}.start({w.signature}, ptr %w, {null})",
-        "br label %order",
-        "order:",
-        "%k = phi i64 [1, %entry], [%next, %made]",
-        f"%at = mul i64 %k, {memory.row}",
-        "%row = getelementptr double, ptr %first, i64 %at",
-        *_ends(memory),
-    ]
-    lines += _sums(memory)
-    lines += [
-        "made:",
-        f"%entry.k = mul i64 %k, {each}",
-        "%orders = getelementptr double, ptr %orders.0, i64 %entry.k",
-        f"%row.1 = getelementptr double, ptr %first, i64 {memory.row}",
-        "%is.1 = icmp eq i64 %k, 1",
-        f"%ones = select i1 %is.1, ptr @{name}.zeros, ptr %row.1",
-        "%next = add i64 %k, 1",
-        f"%ahead = mul i64 %next, {size}",
-        "%there = getelementptr double, ptr %out, i64 1",
-        "%row.out = getelementptr double, ptr %there, i64 %ahead",
-        f"call void @{name}.order({called})",
-        f"%more = icmp slt i64 %next, {loop.order}",
-        "br i1 %more, label %order, label %end",
-        "end:",
-        "ret void",
-        "}",
-    ]
-    return lines
-
-
-def _ends(memory: _Memory) -> list[str]:
-    """Write which terms the sums have: from %begin on, before %end.
-
-    Those of order 2 have one, which is at both ends.
-    """
-    one, all_ = ("2", "-1") if memory.edges else ("1", "0")
-    return [
-        "%is.2 = icmp eq i64 %k, 2",
-        f"%begin = select i1 %is.2, i64 1, i64 {one}",
-        f"%short = add i64 %k, {all_}",
-        "%stop = select i1 %is.2, i64 2, i64 %short",
-        "%some = icmp slt i64 %begin, %stop",
-        f"%a.at = mul i64 %begin, {memory.row}",
-        "%a.row = getelementptr double, ptr %first, i64 %a.at",
-        "%back = sub i64 0, %a.at",
-        "%b.row = getelementptr double, ptr %row, i64 %back",
-    ]
-
-
-def _sums(memory: _Memory) -> list[str]:
-    """Write the loops over j, of AT_ONCE vectors of sums each."""
-    lines: list[str] = []
-    starts = list(range(0, memory.padded, AT_ONCE * TOGETHER))
-    label = "order"
-    for i, start in enumerate(starts):
-        after = f"sums.{i + 1}" if i + 1 < len(starts) else "made"
-        lines += _some_sums(i, start, label, after, memory)
-        if after != "made":
-            lines.append(f"{after}:")
-        label = after
-    return lines or ["br label %made"]
-
-
-def _some_sums(
-    i: int, start: int, before: str, after: str, memory: _Memory
-) -> list[str]:
-    """Write the loop over j for the sums from `start` on."""
-    vectors = range(start, min(start + AT_ONCE * TOGETHER, memory.padded), TOGETHER)
-    loop, done = f"each.{i}", f"done.{i}"
-    back = -8 * memory.row
-    lines = [
-        f"%a.{i} = getelementptr double, ptr %a.row, i64 {start}",
-        f"%b.{i} = getelementptr double, ptr %b.row, i64 {memory.padded + start}",
-        f"br i1 %some, label %{loop}, label %{done}",
-        f"{loop}:",
-        f"%j.{i} = phi i64 [%begin, %{before}], [%j.{i}.next, %{loop}]",
-        f"%a.{i}.j = phi ptr [%a.{i}, %{before}], [%a.{i}.next, %{loop}]",
-        f"%b.{i}.j = phi ptr [%b.{i}, %{before}], [%b.{i}.next, %{loop}]",
-    ]
-    lines += [
-        f"%s.{v} = phi {VECTOR} [zeroinitializer, %{before}], [%s.{v}.next, %{loop}]"
-        for v in vectors
-    ]
-    for v in vectors:
-        for x in "ab":
-            lines += [
-                f"%{x}.{v}.at = getelementptr double, ptr %{x}.{i}.j, i64 {v - start}",
-                f"%{x}.{v}.is = load {VECTOR}, ptr %{x}.{v}.at, align {LINE_BYTES}",
-            ]
-        operands = f"{VECTOR} %a.{v}.is, {VECTOR} %b.{v}.is, {VECTOR} %s.{v}"
-        lines.append(f"%s.{v}.next = call {VECTOR} @{_FUSED_NAME}({operands})")
-    lines += [
-        f"%a.{i}.next = getelementptr i8, ptr %a.{i}.j, i64 {-back}",
-        f"%b.{i}.next = getelementptr i8, ptr %b.{i}.j, i64 {back}",
-        f"%j.{i}.next = add i64 %j.{i}, 1",
-        f"%again.{i} = icmp slt i64 %j.{i}.next, %stop",
-        f"br i1 %again.{i}, label %{loop}, label %{done}",
-        f"{done}:",
-    ]
-    for v in vectors:
-        zero = f"[zeroinitializer, %{before}]"
-        lines.append(f"%s.{v}.all = phi {VECTOR} {zero}, [%s.{v}.next, %{loop}]")
-    for v in vectors:
-        lines += [
-            f"%s.{v}.to = getelementptr double, ptr %w, i64 {v}",
-            f"store {VECTOR} %s.{v}.all, ptr %s.{v}.to, align {LINE_BYTES}",
-        ]
-    return [*lines, f"br label %{after}"]
 
 
 # Where more of what a function gives is zero identically, all of it is cleared at once:

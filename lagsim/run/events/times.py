@@ -2,7 +2,7 @@
 
 The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
 of t alone is flat to rounding before it begins; no step sees it coming. Where such a
-function of t may rise is where its argument (see `system.sleepers`) is largest, passes
+function of t may rise is where its argument (see `system.localized`) is largest, passes
 zero or is least: `breaks` finds every such moment, however long the rest before it. How
 far the argument has to go from there for the function to fade tells how wide it is.
 Steps end where that begins and shrink towards the moment itself, see
@@ -26,7 +26,7 @@ from lagsim.methods.parts import state as at
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO
 from lagsim.notes import Caution, Event
 from lagsim.run.events.breaks import Values, break_times
-from lagsim.run.system.sleepers import motion_nodes, timed_sleepers
+from lagsim.run.system.localized import indicators_in_time, motion_nodes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
-    from lagsim.run.system.sleepers import Sleeper
+    from lagsim.run.system.localized import Indicator
 
 
 # Breaks accumulate if, after FEWEST, windows of so many get shorter so fast that all
@@ -202,9 +202,9 @@ def _features(arc: Arc, tell: Callable[[Caution], None]) -> Iterator[Feature]:
     equations = arc.system.equations
     g = equations.graph
     lines = [
-        _Line(arc, sleeper, tell)
-        for sleeper in timed_sleepers(equations, motion_nodes(equations))
-        if g.depends([sleeper.node]) <= {"t", *arc.parameters}
+        _Line(arc, indicator, tell)
+        for indicator in indicators_in_time(equations, motion_nodes(equations))
+        if g.depends([indicator.node]) <= {"t", *arc.parameters}
     ]
     return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
@@ -233,24 +233,24 @@ class _Line:
     """The moments at which one argument may wake something."""
 
     def __init__(
-        self, arc: Arc, sleeper: Sleeper, tell: Callable[[Caution], None]
+        self, arc: Arc, indicator: Indicator, tell: Callable[[Caution], None]
     ) -> None:
         g = self.g = arc.equations.graph
         start, end = arc.settings.start, arc.settings.end
-        self.tell, self.text = tell, expression_text(g, sleeper.node)
+        self.tell, self.text = tell, expression_text(g, indicator.node)
         values = self.values = arc.parameters
-        self.sleeper, self.start, self.end = sleeper, start, end
-        self.argument = Values(g, [sleeper.node], values)
+        self.indicator, self.start, self.end = indicator, start, end
+        self.argument = Values(g, [indicator.node], values)
         # Below the least step of a run nothing happens.
         self.finest = 2.0**-40 * (end - start)
-        enclose = Enclosures(g, [sleeper.node], values)
+        enclose = Enclosures(g, [indicator.node], values)
         (whole,) = enclose(np.array([start]), np.array([end]))
         lo, hi = float(whole.lo[0]), float(whole.hi[0])
         self.shallow = self._shallow(lo, hi)
 
     def _shallow(self, lo: float, hi: float) -> bool:
         """Tell whether an argument between these bounds hides nothing."""
-        kind, power = self.sleeper.kind, self.sleeper.power
+        kind, power = self.indicator.kind, self.indicator.power
         if kind == LARGEST:
             return power * (hi - lo) < SHALLOW
         if kind == NEAR_ZERO:
@@ -262,9 +262,9 @@ class _Line:
 
     def features(self) -> Iterator[Feature]:
         """Give them in order."""
-        g, node = self.g, self.sleeper.node
+        g, node = self.g, self.indicator.node
         discrete = g.call("sign", node)
-        if self.sleeper.kind != NEAR_ZERO:
+        if self.indicator.kind != NEAR_ZERO:
             (rate,) = tangent(g, [node], {g.variable("t"): g.one})
             discrete = g.call("sign", rate)
         if "t" not in g.depends([discrete]):
@@ -291,7 +291,7 @@ class _Line:
     def _distance(self, t: float) -> float:
         """Give how far from waking it is, as in `methods._looks`."""
         (u,) = self.argument(t)
-        kind, power = self.sleeper.kind, self.sleeper.power
+        kind, power = self.indicator.kind, self.indicator.power
         if math.isnan(u):
             return math.inf
         if kind == LARGEST:

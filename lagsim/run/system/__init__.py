@@ -29,14 +29,14 @@ from lagsim.run.system.functions import (
     surface_functions,
     varying_inertias,
 )
-from lagsim.run.system.runner import Runner, of_method
-from lagsim.run.system.sleepers import (
-    all_sleepers,
+from lagsim.run.system.localized import (
+    indicators,
+    is_localized_in_time,
     motion_nodes,
     signal_nodes,
     slope,
-    timed,
 )
+from lagsim.run.system.runner import Runner, of_method
 from lagsim.solve import dense, laws, sliding
 from lagsim.solve.series import motion_series
 
@@ -49,11 +49,10 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Functions
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan.plan import Plan
-    from lagsim.run.system.runner import Compiled
-    from lagsim.run.system.sleepers import Sleeper
+    from lagsim.run.system.localized import Indicator
 
 
-def kernels(system: Compiled) -> Iterator[bytes]:
+def kernels(system: System) -> Iterator[bytes]:
     """Give the object code of what a method calls besides the model's functions."""
     called: list[Callable[..., Any]]
     if system.met is not None:
@@ -111,8 +110,8 @@ class System:
         Newton's matrix of an implicit method, where it is sparse.
     parts : list of System
         Of the subsystems, where they are integrated apart.
-    sleepers : list of Sleeper
-        What may wake within a step, see `system.sleepers`.
+    indicators : list of Indicator
+        Of localized terms, which may act within a step, see `system.localized`.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
@@ -158,11 +157,11 @@ class System:
             else self.switches.freeze(nodes)
             for name, nodes in nodes_of.items()
         }
-        self.sleepers: list[Sleeper] = []
+        self.indicators: list[Indicator] = []
         if self.met is None:
-            self.sleepers = self.watched_for(equations, plan)
-        if self.sleepers:
-            nodes_of["signals"] = signal_nodes(equations, self.sleepers)
+            self.indicators = self.watched_for(equations, plan)
+        if self.indicators:
+            nodes_of["signals"] = signal_nodes(equations, self.indicators)
         found = surface_functions(equations, self.switches)
         nodes_of |= found.functions
         self.pattern = found.starts, found.columns
@@ -207,24 +206,24 @@ class System:
 
     @cached_property
     def timed(self) -> bool:
-        """Whether anything depends on t and may sleep."""
-        return timed(self.equations)
+        """Whether a term that depends on t alone is localized."""
+        return is_localized_in_time(self.equations)
 
     @staticmethod
-    def watched_for(equations: Equations, plan: Plan) -> list[Sleeper]:
-        """Find what may sleep in the motion, or in what ends it."""
+    def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
+        """Find what is localized in the motion, or in what ends it."""
         switches, until = plan.switches, equations.model.until
         nodes = switches.freeze(motion_nodes(equations))
         ends = switches.freeze([side.node for side in switches.sides])
         ends += switches.shown([] if until is None else [until.node])
-        return all_sleepers(equations, nodes, ends)
+        return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
         """Tell whether the functions are those of a plan for other values, too."""
         equations = plan.reduction.equations
         if plan.form != self.plan.form:
             return False
-        if self.met is None and self.sleepers != self.watched_for(equations, plan):
+        if self.met is None and self.indicators != self.watched_for(equations, plan):
             return False
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
@@ -323,7 +322,7 @@ class System:
         first = memory.place("fixed")
         p = {name: first + k for k, name in enumerate(fixed)}
         p[GAIN] = memory.fields["gain"].word
-        # y' stands behind y where the arguments of sleepers are watched.
+        # y' stands behind y where the arguments of localized terms are watched.
         slopes = [f"{name}'" for name in e.q]
         slopes += [slope(name) for name in e.velocities]
         for k, side in enumerate(self.switches.sides):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,14 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.constraints import Law
-    from lagsim.mechanics.equations import Equations
     from lagsim.methods.parts.driver import State
-    from lagsim.methods.parts.parameters import Parameters
-    from lagsim.plan.plan import Plan
-    from lagsim.run.system.functions import Pattern
-    from lagsim.run.system.sleepers import Sleeper
-    from lagsim.solve.newton import Newton
+    from lagsim.run.system import System
 
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
@@ -45,34 +39,6 @@ _TABULATE = (
     None,
     (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
 )
-
-
-class Compiled(Protocol):
-    """What a method is linked with: a model's functions, and their memory.
-
-    See `System`.
-    """
-
-    plan: Plan
-    equations: Equations
-    n: int
-    m: int
-    size: int
-    surfaces: int
-    watched: int
-    laws: tuple[Law, ...]
-    met: Pattern | None
-    has_jacobian: bool
-    newton: Newton | None
-    sleepers: list[Sleeper]
-    inertias: tuple[str, ...]
-    p: Parameters
-    objects: list[bytes]
-    rows_observed: int
-
-    @property
-    def has_loops(self) -> bool:
-        """Something is solved by loops."""
 
 
 class Runner:
@@ -92,7 +58,7 @@ class Runner:
         Times and states of the rows that the last call of `advance` has written.
     """
 
-    def __init__(self, system: Compiled, name: str) -> None:
+    def __init__(self, system: System, name: str) -> None:
         self.system, self.engine = system, Engine(objects_of(system, name))
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
@@ -115,13 +81,13 @@ class Runner:
         state: State = self.method.STATE.made(
             n=system.n,
             size=system.size,
-            signals=len(system.sleepers),
+            signals=len(system.indicators),
             surfaces=system.watched,
             inertias=len(system.inertias),
             **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
-        state.kinds[:] = [sleeper.kind for sleeper in system.sleepers]
-        state.powers[:] = [sleeper.power for sleeper in system.sleepers]
+        state.kinds[:] = [x.kind for x in system.indicators]
+        state.powers[:] = [x.power for x in system.indicators]
         rows = system.equations.rows
         fixed = all(row.holonomic and row.scleronomic for row in rows)
         state.fixed_rows = float(fixed and not system.laws)
@@ -129,7 +95,7 @@ class Runner:
         state.linked[:] = joined(system.n, [row.A.entries for row in rows])
         return state
 
-    def over(self, system: Compiled) -> Runner:
+    def over(self, system: System) -> Runner:
         """Give the same code over the memory of a system bound to other values."""
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
@@ -216,7 +182,7 @@ class Runner:
         return out
 
 
-def objects_of(system: Compiled, name: str) -> list[bytes]:
+def objects_of(system: System, name: str) -> list[bytes]:
     """Give the object code of a system's functions and of a method's kernels."""
     statics = _statics(system, name)
     return [
@@ -227,7 +193,7 @@ def objects_of(system: Compiled, name: str) -> list[bytes]:
 
 
 def of_method(
-    system: Compiled, name: str
+    system: System, name: str
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
     """Give the kernels of a method, and what is known of the system they work on."""
     by, statics = method(name), _statics(system, name)
@@ -241,11 +207,11 @@ def of_method(
     return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
 
 
-def _statics(system: Compiled, name: str) -> dict[str, object]:
+def _statics(system: System, name: str) -> dict[str, object]:
     return {
         "CONSTRAINED": system.m > 0 and system.plan.projected,
         "UNTIL": system.equations.model.until is not None,
         "SWITCHES": system.watched > 0,
-        "LOCALIZED": bool(system.sleepers),
+        "LOCALIZED": bool(system.indicators),
         "ADAPTIVE": method(name).ADAPTIVE,
     }

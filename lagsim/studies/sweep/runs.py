@@ -35,7 +35,7 @@ from lagsim.run.ensemble import Ensemble, refusal
 from lagsim.run.observers import Extremes, Followed
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.system.functions import Columns
-from lagsim.run.system.sleepers import names_in_exponents
+from lagsim.run.system.localized import names_in_exponents
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempts, ErrorBars
@@ -529,5 +529,5 @@ def folder_of(number: int, grid: Grid) -> str:
 
 def _mark(session: Session) -> int:
     """Give a number that runs share for which the same functions were compiled."""
-    watched = [(x.kind, x.power) for x in session.system.sleepers]
+    watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())

@@ -145,11 +145,11 @@ def test_a_gate_that_moves(method):
 
 def test_scenes_without_such_functions_are_not_looked_into():
     for name in ("elastic-pendulum", "bead-hoop"):
-        assert run(name, duration=0.1).system.sleepers == []
+        assert run(name, duration=0.1).system.indicators == []
 
 
 def test_looks_cost_nothing_where_nothing_wakes():
     """Counted before there were looks: 337 steps and a series for each, and two."""
     found = run("kepler")
-    assert found.system.sleepers
+    assert found.system.indicators
     assert found.trajectory.statistics.evaluations <= 345

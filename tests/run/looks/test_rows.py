@@ -21,9 +21,9 @@ ROOT = math.sqrt(2 * math.pi)
 
 @pytest.fixture
 def by_rows_alone(monkeypatch):
-    """Neither what may sleep nor what happens at its own time is looked for."""
-    monkeypatch.setattr("lagsim.run.system.all_sleepers", lambda *_: [])
-    monkeypatch.setattr("lagsim.run.system.timed", lambda _: False)
+    """Neither localized terms nor those that depend on t alone are searched for."""
+    monkeypatch.setattr("lagsim.run.system.indicators", lambda *_: [])
+    monkeypatch.setattr("lagsim.run.system.is_localized_in_time", lambda _: False)
 
 
 # Forces on a body at rest, and their impulse; rows are 1 apart.

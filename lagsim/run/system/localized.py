@@ -1,11 +1,11 @@
-"""Functions that may sleep: flat to rounding almost everywhere, awake on a short way.
+"""Localized terms of the equations, and the activity indicators that locate them.
 
-A method sees what its stages or its series see. What hides between them is flat there
-to the last digit: an exponential (and all that is made of it), a large power, the
-inverse of something that nearly vanishes. Whether such a function wakes is told by its
+A method sees what its stages, or its series, see. A term that is flat to the last digit
+between them is missed: an exponential (and what is made of it), a large power, the
+inverse of something that nearly vanishes. Whether such a term acts is shown by its
 argument, which moves no faster than the motion does: where the argument of `exp` is
-largest, that of `tanh` passes zero, a denominator is least. These arguments are what
-the steps are looked through for, see `methods._looks`.
+largest, that of `tanh` passes zero, a denominator is least. Steps are searched for
+these points, see `methods.parts.missed`.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ if TYPE_CHECKING:
 
 # Powers from this on are flat enough to hide: a wall.
 TALL = 6.0
-# What may sleep, or lets what it is made with sleep: a scene without any has nothing to
-# look for.
-DROWSY = frozenset(
-    ("exp", "cosh", "sinh", "tanh", "atan", "sqrt", "log", "pow", "div")
-)  # fmt: skip
-# What a product may sleep by.
-FLAT = frozenset(("exp", "pow"))
+# Where the argument of each function shows that it acts.
+ACTS_WHERE = {
+    "exp": (LARGEST,), "cosh": (NEAR_ZERO,), "sinh": (NEAR_ZERO,), "tanh": (NEAR_ZERO,),
+    "atan": (NEAR_ZERO,), "sqrt": (SMALL,), "log": (SMALL,),
+}  # fmt: skip
+# A scene without any of these has nothing localized.
+MAY_BE_LOCALIZED = frozenset((*ACTS_WHERE, "pow", "div"))
 # Products of more factors are not taken apart.
 MOST_FACTORS = 64
 
 
-class Sleeper(NamedTuple):
-    """An argument, which way it wakes a function, and the function's power."""
+class Indicator(NamedTuple):
+    """The argument of a localized term, where the term acts, and its power."""
 
     node: int
     kind: float
-    power: float
+    power: float = 1.0
 
 
 def motion_nodes(equations: Equations) -> list[int]:
@@ -57,50 +57,26 @@ def motion_nodes(equations: Equations) -> list[int]:
     return nodes
 
 
-def all_sleepers(
+def indicators(
     equations: Equations, nodes: Sequence[int], ends: Sequence[int]
-) -> list[Sleeper]:
-    """Give the arguments that steps are looked through for.
+) -> list[Indicator]:
+    """Give the indicators that steps are searched for.
 
     Of what the motion depends on, `nodes` as they are in an arc, those that depend on
     the state; of what ends an arc, `ends`, those that depend on t alone too.
     """
-    key = all_sleepers, *_resting_on(equations, tuple(nodes), tuple(ends))
-    return once(equations.graph, key, lambda: _all_sleepers(equations, nodes, ends))
+    g, state = equations.graph, (*equations.q, *equations.velocities)
+
+    def found() -> list[Indicator]:
+        some = _Search(equations, nodes).among(g.dependent(nodes, state))
+        some += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
+        return list(dict.fromkeys(some))
+
+    return once(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
 
 
-def _resting_on(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
-    """Give what it rests on which of `nodes` sleep: they, and values of exponents."""
-    exponents = _exponents(equations.graph, *nodes)
-    values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
-    return equations.q, nodes, tuple(values.get(name) for name in exponents)
-
-
-def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
-    """Give the names on whose values it rests what sleeps."""
-    nodes = tuple(motion_nodes(equations))
-    return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
-
-
-@remembered
-def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
-    """Give the names in exponents: on their values it rests what sleeps."""
-    powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
-    return sorted(g.depends(g.args[n][1] for n in powers))
-
-
-def _all_sleepers(
-    equations: Equations, nodes: Sequence[int], ends: Sequence[int]
-) -> list[Sleeper]:
-    g = equations.graph
-    state = (*equations.q, *equations.velocities)
-    found = _Search(equations, nodes).among(g.dependent(nodes, state))
-    found += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
-    return list(dict.fromkeys(found))
-
-
-def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
-    """Give the arguments that depend on t and on nothing that moves."""
+def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
+    """Give the indicators that depend on t and on nothing that moves."""
     e, g = equations, equations.graph
     if "t" not in g.depends(nodes):
         return []
@@ -110,20 +86,41 @@ def timed_sleepers(equations: Equations, nodes: Sequence[int]) -> list[Sleeper]:
     return _Search(equations, nodes).among(timed)
 
 
-def timed(equations: Equations) -> bool:
-    """Tell whether anything depends on t and may sleep."""
+def is_localized_in_time(equations: Equations) -> bool:
+    """Tell whether a term of the motion that depends on t alone is localized."""
     nodes = motion_nodes(equations)
-    key = timed, *_resting_on(equations, tuple(nodes))
-    return once(equations.graph, key, lambda: bool(timed_sleepers(equations, nodes)))
+    key = is_localized_in_time, *_key(equations, tuple(nodes))
+    found = once(equations.graph, key, lambda: indicators_in_time(equations, nodes))
+    return bool(found)
 
 
-def signal_nodes(equations: Equations, sleepers: Sequence[Sleeper]) -> list[int]:
+def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
+    """Give what the indicators of `nodes` depend on: they, and values of exponents."""
+    exponents = _exponents(equations.graph, *nodes)
+    values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
+    return equations.q, nodes, tuple(values.get(name) for name in exponents)
+
+
+def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
+    """Give the names on whose values it depends what is localized."""
+    nodes = tuple(motion_nodes(equations))
+    return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
+
+
+@remembered
+def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
+    """Give the names in exponents."""
+    powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
+    return sorted(g.depends(g.args[n][1] for n in powers))
+
+
+def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
     """Give the arguments, then their rates along the motion, with q'' as `slope` says.
 
     One number each, with the names of `slope` for q''.
     """
     e, g = equations, equations.graph
-    nodes = [x.node for x in sleepers]
+    nodes = [x.node for x in found]
     flow = {g.variable("t"): g.one}
     flow |= {
         g.variable(q): g.variable(v) for q, v in zip(e.q, e.velocities, strict=True)
@@ -138,7 +135,7 @@ def slope(velocity: str) -> str:
 
 
 class _Search:
-    """Finds the arguments of all that may sleep below some nodes."""
+    """Finds the indicators of all localized terms below some nodes."""
 
     def __init__(self, equations: Equations, nodes: Sequence[int]) -> None:
         g = self.g = equations.graph
@@ -150,50 +147,43 @@ class _Search:
         self.moving = g.dependent(nodes, moves)
         self.values = {p.name: p.value for p in equations.model.parameters}
 
-    def among(self, those: set[int]) -> list[Sleeper]:
-        """Give what may wake a node of `those`, with arguments among them too."""
-        found: dict[Sleeper, None] = {}
-        for n in self.cone if self.ops & DROWSY else ():
+    def among(self, those: set[int]) -> list[Indicator]:
+        """Give the indicators of nodes of `those`, with arguments among them too."""
+        found: dict[Indicator, None] = {}
+        for n in self.cone if self.ops & MAY_BE_LOCALIZED else ():
             if n in those:
                 found |= dict.fromkeys(self._of(n, those))
         return list(found)
 
-    def _of(self, n: int, those: set[int]) -> list[Sleeper]:
-        """Give the arguments that could wake the node `n`."""
+    def _of(self, n: int, those: set[int]) -> list[Indicator]:
+        """Give the indicators of one node."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
-            found = self._product(n) if self.ops & FLAT else []
+            found = self._product(n) if self.ops & {"exp", "pow"} else []
             # A root in a denominator is watched itself.
             watched = op == "div" and args[1] in those and g.ops[args[1]] != "sqrt"
             if watched and not _never_small(g, args[1]):
-                found.append(Sleeper(args[1], SMALL, 1.0))
+                found.append(Indicator(args[1], SMALL))
             return found
         if op in ("add", "sub"):
             return self._sum(args) if "exp" in self.ops else []
         if not args or args[0] not in those:
             return []
-        if op == "exp":
-            return [Sleeper(args[0], LARGEST, 1.0)]
+        if op == "pow":
+            return self._power(n)
+        found = []
         if op in ("cosh", "sinh"):
-            return [
-                Sleeper(args[0], LARGEST, 1.0),
-                Sleeper(g.call("neg", args[0]), LARGEST, 1.0),
-                Sleeper(args[0], NEAR_ZERO, 1.0),
-            ]
-        if op in ("tanh", "atan"):
-            return [Sleeper(args[0], NEAR_ZERO, 1.0)]
-        if op in ("sqrt", "log"):
-            return [Sleeper(args[0], SMALL, 1.0)]
-        return self._power(n) if op == "pow" else []
+            found = [Indicator(x, LARGEST) for x in (args[0], g.call("neg", args[0]))]
+        return found + [Indicator(args[0], kind) for kind in ACTS_WHERE.get(op, ())]
 
-    def _power(self, n: int) -> list[Sleeper]:
+    def _power(self, n: int) -> list[Indicator]:
         base, exponent = self.g.args[n]
         if exponent in self.moving:
             return []
         power = self._value(exponent)
         if power < 0.0 or power != int(power):
-            return [Sleeper(base, SMALL, max(-power, 1.0))]
-        return [Sleeper(base, LARGE, power)] if power >= TALL else []
+            return [Indicator(base, SMALL, max(-power, 1.0))]
+        return [Indicator(base, LARGE, power)] if power >= TALL else []
 
     def _value(self, n: int) -> float:
         """Give the value of a node that does not move; 0 where it is not known."""
@@ -202,20 +192,13 @@ class _Search:
         (found,) = evaluate(self.g, [n], self.values)
         return float(found) if math.isfinite(found) else 0.0
 
-    def _product(self, n: int) -> list[Sleeper]:
-        """Give the argument of a product's factors: they wake it together."""
-        terms = self._exponents(n)
-        if not terms:
-            return []
-        return [Sleeper(self.g.sum(terms), LARGEST, 1.0)]
-
-    def _exponents(self, n: int) -> list[int] | None:
-        """Give the exponents of the factors of `n` that sleep; None for too many."""
+    def _product(self, n: int) -> list[Indicator]:
+        """Give the sum of the exponents of a product's factors: they act together."""
         g, below = self.g, [(n, False)]
-        found: list[int] = []
+        terms: list[int] = []
         for _ in range(MOST_FACTORS):
             if not below:
-                return found
+                return [Indicator(g.sum(terms), LARGEST)] if terms else []
             n, inverse = below.pop()
             op, args = g.ops[n], g.args[n]
             if n not in self.moving:
@@ -225,18 +208,18 @@ class _Search:
             elif op == "neg":
                 below.append((args[0], inverse))
             elif op == "exp":
-                found.append(g.call("neg", args[0]) if inverse else args[0])
-            elif op == "pow" and self._tall(args[1]):
+                terms.append(g.call("neg", args[0]) if inverse else args[0])
+            elif op == "pow" and self._is_tall(args[1]):
                 size = g.call("log", g.call("abs", args[0]))
                 size = g.call("mul", args[1], size)
-                found.append(g.call("neg", size) if inverse else size)
-        return None
+                terms.append(g.call("neg", size) if inverse else size)
+        return []
 
-    def _tall(self, exponent: int) -> bool:
-        """Tell whether a power is one that a product may sleep by."""
+    def _is_tall(self, exponent: int) -> bool:
+        """Tell whether a power is one that a product may be localized by."""
         return exponent not in self.moving and abs(self._value(exponent)) >= TALL
 
-    def _sum(self, args: Sequence[int]) -> list[Sleeper]:
+    def _sum(self, args: Sequence[int]) -> list[Indicator]:
         """Give where two exponentials, or one and a constant, are of one size."""
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:
@@ -244,7 +227,7 @@ class _Search:
         difference = self.g.call("sub", first, second)
         if self.g.value(difference) is not None:
             return []
-        return [Sleeper(difference, NEAR_ZERO, 1.0)]
+        return [Indicator(difference, NEAR_ZERO)]
 
     def _logarithm(self, n: int) -> int | None:
         """Give the logarithm of the size of a product of exponentials and constants."""
