@@ -15,7 +15,7 @@ from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep.grid import grid_of
-from lagsim.studies.sweep.runs import Found, Work, packed
+from lagsim.studies.sweep.runs import Found
 from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
 from lagsim.studies.sweep.sweeping import sweep as make
 from lagsim.studies.workers import cores
@@ -45,9 +45,9 @@ class Sweep:
     def __init__(self, found: Found) -> None:
         self._found = found
         self.columns: tuple[str, ...] = tuple(header(found))
-        rows = [list(cells(found, found.rows[k])) for k in sorted(found.rows)]
-        self._cells = dict(zip(self.columns, zip(*rows, strict=True), strict=True))
-        self.record: dict[str, Any] = document(found, [])
+        rows = zip(*cells(found), strict=True)
+        self._cells = dict(zip(self.columns, rows, strict=True))
+        self.record: dict[str, Any] = document(found) | {"files": []}
 
     def __len__(self) -> int:
         return len(self._found.rows)
@@ -90,9 +90,9 @@ class Sweep:
             undrawn = [
                 c.record for c in results.fill(made_of(self._found, plots=plots))
             ]
-            record = document(self._found, [*results.names, MANIFEST])
-            more = {"warnings": undrawn} if undrawn else {}
-            results.commit(encode(record | more))
+            more: dict[str, Any] = {"files": [*results.names, MANIFEST]}
+            more |= {"warnings": undrawn} if undrawn else {}
+            results.commit(encode(document(self._found) | more))
 
     def plot(self, *columns: str) -> Figure:
         """Draw columns against what is swept first; nothing is shown.
@@ -185,12 +185,10 @@ def sweep(
         raise ValueError(f"jobs={jobs}: 1 or more is expected")
     asked = given(options)
     bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
-    bars = ErrorBars.NEVER if ends else bars
     with in_python():
         read = model_of(model)
         wanted(read, "sweep", asked, hint="add it, or give `duration`")
         grid = grid_of(read, lists(values))
-    texts = tuple((name, str(x)) for name, x in asked.items())
-    found = Found(read, Work(packed(read), texts, grid, bars, ends=ends))
+    found = Found.of(read, grid, asked, bars, ends=ends)
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

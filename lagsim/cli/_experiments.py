@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.cli._closing import progress_bar
 from lagsim.cli._shared import coloured, counted
-from lagsim.cli._streams import say
+from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import commit, sorted_out
 from lagsim.errors import Problem
 from lagsim.outputs.table import table_of
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
 
     Progress = Callable[[float], None] | None
-    Measure = Callable[[Interrupt, Progress], "Measured"]
+    Measure = Callable[[Interrupt, Progress], "Measured | list[str]"]
 
 
 class Measured(NamedTuple):
@@ -34,16 +34,22 @@ class Measured(NamedTuple):
     tables
         Name and content of what else is written.
     chart, draw
-        The name of its picture, and what draws it.
+        The name of its picture, and what draws it; None where there is none.
     summary
         Gives the closing lines, of what they say of the files.
+    remarks
+        What is said on stderr.
+    code
+        The exit code, if no signal has another.
     """
 
     document: dict[str, Any]
     tables: Mapping[str, bytes]
     chart: str
-    draw: Callable[[], bytes]
+    draw: Callable[[], bytes] | None
     summary: Callable[[str], str]
+    remarks: Sequence[str] = ()
+    code: int = 0
 
 
 def experiment(
@@ -58,8 +64,9 @@ def experiment(
 ) -> int:
     """Measure; write and report what is found; give the exit code.
 
-    `measure` ends early where it is interrupted. A signal leaves the chart out, and so
-    does what keeps it from being drawn.
+    `measure` ends early where it is interrupted, and may give remarks instead: then
+    nothing is written. A signal leaves the chart out, and so does what keeps it from
+    being drawn.
     """
     from lagsim.outputs.attempted import attempted
     from lagsim.outputs.results import open_results
@@ -69,17 +76,23 @@ def experiment(
     with open_results(folder, manifest) as results, interrupt.noted():
         with progress_bar(command, quiet=quiet) as progress:
             found = measure(interrupt, progress)
+        if isinstance(found, list):
+            complain("\n".join(found))
+            return 128 + (interrupt.signal or 0)
         made: list[Made] = []
-        draw = partial(attempted, found.chart, found.draw)
-        interrupt.cut(lambda: made.append((found.chart, draw())))
+        if found.draw is not None:
+            draw = partial(attempted, found.chart, found.draw)
+            interrupt.cut(lambda: made.append((found.chart, draw())))
         drawn, told = sorted_out(made)
         files = {**found.tables, **drawn}
         document = found.document | {"files": [*files, manifest]} | told
         commit(results, document, files)
     documents.append(document)
+    for remark in found.remarks:
+        complain(remark)
     if not quiet and not as_json:
         say(found.summary(f"{folder}: {', '.join(document['files'])}"))
-    return 0 if interrupt.signal is None else 128 + interrupt.signal
+    return found.code if interrupt.signal is None else 128 + interrupt.signal
 
 
 def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:

@@ -1,12 +1,12 @@
 """The runs of a sweep: a piece of them in whichever process, compiled once in each.
 
 A piece knows all that it needs, so that it may be done anywhere. What a process has
-compiled serves all pieces that it gets. What comes of a run are the numbers that a run
-alone gives; where values need other functions (another method suits them, say), the
-model is taken from its beginning once more, and what that gives serves others, too.
+compiled serves all pieces that it gets, to the bits that a run alone gives; where
+values need other functions (another method suits them, say), the model is taken from
+its beginning once more, and what that gives serves others, too.
 
 Where the ends of runs are all that is asked for, many are made at a time: starts and
-values of a whole piece are looked at together, the runs are calls of the kernel in one
+values of a whole batch are looked at together, the runs are calls of the kernel in one
 memory. What is not plain in any of this is made as a run by itself, which gives the
 same numbers: a start that needs a closer look, a run that comes to anything but its
 end, energy that is not kept, a model that `run.ensemble` refuses.
@@ -20,7 +20,6 @@ import gc
 import pickle
 import zlib
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -43,7 +42,7 @@ from lagsim.studies.drawing import beside
 from lagsim.studies.sweep.grid import Grid, bound, value_of
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model
@@ -54,192 +53,7 @@ if TYPE_CHECKING:
 # A run whose energy less work ends so far from where it began, as a part of what is in
 # play at both ends, is looked at by its rows: a tenth of what raises a doubt there.
 KEPT = 0.1
-TOLD = ("energy", "work", "kinetic", "potential")
-
-
-class Values(NamedTuple):
-    """What the runs of a piece differ in.
-
-    Attributes
-    ----------
-    parameters : dict of str to ndarray (runs,)
-    starts : ndarray, shape (runs, 2 n)
-        Positions, then velocities.
-    swept : ndarray, shape (runs, axes)
-    """
-
-    parameters: dict[str, Floats]
-    starts: Floats
-    swept: Floats
-
-
-class EndsOfRuns:
-    """Makes ends for the runs of a session's form.
-
-    Attributes
-    ----------
-    refusal : str
-        Why each is made by itself; "" where none needs it.
-    """
-
-    def __init__(
-        self, session: Session, grid: Grid, options: Mapping[str, str]
-    ) -> None:
-        self.session, self.grid, self.options = session, grid, options
-        self.refusal = refusal(session) or self._refusal()
-        if not self.refusal:
-            self._ensemble = Ensemble(session)
-
-    def _refusal(self) -> str:
-        equations = self.session.case.equations
-        if not needs_no_solve(equations):
-            return "start values are solved for by the constraints"
-        names = {axis.name for axis in self.grid.axes}
-        self._follow = equations.model.rests_on(names) or any(
-            axis.says(names) for axis in self.grid.axes
-        )
-        powers = names_in_exponents(equations, ())
-        if powers and (self._follow or not powers.isdisjoint(names)):
-            return "a swept value is in an exponent"
-        return ""
-
-    def made(
-        self, numbers: Sequence[int], interrupt: Interrupt
-    ) -> tuple[Values, Flags, Ends] | None:
-        """Give values of runs, which of them have ended plainly, and their ends.
-
-        None where an end is asked for.
-        """
-        values = self._followed(numbers) if self._follow else self._plain(numbers)
-        clear = self._clear(values)
-        ends = self._ensemble.ends(values.parameters, values.starts, interrupt)
-        if ends is None:
-            return None
-        clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
-        return values, clear, ends
-
-    def _plain(self, numbers: Sequence[int]) -> Values:
-        """Give values that nothing else follows."""
-        case, grid = self.session.case, self.grid
-        start = np.concatenate([case.start.q, case.start.v])
-        starts = np.repeat(start[None], len(numbers), 0)
-        names = (*case.equations.q, *case.equations.velocities)
-        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in grid.axes])
-        parameters, swept = {}, []
-        for axis, place in zip(grid.axes, places, strict=True):
-            values = np.array(axis.values)[place]
-            swept.append(values)
-            if axis.starts:
-                starts[:, names.index(axis.name)] = values
-            else:
-                parameters[axis.name] = values
-        return Values(parameters, starts, np.array(swept).T)
-
-    def _followed(self, numbers: Sequence[int]) -> Values:
-        """Give values as each run by itself binds them; nan for what cannot be had."""
-        case, grid = self.session.case, self.grid
-        equations = case.equations
-        n = len(equations.q)
-        names = [p.name for p in equations.model.parameters]
-        found = np.full((len(numbers), len(names)), np.nan)
-        starts = np.full((len(numbers), 2 * n), np.nan)
-        swept = np.full((len(numbers), len(grid.axes)), np.nan)
-        for k, number in enumerate(numbers):
-            model = self._bound(grid.texts(number))
-            if model is not None:
-                found[k] = [p.value for p in model.parameters]
-                starts[k] = [x.value for x in model.initial[: 2 * n]]
-                swept[k] = [value_of(model, axis.name) for axis in grid.axes]
-        return Values(dict(zip(names, found.T, strict=True)), starts, swept)
-
-    def _bound(self, texts: Mapping[str, str]) -> Model | None:
-        """Give the model of a run; None where it cannot be had, or asks otherwise."""
-        case = self.session.case
-        try:
-            model = bound(case.equations.model, texts)
-            settings = wanted(model, "sweep", self.options)
-        except LagsimError:
-            return None
-        return model if settings == case.settings else None
-
-    def _clear(self, values: Values) -> Flags:
-        case = self.session.case
-        equations, runs = case.equations, len(values.starts)
-        known: dict[str, float | Floats] = {"t": case.settings.start}
-        known |= {p.name: p.value for p in equations.model.parameters}
-        known |= values.parameters
-        names = (*equations.q, *equations.velocities)
-        moved = np.any(values.starts != values.starts[:1], axis=0)
-        for name, column, differ in zip(names, values.starts.T, moved, strict=True):
-            known[name] = column if differ else float(column[0])
-        given: Flags = np.all(np.isfinite(values.starts), axis=1)
-        return given & clear_starts(equations, known, runs)
-
-    def _keeps_energy(self, ends: Ends) -> Flags:
-        """Tell whose energy less work has not moved, by its first and last row."""
-        names = self.session.system.columns.names
-        begun, ended = (
-            {x: rows[:, names.index(x)] for x in TOLD if x in names}
-            for rows in (ends.begun, ends.ended)
-        )
-        moved = {x: np.abs(ended[x] - begun[x]) for x in ended}
-        drift = ended["energy"] - begun["energy"]
-        if "work" in ended:
-            drift -= ended["work"] - begun["work"]
-        play = np.maximum.reduce(
-            [*moved.values(), np.abs(ended.get("kinetic", ended["energy"]))]
-        )
-        kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
-        return kept
-
-
-def written(
-    session: Session,
-    folder: Path,
-    extremes: Extremes,
-    interrupt: Interrupt,
-    error_bars: ErrorBars,
-    *,
-    plots: bool,
-) -> Attempt:
-    """Make a run, and write its results.
-
-    Raises
-    ------
-    InputError
-        Where the folder cannot be used.
-    OSError
-        Where there is no room.
-    """
-    from lagsim.outputs import Format
-    from lagsim.outputs.manifest import encode
-    from lagsim.outputs.results import MANIFEST, open_results
-    from lagsim.outputs.table import table_writer
-    from lagsim.outputs.units import of_table
-
-    clock = Clock()
-    units = of_table(session.case.equations, session.system.columns.of_table)
-    with open_results(folder) as results:
-        path = results.part(Format.CSV.file)
-        with contextlib.closing(
-            table_writer(Format.CSV, path, units, show_units=False)
-        ) as writer:
-            attempts = Attempts(
-                Followed(writer, extremes), interrupt, clock, error_bars=error_bars,
-                thinned=plots,
-            )  # fmt: skip
-            found = attempts.best(session)
-            if found.fault is not None:
-                raise found.fault
-            writer.finish()
-        undrawn = list(results.fill(beside(found, found.thin, found.frames)))
-        clock.lap("output")
-        files = [*results.names, MANIFEST]
-        record = found.record([*found.cautions(), *undrawn], clock.timings, files)
-        results.commit(encode(record | {"sha256": results.digests()}))
-    return found
-
-
+ENERGIES = ("energy", "work", "kinetic", "potential")
 # So many ways of compiling a model are kept; the one longest out of use goes.
 MOST_FORMS = 16
 # Runs that are looked at and made together: some tens of milliseconds.
@@ -250,11 +64,6 @@ COLLECTED = 50
 DONE = Outcome.DONE.word
 INADMISSIBLE, UNUSABLE = "inadmissible", "unusable"
 NOTHING = np.empty((3, 0))
-
-
-def packed(model: Model) -> bytes:
-    """Give a model as it goes to other processes."""
-    return pickle.dumps(model)
 
 
 class Work(NamedTuple):
@@ -268,9 +77,9 @@ class Work(NamedTuple):
     options: tuple[tuple[str, str], ...]
     grid: Grid
     error_bars: ErrorBars
-    kept: str | None = None
-    plots: bool = False
-    ends: bool = False
+    kept: str | None
+    plots: bool
+    ends: bool
 
 
 class Piece(NamedTuple):
@@ -281,7 +90,7 @@ class Piece(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What came of a run.
+    """The result of a run.
 
     Attributes
     ----------
@@ -328,6 +137,24 @@ class Found:
     units: dict[str, str] = field(default_factory=dict)
     seconds: float = 0.0
 
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        grid: Grid,
+        options: Mapping[str, object],
+        error_bars: ErrorBars,
+        *,
+        kept: str | None = None,
+        plots: bool = False,
+        ends: bool = False,
+    ) -> Found:
+        """Give a sweep of which nothing is known yet; see `Work`."""
+        texts = tuple((name, str(x)) for name, x in options.items())
+        bars = ErrorBars.NEVER if ends else error_bars
+        packed = pickle.dumps(model)
+        return cls(model, Work(packed, texts, grid, bars, kept, plots, ends))
+
     @property
     def grid(self) -> Grid:
         """What is swept."""
@@ -346,49 +173,15 @@ def rows_of(piece: Piece, interrupt: Interrupt) -> list[tuple[int, Row]]:
 
 def made(piece: Piece, interrupt: Interrupt) -> Iterator[list[tuple[int, Row]]]:
     """Make them one by one; of ends alone some at a time."""
-    runs = runs_of(piece.work)
-    numbers = piece.numbers
-    if piece.work.ends and numbers:
+    runs, left = runs_of(piece.work), piece.numbers
+    while left and not interrupt.asked:
         # The first run shows how the others are made.
-        first = runs.row(numbers[0], interrupt)
-        if first is None:
-            return
-        yield [(numbers[0], first)]
-        numbers = yield from _made_together(runs, numbers[1:], interrupt)
-    for number in numbers:
-        row = None if interrupt.asked else runs.row(number, interrupt)
-        if row is None:
-            return
-        yield [(number, row)]
-
-
-def _made_together(
-    runs: Runs, numbers: tuple[int, ...], interrupt: Interrupt
-) -> Generator[list[tuple[int, Row]], None, tuple[int, ...]]:
-    """Make rows of ends alone; give the runs that cannot be made so."""
-    together = runs.together
-    if together is None:
-        return numbers
-    for first in range(0, len(numbers), AT_ONCE):
-        some = numbers[first : first + AT_ONCE]
-        found = None if interrupt.asked else together.made(some, interrupt)
-        if found is None:
-            return ()
-        values, plain, ends = found
-        rows: list[tuple[int, Row]] = []
-        cells, form = ends.ended[:, None, : len(runs.columns)], runs.form
-        for k, own in enumerate(values.swept.tolist()):
-            row: Row | None
-            if plain[k]:
-                row = Row(tuple(own), DONE, True, None, "", cells[k], form)
-            else:
-                row = runs.row(some[k], interrupt)
-            if row is None:
-                yield rows
-                return ()
-            rows.append((some[k], row))
+        size = AT_ONCE if runs.batch is not None else 1
+        rows = runs.rows(left[:size], interrupt)
         yield rows
-    return ()
+        if len(rows) < len(left[:size]):
+            return
+        left = left[size:]
 
 
 @functools.lru_cache(maxsize=2)
@@ -428,14 +221,17 @@ class Runs:
     ----------
     columns : tuple of str
         Those of a run's table.
+    batch : Batch or None
+        Makes the ends of many runs at once, of the form of the first one; None where
+        runs are made one by one.
     """
 
     def __init__(self, work: Work) -> None:
         self.work = work
         self._forms = [_Form(work)]
-        columns = Columns(self._forms[0].equations, {})
-        self.columns = columns.of_table
-        self._done = 0
+        self.columns = Columns(self._forms[0].equations, {}).of_table
+        self.batch: Batch | None = None
+        self._tried, self._done = False, 0
 
     def units(self) -> dict[str, str]:
         """Give the units of the columns, where something has been compiled."""
@@ -443,6 +239,21 @@ class Runs:
         if not sessions:
             return {}
         return of_table(sessions[0].case.equations, self.columns)
+
+    def rows(
+        self, numbers: Sequence[int], interrupt: Interrupt
+    ) -> list[tuple[int, Row]]:
+        """Make runs; fewer where they were interrupted."""
+        together: list[Row | None] = [None] * len(numbers)
+        if self.batch is not None:
+            together = self.batch.rows(numbers, interrupt)
+        found = []
+        for number, plain in zip(numbers, together, strict=False):
+            row = plain or self.row(number, interrupt)
+            if row is None:
+                break
+            found.append((number, row))
+        return found
 
     def row(self, number: int, interrupt: Interrupt) -> Row | None:
         """Make a run; None where it was interrupted."""
@@ -453,13 +264,18 @@ class Runs:
         try:
             session = self._session(grid.texts(number))
         except (StartError, InputError) as error:
-            outcome = INADMISSIBLE if isinstance(error, StartError) else UNUSABLE
+            start = isinstance(error, StartError)
+            outcome = INADMISSIBLE if start else UNUSABLE
             return Row(tuple(grid.values(number)), outcome, reason=_reason(error))
         extremes = Extremes(len(self.columns))
         found = self._attempt(number, session, extremes, interrupt)
         trajectory, bar = found.trajectory, found.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
+        if self.work.ends and not self._tried:
+            self._tried = True
+            batch = Batch(session, grid, self.work.options, len(self.columns))
+            self.batch = None if batch.refusal else batch
         model, complete = session.case.equations.model, trajectory.outcome.complete
         return Row(
             tuple(value_of(model, axis.name) for axis in grid.axes),
@@ -487,33 +303,50 @@ class Runs:
     def _attempt(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
-        work = self.work
-        if work.kept is not None:
-            folder = Path(work.kept, folder_of(number, work.grid))
-            return written(
-                session, folder, extremes, interrupt, work.error_bars, plots=work.plots
-            )
-        attempts = Attempts(extremes, interrupt, Clock(), error_bars=work.error_bars)
-        return attempts.best(session)
+        if self.work.kept is not None:
+            return self._written(number, session, extremes, interrupt)
+        bars = self.work.error_bars
+        return Attempts(extremes, interrupt, Clock(), error_bars=bars).best(session)
 
-    @cached_property
-    def together(self) -> EndsOfRuns | None:
-        """What makes the ends of many runs at once, of the form of the last one.
+    def _written(
+        self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
+    ) -> Attempt:
+        """Make a run, and write its results.
 
-        None where there is none, or its runs are made one by one.
+        Raises
+        ------
+        InputError
+            Where the folder cannot be used.
+        OSError
+            Where there is no room.
         """
-        form = self._forms[0]
-        if form.session is None:
-            return None
-        found = EndsOfRuns(form.session, self.work.grid, form.options)
-        return None if found.refusal else found
+        from lagsim.outputs import Format
+        from lagsim.outputs.manifest import encode
+        from lagsim.outputs.results import MANIFEST, open_results
+        from lagsim.outputs.table import table_writer
 
-    @property
-    def form(self) -> int:
-        """The number of that form."""
-        session = self._forms[0].session
-        assert session is not None
-        return _mark(session)
+        clock, work = Clock(), self.work
+        assert work.kept is not None
+        folder = Path(work.kept, folder_of(number, work.grid))
+        units = of_table(session.case.equations, session.system.columns.of_table)
+        with open_results(folder) as results:
+            path = results.part(Format.CSV.file)
+            with contextlib.closing(
+                table_writer(Format.CSV, path, units, show_units=False)
+            ) as writer:
+                found = Attempts(
+                    Followed(writer, extremes), interrupt, clock,
+                    error_bars=work.error_bars, thinned=work.plots,
+                ).best(session)  # fmt: skip
+                if found.fault is not None:
+                    raise found.fault
+                writer.finish()
+            undrawn = list(results.fill(beside(found, found.thin, found.frames)))
+            clock.lap("output")
+            files = [*results.names, MANIFEST]
+            record = found.record([*found.cautions(), *undrawn], clock.timings, files)
+            results.commit(encode(record | {"sha256": results.digests()}))
+        return found
 
 
 def _reason(error: StartError | InputError) -> str:
@@ -531,3 +364,142 @@ def _mark(session: Session) -> int:
     """Give a number that runs share for which the same functions were compiled."""
     watched = [(x.kind, x.power) for x in session.system.indicators]
     return zlib.crc32(repr((session.plan.form, watched)).encode())
+
+
+class Values(NamedTuple):
+    """What the runs of a batch differ in.
+
+    Attributes
+    ----------
+    parameters : dict of str to ndarray (runs,)
+    starts : ndarray, shape (runs, 2 n)
+        Positions, then velocities.
+    swept : ndarray, shape (runs, axes)
+    """
+
+    parameters: dict[str, Floats]
+    starts: Floats
+    swept: Floats
+
+
+class Batch:
+    """Makes ends for the runs of a session's form, many at once.
+
+    Attributes
+    ----------
+    refusal : str
+        Why each is made by itself; "" where none needs it.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        grid: Grid,
+        options: Sequence[tuple[str, str]],
+        columns: int,
+    ) -> None:
+        self.session, self.grid, self.columns = session, grid, columns
+        self.options = dict(options)
+        self.refusal = refusal(session) or self._refusal()
+        if not self.refusal:
+            self._ensemble = Ensemble(session)
+
+    def _refusal(self) -> str:
+        equations = self.session.case.equations
+        if not needs_no_solve(equations):
+            return "start values are solved for by the constraints"
+        names = {axis.name for axis in self.grid.axes}
+        self._follow = equations.model.rests_on(names) or any(
+            axis.says(names) for axis in self.grid.axes
+        )
+        powers = names_in_exponents(equations, ())
+        if powers and (self._follow or not powers.isdisjoint(names)):
+            return "a swept value is in an exponent"
+        return ""
+
+    def rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row | None]:
+        """Give rows of ends, None for those that are to be made as runs by themselves.
+
+        Empty where an end is asked for.
+        """
+        values = self._followed(numbers) if self._follow else self._plain(numbers)
+        clear = self._clear(values)
+        ends = self._ensemble.ends(values.parameters, values.starts, interrupt)
+        if ends is None:
+            return []
+        clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
+        cells, form = ends.ended[:, None, : self.columns], _mark(self.session)
+        return [
+            Row(tuple(swept), DONE, True, None, "", own, form) if plain else None
+            for swept, own, plain in zip(
+                values.swept.tolist(), cells, clear.tolist(), strict=True
+            )
+        ]
+
+    def _plain(self, numbers: Sequence[int]) -> Values:
+        """Give values that nothing else follows."""
+        case, grid = self.session.case, self.grid
+        start = np.concatenate([case.start.q, case.start.v])
+        starts = np.repeat(start[None], len(numbers), 0)
+        names = (*case.equations.q, *case.equations.velocities)
+        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in grid.axes])
+        parameters, swept = {}, []
+        for axis, place in zip(grid.axes, places, strict=True):
+            values = np.array(axis.values)[place]
+            swept.append(values)
+            if axis.starts:
+                starts[:, names.index(axis.name)] = values
+            else:
+                parameters[axis.name] = values
+        return Values(parameters, starts, np.array(swept).T)
+
+    def _followed(self, numbers: Sequence[int]) -> Values:
+        """Give values as each run by itself binds them; nan for what cannot be had."""
+        equations = self.session.case.equations
+        n = len(equations.q)
+        names = [p.name for p in equations.model.parameters]
+        found = np.full((len(numbers), len(names)), np.nan)
+        starts = np.full((len(numbers), 2 * n), np.nan)
+        swept = np.full((len(numbers), len(self.grid.axes)), np.nan)
+        for k, number in enumerate(numbers):
+            model = self._bound(self.grid.texts(number))
+            if model is not None:
+                found[k] = [p.value for p in model.parameters]
+                starts[k] = [x.value for x in model.initial[: 2 * n]]
+                swept[k] = [value_of(model, axis.name) for axis in self.grid.axes]
+        return Values(dict(zip(names, found.T, strict=True)), starts, swept)
+
+    def _bound(self, texts: Mapping[str, str]) -> Model | None:
+        """Give the model of a run; None where it cannot be had, or asks otherwise."""
+        case = self.session.case
+        try:
+            model = bound(case.equations.model, texts)
+            settings = wanted(model, "sweep", self.options)
+        except LagsimError:
+            return None
+        return model if settings == case.settings else None
+
+    def _clear(self, values: Values) -> Flags:
+        """Tell whose start is admissible without a closer look."""
+        case = self.session.case
+        equations, runs = case.equations, len(values.starts)
+        known: dict[str, float | Floats] = {"t": case.settings.start}
+        known |= {p.name: p.value for p in equations.model.parameters}
+        known |= values.parameters
+        names = (*equations.q, *equations.velocities)
+        moved = np.any(values.starts != values.starts[:1], axis=0)
+        for name, column, differ in zip(names, values.starts.T, moved, strict=True):
+            known[name] = column if differ else float(column[0])
+        given: Flags = np.all(np.isfinite(values.starts), axis=1)
+        return given & clear_starts(equations, known, runs)
+
+    def _keeps_energy(self, ends: Ends) -> Flags:
+        """Tell whose energy less work has not moved, by its first and last row."""
+        names = self.session.system.columns.names
+        at = {x: names.index(x) for x in ENERGIES if x in names}
+        moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}
+        drift = moved["energy"] - moved.get("work", 0.0)
+        size = np.abs(ends.ended[:, at.get("kinetic", at["energy"])])
+        play = np.maximum.reduce([size, *map(np.abs, moved.values())])
+        kept: Flags = np.abs(drift) <= KEPT * UNEXPLAINED * play
+        return kept

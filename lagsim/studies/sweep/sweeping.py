@@ -31,34 +31,40 @@ from lagsim.studies.workers import Died, processes, spread
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from lagsim.outputs.attempted import Made
     from lagsim.studies.workers import Hired
 
+TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
 JOURNAL = "sweep.rows.jsonl"
 # How often the system is asked to put rows on the disk itself: what it takes then is a
 # part of nothing.
 SYNC_SECONDS = 1.0
+# This process begins alone: for so long, to learn how long a run takes, and to compile
+# what the others then find.
+ALONE_SECONDS = 0.5
+# Others are worth beginning where so much is left to do.
+WORTH_SECONDS = 5.0
+# A piece takes about so long; each process gets some.
+PIECE_SECONDS = 0.5
+PIECES = 4
+# A clock may stand still for so long.
+SHORTEST_SECONDS = 1e-6
+DIED = "died"
 
 
 class Journal:
-    """The rows of a sweep that is not complete, in a file that grows.
+    """The rows of a sweep that is not complete, in a file that grows."""
 
-    Parameters
-    ----------
-    what
-        What is swept and how; equal for the same rows.
-    """
-
-    def __init__(self, path: Path, what: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, found: Found) -> None:
         self.path = path
-        self._what = json.loads(json.dumps(what))
+        self._identity = json.loads(json.dumps(identity(found)))
         self._file: int | None = None
         self._synced = time.monotonic()
 
-    def resumed(self) -> dict[int, Row]:
+    def resume(self) -> dict[int, Row]:
         """Give the rows that are there, and go on after them.
 
         Raises
@@ -66,23 +72,22 @@ class Journal:
         InputError
             Where they are rows of another sweep.
         """
-        try:
+        content = b""
+        with contextlib.suppress(FileNotFoundError):
             content = files.content(self.path)
-        except FileNotFoundError:
+        content = content[: content.rfind(b"\n") + 1]
+        if not content:
             self.begin()
             return {}
-        lines = content[: content.rfind(b"\n") + 1].splitlines()
-        if not lines:
-            self.begin()
-            return {}
-        self._compare(lines[0])
-        self._replace(b"".join(line + b"\n" for line in lines))
-        return dict(map(_row, lines[1:]))
+        first, *lines = content.splitlines()
+        self._compare(first)
+        self._replace(content)
+        return dict(map(_row, lines))
 
     def begin(self) -> None:
         """Begin again."""
         self._replace(b"")
-        self._write([self._what])
+        self._write([self._identity])
 
     def add(self, rows: Iterable[tuple[int, Row]]) -> None:
         """Keep rows, by their numbers."""
@@ -113,8 +118,7 @@ class Journal:
 
     def _write(self, lines: Iterable[Any]) -> None:
         assert self._file is not None
-        text = "".join(json.dumps(line) + "\n" for line in lines).encode()
-        view = memoryview(text)
+        view = memoryview("".join(json.dumps(x) + "\n" for x in lines).encode())
         while view:
             view = view[os.write(self._file, view) :]
         if time.monotonic() - self._synced > SYNC_SECONDS:
@@ -123,11 +127,10 @@ class Journal:
 
     def _compare(self, line: bytes) -> None:
         """Refuse rows of another sweep."""
-        try:
+        there: Any = {}
+        with contextlib.suppress(ValueError, TypeError):
             there = dict(json.loads(line))
-        except (ValueError, TypeError):
-            there = {}
-        other = [key for key, x in self._what.items() if there.get(key) != x]
+        other = [key for key, x in self._identity.items() if there.get(key) != x]
         if other:
             text = f"{self.path} cannot be resumed: it has another {other[0]}"
             hint = "leave --resume out to start again, or choose another folder with -o"
@@ -138,19 +141,6 @@ def _row(line: bytes) -> tuple[int, Row]:
     number, values, outcome, complete, error, reason, numbers, form = json.loads(line)
     cells = np.array(numbers, dtype=float)
     return number, Row(tuple(values), outcome, complete, error, reason, cells, form)
-
-
-# This process begins alone: for so long, to learn how long a run takes, and to compile
-# what the others then find.
-ALONE_SECONDS = 0.5
-# Others are worth beginning where so much is left to do.
-WORTH_SECONDS = 5.0
-# A piece takes about so long; each process gets some.
-PIECE_SECONDS = 0.5
-PIECES = 4
-# A clock may stand still for so long.
-SHORTEST_SECONDS = 1e-6
-DIED = "died"
 
 
 def sweep(
@@ -194,14 +184,14 @@ def _made(
     found: Found, others: int, wanted: bool, hired: Hired, interrupt: Interrupt
 ) -> Iterator[Sequence[tuple[int, Row]]]:
     """Give rows as they are made: the first ones, or all, by this process."""
-    missing, work = found.missing, found.work
+    missing = found.missing
     # What this process works, whatever others do beside it.
     done, began, lasted = 0, time.process_time(), 0.0
-    for rows in made(Piece(work, tuple(missing)), interrupt):
+    for rows in made(Piece(found.work, tuple(missing)), interrupt):
         yield rows
         done += len(rows)
         lasted = max(time.process_time() - began, SHORTEST_SECONDS)
-        to_come = (len(missing) - done) * lasted / done
+        to_come = (len(missing) - done) * lasted / max(1, done)
         worth = lasted > ALONE_SECONDS and to_come > WORTH_SECONDS
         if others and (worth or wanted):
             break
@@ -220,9 +210,8 @@ def _shared(
     interrupt: Interrupt,
 ) -> Iterator[Sequence[tuple[int, Row]]]:
     """Give rows that others make, in pieces of a size."""
-    work = found.work
     parts = [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]
-    pieces = [Piece(work, part) for part in parts]
+    pieces = [Piece(found.work, part) for part in parts]
     lost: list[int] = []
     for k, rows in spread(rows_of, pieces, most, interrupt, hired):
         if isinstance(rows, Died):
@@ -236,41 +225,34 @@ def _shared(
         yield [(k, Row(own, DIED, reason=Died.reason)) for k, own in values.items()]
 
 
-TABLE = "sweep.csv"
-CHART = "sweep.png"
-MANIFEST = "sweep.json"
-# What is reported of each column, in this order.
-TOLD = ("end", "min", "max")
+def _reported(found: Found) -> tuple[str, ...]:
+    """Give what is reported of each column, in this order."""
+    return ("end",) if found.work.ends else ("end", "min", "max")
 
 
 def header(found: Found) -> list[str]:
     """Give the columns of sweep.csv."""
+    time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
-    told = [f"{column}.{x}" for column in found.columns[1:] for x in _told(found)]
-    return [*names, OUTCOME, COMPLETE, ERROR, f"{found.columns[0]}.end", *told, REASON]
+    told = [f"{column}.{x}" for column in columns for x in _reported(found)]
+    return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *told, REASON]
 
 
-def _told(found: Found) -> tuple[str, ...]:
-    return TOLD[:1] if found.work.ends else TOLD
-
-
-def cells(found: Found, row: Row) -> Iterator[object]:
-    """Give a row of sweep.csv; None is what there is not."""
-    yield from (*row.values, row.outcome, row.complete, row.error)
-    numbers = row.numbers.T.tolist()
-    if not numbers:
-        yield from [None] * (1 + len(_told(found)) * (len(found.columns) - 1))
-    else:
-        yield numbers[0][0]
-        for column in numbers[1:]:
-            yield from column
-    yield row.reason
+def cells(found: Found) -> Iterator[list[object]]:
+    """Give the rows of sweep.csv in the order of the grid; None where nothing is."""
+    nothing = [None] * (1 + len(_reported(found)) * (len(found.columns) - 1))
+    for _, row in sorted(found.rows.items()):
+        numbers: list[Any] = nothing
+        if row.numbers.size:
+            time, *columns = row.numbers.T.tolist()
+            numbers = [time[0], *(x for column in columns for x in column)]
+        known = row.outcome, row.complete, row.error
+        yield [*row.values, *known, *numbers, row.reason]
 
 
 def table(found: Found) -> bytes:
-    """Give the content of sweep.csv: a row for each run, in the order of the grid."""
-    rows = (cells(found, found.rows[k]) for k in sorted(found.rows))
-    return table_of(header(found), rows)
+    """Give the content of sweep.csv."""
+    return table_of(header(found), cells(found))
 
 
 def identity(found: Found) -> dict[str, Any]:
@@ -292,10 +274,12 @@ def mark(found: Found) -> str:
     return hashlib.sha256(json.dumps(identity(found)).encode()).hexdigest()
 
 
-def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
-    """Give the content of sweep.json; keys are only ever added."""
+def document(found: Found) -> dict[str, Any]:
+    """Give the content of sweep.json, but for its files; keys are only ever added."""
     rows = found.rows.values()
-    columns = {name: found.units.get(name, "") for name in found.columns}
+    forms = len({row.form for row in rows if row.numbers.size})
+    note = f"the swept values change the equations: {forms} forms were "
+    note += "compiled, which takes longer than one"
     return {
         **head(found.model),
         "identity": mark(found),
@@ -313,31 +297,22 @@ def document(found: Found, files: Sequence[str]) -> dict[str, Any]:
         "runs": found.grid.runs,
         "complete": sum(row.complete for row in rows),
         "outcomes": dict(Counter(row.outcome for row in rows)),
-        "compiled": _forms(found),
-        "notes": notes(found),
-        "columns": columns,
+        "compiled": forms,
+        "notes": [note] if forms > 1 else [],
+        "columns": {name: found.units.get(name, "") for name in found.columns},
         "timings": {"runs": round(found.seconds, 6)},
-        "files": list(files),
     }
+
+
+def drawn(found: Found) -> bytes:
+    """Draw sweep.png."""
+    from lagsim.studies.sweep.chart import chart
+
+    return chart(found)
 
 
 def made_of(found: Found, *, plots: bool) -> Iterator[Made]:
     """Give name and content of what stands beside sweep.json."""
     yield TABLE, table(found)
     if plots:
-        from lagsim.studies.sweep.chart import chart
-
-        yield CHART, attempted(CHART, partial(chart, found))
-
-
-def notes(found: Found) -> list[str]:
-    """Say what there is to know."""
-    forms = _forms(found)
-    if forms < 2:
-        return []
-    text = f"the swept values change the equations: {forms} forms were "
-    return [text + "compiled, which takes longer than one"]
-
-
-def _forms(found: Found) -> int:
-    return len({row.form for row in found.rows.values() if row.numbers.size})
+        yield CHART, attempted(CHART, partial(drawn, found))

@@ -13,7 +13,7 @@ from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
 from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Found, Runs, Work, packed
+from lagsim.studies.sweep.runs import Found, Runs
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM
@@ -23,8 +23,7 @@ LONG = PENDULUM.replace("theta", "a" * 40).replace("g:", "b: 1, g:", 1)
 
 def found(text, *arguments, ends=False):
     model = read(text, "<model>")
-    work = Work(packed(model), (), parsed(model, arguments), ErrorBars.NEVER, ends=ends)
-    result = Found(model, work)
+    result = Found.of(model, parsed(model, arguments), {}, ErrorBars.NEVER, ends=ends)
     sweep(result, 1, wanted=False)
     return result
 
@@ -106,9 +105,11 @@ def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
     """Each takes megabytes, and commands collect no garbage unasked."""
     model = read(PENDULUM, "m.yaml", {}, {"duration": "0.1"})
     names = [f"{p.name}=1:2:6" for p in model.parameters[:1]]
-    grid, options = parsed(model, names), (("duration", "0.1"),)
+    grid, options = parsed(model, names), {"duration": "0.1"}
     bars = ErrorBars.NEVER
-    runs = Runs(Work(packed(model), options, grid, bars, str(tmp_path), plots=True))
+    runs = Runs(
+        Found.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
+    )
     gc.collect()
     gc.disable()
     try:

@@ -8,7 +8,7 @@ from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Found, Work, packed
+from lagsim.studies.sweep.runs import Found
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
@@ -29,7 +29,7 @@ def cluster():
 def found():
     model = read(PENDULUM, "<model>")
     grid = parsed(model, ["g=1:10:9"])
-    return Found(model, Work(packed(model), (), grid, ErrorBars.NEVER))
+    return Found.of(model, grid, {}, ErrorBars.NEVER)
 
 
 def test_rows_are_those_of_this_process(cluster):
