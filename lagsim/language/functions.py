@@ -208,6 +208,14 @@ JUMPS = (
     ),
 )  # fmt: skip
 
+
+def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
+    """Give a choice; sympy alone would rewrite all conditions within it, each time."""
+    if condition in (s.true, s.false) or x == y:
+        return x if condition != s.false else y
+    return s.Piecewise((x, condition), (y, True), evaluate=False)
+
+
 CORNERS = (
     Function(
         name="abs", arity=1, value=math.fabs,
@@ -236,7 +244,7 @@ CORNERS = (
         name="if", arity=3, value=lambda c, x, y: x if c else y,
         branches=lambda g, a: a[0], simpler=simpler.choice,
         native="select i1 {0}, double {1}, double {2}",
-        sympy=lambda s, c, x, y: s.Piecewise((x, c), (y, True)),
+        sympy=_piecewise,
         python="{1} if {0} else {2}", interval=lambda r: r.choice, switch=True,
     ),
 )  # fmt: skip

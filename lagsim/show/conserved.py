@@ -259,19 +259,19 @@ def _symmetries(
     rows = _sampled(x.equations, samples, moves)
     if rows is None:
         return []
+    momenta = [line.momentum for line in lines]
     found = []
-    for vector in _simple_null_vectors(rows):
-        kept = _vanishes(samples, moves, vector)
-        if not kept or not _holds(x, lines, constraints, moves, vector):
+    for vector in _exact(samples, moves, _simple_null_vectors(rows)):
+        change = _generator(x, moves, vector)
+        if not _holds(x, lines, constraints, change):
             continue
-        value = _noether(x, lines, moves, vector)
         moved = {shifts[k] for k in range(len(shifts)) if vector[k]}
         turned = {
             j for k, pair in enumerate(turns) if vector[len(shifts) + k] for j in pair
         }
         kind = "angular momentum" if turned else "total momentum"
         of = tuple(x.q[j].name for j in sorted(moved | turned))
-        found.append(Conserved(kind, of, value))
+        found.append(Conserved(kind, of, x.tidy(_along(change, momenta))))
     return found
 
 
@@ -301,23 +301,29 @@ def _changes(
     e: Equations, slopes: Floats, at: Mapping[str, float], moves: Moves
 ) -> Floats:
     """Give what slopes (2 n,) make of each generator, in terms: (generators, 4)."""
-    n, terms = len(e.q), []
+    n, shifts = len(e.q), list(moves.shifts)
+    first, second = np.array(moves.turns).T
+    found = np.zeros((len(shifts) + len(first), 4))
+    found[: len(shifts), 0] = slopes[shifts]  # a shift leaves the velocities alone
     for level, names in enumerate((e.q, e.velocities)):
-        slope, x = slopes[level * n :], [at[name] for name in names]
-        # A shift leaves the velocities as they are.
-        moved = [(0.0 if level else slope[j], 0.0) for j in moves.shifts]
-        turned = [(slope[k] * x[i], -slope[i] * x[k]) for i, k in moves.turns]
-        terms.append(np.array([*moved, *turned]))
-    return np.hstack(terms)
+        slope, x = slopes[level * n :][:n], np.array([at[name] for name in names])
+        found[len(shifts) :, 2 * level] = slope[second] * x[first]
+        found[len(shifts) :, 2 * level + 1] = -slope[first] * x[second]
+    return found
 
 
-def _vanishes(samples: _Samples, moves: Moves, vector: Sequence[int]) -> bool:
-    """Tell whether the change of each part of L is within the bound of its rounding.
+def _exact(
+    samples: _Samples, moves: Moves, vectors: Sequence[Sequence[int]]
+) -> list[Sequence[int]]:
+    """Give those vectors along which each part of L changes by its rounding at most.
 
     However weak what breaks the symmetry is, beside a large force or in the argument of
-    a function.
+    a function. All are looked at together: the graph is evaluated TRIES times.
     """
-    e, weights, seen = samples.e, np.array(vector)[:, None], 0
+    if not vectors:
+        return []
+    e, weights, seen = samples.e, np.array(vectors, float), 0
+    kept = np.ones(len(vectors), bool)
     for _ in range(TRIES * SPARE):
         at = samples.values()
         exact = {name: (value, 0.0) for name, value in at.items()}
@@ -326,14 +332,13 @@ def _vanishes(samples: _Samples, moves: Moves, vector: Sequence[int]) -> bool:
             continue
         seen += 1
         for slopes, errors in found.T.reshape(2, -1, 2 * len(e.q)).swapaxes(0, 1):
-            terms = weights * _changes(e, slopes, at, moves)
-            noise = weights * _changes(e, errors, at, moves)
-            bound = np.sum(np.abs(noise)) + UNIT_ROUNDOFF * np.sum(np.abs(terms))
-            if abs(np.sum(terms)) > LARGER * bound:
-                return False
+            terms = _changes(e, slopes, at, moves)
+            noise = np.abs(_changes(e, errors, at, moves))
+            bounds = np.abs(weights) @ (noise + UNIT_ROUNDOFF * np.abs(terms))
+            kept &= np.abs(weights @ terms.sum(1)) <= LARGER * bounds.sum(1)
         if seen == TRIES:
-            return True
-    return False
+            return [v for v, stays in zip(vectors, kept, strict=True) if stays]
+    return []
 
 
 def _simple_null_vectors(rows: Floats) -> list[list[int]]:
@@ -363,37 +368,30 @@ def _simple_null_vectors(rows: Floats) -> list[list[int]]:
     ]
 
 
-def _generator(x: Translation, moves: Moves, vector: Sequence[int]) -> list[Any]:
-    """Give dq (n,)."""
-    change = [sp.S.Zero] * len(x.q)
+def _generator(x: Translation, moves: Moves, vector: Sequence[int]) -> dict[int, Any]:
+    """Give dq, without zeros."""
+    change: dict[int, list[Any]] = {}
     for j, c in zip(moves.shifts, vector, strict=False):
-        change[j] += c
+        change.setdefault(j, []).append(sp.Integer(c))
     for (i, k), c in zip(moves.turns, vector[len(moves.shifts) :], strict=True):
-        change[k] += c * x.q[i]
-        change[i] -= c * x.q[k]
-    return change
+        if c:
+            change.setdefault(k, []).append(c * x.q[i])
+            change.setdefault(i, []).append(-c * x.q[k])
+    sums = {j: sp.Add(*terms) for j, terms in sorted(change.items())}
+    return {j: dq for j, dq in sums.items() if dq != 0}
 
 
-def _noether(
-    x: Translation, lines: Sequence[Line], moves: Moves, vector: Sequence[int]
-) -> Any:
-    change = _generator(x, moves, vector)
-    return x.tidy(
-        sp.Add(*(line.momentum * c for line, c in zip(lines, change, strict=True)))
-    )
+def _along(change: Mapping[int, Any], row: Sequence[Any]) -> Any:
+    """Give the sum of the row's entries times dq."""
+    return sp.Add(*(row[j] * dq for j, dq in change.items()))
 
 
 def _holds(
     x: Translation,
     lines: Sequence[Line],
     constraints: Sequence[Condition],
-    moves: Moves,
-    vector: Sequence[int],
+    change: Mapping[int, Any],
 ) -> bool:
     """Tell whether forces and constraints are seen to respect the symmetry."""
-    change = _generator(x, moves, vector)
-    along = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
-    return all(
-        x.tidy.is_zero(sp.Add(*(a * c for a, c in zip(row, change, strict=True))))
-        for row in along
-    )
+    rows = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
+    return all(x.tidy.is_zero(_along(change, row)) for row in rows)

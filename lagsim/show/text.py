@@ -276,31 +276,44 @@ _SPACE = re.compile(r"(?<=\S) (?=\S)")
 
 def _folded(line: str) -> list[str]:
     """Break a line that is too long, within as few parentheses as can be."""
-    lines = []
+    lines: list[str] = []
     margin = len(line) - len(line.lstrip())
-    while _width(line) > WIDTH:
-        at = _break(line, margin)
+    start, indent = margin, margin
+    while True:
+        # What is looked at is no longer than a line with its combining marks.
+        head = " " * indent + line[start : start + 4 * WIDTH]
+        fits = _cut(head)
+        at = _break(head, fits, margin) if fits < len(head) else 0
         if not at:
-            break
-        lines.append(line[:at])
+            return [*lines, " " * indent + line[start:]]
+        lines.append(head[:at])
         margin = min(margin + 4, 28) if len(lines) == 1 else margin
-        line = " " * margin + line[at + 1 :]
-    return [*lines, line]
+        start, indent = start + at + 1 - indent, margin
 
 
-def _break(line: str, margin: int) -> int:
-    """Give where a line is broken; 0 where it cannot be."""
+def _break(line: str, fits: int, margin: int) -> int:
+    """Give where a line is broken of which so much fits; 0 where it cannot be."""
     depth, depths = 0, []
-    for c in line:
+    for c in line[: fits + 1]:
         depth += (c in "([") - (c in ")]")
         depths.append(depth)
     for least in (WIDTH // 2, margin + 8):
         for sign in (_SIGN, _SPACE):
             places = [m.start() for m in sign.finditer(line)]
-            fit = [x for x in places if x >= least and _width(line[:x]) <= WIDTH]
+            fit = [x for x in places if least <= x <= fits]
             if fit:
                 return min(fit, key=lambda x: (depths[x], -x))
     return 0
+
+
+def _cut(line: str) -> int:
+    """Give how many characters of it fit; marks above letters take no column."""
+    columns = 0
+    for k, c in enumerate(line):
+        columns += not unicodedata.combining(c)
+        if columns > WIDTH:
+            return k
+    return len(line)
 
 
 def _called(k: Condition) -> tuple[str, str]:

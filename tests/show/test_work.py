@@ -1,0 +1,82 @@
+"""A derivation takes work in proportion to the equations that it writes."""
+
+from __future__ import annotations
+
+import sys
+import unicodedata
+
+import pytest
+
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
+from lagsim.show.lagrange import content
+from lagsim.show.text import as_text
+
+
+def sines(n):
+    whole = " + ".join(f"q{j}" for j in range(n))
+    return [f"sin({whole} + {k})" for k in range(15)]
+
+
+def products_of_sines(n):
+    names = [f"q{j}" for j in range(n)]
+    return [
+        f"sin({' + '.join(names[k:] + names[:k])})*cos({' + '.join(names[: k + 1])})"
+        for k in range(n)
+    ]
+
+
+def nested_choices(n):
+    choice = "q0"
+    for j in range(n):
+        choice = f"{'min' if j % 2 else 'max'}({choice}, {j + 1}*q{j})"
+    return [choice]
+
+
+def derived(terms, n):
+    names = "".join(f"  q{j}: {{}}\n" for j in range(n))
+    kinetic = " + ".join(f"q{j}_dot^2/2" for j in range(n))
+    start = ", ".join(f"q{j}: 0.1" for j in range(n))
+    text = f"""
+coordinates:
+{names}
+energy: {{kinetic: {kinetic}, potential: "{" + ".join(terms)}"}}
+initial: {{{start}}}
+"""
+    return content(derive(read(text, "model.yaml"), chained=False))
+
+
+def work(terms, n):
+    """Give the calls that a derivation makes for each letter that it writes."""
+    calls = 0
+
+    def counted(_, event, __):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(counted)
+    try:
+        written = as_text(derived(terms, n))
+    finally:
+        sys.setprofile(None)
+    return calls / len(written)
+
+
+@pytest.mark.parametrize("shape", [sines, products_of_sines, nested_choices])
+def test_twice_the_coordinates_take_no_more_work_for_each_letter(shape):
+    few, many = 9, 18
+    work(shape(2), 2)  # what sympy makes once
+    assert work(shape(many), many) < 1.15 * work(shape(few), few)
+
+
+def test_letters_of_long_lines_are_measured_a_few_times(monkeypatch):
+    measured = 0
+
+    def counted(letter, of=unicodedata.combining):
+        nonlocal measured
+        measured += 1
+        return of(letter)
+
+    found = derived(products_of_sines(18), 18)
+    monkeypatch.setattr(unicodedata, "combining", counted)
+    assert len(as_text(found)) > measured / 6
