@@ -232,7 +232,7 @@ def _steps(
     steps: list[tuple[Any, Any]] = []
     for n in sorted(seen):
         if n not in known:
-            known[n] = to_sympy(g, [n], known=known, twins=TWINS, number=number)[0]
+            known[n] = to_sympy(g, [n], known=known, twins=TWINS)[0]
         if uses[n] > 1 and cost(known[n]) > 2:
             s = symbol(f"{prefix}{len(steps) + 1}")
             x.names[s] = Name(s.name)

@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 # Constants with a denominator up to this (1/2, 3/4: often made by differentiation and
 # folding) are shown as fractions, others as decimals.
 LARGEST_DENOMINATOR = 16
-# Whole numbers up to here are shown with all their digits.
-LARGEST_WHOLE = 10**9
 
 
 def symbol(name: str) -> Any:
@@ -62,7 +60,6 @@ def to_sympy(
     *,
     known: dict[int, Any] | None = None,
     twins: Mapping[str, Callable[..., Any]] | None = None,
-    number: Callable[[float], Any] | None = None,
 ) -> list[Any]:
     """Give `nodes` as sympy expressions.
 
@@ -78,15 +75,13 @@ def to_sympy(
         found is added.
     twins
         What stands for some of the functions, instead of the table's twins.
-    number
-        What stands for a constant; as it is, numbers keep their value to the last bit.
 
     Raises
     ------
     TypeError, ValueError
         Where sympy finds that a condition compares what is not real.
     """
-    nodes, number, twins = list(nodes), number or _number, twins or {}
+    nodes, twins = list(nodes), twins or {}
     found = {} if known is None else known
     for n in _above(g, nodes, found):
         op = g.ops[n]
@@ -141,15 +136,6 @@ def _operands(g: Graph, n: int, known: Collection[int]) -> list[tuple[int, bool]
 
 
 _CHAINS = {"mul": ("mul",), "add": ("add", "sub"), "sub": ("add", "sub")}
-
-
-def _number(x: float) -> Any:
-    if not math.isfinite(x):
-        return sp.Float(x)
-    exact = Fraction(x)
-    if exact.denominator > LARGEST_DENOMINATOR or abs(exact) > LARGEST_WHOLE:
-        return sp.Float(x)
-    return sp.Rational(exact.numerator, exact.denominator)
 
 
 # Multiples of pi up to this many, in parts up to this small, are shown as such.
@@ -248,7 +234,7 @@ class Translation:
     def _value(self, node: int) -> Any:
         twins: dict[str, Callable[..., Any]] = {**TWINS, "if": self._choice}
         twins |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
-        return to_sympy(self.g, [node], known=self.known, twins=twins, number=number)[0]
+        return to_sympy(self.g, [node], known=self.known, twins=twins)[0]
 
     def _choice(self, asked: Any, then: Any, other: Any) -> Any:
         """Give a choice; that of the slope of x^y, 0 where x^y = 0, is for moving x."""
