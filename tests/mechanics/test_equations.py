@@ -1,4 +1,4 @@
-"""Lagrange's equations against an independent derivation by sympy, and closed forms."""
+"""Lagrange's equations and rows against an independent derivation by sympy."""
 
 from __future__ import annotations
 
@@ -12,21 +12,78 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Equations, derive
 from lagsim.model.reader import read, read_file
-from lagsim.run.session import open_case
 from tests.support import MODELS, ready
 from tests.sympy_oracle import Numbers, Oracle, random_values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from lagsim.mechanics.constraints import Row
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 SEEDS = range(3)
+HEAD = """
+parameters: {m: 2, k: 3, c: 0.5, w: 1.5, l: 1.3}
+coordinates: {x: {}, y: {}, z: {}}
+definitions:
+  r: hypot(x, y)
+  moving: x*cos(w*t) + y*sin(w*t)
+  slip: x*y_dot - y*x_dot + w*t
+initial: {x: 1, y: 2, z: -1}
+"""
+FREE = "kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2"
+# Whether the energy is seen to be the sum of kinetic and potential.
+ENERGIES = {
+    "weight": (f"{FREE}, potential: k*x*t", True),
+    "coupled": ("kinetic: (x_dot + y_dot)^2 + z_dot^2*exp(x), potential: 0", True),
+    "hypot": ("kinetic: 'm*hypot(x_dot, y_dot)^2 + z_dot^2', potential: 0", True),
+    "loss": (f"{FREE}, potential: 0, dissipation: c*x_dot^2 + (x_dot - y_dot)^4", True),
+    "rocket": ("kinetic: m*exp(-t)*(x_dot^2 + y_dot^2 + z_dot^2), potential: 0", True),
+    "magnetic": (f"{FREE}, potential: k*(y*x_dot - x*y_dot)/2", False),
+    "frame": ("kinetic: m*((x_dot + w)^2 + y_dot^2 + z_dot^2)/2, potential: 0", False),
+    "quartic": ("kinetic: m*x_dot^4 + y_dot^2 + z_dot^2, potential: 0", False),
+    "root": (  # which is not seen to be quadratic
+        "kinetic: sqrt(m*x_dot^2 + y_dot^2 + z_dot^2)^2, potential: 0", False
+    ),
+    "relativistic": (
+        "lagrangian: -m*k^2*sqrt(1 - x_dot^2/(1 + x_dot^2)/k^2) + y_dot^2 + z_dot^2",
+        False,
+    ),
+}  # fmt: skip
+FORCES = "forces: {x: 7, r: -k*r_dot, moving: m*t, slip: sin(t)}"
+# Whether a relation leaves out t, is linear in velocities, and may exchange energy.
+RELATIONS = {
+    "sphere": ("x^2 + y^2 + z^2 = l^2", True, True, False),
+    "plane": ("x - 2*y = l", True, True, False),
+    "curve": ("y = l*sin(k*x)*exp(-z)", True, True, False),
+    "moving": ("x*cos(w*t) + y*sin(w*t) = l*t^2", False, True, True),
+    "driven": ("x = l*sin(w*t)", False, True, True),
+    "branch": ("if(x > 0, x^2, -x) + y = l", True, True, False),
+    "distance": ("hypot(x - y, z - t) = l", False, True, True),
+    "skate": ("x_dot*sin(z) - y_dot*cos(z) = 0", True, True, False),
+    "affine": ("x_dot*y - k*z_dot + w = 0", True, True, True),
+    "affine_t": ("x_dot - t*y_dot = sin(w*t)", False, True, True),
+    "speed": ("x_dot^2 + y_dot^2 = k^2", True, False, True),
+    "cone": ("x_dot^2 + y_dot^2 - l^2*z_dot^2 = 0", True, False, False),
+    "cubic": ("x_dot^3 + y*y_dot*z_dot = x*t", False, False, True),
+    "roll": ("sqrt(x_dot^2 + y_dot^2 + k) = l*z_dot", True, False, True),
+}
+
+
+def constrained(*relations: str) -> str:
+    rows = ", ".join(f"c{k}: '{text}'" for k, text in enumerate(relations))
+    return f"{HEAD}energy: {{{FREE}, potential: 0}}\nconstraints: {{{rows}}}\n"
+
+
+SMALL = {name: f"{HEAD}energy: {{{x}}}\n" for name, (x, _) in ENERGIES.items()}
+SMALL["forces"] = f"{HEAD}energy: {{{FREE}, potential: 0}}\n{FORCES}\n"
+SMALL["relations"] = constrained(*(row[0] for row in RELATIONS.values()))
 
 
 @functools.cache
 def equations_of(name: str) -> Equations:
+    if name in SMALL:
+        return derive(read(SMALL[name], "model.yaml"))
     return derive(read_file(str(MODELS / f"{name}.yaml")))
 
 
@@ -42,22 +99,13 @@ def rows_of(e: Equations) -> list[Row]:
 
 @functools.cache
 def oracle_of(name: str) -> Oracle:
-    return Oracle.of(MODELS / f"{name}.yaml")
+    return Oracle(SMALL[name]) if name in SMALL else Oracle.of(MODELS / f"{name}.yaml")
 
 
 def state_of(name: str, seed: int) -> tuple[dict[str, float], Numbers]:
     start = {i.name: i.value for i in equations_of(name).model.initial}
     values = random_values(oracle_of(name), start, seed)
     return values, oracle_of(name).at(values)
-
-
-def small(text: str) -> Equations:
-    return derive(read(text, "model.yaml"))
-
-
-def at(e: Equations, nodes: Sequence[int], **values: float) -> list[float]:
-    parameters = {p.name: p.value for p in e.model.parameters}
-    return evaluate(e.graph, nodes, {"t": 0.0, **parameters, **values})
 
 
 def matrix(e: Equations, values: Mapping[str, float]) -> Any:
@@ -77,7 +125,7 @@ def agrees(found: Any, expected: Any) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *SMALL])
 def test_graph_gives_the_numbers_of_an_independent_derivation(
     name: str, seed: int
 ) -> None:
@@ -173,132 +221,58 @@ def test_what_vanishes_identically_is_known_to_be_zero() -> None:
     assert [top.M[theta][j] == top.graph.zero for j in range(3)] == [True, False, True]
 
 
-HEAD = """
-parameters: {m: 2, k: 3, c: 0.5, w: 1.5}
-coordinates: {x: {}, y: {}}
-definitions:
-  r: hypot(x, y)
-  moving: x*cos(w*t) + y*sin(w*t)
-  slip: x*y_dot - y*x_dot + w*t
-initial: {x: 1, y: 2}
-"""
-FREE = "  kinetic: m*(x_dot^2 + y_dot^2)/2\n  potential: 0\n"
-STATE = {"x": 0.6, "y": -1.7, "x_dot": 1.1, "y_dot": 0.4, "t": 0.3}
+@pytest.mark.parametrize("name", ENERGIES)
+def test_energy_is_the_sum_only_where_it_is_known(name: str) -> None:
+    e = equations_of(name)
+    assert e.energy_is_sum == ENERGIES[name][1]
+    assert bool(e.works) == (name in ("weight", "loss", "rocket"))
 
 
-def test_a_magnetic_potential_deflects_and_stores_no_energy() -> None:
-    e = small(
-        HEAD + "energy:\n  kinetic: m*(x_dot^2 + y_dot^2)/2\n"
-        "  potential: k*(y*x_dot - x*y_dot)/2\n"
-    )
-    g = e.graph
-    # L = T + k/2 (x y' - y x'): f = k (y', -x'), the Lorentz force.
-    assert at(e, e.f, **STATE) == pytest.approx([3 * 0.4, -3 * 1.1], rel=1e-15)
-    assert matrix(e, {"m": 2.0}).tolist() == [[2, 0], [0, 2]]
-    assert e.M[0][1] == g.zero
-    assert not e.energy_is_sum
-    assert at(e, [e.energy], **STATE) == pytest.approx([1.1**2 + 0.4**2], rel=1e-15)
-    assert not e.works
+def test_each_group_of_coordinates_has_a_work_of_its_own() -> None:
+    assert [work.name for work in equations_of("rocket").works] == [
+        "work.x", "work.y", "work.z"
+    ]  # fmt: skip
+    assert len(equations_of("forces").works) == 1
 
 
-def test_a_mass_that_depends_on_time() -> None:
-    e = small(
-        HEAD + "energy:\n  kinetic: m*exp(-c*t)*(x_dot^2 + y_dot^2)/2\n  potential: 0\n"
-    )
-    m = 2 * math.exp(-0.5 * 0.3)
-    # d(m v)/dt = 0: m q'' = -m' q' = c m q'.
-    expected = [0.5 * m * 1.1, 0.5 * m * 0.4]
-    assert at(e, e.f, **STATE) == pytest.approx(expected, rel=1e-14)
-    assert e.energy_is_sum
-    assert [work.name for work in e.works] == ["work.x", "work.y"]
-    # dh/dt = -dL/dt = c T, of each coordinate.
-    kinetic = m * np.array([1.1, 0.4]) ** 2 / 2
-    assert at(e, e.powers, **STATE) == pytest.approx(0.5 * kinetic, rel=1e-14)
-
-
-def test_an_energy_not_quadratic_in_velocity() -> None:
-    e = small(
-        """
-parameters: {m: 2, c: 3, k: 5}
-coordinates: {x: {}, y: {}}
-initial: {x: 1, y: 0}
-energy:
-  lagrangian: -m*c^2*sqrt(1 - (x_dot^2 + y_dot^2)/c^2) - k*x^2/2
-"""
-    )
-    v = np.array([1.1, 0.4])
-    gamma = 1 / math.sqrt(1 - v @ v / 9)
-    expected = 2 * gamma * (np.eye(2) + gamma**2 * np.outer(v, v) / 9)
-    values = {"m": 2.0, "c": 3.0, "k": 5.0, "t": 0.0, **STATE}
-    agrees(matrix(e, values), expected)
-    assert at(e, e.f, **STATE) == pytest.approx([-5 * 0.6, 0.0], rel=1e-15)
-    assert at(e, e.momenta, **STATE) == pytest.approx(2 * gamma * v, rel=1e-14)
-    energy = gamma * 2 * 9 + 5 * 0.6**2 / 2
-    assert at(e, [e.energy], **STATE) == pytest.approx([energy], rel=1e-14)
-    assert not e.energy_is_sum
-    choices = open_case(e.model).plan().choices
-    assert choices[0].choice == "mass matrix: depends on velocities"
-
-
-def test_rayleigh_dissipation() -> None:
-    e = small(
-        HEAD + "energy:\n" + FREE + "  dissipation: c*x_dot^2/2 + k*(x_dot - y_dot)^2\n"
-    )
-    expected = [-0.5 * 1.1 - 6 * 0.7, 6 * 0.7]
-    assert at(e, e.f, **STATE) == pytest.approx(expected, rel=1e-14)
-    assert len(e.works) == 1
-    power = expected[0] * 1.1 + expected[1] * 0.4
-    assert at(e, e.powers, **STATE) == pytest.approx([power], rel=1e-14)
-
-
-def test_forces_on_coordinates_on_positions_and_on_rates() -> None:
-    e = small(
-        HEAD + "energy:\n" + FREE + "forces:\n"
-        "  x: 7\n  r: -k*r_dot\n  moving: m*t\n  slip: sin(t)\n"
-    )
-    x, y, vx, vy, t = (STATE[name] for name in ("x", "y", "x_dot", "y_dot", "t"))
-    r = math.hypot(x, y)
-    radial = -3 * (x * vx + y * vy) / r
-    Q = np.array([7.0, 0.0]) + radial * np.array([x, y]) / r
-    Q += 2 * t * np.array([math.cos(1.5 * t), math.sin(1.5 * t)])
-    Q += math.sin(t) * np.array([-y, x])
-    assert at(e, e.f, **STATE) == pytest.approx(Q, rel=1e-14)
-    assert len(e.works) == 1
-    # Forces on moving definitions work along the virtual displacement, Q.q'.
-    assert at(e, e.powers, **STATE) == pytest.approx([Q @ [vx, vy]], rel=1e-13)
+@pytest.mark.parametrize("name", RELATIONS)
+def test_what_is_inferred_of_a_relation(name: str) -> None:
+    relation, scleronomic, pfaffian, moved = RELATIONS[name]
+    e = derive(read(constrained(relation), "model.yaml"))
+    g, [row] = e.graph, e.rows
+    assert row.holonomic == ("_dot" not in relation)
+    assert (row.scleronomic, row.pfaffian) == (scleronomic, pfaffian)
+    assert (row.transport != g.zero) == moved
+    assert bool(e.works) == (moved or name == "branch")  # whose impacts do work
+    # The power of its force is lambda A q', and that is -g_t on the relation.
+    along = g.product_sum(zip(row.A, map(g.variable, e.velocities), strict=True))
+    values, _ = state_of("relations", 1)
+    rate, whole, transport = evaluate(g, [row.rate, along, row.transport], values)
+    expected = whole - rate if row.holonomic else whole * moved
+    assert transport == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("energy", "is_sum"),
+    ("relation", "state", "residual_scale", "rate_scale"),
     [
-        ("kinetic: m*x_dot^2 + y_dot^2*exp(x)\n  potential: k*x*t", True),
-        ("kinetic: (x_dot + y_dot)^2\n  potential: 0", True),
-        ("kinetic: m*(x_dot + w)^2\n  potential: 0", False),  # in a moving frame
-        ("kinetic: m*x_dot^2 + y_dot^2\n  potential: k*x_dot*y", False),
-        ("kinetic: m*x_dot^4 + y_dot^2\n  potential: 0", False),
-        ("kinetic: m*hypot(x_dot, y_dot)^2\n  potential: 0", True),
-        ("kinetic: sqrt(m*x_dot^2 + y_dot^2)^2\n  potential: 0", False),  # not seen
-        ("lagrangian: m*x_dot^2 + y_dot^2", False),  # there are no T and V
+        ("x^2 + y^2 = l^2", (3.0, 4.0, 1.0, 2.0), 32.0, 16.0),
+        ("x = l", (3.0, 0.0, 0.5, 0.0), 3.0, 0.5),
+        ("x = l", (0.1, 0.0, 0.5, 0.0), 1.3, 0.5),
+        ("x*(y - 2) = 0", (3.0, 2.5, 1.0, 2.0), 7.5, 6.0),
+        ("x_dot = k*y_dot", (0.0, 0.0, 3.0, 2.0), 6.0, 6.0),
+        ("x_dot^2 + y_dot^2 = k^2", (0.0, 0.0, 3.0, 4.0), 32.0, 32.0),
     ],
 )
-def test_energy_is_the_sum_only_where_it_is_known(energy: str, is_sum: bool) -> None:
-    e = small(f"{HEAD}energy:\n  {energy}\n")
-    assert e.energy_is_sum == is_sum
-    if e.model.kinetic is not None and e.model.potential is not None:
-        values = dict(STATE, m=2.0, k=3.0, c=0.5, w=1.5)
-        T, V, h = evaluate(
-            e.graph, [e.model.kinetic, e.model.potential, e.energy], values
-        )
-        if is_sum or "sqrt" in energy:
-            assert h == pytest.approx(T + V, rel=1e-14)
-        else:
-            assert abs(h - (T + V)) > 0.1
-
-
-def test_the_energy_function_of_a_moving_frame() -> None:
-    e = small(
-        f"{HEAD}energy:\n  kinetic: m*((x_dot + w)^2 + y_dot^2)/2\n  potential: 0"
-    )
-    # h = T2 - T0: without the term linear in the velocity.
-    expected = (1.1**2 + 0.4**2) - 1.5**2
-    assert at(e, [e.energy], **STATE) == pytest.approx([expected], rel=1e-14)
+def test_scales(
+    relation: str,
+    state: tuple[float, float, float, float],
+    residual_scale: float,
+    rate_scale: float,
+) -> None:
+    e = derive(read(constrained(relation), "model.yaml"))
+    values = dict(zip(("x", "y", "x_dot", "y_dot"), state, strict=True))
+    values |= {"l": 1.3, "k": 3.0, "w": 1.5, "t": 0.0}
+    scales = [e.rows[0].residual_scale, e.rows[0].rate_scale]
+    # The largest term, or |q_i dg/dq_i| (|q_i' d rate/dq_i'|), whichever is larger.
+    expected = [residual_scale, rate_scale]
+    assert evaluate(e.graph, scales, values) == pytest.approx(expected, rel=1e-15)
