@@ -14,7 +14,7 @@ from lagsim.plan.subsystems import subsystems
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
-from tests.mechanics.reduction.test_runs import differences
+from tests.mechanics.test_reduction import differences
 from tests.support import case_of, run
 
 # A double pendulum of sorts, a fast spring, and a pendulum on a rod; `e` sees them all.
