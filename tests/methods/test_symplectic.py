@@ -100,6 +100,19 @@ def test_compositions_are_symmetric_and_meet_the_conditions_that_are_sums():
         assert max(abs(weights)) < 0.8
 
 
+@pytest.mark.parametrize(
+    ("table", "power", "derivative"),
+    [(kahan_li8.BEND, 3, 2), (kahan_li8.RISE, 2, 1)],
+)
+def test_the_tables_of_the_dense_output_are_inverses(table, power, derivative):
+    w = np.polynomial.Polynomial([0, 1, -1]) ** power
+    c = np.polynomial.Polynomial([-0.5, 1])
+    rows = [
+        [(w * c**m).deriv(derivative)(x) for m in range(4)] for x in kahan_li8.NODES
+    ]
+    assert np.allclose(np.array(table) @ rows, np.eye(4), rtol=0, atol=1e-13)
+
+
 @pytest.mark.parametrize("name", ["verlet", "kahan-li6", "kahan-li8", "rattle"])
 def test_a_step_without_constraints_preserves_the_symplectic_form(name):
     masses = np.array([[1.0, 1 / 3], [1 / 3, 2.0]])
