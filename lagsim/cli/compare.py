@@ -27,7 +27,7 @@ from lagsim.studies.tables import read_results
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.studies.comparison import Comparison, Deviation, Verdict
+    from lagsim.studies.comparison import Deviation, Verdict
     from lagsim.studies.tables import Table
 
 # So many columns are listed for a person.
@@ -101,7 +101,7 @@ class _Found(NamedTuple):
 
     golden: Table
     new: Table
-    comparison: Comparison
+    comparison: Verdict
 
 
 def _compared(
@@ -118,12 +118,19 @@ def _compared(
         one, two = (table.result() for table in tables)
     found = _Found(one, two, compare(one, two, *tolerances))
     if plot is not None:
-        from lagsim.studies.comparison_chart import picture
-
-        title = f"{found.golden.name} and {found.new.name}"
-        draw = partial(picture, title, one, two, found.comparison)
-        put_picture(plot, draw)
+        put_picture(plot, partial(_picture, found))
     return found
+
+
+def _picture(found: _Found) -> bytes:
+    from lagsim.outputs.letters import Letters
+    from lagsim.studies.comparison_chart import picture, told
+
+    golden, new, comparison = found
+    letters, units = Letters(golden.columns), {**golden.units, **new.units}
+    title, *first = told(comparison, letters)
+    names = f"{golden.name} and {new.name}"
+    return picture(title, names, comparison, letters, units, first)
 
 
 def _tolerances(
@@ -154,10 +161,11 @@ def _tolerances(
 
 def report(found: _Found) -> str:
     """Give what a person reads: the verdict, then the worst columns."""
-    comparison = found.comparison
+    comparison, rows = found.comparison, found.comparison.rows
+    assert rows is not None
     passed = comparison.passed
     verdict = coloured("same", "32") if passed else coloured("differ", "31")
-    size = f"{counted(len(comparison.rows.golden), 'row')}, "
+    size = f"{counted(len(rows.golden), 'row')}, "
     size += counted(len(comparison.worst), "column")
     what = f"{found.golden.name} and {found.new.name}, {size} compared"
     numbered = "" if passed else f" [{number(DIFFERS)}]"
@@ -213,6 +221,7 @@ def listing(deviations: Sequence[Deviation]) -> list[str]:
 def document(found: _Found) -> dict[str, Any]:
     """Give the JSON document; keys are only ever added."""
     comparison, rows = found.comparison, found.comparison.rows
+    assert rows is not None
     first = comparison.first
     return {
         "pass": comparison.passed,

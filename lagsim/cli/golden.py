@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model
     from lagsim.run.session import Case
+    from lagsim.studies.comparison import Verdict
     from lagsim.studies.golden import Golden
-    from lagsim.studies.golden_files import Judgement
 
 SUITE = "lagsim golden"
 
@@ -184,7 +184,7 @@ class _Job:
         lines = report(judgement)
         if not judgement.passed and self.plots is not None:
             path = self.plots / f"{model.name}.png"
-            draw = partial(picture, case, motion, stored, judgement)
+            draw = partial(picture, case, judgement)
             if put_picture(path, draw, folders=True):
                 lines.append(f"  picture: {path}")
                 found["picture"] = str(path)
@@ -234,7 +234,7 @@ def _horizon(golden: Golden) -> str:
     return f"; past t = {golden.horizon:.4g} only conserved quantities"
 
 
-def headline(model: Model, judgement: Judgement, golden: Golden) -> str:
+def headline(model: Model, judgement: Verdict, golden: Golden) -> str:
     """Give the verdict on a line."""
     passed = judgement.passed
     verdict = coloured("same", "32") if passed else coloured("differs", "31")
@@ -243,7 +243,7 @@ def headline(model: Model, judgement: Judgement, golden: Golden) -> str:
     return f"{verdict}: {model.name}, {rows} compared{_horizon(golden)}{numbered}"
 
 
-def worst(judgement: Judgement) -> str:
+def worst(judgement: Verdict) -> str:
     """Say what differs, in a few words."""
     failed, said = judgement.failed, [*judgement.faults]
     if judgement.missing:
@@ -256,7 +256,7 @@ def worst(judgement: Judgement) -> str:
     return "; ".join(said)
 
 
-def report(judgement: Judgement) -> list[str]:
+def report(judgement: Verdict) -> list[str]:
     """Give what a person reads below the verdict: notes, and the worst columns."""
     lines = [f"  {fault}" for fault in judgement.faults]
     columns = {"missing": judgement.missing, "extra": judgement.extra}
@@ -267,7 +267,7 @@ def report(judgement: Judgement) -> list[str]:
     return [*lines, f"  and {more} more"] if more > 0 else lines
 
 
-def document(model: Model, judgement: Judgement, golden: Golden) -> dict[str, Any]:
+def document(model: Model, judgement: Verdict, golden: Golden) -> dict[str, Any]:
     """Give what the JSON document says of one model; keys are only ever added."""
     return {
         **_name(model),

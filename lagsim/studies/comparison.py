@@ -13,8 +13,8 @@ the names of the columns.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from lagsim.run.observers.monitors import numbers
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
+    from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Settings
     from lagsim.notes import Event
@@ -172,10 +173,11 @@ Ints: TypeAlias = NDArray[np.intp]
 # Times are the same if they differ by no more than this part of the rows' spacing: an
 # event is located to the tolerance of the run, and its time is compared besides.
 SAME = 1e-6
+# All rows of both, as they are.
+ALL = slice(None), slice(None)
 
 
-@dataclass(frozen=True, slots=True)
-class Matched:
+class Matched(NamedTuple):
     """Numbers of rows that belong together, and times that have no partner.
 
     Attributes
@@ -229,12 +231,7 @@ def _turns(t: Floats, near: float) -> Ints:
     return turns
 
 
-# Cells that are compared at once: some 10 MB of working memory.
-CELLS = 1 << 18
-
-
-@dataclass(frozen=True, slots=True)
-class Deviation:
+class Deviation(NamedTuple):
     """The worst cell of a column.
 
     Attributes
@@ -266,6 +263,51 @@ class Deviation:
         return self.cells == 0
 
 
+class Pair(NamedTuple):
+    """The values of a column in two runs, and what they may differ by: (rows,) each."""
+
+    t: Floats
+    golden: Floats
+    new: Floats
+    bound: Floats
+
+    def deviation(
+        self, column: str, size: float | None = None, *, exact: bool = False
+    ) -> Deviation:
+        """Give the worst cell.
+
+        Parameters
+        ----------
+        size
+            The worst is the largest difference, against this, and not against the
+            bound.
+        exact
+            Tell 0 from -0.
+        """
+        t, golden, new, bound = self
+        if not len(t):
+            nan = math.nan
+            return Deviation(column, nan, nan, nan, 0.0, 0.0, 0.0, None, 0)
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            difference = np.abs(new - golden)
+            difference[golden == new] = 0.0  # inf, too
+            wrong = ~(difference <= bound)
+            if exact:
+                wrong |= np.signbit(golden) != np.signbit(new)
+            ratio = difference / (bound if size is None else size)
+        ratio[difference == 0.0] = 0.0
+        ratio[np.isnan(ratio)] = math.inf
+        failed = np.flatnonzero(wrong)
+        if len(failed):
+            ratio[~wrong] = -1.0
+        k = int(np.argmax(ratio))
+        return Deviation(
+            column, float(t[k]), float(golden[k]), float(new[k]), float(difference[k]),
+            float(bound[k]), float(ratio[k]),
+            float(t[failed[0]]) if len(failed) else None, len(failed),
+        )  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """Whether a run is the same as a golden one, as far as it has to be.
@@ -278,12 +320,27 @@ class Verdict:
         Columns that only the golden has, or only the new run.
     faults : tuple of str
         What else they differ in.
+    of : callable
+        Gives what was compared of a column.
+    rows : Matched, optional
+        Of two tables: which of their rows belong together.
+    notes : tuple of str
+        What has changed, and is no failure.
+    changed : tuple of str
+        Parameters and start values that are no longer those of the golden.
+    place : Place, optional
+        The line of the file that made the difference, as far as it is known.
     """
 
     worst: tuple[Deviation, ...]
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     faults: tuple[str, ...]
+    of: Callable[[str], Pair]
+    rows: Matched | None = None
+    notes: tuple[str, ...] = ()
+    changed: tuple[str, ...] = ()
+    place: Place | None = None
 
     @property
     def failed(self) -> list[Deviation]:
@@ -302,23 +359,14 @@ class Verdict:
         return min(failed, key=lambda d: (d.first, -d.ratio), default=None)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison(Verdict):
-    """The verdict on two tables, whose rows belong together as `rows` says.
-
-    Attributes
-    ----------
-    bound : callable
-        (column, golden, new) -> what values (rows,) of the column may differ by.
-    """
-
-    rows: Matched
-    bound: Callable[[str, Floats, Floats], Floats]
+def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
+    """Give the worst first, those that pass last."""
+    return tuple(sorted(found, key=lambda d: (d.passed, -d.ratio)))
 
 
 def compare(
     golden: Table, new: Table, rtol: float | None = None, atol: float | None = None
-) -> Comparison:
+) -> Verdict:
     """Compare two tables: |difference| <= atol + rtol * scale of the column.
 
     Parameters
@@ -329,34 +377,28 @@ def compare(
         0 where it is not given. With rtol = atol = 0 values pass that are equal bit by
         bit.
     """
-    sizes = scales(golden.columns, golden.data, golden.units)
+    known = scales(golden.columns, golden.data, golden.units).tolist()
+    sizes = dict(zip(golden.columns, known, strict=True))
     absolute = atol or 0.0
-    exact = rtol == 0.0 and absolute == 0.0
-    bounds = {
-        column: absolute + (rtol or 0.0) * size
-        for column, size in zip(golden.columns, sizes.tolist(), strict=True)
-    }
+    bounds = {column: absolute + (rtol or 0.0) * size for column, size in sizes.items()}
     rows = match(golden.t, new.t, bounds["t"])
-    common = [c for c in golden.columns if c in new.columns]
+    mine, theirs = (rows.golden, rows.new) if rows.golden is not rows.new else ALL
 
-    def allowed(column: str, g: Floats, n: Floats) -> Floats:
-        bound = bounds[column]
+    def of(column: str) -> Pair:
+        g, n = golden[column][mine], new[column][theirs]
+        bound = np.full(len(g), bounds[column])
         if rtol is None:
             with np.errstate(invalid="ignore", over="ignore"):
-                units = np.spacing(np.maximum(np.abs(g), np.abs(n)))
-            return np.asarray(bound + units)
-        return np.full(len(g), bound)
+                bound += np.spacing(np.maximum(np.abs(g), np.abs(n)))
+        return Pair(golden.t[mine], g, n, bound)
 
-    known = dict(zip(golden.columns, sizes.tolist(), strict=True))
-    found = [
-        _deviation(
-            c, golden, new, rows, allowed,
-            size=known[c] if rtol is None else None, exact=exact,
-        )
-        for c in common
-    ]  # fmt: skip
-    return Comparison(
-        worst=ordered(found),
+    exact = rtol == 0.0 and absolute == 0.0
+    return Verdict(
+        worst=ordered(
+            of(c).deviation(c, sizes[c] if rtol is None else None, exact=exact)
+            for c in golden.columns
+            if c in new.columns
+        ),
         missing=tuple(c for c in golden.columns if c not in new.columns),
         extra=tuple(c for c in new.columns if c not in golden.columns),
         faults=tuple(
@@ -365,89 +407,6 @@ def compare(
             for which, t in (("golden", rows.missing), ("new", rows.extra))
             if len(t)
         ),
+        of=of,
         rows=rows,
-        bound=allowed,
-    )
-
-
-def ordered(found: Iterable[Deviation]) -> tuple[Deviation, ...]:
-    """Give the worst first, those that pass last."""
-    return tuple(sorted(found, key=lambda d: (d.passed, -d.ratio)))
-
-
-def _deviation(
-    column: str,
-    golden: Table,
-    new: Table,
-    rows: Matched,
-    allowed: Callable[[str, Floats, Floats], Floats],
-    *,
-    size: float | None,
-    exact: bool,
-) -> Deviation:
-    t, g, n = golden.t, golden[column], new[column]
-    aligned = rows.golden is rows.new
-    parts = []
-    for k in range(0, len(rows.golden), CELLS):
-        mine = slice(k, k + CELLS) if aligned else rows.golden[k : k + CELLS]
-        theirs = slice(k, k + CELLS) if aligned else rows.new[k : k + CELLS]
-        old, now = g[mine], n[theirs]
-        bound = allowed(column, old, now)
-        parts.append(
-            deviations(column, t[mine], old, now, bound, size=size, exact=exact)
-        )
-    return (
-        _joined(parts)
-        if parts
-        else Deviation(column, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0, None, 0)
-    )
-
-
-def deviations(
-    column: str,
-    t: Floats,
-    golden: Floats,
-    new: Floats,
-    bound: Floats,
-    *,
-    size: float | None = None,
-    exact: bool = False,
-) -> Deviation:
-    """Compare the values of a column (rows,), which are some.
-
-    Parameters
-    ----------
-    bound : ndarray, shape (rows,)
-        What each may differ by.
-    size
-        The worst is the largest difference, against this, and not against the bound.
-    exact
-        Tell 0 from -0.
-    """
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        difference = np.abs(new - golden)
-        difference[golden == new] = 0.0  # inf, too
-        wrong = ~(difference <= bound)
-        if exact:
-            wrong |= np.signbit(golden) != np.signbit(new)
-        ratio = difference / (bound if size is None else size)
-    ratio[difference == 0.0] = 0.0
-    ratio[np.isnan(ratio)] = math.inf
-    if wrong.any():
-        ratio[~wrong] = -1.0
-    k = int(np.argmax(ratio))
-    failed = np.flatnonzero(wrong)
-    return Deviation(
-        column, float(t[k]), float(golden[k]), float(new[k]), float(difference[k]),
-        float(bound[k]), float(ratio[k]),
-        float(t[failed[0]]) if len(failed) else None, len(failed),
-    )  # fmt: skip
-
-
-def _joined(parts: Sequence[Deviation]) -> Deviation:
-    """Give the worst of several stretches of a column."""
-    worst = ordered(parts)[0]
-    times = [d.first for d in parts if d.first is not None]
-    return replace(
-        worst, first=min(times, default=None), cells=sum(d.cells for d in parts)
     )

@@ -5,7 +5,7 @@ At the left both, at the right the size of their difference in the band of its b
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from lagsim.outputs.figure import (
     PENS,
     RIGHT,
     WIDTH,
-    Named,
     Pen,
     Picture,
     content,
@@ -26,15 +25,16 @@ from lagsim.outputs.figure import (
     mark,
     stack_height,
 )
-from lagsim.outputs.letters import Letters, raised
+from lagsim.outputs.letters import raised
 from lagsim.outputs.scale import log_scale, time_scale, value_scale
 from lagsim.run.observers.thinning import Thinning
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from lagsim.studies.comparison import Comparison, Deviation, Verdict
-    from lagsim.studies.tables import Table
+    from lagsim.language.arrays import Floats
+    from lagsim.outputs.letters import Letters
+    from lagsim.studies.comparison import Deviation, Verdict
 
 # So many columns are shown.
 MOST = 4
@@ -49,33 +49,6 @@ GOLDEN: Pen = {"color": PENS[1]["color"], "linewidth": 2.2}
 NEW, DIFFERENCE = PENS[0], BLACK
 BAND: Pen = {"color": "#009E73", "linewidth": 5.0}
 PLACE = mark("o", 4.0, PENS[2]["color"], "none")
-
-
-class Curve(NamedTuple):
-    """A column: its worst cell, its name and unit, its rows as `Thinning` keeps them.
-
-    Those are time, golden, new, apart, bound.
-    """
-
-    worst: Deviation
-    named: Named
-    rows: Thinning
-
-
-def picture(title: str, golden: Table, new: Table, found: Comparison) -> bytes:
-    """Draw the worst columns of a comparison; give a PNG."""
-    units = {**golden.units, **new.units}
-    letters = Letters(golden.columns)
-    curves = [
-        Curve(
-            d,
-            (letters.name(d.column), units.get(d.column, "")),
-            _series(d.column, golden, new, found),
-        )
-        for d in shown(found.worst)
-    ]
-    count, *first = told(found, letters)
-    return drawn(count, title, curves, first)
 
 
 def told(verdict: Verdict, letters: Letters) -> list[str]:
@@ -94,53 +67,61 @@ def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
     return [d for d in worst if d.column != "t"][:MOST] or worst[:1]
 
 
-def thinned() -> Thinning:
-    """Give what a curve's rows go into."""
-    return Thinning(("t", "golden", "new", "apart", "bound"), paths=())
-
-
 @in_house_style
-def drawn(
-    title: str, subject: str, curves: Sequence[Curve], notes: Sequence[str] = ()
+def picture(
+    title: str,
+    subject: str,
+    verdict: Verdict,
+    letters: Letters,
+    units: Mapping[str, str],
+    notes: Sequence[str] = (),
 ) -> bytes:
-    """Draw columns below each other, and notes; give a PNG."""
+    """Draw the worst columns below each other; give a PNG.
+
+    Parameters
+    ----------
+    letters, units
+        How names are written, and the units of columns.
+    """
+    columns = shown(verdict.worst)
     legend = [
         ("golden", GOLDEN), ("new", NEW), ("difference", DIFFERENCE), ("bound", BAND),
         ("worst", PLACE),
     ]  # fmt: skip
-    height = stack_height(len(curves), HEIGHT)
+    height = stack_height(len(columns), HEIGHT)
     found = Picture(height, title, subject, legend=legend, notes=notes)
-    widths, heights = [(WIDTH - 2 * LEFT - RIGHT) / 2] * 2, [HEIGHT] * len(curves)
+    widths, heights = [(WIDTH - 2 * LEFT - RIGHT) / 2] * 2, [HEIGHT] * len(columns)
     panels = found.panels(widths, heights, top=APART, across=LEFT, down=APART)
-    for (worst, (name, unit), rows), (both, off) in zip(curves, panels, strict=True):
-        (t, g), (_, n) = rows.series("golden"), rows.series("new")
+    for worst, (both, off) in zip(columns, panels, strict=True):
+        # An invariant is called after its column.
+        name, blank, more = worst.column.partition(" ")
+        unit = raised(units.get(name, ""))
+        t, g, n, bound = verdict.of(worst.column)
         time, below = time_scale(t), ("t", "s") if both is panels[-1][0] else NOTHING
-        up = name, raised(unit)
+        up = f"{letters.name(name)}{blank}{more}", unit
         frame(both, time, value_scale(g, n), below=below, up=up)
-        series(both, t, g, GOLDEN)
-        series(both, rows.series("new")[0], n, NEW)
+        for values, pen in ((g, GOLDEN), (n, NEW)):
+            series(both, *thinned(t, values), pen)
         # The size of the difference, and the band that it has to stay in.
-        (t, apart), (times, bound) = rows.series("apart"), rows.series("bound")
+        with np.errstate(invalid="ignore"):
+            apart = np.abs(n - g)
         scale = log_scale(apart, bound, margin=0.0, least=0.5)
         scale = scale._replace(low=max(scale.low, LEAST * scale.high))
-        frame(off, time, scale, below=below, up=("|new − golden|", raised(unit)))
+        frame(off, time, scale, below=below, up=("|new − golden|", unit))
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
+        times, bound = thinned(t, bound)
         off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
-        series(off, t, np.where(apart > 0.0, apart, np.nan), DIFFERENCE)
+        times, apart = thinned(t, apart)
+        series(off, times, np.where(apart > 0.0, apart, np.nan), DIFFERENCE)
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
     found.align_ylabels()
     return content(found)
 
 
-def _series(column: str, golden: Table, new: Table, found: Comparison) -> Thinning:
-    """Give what is drawn of a column, thinned."""
-    thin = thinned()
-    for k in range(0, len(found.rows.golden), ROWS):
-        mine = found.rows.golden[k : k + ROWS]
-        g, n = golden[column][mine], new[column][found.rows.new[k : k + ROWS]]
-        with np.errstate(invalid="ignore"):
-            limit = found.bound(column, g, n)
-            block = np.stack((golden.t[mine], g, n, np.abs(n - g), limit), 1)
-        thin.add(block)
-    return thin
+def thinned(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Give what a picture can show of values (rows,)."""
+    thin = Thinning(("t", "values"), paths=())
+    for k in range(0, len(t), ROWS):
+        thin.add(np.stack((t[k : k + ROWS], values[k : k + ROWS]), 1))
+    return thin.series("values")

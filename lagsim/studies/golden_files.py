@@ -18,7 +18,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.methods import method as method_named
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
-from lagsim.studies.comparison import Deviation, Verdict, deviations, ordered
+from lagsim.studies.comparison import Deviation, Pair, Verdict, ordered
 from lagsim.studies.golden import (
     DIGITS,
     SAME_TIME,
@@ -33,7 +33,7 @@ from lagsim.studies.tables import read_table
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.errors import Place
     from lagsim.language.arrays import Floats
@@ -206,25 +206,6 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Judgement(Verdict):
-    """The verdict on a run.
-
-    Attributes
-    ----------
-    notes : tuple of str
-        What has changed, and is no failure.
-    changed : tuple of str
-        Parameters and start values that are no longer those of the golden.
-    place : Place, optional
-        The line of the file that made the difference, as far as it is known.
-    """
-
-    notes: tuple[str, ...]
-    changed: tuple[str, ...] = ()
-    place: Place | None = None
-
-
 def run(case: Case, stored: Stored) -> Motion:
     """Run a model so that its rows lie at the golden's times."""
     spacing = float(stored.about["output_step"])
@@ -234,24 +215,22 @@ def run(case: Case, stored: Stored) -> Motion:
     return motion_of(other, stored.golden.stride)
 
 
-def judge(case: Case, motion: Motion, stored: Stored) -> Judgement:
+def judge(case: Case, motion: Motion, stored: Stored) -> Verdict:
     """Hold a motion against the golden of its model."""
-    golden, about = stored.golden, stored.about
-    found = _columns(motion, stored)
-    found += _invariants(case, motion, golden)
-    missing = tuple(c for c in golden.columns if c not in motion.columns)
+    golden, about, model = stored.golden, stored.about, case.equations.model
+    pairs = dict(_columns(motion, stored)) | dict(_invariants(case, motion, golden))
     known = about.get("columns", golden.columns)
-    changed, places = _changed(case.equations.model, about)
-    notes = _notes(case, motion, about, changed)
-    worst = ordered(found)
-    return Judgement(
+    changed, places = _changed(model, about)
+    worst = ordered(pair.deviation(name) for name, pair in pairs.items())
+    return Verdict(
         worst=worst,
-        missing=missing,
+        missing=tuple(c for c in golden.columns if c not in motion.columns),
         extra=tuple(c for c in motion.columns if c not in known),
         faults=tuple(_faults(motion, about)),
-        notes=tuple(notes),
+        of=pairs.__getitem__,
+        notes=tuple(_notes(case, motion, about, changed)),
         changed=tuple(changed or ()),
-        place=next(iter([*places, *_about(case.equations.model, worst)]), None),
+        place=next(iter([*places, *_about(model, worst)]), None),
     )
 
 
@@ -301,38 +280,29 @@ def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     return found
 
 
-def aligned(motion: Motion, stored: Stored) -> Floats:
-    """Give the rows (k, columns) of a motion that belong to those of a golden."""
-    golden = stored.golden
+def _columns(motion: Motion, stored: Stored) -> Iterator[tuple[str, Pair]]:
+    """Give each column of both, in the rows of the golden."""
+    golden, t = stored.golden, stored.golden.rows[:, 0]
     near = SAME_TIME * float(stored.about["output_step"])
-    return motion.at(golden.rows[:, 0], near, ends=golden.horizon is None)
-
-
-def _columns(motion: Motion, stored: Stored) -> list[Deviation]:
-    golden, rows = stored.golden, aligned(motion, stored)
-    t = golden.rows[:, 0]
-    near = SAME_TIME * float(stored.about["output_step"])
-    found = []
+    rows = motion.at(t, near, ends=golden.horizon is None)
     for k, name in enumerate(golden.columns):
         if name in motion.columns:
-            new = rows[:, motion.columns.index(name)]
             bounds = golden.bounds(name)
             if name == "t":  # the same times as far as they were looked for
                 bounds = bounds + np.where(paired(t), 0.0, near)
-            found.append(deviations(name, t, golden.rows[:, k], new, bounds))
-    return found
+            new = rows[:, motion.columns.index(name)]
+            yield name, Pair(t, golden.rows[:, k], new, bounds)
 
 
-def _invariants(case: Case, motion: Motion, golden: Golden) -> list[Deviation]:
-    now = invariants(case.equations, motion)
-    found = []
+def _invariants(
+    case: Case, motion: Motion, golden: Golden
+) -> Iterator[tuple[str, Pair]]:
+    """Give each invariant of both, in all rows of the motion."""
+    now, t = invariants(case.equations, motion), motion.rows[:, 0]
     for name, kept in golden.invariants.items():
-        values = now.get(name)
-        if values is not None:
-            value, bound = (np.full(len(values), x) for x in (kept.value, kept.bound))
-            label = f"{name}{CONSTANT}"
-            found.append(deviations(label, motion.rows[:, 0], value, values, bound))
-    return found
+        if name in now:
+            value, bound = (np.full(len(t), x) for x in (kept.value, kept.bound))
+            yield f"{name}{CONSTANT}", Pair(t, value, now[name], bound)
 
 
 def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
@@ -377,40 +347,17 @@ def _notes(
     return notes
 
 
-def picture(case: Case, motion: Motion, stored: Stored, judgement: Judgement) -> bytes:
-    """Draw the worst columns of a judgement; give a PNG."""
+def picture(case: Case, verdict: Verdict) -> bytes:
+    """Draw the worst columns of a verdict on a run; give a PNG."""
     from lagsim.outputs.letters import letters_of
     from lagsim.outputs.units import of_table
-    from lagsim.studies.comparison_chart import Curve, drawn, shown, thinned, told
-
-    golden = stored.golden
-    rows, t = aligned(motion, stored), golden.rows[:, 0]
-    now = invariants(case.equations, motion)
-
-    def values(column: str) -> tuple[Floats, Floats, Floats, Floats]:
-        """Give times, golden, new and bound (k,)."""
-        name = column.removesuffix(CONSTANT)
-        if name == column:
-            old = golden.rows[:, golden.columns.index(name)]
-            new = rows[:, motion.columns.index(name)]
-            return t, old, new, golden.bounds(name)
-        kept, times = golden.invariants[name], motion.rows[:, 0]
-        old, bound = (np.full(len(times), x) for x in (kept.value, kept.bound))
-        return times, old, now[name], bound
+    from lagsim.studies import comparison_chart
 
     model = case.equations.model
-    letters = letters_of(model)
-    of = of_table(case.equations, golden.columns)
-    curves = []
-    for deviation in shown(judgement.worst):
-        times, old, new, bound = values(deviation.column)
-        kept = thinned()
-        with np.errstate(invalid="ignore"):
-            kept.add(np.stack((times, old, new, np.abs(new - old), bound), 1))
-        name = deviation.column.removesuffix(CONSTANT)
-        constant = CONSTANT if name != deviation.column else ""
-        named = f"{letters.name(name)}{constant}", of.get(name, "")
-        curves.append(Curve(deviation, named, kept))
-    subject = ", ".join(told(judgement, letters))
+    columns = [d.column.partition(" ")[0] for d in verdict.worst]
+    letters, units = letters_of(model), of_table(case.equations, columns)
+    subject = ", ".join(comparison_chart.told(verdict, letters))
     title = f"{model.name} differs from its golden"
-    return drawn(title, subject, curves, judgement.changed)
+    return comparison_chart.picture(
+        title, subject, verdict, letters, units, verdict.changed
+    )
