@@ -8,7 +8,7 @@ methods. What these runs differ by is what a run elsewhere may differ by.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
+from lagsim.outputs.units import told
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import kind, moved, nearest, partners, scales
 
@@ -241,7 +242,8 @@ def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
         theirs = other.rows[befores(other.rows[:, 0]), 0]
         common = partners(common, theirs)[:, 0]
     ends = np.isin(np.arange(len(t)), (0, len(t) - 1))
-    kept = ends | ~(_reached(t, times, reach) | paired(t))
+    reached = np.any(np.abs(t[:, None] - times) <= reach, axis=1)
+    kept = ends | ~(reached | paired(t))
     first = np.flatnonzero(befores(t) & np.isin(t, common))
     apart = AT_ONCE * spacing
     alone = [
@@ -254,14 +256,6 @@ def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
     for k in np.linspace(0, len(alone) - 1, min(MOST_IMPACTS, len(alone))):
         kept[alone[round(k)] : alone[round(k)] + 2] = True
     return [int(k) for k in np.flatnonzero(kept)]
-
-
-def _reached(t: Floats, times: Floats, reach: Floats) -> Flags:
-    """Tell which times (k,) are within the reach of an event."""
-    found = np.zeros(len(t), bool)
-    for time, near in zip(times, reach, strict=True):
-        found |= np.abs(t - time) <= near
-    return found
 
 
 BALANCE = "energy - work"
@@ -337,8 +331,7 @@ LEAVE_OUT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Invariant:
+class Invariant(NamedTuple):
     """What a motion keeps: its value, and how far from it any row may be."""
 
     value: float
@@ -381,7 +374,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     """Run a model and its variants; give its golden, and the run it was made from."""
     spacing = case.settings.output_step
     span = case.settings.duration / spacing
-    stride = _stride(int(span) + 2, _columns(case))
+    stride = _stride(int(span) + 2, case.ready().system.columns.table)
     base = motion_of(case, stride)
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
@@ -391,7 +384,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     near = SAME_TIME * spacing
     with np.errstate(invalid="ignore"):
         apart = _apart(rows, base, others, near) + _floors(case, base, rows)
-    sizes = scales(base.columns, rows.T, units(case))
+    sizes = scales(base.columns, rows.T, told(case.equations, base.columns))
     moving = [
         base.columns.index(name)
         for name in (*case.equations.q, *case.equations.velocities)
@@ -419,23 +412,6 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     return Golden(names, rows[:, chosen], steps, horizon, kept, stride), base
 
 
-def units(case: Case) -> dict[str, str]:
-    """Give the units of coordinates and definitions, and of their rates."""
-    model = case.equations.model
-    found = {d.name: d.unit for d in model.definitions}
-    for c in model.coordinates:
-        rates = {f"{c.name}_dot": f"{c.unit}/s", f"{c.name}_ddot": f"{c.unit}/s^2"}
-        found |= {c.name: c.unit} | (rates if c.unit else {})
-    return found
-
-
-def _columns(case: Case) -> int:
-    """Give about how many columns the table has."""
-    e = case.equations
-    n, m = len(e.q), len(e.rows)
-    return 4 + 3 * n + len(e.model.output.columns) + (2 * m + n if m else 0)
-
-
 def _stride(rows: int, columns: int) -> int:
     wanted = min(MOST_ROWS, max(LEAST_ROWS, MOST_CELLS // min(columns, MOST_COLUMNS)))
     return max(1, -(-rows // wanted))
@@ -452,19 +428,19 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     }
     first = [name for name in columns if name not in derived]
     rest = [name for name in columns if name in derived]
-    if len(first) >= MOST_COLUMNS:
-        every = -(-len(first) // MOST_COLUMNS)
-        wanted = {"t", *first[1::every]}
-    else:
-        every = -(-len(rest) // (MOST_COLUMNS - len(first)))
-        wanted = {*first, *rest[::every]}
+    wanted = {*_some(first, MOST_COLUMNS), *_some(rest, MOST_COLUMNS - len(first))}
     return tuple(name for name in columns if name in wanted)
+
+
+def _some(names: Sequence[str], most: int) -> Sequence[str]:
+    """Give at most so many, evenly, the first among them."""
+    return names[:: -(-len(names) // most)] if most > 0 and names else []
 
 
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
-    of = units(case)
+    of = told(case.equations, base.columns[1:])
     sizes = scales(base.columns, rows.T, of)
     alone = sizes.copy()
     for k, name in enumerate(base.columns):

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -47,8 +46,7 @@ PATIENCE_SECONDS = 10.0
 MOST_DIGITS = 17
 
 
-@dataclass(frozen=True)
-class Stored:
+class Stored(NamedTuple):
     """A golden with what its JSON says of the run it was made from."""
 
     golden: Golden
