@@ -101,13 +101,15 @@ class ErrorBar(NamedTuple):
         told = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})
         return [(float(self.times[k]), float(reached[k])) for k in told]
 
+    def lost_by(self, errors: Floats) -> Floats:
+        """Give errors (n,) or (k, n) as parts of what can be lost."""
+        still = 0.0 if self.still is None else self.still
+        return _parts(errors, np.fmax(self.scales, still))
+
     @property
     def lost(self) -> Floats:
         """The largest error in each row (k,), as parts of what can be lost."""
-        still = 0.0 if self.still is None else self.still
-        return np.asarray(
-            np.max(_parts(self.errors, np.fmax(self.scales, still)), axis=1)
-        )
+        return np.asarray(np.max(self.lost_by(self.errors), axis=1))
 
     @property
     def horizon(self) -> float | None:

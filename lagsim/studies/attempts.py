@@ -268,13 +268,12 @@ class Attempts:
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:
         """Let the first attempt set the allowance; take from it what others cost."""
-        from lagsim.studies.error_bar import Allowance, Price
+        from lagsim.studies.error_bar import Allowance, Repeat
 
         if self.allowance is None:
             self.allowance = Allowance(session.system, trajectory)
         else:
-            price = Price(session.system, session.plan.method, PER_STEP)
-            self.allowance.take(price, trajectory)
+            self.allowance.take(Repeat(session), trajectory)
 
     def _error_bar(
         self, session: Session, trajectory: Trajectory, checkpoints: Checkpoints
@@ -319,7 +318,7 @@ class Attempts:
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
         """Give other means than those of an attempt that is in doubt."""
         from lagsim.notes import Choice
-        from lagsim.studies.error_bar import Price, by_other_means
+        from lagsim.studies.error_bar import Repeat, by_other_means
 
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)
@@ -330,18 +329,16 @@ class Attempts:
         least = (trajectory.end - trajectory.start) / longest
         worth = trajectory.statistics.evaluations / PER_STEP
         most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
-        price = Price(way.system, way.plan.method, PER_STEP)
+        second = Repeat(way, PER_STEP)
         assert self.allowance is not None
-        most = max(1, self.allowance.most(price, most))
+        way = second.limited(max(1, self.allowance.most(second, most))).session
         rtol = "" if way.plan.rtol is None else f" at rtol {way.plan.rtol:.2g}"
         choice = Choice(
             f"repeated: {way.plan.method}{rtol}, steps up to {longest:.3g}",
             f"{before.method} fails from t = {finding.time:.9g} on: {finding.text}",
         )
         plan = replace(way.plan, choices=(*before.choices, choice))
-        return way._replace(
-            plan=plan, longest_step=longest, most_steps=most, arc_steps=price.arc
-        )
+        return way._replace(plan=plan, longest_step=longest)
 
 
 def _judged(attempt: Attempt, finding: Finding | None) -> Attempt:

@@ -19,7 +19,7 @@ itself sets.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -197,27 +197,40 @@ def own_cost(system: System, trajectory: Trajectory) -> float:
     return trajectory.statistics.evaluations * cost(system, system.plan.method)
 
 
-class Price(NamedTuple):
-    """What a step by some means costs, and an arc, in operations."""
+class Repeat(NamedTuple):
+    """Other means of making a run, and the evaluations that a step takes."""
 
-    system: System
-    method: str
-    per_step: float
+    session: Session
+    per_step: float = PER_STEP
+
+    @property
+    def evaluation(self) -> float:
+        """What an evaluation costs, in operations, as all prices are."""
+        return cost(self.session.system, self.session.plan.method)
 
     @property
     def step(self) -> float:
-        """Of a step."""
-        return self.per_step * cost(self.system, self.method)
+        """What a step costs."""
+        return self.per_step * self.evaluation
 
-    @property
-    def arc(self) -> float:
-        """Of an arc, in steps."""
-        return ARC / self.step
+    def limited(self, most: int) -> Repeat:
+        """Give them with so many steps at most; arcs count as some, where steps do."""
+        arc = ARC / self.step if most < MOST_STEPS else 0.0
+        way = self.session._replace(most_steps=most, arc_steps=arc)
+        return self._replace(session=way)
 
-    def of(self, trajectory: Trajectory) -> float:
-        """Of a run."""
-        made = trajectory.statistics
-        return made.evaluations * cost(self.system, self.method) + ARC * made.arcs
+    def made(
+        self,
+        kept: Checkpoints,
+        allowance: Allowance,
+        judge: Callable[[Session], Judge] | None,
+        **more: Any,
+    ) -> tuple[Trajectory, Judge | None]:
+        """Make it; take its price from the allowance; give it, and what judges it."""
+        own = None if judge is None else judge(self.session)
+        found = self.session.run([kept, *([own] if own else [])], **more)
+        allowance.take(self, found)
+        return found, own
 
 
 class Allowance:
@@ -227,32 +240,22 @@ class Allowance:
         arcs = ARC * trajectory.statistics.arcs
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
-    def steps(self, price: Price, system: System, trajectory: Trajectory) -> int:
+    def steps(self, other: Repeat, system: System, trajectory: Trajectory) -> int:
         """Give how many steps a repeat of a run by `system` may make."""
         own = own_cost(system, trajectory)
         most = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
         most += MOST_ARCS * ARC * trajectory.statistics.arcs
-        return int(min(most, self.left) / price.step)
+        return int(min(most, self.left) / other.step)
 
-    def most(self, price: Price, steps: int) -> int:
+    def most(self, other: Repeat, steps: int) -> int:
         """Give how many of so many steps may be made."""
-        return min(steps, int(self.left / price.step))
+        return min(steps, int(self.left / other.step))
 
-    def take(self, price: Price, trajectory: Trajectory) -> None:
+    def take(self, other: Repeat, trajectory: Trajectory) -> None:
         """Take what a run by such means has cost."""
-        self.left = max(0.0, self.left - price.of(trajectory))
-
-
-class Repeat(NamedTuple):
-    """Other means of making a run, and the evaluations that a step takes."""
-
-    session: Session
-    per_step: float = PER_STEP
-
-    @property
-    def price(self) -> Price:
-        """What it costs."""
-        return Price(self.session.system, self.session.plan.method, self.per_step)
+        made = trajectory.statistics
+        price = made.evaluations * other.evaluation + ARC * made.arcs
+        self.left = max(0.0, self.left - price)
 
 
 def has_same_steps(
@@ -410,32 +413,26 @@ def repeat(
     allowance = allowance or Allowance(system, trajectory)
     found = Failed("no other method can repeat the run")
     for other in by_other_means(session, trajectory):
-        price, way = other.price, other.session
-        most = allowance.steps(price, system, trajectory)
-        way, again = _spaced(way, checkpoints)
-        limits = (MOST_STEPS, 0.0) if always else (most, price.arc)
-        way = way._replace(most_steps=limits[0], arc_steps=limits[1])
-        own = None if judge is None else judge(way)
-        repeated = way.run(
-            [again, *([own] if own else [])], interrupt=interrupt, progress=progress
+        way, again = _spaced(other, checkpoints)
+        most = MOST_STEPS if always else allowance.steps(way, system, trajectory)
+        repeated, own = way.limited(most).made(
+            again, allowance, judge, interrupt=interrupt, progress=progress
         )
-        allowance.take(price, repeated)
+        plan = way.session.plan
         if repeated.outcome is Outcome.INTERRUPTED:
             return "the repeat was interrupted"
         fault = own.fault(repeated) if own else ""
         if fault:
-            text = f"a repeat by {way.plan.method} is not valid itself: {fault}"
+            text = f"a repeat by {plan.method} is not valid itself: {fault}"
             found = Failed(text)
             continue
-        if has_same_steps(session.plan, trajectory, way.plan, repeated):
-            found = Failed(
-                f"a repeat by {way.plan.method} took the same steps as the run"
-            )
+        if has_same_steps(session.plan, trajectory, plan, repeated):
+            found = Failed(f"a repeat by {plan.method} took the same steps as the run")
             continue
         if _is_comparable(trajectory, repeated):
             runs = trajectory, repeated
-            return _compared(case, runs, way.plan, checkpoints, again)
-        where = f"{way.plan.method} ended at t = {repeated.end:.6g}"
+            return _compared(case, runs, plan, checkpoints, again)
+        where = f"{plan.method} ended at t = {repeated.end:.6g}"
         found = Failed(f"a repeat did not finish: {where}")
     return found
 
@@ -458,16 +455,13 @@ def is_outlier(
     other = next(by_other_means(session, trajectory), None)
     if other is None:
         return False
-    system, price = session.system, other.price
-    way, third = _spaced(other.session, checkpoints)
-    plan = tightened(way.plan, TIGHTER)
-    allowance = allowance or Allowance(system, trajectory)
-    way = way._replace(plan=plan, longest_step=GOLDEN * GOLDEN * way.longest_step,
-        most_steps=allowance.steps(price, system, trajectory), arc_steps=price.arc,
-    )  # fmt: skip
-    own = None if judge is None else judge(way)
-    made = way.run([third, *([own] if own else [])], interrupt=interrupt)
-    allowance.take(price, made)
+    other, third = _spaced(other, checkpoints)
+    way, allowance = other.session, allowance or Allowance(session.system, trajectory)
+    longest = GOLDEN * GOLDEN * way.longest_step
+    way = way._replace(plan=tightened(way.plan, TIGHTER), longest_step=longest)
+    other = other._replace(session=way)
+    other = other.limited(allowance.steps(other, session.system, trajectory))
+    made, own = other.made(third, allowance, judge, interrupt=interrupt)
     if own and own.fault(made):
         return False
     found = third.numbered
@@ -475,10 +469,8 @@ def is_outlier(
     if len(alike) < len(bar.repeated):
         return False
     n = len(session.case.equations.q)
-    scales = bar.scales if bar.still is None else np.fmax(bar.scales, bar.still)
     apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
-    parts = np.divide(apart, scales, out=np.zeros(n), where=scales > 0.0)
-    return bool(np.max(parts) < ALIKE * np.max(bar.lost))
+    return bool(np.max(bar.lost_by(apart)) < ALIKE * np.max(bar.lost))
 
 
 def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
@@ -489,14 +481,14 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
     return repeated.end >= trajectory.end - 1e-6 * span
 
 
-def _spaced(session: Session, checkpoints: Checkpoints) -> tuple[Session, Checkpoints]:
-    """Give a session with the rows of a repeat, and what keeps those to compare."""
-    count = len(checkpoints.rows)
+def _spaced(other: Repeat, checkpoints: Checkpoints) -> tuple[Repeat, Checkpoints]:
+    """Give other means with the rows of a repeat, and what keeps those to compare."""
+    count, case = len(checkpoints.rows), other.session.case
     finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
-    spacing = checkpoints.stride * session.case.settings.output_step / finer
-    fine = session.asking(output_step=spacing)
-    n = len(fine.case.equations.q)
-    return fine, Checkpoints(n, fine.case.settings, finer)
+    spacing = checkpoints.stride * case.settings.output_step / finer
+    fine = other.session.asking(output_step=spacing)
+    kept = Checkpoints(len(case.equations.q), fine.case.settings, finer)
+    return other._replace(session=fine), kept
 
 
 def _compared(

@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 from lagsim.model.reader import read
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.error_bar import Allowance, Price
+from lagsim.studies.error_bar import Allowance, Repeat
 from tests.studies.error_bar.test_error_bar import PENDULUM, barred
 from tests.support import run
 
@@ -43,7 +43,7 @@ def test_all_repeats_together_stay_within_the_allowance():
     found = run(PENDULUM)
     allowance = Allowance(found.system, found.trajectory)
     before = allowance.left
-    price = Price(found.system, found.plan.method, 15.0)
+    price = Repeat(found.session)
     assert allowance.steps(price, found.system, found.trajectory) > 1000
     allowance.take(price, found.trajectory)
     assert before > allowance.left > 0.0
