@@ -6,8 +6,7 @@ import math
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._closing import progress_bar
-from lagsim.cli._shared import coloured, counted
+from lagsim.cli._shared import coloured, counted, progress_bar
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import commit, sorted_out
 from lagsim.errors import Problem

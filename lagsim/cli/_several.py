@@ -9,9 +9,14 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from lagsim.cli._closing import progress_bar
 from lagsim.cli._faults import BUG, errors_document, faults_shown, unforeseen
-from lagsim.cli._shared import aligned, assignments, coloured, show_json
+from lagsim.cli._shared import (
+    aligned,
+    assignments,
+    coloured,
+    progress_bar,
+    show_json,
+)
 from lagsim.cli._streams import complain, say
 from lagsim.errors import InputError, Problem
 from lagsim.run.interrupt import Interrupt, Terminated
@@ -36,13 +41,12 @@ class Job(Protocol):
         overrides: Mapping[str, str],
         options: Mapping[str, str],
     ) -> int:
-        """Do it; give the exit code."""
+        """Run it; give the exit code."""
 
 
 class Piece(NamedTuple):
-    """A model that is to be run, and how; `job` makes the job of it."""
+    """A model that is to be run into a folder; `job` makes the job of it."""
 
-    name: str
     text: str
     file: str
     folder: Path
@@ -53,14 +57,14 @@ class Piece(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What came of a model: exit code, documents, what was printed on stderr.
+    """What came of a model: exit code, documents, and what was printed on stderr.
 
     Of `documents` the first is run.json, where the code is not one of REFUSED.
     """
 
     code: int
     documents: Sequence[Any]
-    told: str
+    printed: str
 
 
 def done(piece: Piece, interrupt: Interrupt) -> Done:
@@ -106,7 +110,7 @@ class Batch:
         self.as_json, self.quiet = as_json, quiet
         self.names = [Path(path).name for path in paths]
         self.found: dict[int, Done] = {}
-        self._told = 0
+        self._reported = 0
 
     def run(
         self, sets: Sequence[str] | None, options: Mapping[str, str], jobs: int | None
@@ -120,15 +124,19 @@ class Batch:
             for document in refused:
                 show_json(document)
             return code[-1]
-        interrupt = Interrupt()
+        interrupt, numbers = Interrupt(), list(pieces)
         with interrupt.noted(), progress_bar("models", quiet=self.quiet) as progress:
-            numbers = list(pieces)
             for k, found in spread(done, pieces.values(), jobs or cores(), interrupt):
                 number = numbers[k]
-                self._keep(number, _lost(self.paths[number], found))
+                if isinstance(found, Died):
+                    died = Problem("failed", found.reason, hint=self.paths[number])
+                    lost = Done(BUG, [errors_document([died])], found.reason)
+                    self._keep(number, lost)
+                else:
+                    self._keep(number, found)
                 if progress is not None:
                     progress(len(self.found) / len(self.paths))
-        self._tell(len(self.paths))
+        self._report(len(self.paths))
         if self.as_json:
             listed = [self.found[k].documents for k in sorted(self.found)]
             show_json([document for own in listed for document in own[:1]])
@@ -164,30 +172,32 @@ class Batch:
                 self._keep(k, Done(code[-1], documents, heard.getvalue()))
                 continue
             if name in first:
-                raise _twins(name, first[name], path)
+                one = f"{first[name]} and {path} have one name, `{name}`, and so one"
+                hint = "give one of them another `name`, or run them one by one with -o"
+                raise InputError([Problem("one-name", f"{one} folder", hint=hint)])
             first[name] = path
             pieces[k] = Piece(
-                name, text, file, self.folder / name, overrides, options, self.job,
+                text, file, self.folder / name, overrides, options, self.job,
                 self.as_json,
             )  # fmt: skip
         return pieces
 
     def _keep(self, number: int, found: Done) -> None:
-        """Keep what came of a model; tell what is known of the first of them."""
+        """Keep what came of a model; report what is known of the first of them."""
         self.found[number] = found
-        known = self._told
+        known = self._reported
         while known in self.found:
             known += 1
-        self._tell(known)
+        self._report(known)
 
-    def _tell(self, end: int) -> None:
+    def _report(self, end: int) -> None:
         """Print what models before `end` have printed, each with its name, in order."""
-        for k in range(self._told, end):
-            if k in self.found and self.found[k].told:
-                told = textwrap.indent(self.found[k].told.rstrip("\n"), "  ")
+        for k in range(self._reported, end):
+            if k in self.found and self.found[k].printed:
+                text = textwrap.indent(self.found[k].printed.rstrip("\n"), "  ")
                 complain(f"{self.paths[k]}:")
-                complain(told, again=True)
-        self._told = end
+                complain(text, again=True)
+        self._reported = end
 
     def _summary(self) -> str:
         """Give a line for each model, and how many are done."""
@@ -216,17 +226,3 @@ def _row(found: Done | None) -> tuple[str, ...]:
         f"{record['energy_drift']:.1g}",
         f"{sum(record['timings'].values()):.2f}",
     )
-
-
-def _lost(path: str, found: Done | Died) -> Done:
-    """Give what is known of a model whose process died."""
-    if isinstance(found, Done):
-        return found
-    died = Problem("failed", found.reason, hint=path)
-    return Done(BUG, [errors_document([died])], found.reason)
-
-
-def _twins(name: str, first: str, second: str) -> InputError:
-    text = f"{first} and {second} have one name, `{name}`, and so one folder"
-    hint = "give one of them another `name`, or run them one by one with -o"
-    return InputError([Problem("one-name", text, hint=hint)])

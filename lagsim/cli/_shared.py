@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+import time
 from enum import Enum
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,7 +17,7 @@ from lagsim.errors import InputError, Problem, visible
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
 ModelPath = Annotated[
     str, typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
@@ -167,3 +169,35 @@ def aligned(rows: Sequence[Sequence[str]], lefts: int = 1, indent: str = "  ") -
         ]
         lines.append((indent + "  ".join(cells)).rstrip())
     return "\n".join(lines)
+
+
+# Runs that last longer than this show a progress bar on a terminal.
+PATIENCE_SECONDS = 1.0
+
+
+@contextlib.contextmanager
+def progress_bar(
+    label: str, *, quiet: bool
+) -> Iterator[Callable[[float], None] | None]:
+    """Give what is to be called with the fraction done; None without a terminal.
+
+    It ends where it stands: at 100 % if that was called with 1.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    began = time.perf_counter()
+    shown: list[Any] = []
+
+    def update(fraction: float) -> None:
+        if not shown and time.perf_counter() - began > PATIENCE_SECONDS:
+            shown.append(typer.progressbar(length=1000, label=label, file=sys.stderr))
+            shown[0].__enter__()
+        if shown:
+            shown[0].update(int(1000 * fraction) - shown[0].pos)
+
+    try:
+        yield update
+    finally:
+        if shown:
+            shown[0].__exit__(None, None, None)

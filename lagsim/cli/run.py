@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import math
 import time
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
-from lagsim.cli._closing import progress_bar, summary
 from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
     AsJson,
@@ -22,42 +22,54 @@ from lagsim.cli._shared import (
     Sets,
     Strict,
     assignments,
+    coloured,
+    counted,
     output_folder,
+    progress_bar,
     refused,
     show_json,
+    table,
 )
 from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
-from lagsim.cli._writing import (
-    Later,
-    ask_for_room,
-    commit,
-    cut_short,
-    draw_all,
-    filled,
-    finish,
-    open_table,
-    tell_of_replaced,
-)
+from lagsim.cli._writing import commit
+from lagsim.codes import failure
 from lagsim.errors import InputError, Problem
+from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names, options
 from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.model.reader import read
 from lagsim.native.link.ahead import helped
 from lagsim.outputs import Format
+from lagsim.outputs.manifest import encode
 from lagsim.outputs.packed import check_format
-from lagsim.outputs.results import MANIFEST, RESTART, open_results
+from lagsim.outputs.results import (
+    MANIFEST,
+    RESTART,
+    open_results,
+    refuse_without_room,
+    replaced,
+)
+from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import Attempts, ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from lagsim.model.model import Model
+    from lagsim.notes import Event
+    from lagsim.outputs.attempted import Made
     from lagsim.outputs.results import Results
+    from lagsim.outputs.table import TableWriter, Writer
+    from lagsim.run.apart import Apart
+    from lagsim.run.arcs import Run
+    from lagsim.run.error import ErrorBar as Estimate
+    from lagsim.run.observers import Relay
     from lagsim.run.session import Session
+    from lagsim.run.trajectory import Trajectory
     from lagsim.studies.attempts import Attempt
     from lagsim.studies.drawing import Draw
     from lagsim.studies.restart import Restart
@@ -181,6 +193,10 @@ def command(
 
 # Where results go by default.
 RESULTS = Path("results")
+# What a run has come to is kept from then on, for `--resume`; shorter ones begin again.
+KEPT_AFTER_SECONDS = 3.0
+# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+MANY = 1_000_000
 
 
 class Wish(NamedTuple):
@@ -249,7 +265,7 @@ class Job:
             session, quiet = self._ready(model), self.wish.quiet
         model = session.case.equations.model
         folder = self.folder or RESULTS / model.name
-        ask_for_room(session, folder, self.wish.table, quiet=quiet)
+        self._ask_for_room(session, folder)
         restart = partial(self._restart, folder, model.sha256, wishes)
         known = restart() if self.wish.resume else None
         first = None if known is None else known.rescue
@@ -277,47 +293,108 @@ class Job:
         identity = {"model text": sha256, "set of options": options}
         return Restart(folder, wish.table.file, identity)
 
+    def _ask_for_room(self, session: Session, folder: Path) -> None:
+        """Refuse a table that fills the disk, before it is computed.
+
+        Raises
+        ------
+        InputError
+        """
+        settings, columns = session.case.settings, session.system.columns.table
+        if settings.duration / settings.output_step * columns < MANY:
+            return
+        ends = session.case.equations.model.until is not None
+        form = self.wish.table
+        warning = refuse_without_room(folder, form, settings, columns, ends=ends)
+        if warning and not self.wish.quiet:
+            complain(f"warning: {warning}")
+
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
+        """Integrate, and write table, events, record and pictures; give the code."""
         wish, interrupt = self.wish, self.interrupt
         units = of_table(session.case.equations, session.system.columns.of_table)
-        table = open_table(results, wish.table, units, show_units=wish.show_units)
-        with table as writer, interrupt.noted():
+        try:
+            path = results.part(wish.table.file)
+            writer = table_writer(wish.table, path, units, show_units=wish.show_units)
+        except OSError as error:
+            raise results.unusable(error) from None
+        with contextlib.closing(writer), interrupt.noted():
             joined = None
             if wish.table is Format.CSV:
-                joined = partial(Later(writer, restart), at_once=wish.resume)
+                joined = partial(_Keeping(writer, restart), at_once=wish.resume)
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=wish.error_bars,
                 thinned=wish.plots is not None, animated=wish.animate,
                 progress=partial(progress_bar, quiet=wish.quiet), joined=joined,
             ).best(session)  # fmt: skip
-            lost = finish(writer, results, wish.table)
-            full = lost or found.fault
-            if not full and session.lists_events:
-                from lagsim.studies.drawing import events
-
-                full = filled(results, events(found))
-            cautions = found.cautions()
-            self.clock.lap("output")
-            files = [*results.names, MANIFEST]
-            document = found.record(cautions, self.clock.timings, files)
-            if results.folder == RESULTS / document["model"]["name"]:
-                tell_of_replaced(results, document)
-            if not full and (wish.plots or wish.animate):
-                from lagsim.studies.drawing import drawings
-
-                form = (wish.plots or Picture.PNG).value
-                more = drawings(found, found.thin, found.frames, form, self._draw)
-                full = draw_all(results, document, more, interrupt, self.clock)
-            if full:
-                document |= cut_short(writer, found, full, lost=lost is not None)
-            document["sha256"] = results.digests()
-            commit(results, document, {})
-            if not full and document["outcome"] != "interrupted":
-                results.forget()
+            document, full = self._write(found, results, writer)
         self._report(found, document, results.folder)
         return self._code(found, document, full)
+
+    def _write(
+        self, found: Attempt, results: Results, writer: Writer
+    ) -> tuple[dict[str, Any], OSError | None]:
+        """Write what was found; give the record, and what kept a file out."""
+        wish, lost = self.wish, None
+        try:
+            writer.finish()
+        except OSError as error:
+            results.drop(wish.table.file)
+            lost = error
+        full = lost or found.fault
+        if not full and found.session.lists_events:
+            from lagsim.studies.drawing import events
+
+            full = _filled(results, events(found))
+        cautions = found.cautions()
+        self.clock.lap("output")
+        files = [*results.names, MANIFEST]
+        document = found.record(cautions, self.clock.timings, files)
+        if results.folder == RESULTS / document["model"]["name"]:
+            before = results.before()
+            caution = before and replaced(before, document, results.folder)
+            document["warnings"] += [caution.record] if caution else []
+        if not full and (wish.plots or wish.animate):
+            full = self._draw_all(found, results, document)
+        if full:
+            document |= _cut_short(writer, found, full, lost=lost is not None)
+        document["sha256"] = results.digests()
+        commit(results, document, {})
+        if not full and document["outcome"] != "interrupted":
+            results.forget()
+        return document, full
+
+    def _draw_all(
+        self, found: Attempt, results: Results, document: dict[str, Any]
+    ) -> OSError | None:
+        """Add page and pictures; give what kept one from being written.
+
+        The table and the record are in their places before: whatever becomes of
+        pictures, rows are there. A signal ends the drawing: pictures can be drawn
+        again.
+        """
+        from lagsim.studies.drawing import drawings
+
+        form = (self.wish.plots or Picture.PNG).value
+        made = drawings(found, found.thin, found.frames, form, self._draw)
+        # Where there is no room for that, pictures will say so.
+        with contextlib.suppress(OSError):
+            results.stand(encode(document | {"sha256": results.digests()}))
+        try:
+            self.interrupt.cut(
+                lambda: document["warnings"].extend(
+                    caution.record for caution in results.fill(made)
+                )
+            )
+        except OSError as error:
+            return error
+        finally:
+            self.clock.lap("plots")
+            document["timings"] = self.clock.rounded()
+            document["files"] = [*results.names, MANIFEST]
+        return None
 
     def _code(
         self, found: Attempt, document: Mapping[str, Any], full: OSError | None
@@ -357,3 +434,185 @@ class Job:
             self.documents.append(document)
         elif not self.wish.quiet:
             say(summary(found, document, folder))
+
+
+class _Keeping:
+    """Has a run kept from some seconds on; before, nothing for that is loaded."""
+
+    def __init__(self, writer: Writer, made: Callable[[], Restart]) -> None:
+        self.writer, self.made = writer, made
+
+    def __call__(
+        self, run: Run | Apart, *, relay: Relay, session: Session, at_once: bool = False
+    ) -> None:
+        """Take a run that is about to begin; or put it where another was."""
+        due = time.monotonic() + KEPT_AFTER_SECONDS
+
+        def tick(run: Run | Apart) -> None:
+            if at_once or time.monotonic() > due:
+                from lagsim.studies.restart import Kept
+
+                writer = cast("TableWriter", self.writer)
+                self.made().join(run, Kept(session, relay, writer))
+
+        if at_once:
+            tick(run)
+        else:
+            run.tick = tick
+
+
+def _filled(results: Results, made: Iterable[Made]) -> OSError | None:
+    """Write files of numbers; give what kept one from being written."""
+    try:
+        list(results.fill(made))
+    except OSError as error:
+        return error
+    return None
+
+
+def _cut_short(
+    writer: Writer, made: Attempt, full: OSError, *, lost: bool
+) -> dict[str, Any]:
+    """Give what run.json says of a run whose results did not fit on the disk.
+
+    `lost`: not even the table did.
+    """
+    found: dict[str, Any] = {"outcome": "failed", "complete": False}
+    found["failure"] = failure(UnwritableError.code)
+    if lost:
+        found["reason"] = (
+            f"the table could not be written: {full.strerror}; a CSV table is "
+            "written row by row, and would keep its rows"
+        )
+        return found
+    if made.fault is None:
+        found["reason"] = (
+            "events or a picture could not be written: "
+            f"{full.strerror}; the table is whole"
+        )
+        return found
+    end = made.trajectory.start if writer.last is None else writer.last
+    found["reason"] = (
+        f"the table could not be written beyond t = {end!r}: {full.strerror}; the rows "
+        "up to there were kept"
+    )
+    return found | {"end": end, "rows": writer.rows}
+
+
+# --- The closing lines
+
+# Kinds of events that are counted, in this order.
+COUNTED = ("impact", "contact", "release", "stick", "slip", "switch")
+# More names of constraints than this are reported by their number.
+MOST_NAMES = 2
+
+
+def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
+    """Give the closing lines of the run that `document`, its run.json, records."""
+    colour = "32" if document["complete"] else "31"
+    head = (
+        f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
+        f"t = {document['start']:g} to {document['end']:.9g}, "
+        f"{counted(document['rows'], 'row')}"
+    )
+    equations = made.session.case.equations
+    held = len(equations.model.constraints)
+    contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
+    parts = [counted(len(equations.q), "coordinate")]
+    parts += [counted(held - contacts, "constraint")] if held > contacts else []
+    parts += [counted(contacts, "contact")] if contacts else []
+    rows = [("system", ", ".join(parts))]
+    plan = [f"{c['choice']} ({c['reason']})" for c in document["plan"]]
+    rows += [("" if k else "plan", text) for k, text in enumerate(plan)]
+    rows.append(_accuracy(document))
+    if document["outcome"] == "until":
+        rows.append(("ended", document["reason"]))
+    if made.session.lists_events:
+        happened = _happened(made.trajectory)
+        rows += [("" if k else "events", text) for k, text in enumerate(happened)]
+    rows.append(("work done", _work(document)))
+    unit = document["columns"]["energy"]
+    drift = document["energy_drift"]
+    drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
+    kept = "energy - work" if "work" in document["columns"] else "energy"
+    energy = f"{made.monitors.residuals.first_energy:.7g} {unit}".rstrip()
+    start = f"(energy {energy} at the start)"
+    rows.append(("error", _error(made.bar)))
+    rows.append(("energy drift", f"{drift} in {kept} {start}"))
+    if held:
+        residual = document["constraint_residual"]
+        rows.append(("residual", f"largest {residual:.2g} of its scale"))
+    rows.append(("files", f"{folder}: {', '.join(document['files'])}"))
+    return head + "\n" + table(rows)
+
+
+def _happened(trajectory: Trajectory) -> list[str]:
+    """Report what happened to constraints that hold at times, and to switches."""
+    counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
+    parts = [counted(number, kind) for kind, number in counts if number]
+    named = _named([e for e in trajectory.events if e.kind in COUNTED])
+    where = f" at {named}" if named else ""
+    lines = [", ".join(parts) + where] if parts else []
+    for word, own in (("at rest from", True), ("switches accumulate until", False)):
+        ends = [
+            e for e in trajectory.events
+            if e.kind == "zeno" and (e.constraint is not None) is own
+        ]  # fmt: skip
+        if ends:
+            times = {e.time for e in ends}
+            last = max(times)
+            named = _named([e for e in ends if e.time == last])
+            often = f", {len(times)} times in all" if len(times) > 1 else ""
+            lines.append(f"{word} t = {last:.9g}: {named}{often}")
+    return lines or ["none"]
+
+
+def _named(events: Sequence[Event]) -> str:
+    """Give the constraints and switches of events, or their number where many."""
+    held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
+    switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
+    if len(held) + len(switches) <= MOST_NAMES:
+        return ", ".join((*held, *switches))
+    numbers = ((len(held), "constraint"), (len(switches), "switch"))
+    return ", ".join(counted(number, noun) for number, noun in numbers if number)
+
+
+def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
+    if document["step"] is not None:
+        return "step", f"{document['step']:g}"
+    atol = document["atol"]
+    floor = "of each component's own scale" if atol is None else f"and atol {atol:g}"
+    return "tolerance", f"rtol {document['rtol']:g} {floor}"
+
+
+def _error(bar: Estimate | str) -> str:
+    """Give the estimate: the worst coordinate, how it grew, the horizon."""
+    if isinstance(bar, str):
+        return f"not estimated: {bar}"
+    name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)
+    by = bar.method if bar.rtol is None else f"{bar.method} at rtol {bar.rtol:.2g}"
+    if bar.rests:
+        apart = max(error.largest for error in bar.coordinates.values())
+        text = "nothing moves; a repeat by " + by
+        return f"{text} agrees to {apart:.1g}" if apart else f"{text} agrees"
+    t, reached = bar.growth[(len(bar.growth) - 1) // 2]
+    text = (
+        f"about {worst.relative:.1g} of the range of {name} ({reached:.1g} by "
+        f"t = {t:.4g}), from a repeat by {by}"
+    )
+    if bar.horizon is not None:
+        text += f"; no forecast past t = {bar.horizon:.4g}"
+    return text
+
+
+def _work(document: Mapping[str, Any]) -> str:
+    seconds = document["timings"]
+    return (
+        f"{counted(document['steps'], 'step')}, {document['rejections']} rejected, "
+        f"{counted(document['evaluations'], 'evaluation')}; integrated in "
+        f"{_duration(seconds['integrate'])}, {_duration(sum(seconds.values()))} in all"
+    )
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.3g} s" if seconds >= 1 else f"{seconds * 1e3:.3g} ms"

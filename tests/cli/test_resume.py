@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.cli import _writing
+from lagsim.cli import run
 from lagsim.native.link import cache
 from lagsim.run import interrupt
 from lagsim.studies import restart
@@ -27,10 +27,10 @@ pytestmark = [
 # these kills itself.
 KILLED = """
 import os, sys
-from lagsim.cli import _writing, main
+from lagsim.cli import main, run
 from lagsim.run import interrupt
 from lagsim.studies import restart
-_writing.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
+run.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
 interrupt.MOST = 16
 left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
@@ -277,7 +277,7 @@ def can_be_kept(lagsim, monkeypatch, name, *more):
     monkeypatch.setattr(restart, "UndeclaredError", Never)
     monkeypatch.setattr(restart, "EVERY_SECONDS", 0.0)
     monkeypatch.setattr(restart, "MOST_OF_THE_TIME", 1e9)
-    monkeypatch.setattr(_writing, "KEPT_AFTER_SECONDS", -1.0)
+    monkeypatch.setattr(run, "KEPT_AFTER_SECONDS", -1.0)
     monkeypatch.setattr(interrupt, "MOST", 16)
     more = (*more, "--error-bar", "never", "--no-plots")
     assert lagsim(*line(name, "out", *more)).code == 0
@@ -305,7 +305,7 @@ def test_what_cannot_be_kept_is_not(lagsim, monkeypatch):
         raise TypeError("cannot pickle 'generator' object")
 
     monkeypatch.setattr(restart.Restart, "_keep", unable)
-    monkeypatch.setattr(_writing, "KEPT_AFTER_SECONDS", -1.0)
+    monkeypatch.setattr(run, "KEPT_AFTER_SECONDS", -1.0)
     assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
     assert not Path("out", restart.RESTART).exists()
 
@@ -316,7 +316,7 @@ def test_short_runs_keep_nothing(lagsim, monkeypatch):
 
     monkeypatch.setattr(restart.Restart, "__init__", kept)
     assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
-    assert _writing.KEPT_AFTER_SECONDS >= 1.0
+    assert run.KEPT_AFTER_SECONDS >= 1.0
 
 
 def test_only_a_table_as_csv_goes_on(lagsim):

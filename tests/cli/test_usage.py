@@ -171,7 +171,7 @@ def test_a_line_break_in_an_argument_is_refused(lagsim, write, words):
 
 
 def test_a_progress_bar_on_a_terminal_only(lagsim, write, monkeypatch):
-    monkeypatch.setattr("lagsim.cli._closing.PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr("lagsim.cli._shared.PATIENCE_SECONDS", 0.0)
     long = PENDULUM.replace("duration: 2,", "duration: 2000,")
     model = write(long)
     assert lagsim("run", model, "--no-plots").err == ""
@@ -203,7 +203,7 @@ GROWS = "forces: {theta: 0.01*theta_dot}\n"
 )
 @pytest.mark.slow
 def test_progress_bars_end_at_the_end(lagsim, write, monkeypatch, line, model, last):
-    monkeypatch.setattr("lagsim.cli._closing.PATIENCE_SECONDS", 0.0)
+    monkeypatch.setattr("lagsim.cli._shared.PATIENCE_SECONDS", 0.0)
     command, *options = line.split()
     force, until = model
     duration = "duration: 400" if command == "run" else "duration: 2"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.cli._closing import _error
+from lagsim.cli.run import _error
 from lagsim.model.reader import read
 from lagsim.run.observers.monitors import Checkpoints, numbers
 from lagsim.run.session import open_case
