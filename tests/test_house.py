@@ -8,8 +8,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 258
-LINES = 70_900
+FILES = 257
+LINES = 70_800
 LINES_OF_TESTS = 59_700
 
 
