@@ -416,18 +416,14 @@ def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), residuals (m,), rates (m,), the largest of each (2,).
-
-    The largest against their scales.
-    """
+    """Give M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,)."""
 
 
 @external
 def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what Newton steps leave; y holds them in the place of the velocities.
 
-    Of those of the positions (1,) and of the velocities (1,), against the scales of
-    the residuals.
+    Of the residuals (m,) and of the rates (m,), against their scales.
     """
 
 
@@ -550,44 +546,50 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
-    n, largest = p.n, p.largest
     geometry(t, y, p, p.terms)
-    correction(p, p.gaps, out)
-    out[n] = largest[0]
-    out[n + 1] = 0.0
-    out[n + 2] = left_over(0, t, y, p, out)
+    correction(p, p.gaps, p.gap_scales, out)
+    out[p.n + 1] = 0.0
+    out[p.n + 2] = left_over(0, t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the same for the velocities and the rates, with sigma instead of 0."""
-    n, largest = p.n, p.largest
     geometry(t, y, p, p.terms)
-    correction(p, p.gap_rates, out)
-    out[n] = largest[1]
-    out[n + 1] = p.sigma
-    out[n + 2] = left_over(1, t, y, p, out)
+    correction(p, p.gap_rates, p.rate_scales, out)
+    out[p.n + 1] = p.sigma
+    out[p.n + 2] = left_over(p.m, t, y, p, out)
     keep_lengths(p)
     p.reference = max(p.reference, p.sigma)
 
 
-def left_over(level: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
-    """Give what a Newton step leaves of the residuals, or of the rates."""
-    n, z = p.n, p.tried
+def left_over(first: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
+    """Give what a Newton step leaves of the residuals, or of the rates, at most."""
+    n, z, left = p.n, p.tried, p.left
     for i in range(n):
         z[i] = y[i]
         z[n + i] = step[i]
-    bends(t, z, p, p.left)
-    return float(p.left[level])
+    bends(t, z, p, left)
+    largest = 0.0
+    for k in range(p.m):
+        largest = max(largest, left[first + k])
+    return largest
 
 
-def correction(p: Parameters, residuals: Floats, out: Floats) -> None:
-    """Give -M^-1 A^T S^-1 residuals (n,)."""
+def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
+    """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
     scales, right, order = p.scales, p.w, p.order
     factor_rows(p)
+    largest = 0.0
     for k in range(p.m):
-        right[k] = -residuals[int(order[k])] * scales[k]
+        i = int(order[k])
+        right[k] = -residuals[i] * scales[k]
+        if sizes[i] > 0.0:
+            size = abs(residuals[i]) / sizes[i]
+            if not size <= largest:  # or not a number
+                largest = size
     impress(p, int(p.ranked))
     backward(p.n, p.L, p.u, out)
+    out[p.n] = largest
 
 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:

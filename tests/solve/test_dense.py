@@ -33,7 +33,7 @@ def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
 
 
 def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
-    """Give M, A, residuals (from b), rates (twice them), the largest of each."""
+    """Give M, A, residuals (from b), rates (twice them), the scales 1 of both."""
     n = p.n
     m = p.m
     for i in range(n * n + n * m):
@@ -42,14 +42,14 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
     for i in range(m):
         residuals[i] = y[n * n + n * m + n + i]
         residuals[m + i] = 2.0 * residuals[i]
-    residuals[2 * m] = 0.25
-    residuals[2 * m + 1] = 0.5
+        residuals[2 * m + i] = residuals[3 * m + i] = 1.0
 
 
 def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Give what Newton steps leave."""
-    out[0] = 0.125
-    out[1] = 0.375
+    for i in range(p.m):
+        out[i] = 0.125 / (1.0 + i)
+        out[p.m + i] = 0.125 * (1.0 + i)
 
 
 def solve(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
@@ -258,10 +258,11 @@ def test_corrections_are_least_in_the_metric_of_the_mass(call: Any) -> None:
         # The least change has no force but the constraints': M dq = A^T mu, A dq = -g.
         expected, _ = least_norm(replace(x, f=np.zeros(5), b=-x.b))
         close(out[:5], expected, 1e-12)
-        assert out[5] == 0.25
+        largest = np.max(np.abs(x.b))
+        assert out[[5, 7]].tolist() == [largest, 0.125]
         call("velocity_step", y, p, out)
         close(out[:5], 2 * expected, 1e-12)
-        assert out[5] == 0.5
+        assert out[[5, 7]].tolist() == [2 * largest, 0.375]
 
 
 def test_rows_redundant_in_general_stay_so_off_the_constraints(call: Any) -> None:

@@ -215,21 +215,16 @@ class Parameters(SparseNewton):
     multipliers: Floats = part("motion", lambda p: p.n, lambda p: p.m)
     lengths: Floats = array(each_row)  # the rows' largest
     aside: Floats = array(each_row)  # which rows are set aside
-    # What `dynamics` gives, or `geometry`: with residuals, rates and the largest of
-    # both in the place of f and b.
-    terms: Floats = array(
-        lambda p: (p.n + p.m) * p.n + p.n + 4 * p.m + 2 if p.loops else 0
-    )
+    # What `dynamics` gives, or `geometry`: with residuals, rates and the scales of both
+    # in the place of f and b.
+    terms: Floats = array(lambda p: (p.n + p.m) * p.n + p.n + 4 * p.m if p.loops else 0)
     M: Floats = part("terms", lambda _: 0, lambda p: each_coordinate(p) * p.n)
     A: Floats = part("terms", lambda p: p.n * p.n, lambda p: each_row(p) * p.n)
     f: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_coordinate)
     b: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.n, each_row)
     gaps: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_row)
     gap_rates: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.m, each_row)
-    largest: Floats = part(
-        "terms", lambda p: (p.n + p.m) * p.n + 2 * p.m, lambda p: 2 * p.loops
-    )
-    # Where there are laws: their speeds and bounds, and the scales of both residuals.
+    # Where there are laws: their speeds and bounds.
     law_speeds: Floats = part(
         "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m, each_law
     )
@@ -243,9 +238,7 @@ class Parameters(SparseNewton):
     rate_scales: Floats = part("terms", lambda p: (p.n + p.m) * p.n + 3 * p.m, each_row)
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
-    left: Floats = array(
-        lambda p: 2 * (p.m if p.laws else p.loops)
-    )  # what Newton steps leave ...
+    left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
     tried: Floats = array(lambda p: 2 * each_coordinate(p))  # ... and at what
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
     Y: Floats = array(lambda p: each_row(p) * p.n)

@@ -210,37 +210,53 @@ CODES = {
 }
 
 
-def law_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Give what the loops of `solve.laws` begin with, and what modes hang on."""
+def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
+    """Give what the loops of `solve.dense` and `solve.laws` begin with."""
     g = e.graph
     rows = [*e.rows, *(law.row for law in e.laws)]
-    M = [node for row in e.M for node in row]
-    A = [node for row in rows for node in row.A]
-    held = [row.residual if row.holonomic else g.zero for row in rows]
-    return {
-        "dynamics": [
-            *M, *A, *e.f, *(row.b for row in rows),
-            *(law.row.rate for law in e.laws),
-            *(law.bound for law in e.laws),
-            *(law.static for law in e.laws),
-        ],
-        "geometry": [
-            *M, *A, *held, *(row.rate for row in rows),
-            *(row.residual_scale for row in rows),
-            *(row.rate_scale for row in rows),
-        ],
+    found = {
+        "dynamics": _dynamics(e),
         "quadratures": e.quadrature_rates,
         "columns": list(columns.nodes.values()),
-        "gaps": [
+        "loads": _loads(e),
+    }
+    if rows:
+        found["geometry"] = [
+            *(node for row in e.M for node in row),
+            *(node for row in rows for node in row.A),
+            *(row.residual if row.holonomic else g.zero for row in rows),
+            *(row.rate for row in rows),
+            *(row.residual_scale for row in rows),
+            *(row.rate_scale for row in rows),
+        ]  # fmt: skip
+        found["bends"] = [*(_bend(e, row) for row in rows), *map(_unknown(g), rows)]
+    if e.laws:
+        found["gaps"] = [
             law.row.residual if law.kind is Kind.CONTACT else law.row.rate
             for law in e.laws
-        ],
-        "conditions": [g.one if law.when is None else law.when for law in e.laws],
-        "bends": [
-            *(_bend(e, row) for row in rows),
-            *(g.zero if row.holonomic or row.pfaffian else g.one for row in rows),
-        ],
-    }  # fmt: skip
+        ]
+        found["conditions"] = [
+            g.one if law.when is None else law.when for law in e.laws
+        ]
+    return found
+
+
+def _dynamics(e: Equations) -> list[int]:
+    """Give M, A, f, b; then the rates of laws, their bounds and static ones."""
+    rows = [*e.rows, *(law.row for law in e.laws)]
+    return [
+        *(node for row in e.M for node in row),
+        *(node for row in rows for node in row.A),
+        *e.f, *(row.b for row in rows),
+        *(law.row.rate for law in e.laws),
+        *(law.bound for law in e.laws),
+        *(law.static for law in e.laws),
+    ]  # fmt: skip
+
+
+def _unknown(g: Graph) -> Callable[[Row], int]:
+    """Give 1 for rows whose rates a Newton step may leave anything of, else 0."""
+    return lambda row: g.zero if row.holonomic or row.pfaffian else g.one
 
 
 def _bend(e: Equations, row: Row) -> int:
@@ -436,12 +452,8 @@ def functions(
         found["until"] = [equations.model.until.node]
     if met is not None:
         found |= stepping_functions(equations, columns, met)
-    elif equations.laws:
-        found |= law_functions(equations, columns)
-        found["loads"] = _loads(equations)
-    elif plan.elimination is None:
-        found |= _terms(equations, columns)
-        found["loads"] = _loads(equations)
+    elif equations.laws or plan.elimination is None:
+        found |= loop_functions(equations, columns)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
     if _takes_energy(equations):
@@ -501,43 +513,30 @@ def _solved(
         }
     found["rounding"] = _rounding(e, elimination)
     if e.rows:
-        held, moving, worst_held, worst_moving = _residuals(e)
-        step = elimination.correction(held)
-        left, left_moving = bends(e)
-        velocities = map(g.variable, e.velocities)
-        [left] = g.substitute([left], dict(zip(velocities, step, strict=True)))
-        found["position_step"] = [*step, worst_held, g.zero, left]
-        found["velocity_step"] = [
-            *elimination.correction(moving), worst_moving, elimination.health(),
-            left_moving,
-        ]  # fmt: skip
+        found |= _steps(e, elimination)
     return found
 
 
-def _terms(equations: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Give what the loops of `solve.dense` begin with."""
-    e = equations
-    found = {
-        "dynamics": _dynamics(e),
-        "quadratures": e.quadrature_rates,
-        "columns": list(columns.nodes.values()),
-    }
-    if e.rows:
-        M = [node for row in e.M for node in row]
-        A = [node for row in e.rows for node in row.A]
-        held, moving, worst_held, worst_moving = _residuals(e)
-        found["geometry"] = [*M, *A, *held, *moving, worst_held, worst_moving]
-        found["bends"] = list(bends(e))
-    return found
+def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
+    """Give the Newton steps onto the constraints, of positions and of velocities.
 
-
-def _dynamics(e: Equations) -> list[int]:
-    """Give M, A, f, b."""
-    return [
-        *(node for row in e.M for node in row),
-        *(node for row in e.rows for node in row.A),
-        *e.f, *(row.b for row in e.rows),
-    ]  # fmt: skip
+    Relations between velocities have no residual on the level of positions.
+    """
+    g, rows = e.graph, e.rows
+    held = [r.residual if r.holonomic else g.zero for r in rows]
+    off = [_against(g, x, r.residual_scale) for x, r in zip(held, rows, strict=True)]
+    off_rates = [_against(g, r.rate, r.rate_scale) for r in rows]
+    step = elimination.correction(held)
+    left = _largest(g, [_bend(e, r) for r in rows])
+    velocities = map(g.variable, e.velocities)
+    left_by_step = g.substitute([left], dict(zip(velocities, step, strict=True)))
+    return {
+        "position_step": [*step, _largest(g, off), g.zero, *left_by_step],
+        "velocity_step": [
+            *elimination.correction([r.rate for r in rows]), _largest(g, off_rates),
+            elimination.health(), _largest(g, map(_unknown(g), rows)),
+        ],
+    }  # fmt: skip
 
 
 def _loads(e: Equations) -> list[int]:
@@ -611,41 +610,12 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     return [*found, *loads[n:]]
 
 
-def bends(e: Equations) -> tuple[int, int]:
-    """Give what a Newton step leaves, largest against the scales, of both levels.
-
-    On the level of velocities nothing, or 1: not known.
-    """
-    g = e.graph
-    left = g.zero
-    for row in e.rows:
-        if row.holonomic:
-            left = g.call("max", _bend(e, row), left)
-    linear = all(row.holonomic or row.pfaffian for row in e.rows)
-    return left, g.zero if linear else g.one
-
-
-def _residuals(equations: Equations) -> tuple[list[int], list[int], int, int]:
-    """Give residuals (m,), rates (m,), and the largest of each against its scale.
-
-    Relations between velocities have no residual on the level of positions.
-    """
-    g, rows = equations.graph, equations.rows
-    held = [r.residual if r.holonomic else g.zero for r in rows]
-    rates = [r.rate for r in rows]
-
-    def worst(pairs: list[tuple[int, int]]) -> int:
-        largest = g.zero
-        for residual, scale in pairs:
-            largest = g.call("max", _against(g, residual, scale), largest)
-        return largest
-
-    return (
-        held,
-        rates,
-        worst([(r, row.residual_scale) for r, row in zip(held, rows, strict=True)]),
-        worst([(r, row.rate_scale) for r, row in zip(rates, rows, strict=True)]),
-    )
+def _largest(g: Graph, sizes: Iterable[int]) -> int:
+    """Give the largest of sizes, which are not negative."""
+    largest = g.zero
+    for size in sizes:
+        largest = g.call("max", size, largest)
+    return largest
 
 
 def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
