@@ -18,26 +18,23 @@ pytestmark = pytest.mark.skipif(
 
 
 def test_it_is_there_when_it_is_waited_for(tmp_path):
+    made = tmp_path / "made"
     with ahead.helped():
-        ahead.send("key", lambda: (tmp_path / "made").write_text(str(os.getpid())))
+        ahead.send("key", lambda: made.write_text(str(os.getpid())))
         assert not ahead.wait("another")
         assert ahead.wait("key")
-        assert int((tmp_path / "made").read_text()) != os.getpid()
+        assert int(made.read_text()) != os.getpid()
         assert not ahead.wait("key")
+        ahead.send("again", lambda: made.write_text(str(os.getpid())))
+    # Nobody is left behind.
+    with pytest.raises(ChildProcessError):
+        os.waitpid(int(made.read_text()), os.WNOHANG)
 
 
 def test_nobody_is_sent_where_nobody_may_be(tmp_path):
     ahead.send("key", (tmp_path / "made").touch)
     assert not ahead.wait("key")
     assert not (tmp_path / "made").exists()
-
-
-def test_nobody_is_left_behind(tmp_path):
-    with ahead.helped():
-        ahead.send("key", lambda: (tmp_path / "made").write_text(str(os.getpid())))
-    number = int((tmp_path / "made").read_text())
-    with pytest.raises(ChildProcessError):
-        os.waitpid(number, os.WNOHANG)
 
 
 def test_who_fails_says_nothing(capfd):
@@ -66,27 +63,17 @@ def test_signals_to_it_are_not_those_of_the_first(tmp_path):
     assert not (tmp_path / "made").exists()
 
 
-def test_what_it_brings_is_whole():
-    content = os.urandom(10**6)
-    with ahead.helped():
-        bring = ahead.bring(lambda: content)
-        assert bring() == content
+def test_what_it_brings_is_whole_or_made_by_the_first():
+    first, content = os.getpid(), os.urandom(10**6)
 
-
-def test_what_it_fails_to_bring_the_first_makes_itself():
-    first = os.getpid()
-
-    def make():
+    def killed():
         if os.getpid() != first:
             os.kill(os.getpid(), signal.SIGKILL)
         return b"made"
 
     with ahead.helped():
-        assert ahead.bring(make)() == b"made"
-
-
-def helper(work):
-    return ahead.Helper(lambda: None, work)
+        assert ahead.bring(lambda: content)() == content
+        assert ahead.bring(killed)() == b"made"
 
 
 def test_a_helper_gives_one_content_after_the_other(tmp_path):
@@ -104,17 +91,15 @@ def test_a_helper_that_ends_on_the_way_is_not_done():
         yield b"first"
         os.kill(os.getpid(), signal.SIGKILL)
 
-    made = helper(work)
-    assert list(made.give(b"order")) == [b"first"]
-    assert not made.done
-    made.end()
+    for ready, expected in ((lambda: None, [b"first"]), (killed, [])):
+        made = ahead.Helper(ready, work)
+        assert list(made.give(os.urandom(10**6))) == expected
+        assert not made.done
+        made.end()
 
 
-def test_a_helper_that_is_gone_gives_nothing():
-    made = ahead.Helper(lambda: os.kill(os.getpid(), signal.SIGKILL), iter)
-    assert list(made.give(os.urandom(10**6))) == []
-    assert not made.done
-    made.end()
+def killed():
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_helper_that_nobody_needs_is_not_left_behind(tmp_path):
