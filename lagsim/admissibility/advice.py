@@ -38,7 +38,7 @@ class _Term(NamedTuple):
     """
 
     name: str
-    said: str
+    subject: str
     value: float | None
     sure: bool = False
 
@@ -51,7 +51,7 @@ class _Term(NamedTuple):
                 "it in rad"
             )
         return (
-            f"{self.said} {self.value:g} and enters {op}, which takes radians: "
+            f"{self.subject} {self.value:g} and enters {op}, which takes radians: "
             f"{self.value:g} degrees are written {self.value:g}*pi/180"
         )
 
@@ -62,15 +62,15 @@ def about_angles(model: Model) -> Iterator[Caution]:
     Those of the model, and those of the numbers that parameters and starts are given
     by: these are evaluated, and stand in no graph.
     """
-    told: set[str] = set()
+    reported: set[str] = set()
     defined = {d.node: d for d in model.definitions if d.unit}
     for g, own in ((model.graph, defined), (_of_numbers(model), {})):
         functions = [n for n, op in enumerate(g.ops) if op in _OF_ANGLES]
         terms = _terms(g, [g.args[n][0] for n in functions], model, own)
         for node in functions:
             term = terms.get(g.args[node][0])
-            if term and term.name not in told:
-                told.add(term.name)
+            if term and term.name not in reported:
+                reported.add(term.name)
                 yield Caution("degrees", term.text(g.ops[node]))
 
 
@@ -169,7 +169,7 @@ MOST_NAMES = 4
 def rough_starts(
     equations: Equations, verdicts: Sequence[Verdict], starts: Sequence[Verdict]
 ) -> Iterator[Caution]:
-    """Say of relations that are met only roughly how the start could be exact."""
+    """Say of relations that are satisfied only roughly how the start could be exact."""
     rows = {row.name: row for row in equations.rows}
     relations = {c.name: c.relation.text for c in equations.model.constraints}
     for verdict in verdicts:
@@ -244,7 +244,7 @@ def about_names(model: Model) -> Iterator[Caution]:
 
 
 def multiple_roots(equations: Equations) -> Iterator[Caution]:
-    """Say which relations are met as simple roots of what they are written as."""
+    """Say which relations are satisfied as simple roots of what they are written as."""
     for constraint in equations.model.constraints:
         if constraint.relation.multiple:
             name = constraint.name
@@ -274,7 +274,7 @@ def about_ranks(
 ) -> Iterator[Caution]:
     """Say which rows depend on others and, of `sound` ones, which lambda are unique.
 
-    Of rows that make a thin set more is said elsewhere.
+    Of rows that make a thin set more is reported elsewhere.
     """
     for d in ranks.dependences:
         if d.name not in thin:

@@ -42,8 +42,8 @@ def solving_metric(M: Floats, A: Floats) -> Floats:
     if is_positive(M):
         return M
     inertias = np.abs(np.diag(M))
-    met = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
-    sizes = np.where(met > 0.0, met, np.max(inertias, initial=0.0) or 1.0)
+    held = np.max(np.where(A != 0.0, inertias, 0.0), axis=1, initial=0.0)
+    sizes = np.where(held > 0.0, held, np.max(inertias, initial=0.0) or 1.0)
     squares = np.sum(A * A, axis=1)
     weights = sizes / np.where(squares > 0.0, squares, 1.0)
     return least_change_metric(np.asarray(M + (A.T * weights) @ A))

@@ -75,7 +75,7 @@ class StartReport(NamedTuple):
     state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
-        The constraints, then the start values of definitions that are not met.
+        The constraints, then the start values of definitions that are not satisfied.
     ranks : RankReport
         Which equalities in force depend on others; at the nearest admissible state
         where the start is not admissible and one was found.
@@ -94,8 +94,7 @@ class StartReport(NamedTuple):
         Rows that contradict others, at the state or, where no admissible one was found,
         at the point of least residuals.
     thin : ThinSet or None
-        The rows that no multiplier keeps, at the state or at the nearest one that meets
-        them.
+        The rows that no multiplier keeps, at the state or the nearest admissible one.
     unsolved : str
         Why no admissible state was found, where none was; or why the guesses alone
         did not suffice.
@@ -165,7 +164,7 @@ class Solver:
     Attributes
     ----------
     touching : dict
-        One-sided relations that are to be met as equalities.
+        One-sided relations that are to be satisfied as equalities.
     double : bool
         Positions were found as a double root, and are known to half of the digits.
     """
@@ -215,13 +214,13 @@ class Solver:
             point, range(point.n), velocities=velocities, definitions=False
         )
         found = self._nearest(relations, far=False)
-        return relations.at(found.x) if found.met else point
+        return relations.at(found.x) if found.converged else point
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Give the nearest values that meet the relations."""
+        """Give the nearest values that satisfy the relations."""
         free = relations.free
         if not relations.wanted:
-            return Found(relations.x0, met=True)
+            return Found(relations.x0, converged=True)
         if len(free) >= Point.LARGE and self.stated.is_safely_positive:
             M = self.stated.mass_entries(free).sparse(len(free), len(free))
             found = nearest_sparse(relations, M)
@@ -235,7 +234,7 @@ class Solver:
         A guess that nothing determines stays as given.
         """
         found = self.nearest(relations)
-        if not found.met:
+        if not found.converged:
             return found
         x0, names = relations.x0, relations.names
         if not relations.wanted:
@@ -283,7 +282,7 @@ class Solver:
         for _ in range(OTHER_STARTS):
             start = x0 + AROUND * size * random.standard_normal(k)
             other = reach(relations, start, metric, x0)
-            if not other.met:
+            if not other.converged:
                 continue
             x = _unwound(relations, other.x)
             if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
@@ -297,7 +296,7 @@ class Solver:
             f"the guesses have other solutions too, such as {listed}; the nearest to "
             "the guess is taken",
         )
-        return Found(roots[0], met=True)
+        return Found(roots[0], converged=True)
 
     def _noted(self, found: Found, relations: Relations) -> Found:
         """Say what was odd about a root, or why there is none."""
@@ -305,7 +304,7 @@ class Solver:
         residual, J = relations(found.x)
         worst = int(np.argmax(np.abs(residual)))
         name = relations.wanted[worst].name
-        if found.met:
+        if found.converged:
             if found.trouble is Trouble.DOUBLE_ROOT:
                 self.double |= not relations.velocities
                 self._warn(
@@ -425,7 +424,7 @@ def start_at(equations: Equations, state: Instant) -> Start:
 
 
 class _Judged(NamedTuple):
-    """Where the rows are looked at, what is met there, and what contradicts."""
+    """Where the rows are analysed, their ranks there, and what contradicts."""
 
     point: Point
     ranks: RankReport
@@ -460,8 +459,8 @@ class _Examiner:
         starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
         warnings = self.solver.warnings
-        met = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
-        if met:
+        satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
+        if satisfied:
             warnings += advice.rough_starts(e, verdicts, starts)
             judged = self._exact(point, laws)
         else:
@@ -487,7 +486,7 @@ class _Examiner:
             lasting = analyse(always)
         if classify and laws:
             laws, sticking, told = contact_status(
-                here, laws, judged.ranks.rank, sound=sound and met
+                here, laws, judged.ranks.rank, sound=sound and satisfied
             )
             warnings += told
         if e.laws:
@@ -495,7 +494,7 @@ class _Examiner:
             whole = [*in_force(verdicts, e), *laws]
             verdicts = sorted(whole, key=lambda x: place[x.name])
         return StartReport(
-            state=here.state if met else point.state,
+            state=here.state if satisfied else point.state,
             verdicts=(*verdicts, *unmet),
             ranks=judged.ranks,
             lasting=lasting,
@@ -505,7 +504,7 @@ class _Examiner:
             repair=judged.repair,
             contradictions=judged.contradictions,
             unsolved=judged.unsolved or unsolved,
-            changes=self._changes(point, here) if met else {},
+            changes=self._changes(point, here) if satisfied else {},
             warnings=tuple(warnings),
             thin=judged.thin,
         )
@@ -520,7 +519,7 @@ class _Examiner:
             while True:
                 relations = self.solver.relations(point, free, velocities=velocities)
                 found = self.solver.guesses(relations)
-                if not found.met:
+                if not found.converged:
                     return point, found.reason
                 solved = relations.at(found.x)
                 if not self._touch(solved, velocities=velocities, free=free):
@@ -599,7 +598,7 @@ class _Examiner:
             relations = self.solver.relations(near, everything, velocities=velocities)
             found = self.solver.nearest(relations)
             near = relations.at(found.x)
-            if not found.met:
+            if not found.converged:
                 against = self._analysed(near, LEVELS[: k + 1]).contradictions
                 told = f"{_told(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(point, ())

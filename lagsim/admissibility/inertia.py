@@ -58,7 +58,7 @@ def needs_constraints(point: Point) -> bool:
 
 
 def admitted_inertia(point: Point, i: int) -> float:
-    """Give the inertia that a force on coordinate i meets; inf: constraints hold it.
+    """Give the inertia that a force on coordinate i acts on; inf: constraints hold it.
 
     That is 1 over its acceleration by a unit force along the admissible directions.
     """
@@ -133,7 +133,7 @@ CLEAR = 2.0 * max(DEPENDENT_ROWS, PASSING)
 
 
 def needs_no_solve(equations: Equations) -> bool:
-    """Tell whether a start is what it is stated to be, and has nothing to meet."""
+    """Tell whether a start is what it is stated to be, and has nothing to satisfy."""
     values = equations.model.initial
     return not (
         equations.rows

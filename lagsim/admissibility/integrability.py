@@ -151,7 +151,7 @@ def _admissible(point: Point, rows: Sequence[Row]) -> Point | None:
         return point
     relations = Relations(point, wanted, range(point.n), velocities=False)
     found = reach(relations, point.q, np.diag(point.sizes**2))
-    return relations.at(found.x) if found.met else None
+    return relations.at(found.x) if found.converged else None
 
 
 class _Distribution:

@@ -150,7 +150,7 @@ class Relations:
         j = np.array([j for row in slopes for j in row], dtype=int)
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
-    def met(self, x: Floats, errors: Floats) -> bool:
+    def hold(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
         point = self.at(x, errors)
         residual, terms = self._against_terms(point)
@@ -160,7 +160,7 @@ class Relations:
         parts = (far[:1], far[1:])
         return all(np.all(residual[x] <= self._rounding(point, x)) for x in parts)
 
-    def missed(self, x: Floats, errors: Floats) -> Any:
+    def violated(self, x: Floats, errors: Floats) -> Any:
         """Tell of each of r whether it is more than that, (m,) of bool."""
         point = self.at(x, errors)
         residual, terms = self._against_terms(point)
@@ -193,7 +193,7 @@ class Relations:
 # begins to be satisfied: on the way to it, it is not. There its slope tells the root
 # from its neighbours.
 
-# Not a root: that part of the way before it, the relation is met as well.
+# Not a root: that part of the way before it, the relation is satisfied as well.
 BACKWARD = 0.1
 # And what its slope there makes of the whole way is no more than so many times its
 # residual, or than the rounding of its slopes along the way.
@@ -207,7 +207,7 @@ def runs_away(
     x: Floats,
     errors: Floats,
 ) -> bool:
-    """Tell whether a relation that x0 misses is met at x by rounding alone.
+    """Tell whether a relation that x0 violates is satisfied at x by rounding alone.
 
     at : x -> r (m,) and dr/dx (m, k), dense or sparse.
     """
@@ -225,14 +225,14 @@ def runs_away(
     gone = ~(linear > LEVEL * rounding)
     if not np.any(gone):
         return False
-    missed = relations.missed(x0, errors) & ~relations.missed(back, errors)
+    missed = relations.violated(x0, errors) & ~relations.violated(back, errors)
     return bool(np.any(gone & missed))
 
 
 # --- Newton's method, and the minimum
 
 MOST_STEPS = 60
-# So often a residual that is met is polished.
+# So often the iteration goes on once relations hold.
 POLISHING = 3
 SMALLEST_DAMPING = 1e-6
 # Newton's method leaves (k - 1)/k of the distance to a k-fold root: such a part, steady
@@ -262,37 +262,37 @@ class Trouble(Enum):
 
 
 class Found(NamedTuple):
-    """Where the iteration ended, and whether the relations are met there.
+    """Where the iteration ended, and whether the relations hold there.
 
     Where they are not, also in words: why, and the least residual.
     """
 
     x: Floats
-    met: bool
+    converged: bool
     trouble: Trouble = Trouble.NONE
     reason: str = ""
     least: str = ""
 
 
 def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
-    """Give the point nearest to x0 in `metric` (k, k) that meets `relations`.
+    """Give the point nearest to x0 in `metric` (k, k) that satisfies `relations`.
 
     Where none is found, the point of least |r| near there. `far`: other starts are
     tried, too, for a nearer point or where the first fails.
     """
     x0 = relations.x0
     if relations.exact(x0):
-        return Found(x0, met=True)
+        return Found(x0, converged=True)
     reached = reach(relations, x0, metric)
-    if far and not reached.met:
+    if far and not reached.converged:
         # In the metric the way can be a narrow valley.
         other = reach(relations, x0, _by_size(x0, metric))
-        reached = other if other.met else reached
-    best = _descend(relations, x0, reached.x, metric) if reached.met else None
+        reached = other if other.converged else reached
+    best = _descend(relations, x0, reached.x, metric) if reached.converged else None
     if far and (best is None or len(x0) <= FEW):
         for start in _others(relations, x0, best, metric):
             other = reach(relations, start, metric, x0)
-            if not other.met:
+            if not other.converged:
                 continue
             x = _descend(relations, x0, other.x, metric)
             if best is None:
@@ -301,17 +301,17 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
                 best = x
     if best is None:
         return _explained(relations, reached, metric)
-    return Found(best, met=True, trouble=reached.trouble)
+    return Found(best, converged=True, trouble=reached.trouble)
 
 
 def nearest_sparse(relations: Relations, M: Any) -> Found | None:
     """Give the same in the sparse metric M (n, n); None where that does not settle.
 
-    Each step goes to the nearest point that meets the relations to first order.
+    Each step goes to the nearest point that satisfies the relations to first order.
     """
     x0 = relations.x0
     if relations.exact(x0):
-        return Found(x0, met=True)
+        return Found(x0, converged=True)
     x, last = x0.copy(), np.inf
     for _ in range(MOST_STEPS):
         r, J = relations.sparse(x)
@@ -331,7 +331,11 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
             way = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
             errors = STATE_ROUNDOFF * (np.abs(x) + way)
             gone = runs_away(relations, relations.sparse, x0, x, errors)
-            return Found(x, met=True) if relations.met(x, errors) and not gone else None
+            return (
+                Found(x, converged=True)
+                if relations.hold(x, errors) and not gone
+                else None
+            )
         last = length
     return None
 
@@ -361,7 +365,7 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """Give how far away relations are met by their second derivatives; 0: not known."""
+    """Give how far away relations hold to second order; 0: not known."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):
@@ -376,14 +380,14 @@ def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
 def reach(
     relations: Relations, start: Floats, metric: Floats, guess: Floats | None = None
 ) -> Found:
-    """Take damped steps of least change until the relations are met.
+    """Take damped steps of least change until the relations hold.
 
     `guess`: what was to be solved for, if `start` is another start.
     """
     try:
         return _reached(relations, start, metric, start if guess is None else guess)
     except np.linalg.LinAlgError:  # steps went where doubles hold no more
-        return Found(start.copy(), met=False, trouble=Trouble.NOT_FINITE)
+        return Found(start.copy(), converged=False, trouble=Trouble.NOT_FINITE)
 
 
 def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) -> Found:
@@ -400,7 +404,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if not np.any(r) or polished >= POLISHING:
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
-            return Found(x, met=False, trouble=Trouble.NOT_FINITE)
+            return Found(x, converged=False, trouble=Trouble.NOT_FINITE)
         step = least_change(J, r, L)
         length = float(np.sqrt(_square(step, metric)))
         part = length / (last or 1.0)
@@ -410,23 +414,23 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
             jump, step = k, step / (1.0 - part)
             halvings = 0
-        met = relations.met(x, STATE_ROUNDOFF * largest + way * ulp)
-        jumped |= met and not polished and k - jump <= ARRIVED
-        polished += met
-        damped = _damped(relations, x, r, _lengths(J, L), step, once=met)
+        hold = relations.hold(x, STATE_ROUNDOFF * largest + way * ulp)
+        jumped |= hold and not polished and k - jump <= ARRIVED
+        polished += hold
+        damped = _damped(relations, x, r, _lengths(J, L), step, once=hold)
         if damped is None:
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
         largest = np.maximum(largest, np.abs(x))
         way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
     errors = STATE_ROUNDOFF * largest + way * ulp
-    met = not np.any(r) or relations.met(x, errors)
-    if met and runs_away(relations, relations, guess, x, errors):
-        return Found(x, met=False, trouble=Trouble.RUNS_AWAY)
+    hold = not np.any(r) or relations.hold(x, errors)
+    if hold and runs_away(relations, relations, guess, x, errors):
+        return Found(x, converged=False, trouble=Trouble.RUNS_AWAY)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED
-    trouble = Trouble.DOUBLE_ROOT if jumped and met else Trouble.NONE
-    return Found(x, met=met, trouble=trouble)
+    trouble = Trouble.DOUBLE_ROOT if jumped and hold else Trouble.NONE
+    return Found(x, converged=hold, trouble=trouble)
 
 
 def _damped(
@@ -492,14 +496,16 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
     way = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
-    if relations.met(x, STATE_ROUNDOFF * (np.abs(x) + way)):
-        return Found(x, met=True)
+    if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + way)):
+        return Found(x, converged=True)
     r, J = residual(z), slopes(z)
     sizes = np.linalg.svd(J, compute_uv=False)
     steepest = float(np.linalg.norm(J.T @ r))
     level = steepest <= 1e-6 * float(np.linalg.norm(J)) * float(np.linalg.norm(r))
     lost = not level and np.any(J) and sizes[-1] <= 1e-6 * sizes[0]
-    return Found(x, met=False, trouble=Trouble.RANK_LOSS if lost else Trouble.MINIMUM)
+    return Found(
+        x, converged=False, trouble=Trouble.RANK_LOSS if lost else Trouble.MINIMUM
+    )
 
 
 class _Slope:
@@ -534,7 +540,7 @@ class _Slope:
 
 
 def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
-    """Go along the relations from a point that meets them to the nearest one."""
+    """Go along the relations from a point that satisfies them to the nearest one."""
     try:
         here = _Slope(relations, x0, x, metric)
         for _ in range(MOST_STEPS):
@@ -555,7 +561,7 @@ def _lower(here: _Slope, x0: Floats, step: Floats) -> _Slope | None:
     damping = 1.0
     while damping > SMALLEST_DAMPING:
         trial = reach(here.relations, here.x + damping * step, here.metric)
-        if trial.met:
+        if trial.converged:
             there = _Slope(here.relations, x0, trial.x, here.metric)
             if there.change < (1 - 1e-10) * here.change:
                 return there

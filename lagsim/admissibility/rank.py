@@ -128,7 +128,7 @@ def analyse(
     Parameters
     ----------
     levels
-        Those on which contradictions are looked for: what the state meets, and the
+        Those on which contradictions are looked for: what the state satisfies, and the
         first one that it does not.
     double
         The way to the state, where it was found as a double root and is known to half
@@ -332,8 +332,8 @@ def _contradictions(
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
     for level, (values, small) in demands.items():
-        # That a vanishing row is not met is no contradiction yet: states elsewhere
-        # may meet it.
+        # That a vanishing row is violated is no contradiction yet: other states may
+        # satisfy it.
         if level == "position" and not others:
             continue
         gap = float(abs(weights @ values[among]))
@@ -402,7 +402,7 @@ class Neighbourhood:
                 continue
             relations = Relations(near, wanted, range(near.n), velocities=velocities)
             reached = reach(relations, relations.x0, self.metric)
-            if not reached.met:
+            if not reached.converged:
                 return None
             near = relations.at(reached.x)
             double |= reached.trouble is Trouble.DOUBLE_ROOT

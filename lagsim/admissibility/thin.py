@@ -1,10 +1,10 @@
 """Thin sets: constraints that have only a multiple root all over the set they make.
 
 A row that others span may be one relation too many: then all states that the others
-admit meet it, too. It may be dependent only at a singular configuration, where motions
-branch. Or it is dependent all over the set that it makes, as that of x^2 + y^2 = 0, of
-two spheres that touch, or of a plane and a cylinder that touch along a line: the
-relation holds there as a multiple root. No multiplier keeps a motion on such a set.
+admit satisfy it, too. It may be dependent only at a singular configuration, where
+motions branch. Or it is dependent all over the set that it makes, as that of x^2 + y^2
+= 0, of two spheres that touch, or of a plane and a cylinder that touch along a line:
+the relation holds there as a multiple root. No multiplier keeps a motion on such a set.
 
 The first is tried on states that the other rows admit; of the others `rank` tells where
 it finds states nearby, else second derivatives do: where what the row adds to the
@@ -50,7 +50,7 @@ class ThinSet(NamedTuple):
     Attributes
     ----------
     names : tuple of str
-        The rows that are dependent there, and are met nowhere around it.
+        The rows that are dependent there, and hold nowhere around it.
     dimension : int or None
         Of the set; None where it was not found.
     degrees_of_freedom : int or None
@@ -88,7 +88,7 @@ def thin_set(
     -------
     thin : ThinSet or None
     real : tuple of str
-        Dependent rows that states admitted by the others do not meet.
+        Dependent rows that states admitted by the others violate.
     """
     suspects = [d for d in dependences if d.everywhere is not False]
     if not suspects or point.is_large:
@@ -135,7 +135,7 @@ def _states(
         x = around.varied(NEARBY, random, velocities=velocities)
         if not rows:
             found.append(x)
-        elif (reached := reach(relations, x, around.metric)).met:
+        elif (reached := reach(relations, x, around.metric)).converged:
             found.append(reached.x)
     return found
 
@@ -178,7 +178,9 @@ def _thin_rows(
     own = [known[d.name] for d in suspects]
     relations = _relations(around, own, velocities=velocities)
     values = np.array([relations(x)[0] for x in states])
-    missed = np.array([relations.missed(x, STATE_ROUNDOFF * np.abs(x)) for x in states])
+    missed = np.array(
+        [relations.violated(x, STATE_ROUNDOFF * np.abs(x)) for x in states]
+    )
     # What rounding may leave in the rows at these states.
     L, x0 = cholesky(around.metric), relations.x0
     slopes = np.linalg.norm(np.linalg.solve(L, relations(x0)[1].T), axis=0)

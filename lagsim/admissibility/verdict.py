@@ -37,7 +37,7 @@ SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 
 
 class Residual(NamedTuple):
-    """How far a relation, or its rate, is from being met.
+    """How far a relation, or its rate, is from being satisfied.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Residual(NamedTuple):
         return abs(self.value) <= max(self.rounding, self.floor)
 
     @property
-    def met(self) -> bool:
+    def satisfied(self) -> bool:
         """Whether the residual is within its bound."""
         return abs(self.value) <= self.bound
 
@@ -85,7 +85,7 @@ class Residual(NamedTuple):
     def digits(self) -> int | None:
         """With how many digits the start seems typed; None where it is exact."""
         exact = self.exact or abs(self.value) <= RESIDUAL_ROUNDOFF * self.scale
-        if not self.met or exact:
+        if not self.satisfied or exact:
             return None
         return max(1, int(-math.log10(abs(self.value) / self.scale)))
 
@@ -104,7 +104,7 @@ class Verdict(NamedTuple):
     undecided : str
         Why `integrable` is None, where it is a question.
     judged : bool
-        Whether a start has to meet it.
+        Whether a start has to satisfy it.
     rate : Residual or None
         Of what holds only at times: the rate of a gap, a slip.
     active : bool or None
@@ -133,12 +133,14 @@ class Verdict(NamedTuple):
 
     @property
     def satisfied(self) -> bool:
-        """Whether position and velocity meet the relation."""
+        """Whether position and velocity satisfy the relation."""
         if not self.judged:
             return True
         if self.kind == ONE_SIDED:
             return self.position.value >= -self.position.bound
-        return self.position.met and (self.velocity is None or self.velocity.met)
+        return self.position.satisfied and (
+            self.velocity is None or self.velocity.satisfied
+        )
 
 
 # --- Equalities
@@ -149,7 +151,7 @@ def judge(point: Point) -> list[Verdict]:
     rows = point.e.rows
     held = _against_terms(point, [(r.residual, r.residual_scale) for r in rows])
     moving = _against_terms(point, [(r.rate, r.rate_scale) for r in rows])
-    # What is only rounding is met, whatever it is compared with.
+    # What is only rounding is satisfied, whatever it is compared with.
     pairs = enumerate(zip(held, moving, strict=True))
     asked = [i for i, (x, y) in pairs if not (x.exact and y.exact)]
     near = _neighbours(point, asked)

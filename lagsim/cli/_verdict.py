@@ -60,10 +60,10 @@ def faults(start: StartReport) -> list[str]:
     found = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
         found.append(str(start.thin))
-    told = {d.name for d in start.contradictions}
-    told |= {name for d in start.contradictions for name, _ in d.combination}
+    named = {d.name for d in start.contradictions}
+    named |= {name for d in start.contradictions for name, _ in d.combination}
     found += [
-        _violation(v) for v in start.verdicts if not v.satisfied and v.name not in told
+        _violation(v) for v in start.verdicts if not v.satisfied and v.name not in named
     ]
     return found
 
@@ -72,7 +72,7 @@ def _violation(verdict: Verdict) -> str:
     position, velocity = verdict.position, verdict.velocity
     if verdict.kind == START_VALUE:
         return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
-    if velocity is not None and position.met:
+    if velocity is not None and position.satisfied:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
         return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
     text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
@@ -96,7 +96,7 @@ def _described(verdict: Verdict) -> str:
     if verdict.velocity is not None:
         text += f", of its rate {verdict.velocity.value + 0.0:.3g}"
     if verdict.active is not None:
-        text = f"{', '.join(words)}; {_standing(verdict, residual)}"
+        text = f"{', '.join(words)}; {_status(verdict, residual)}"
     return text + ("" if verdict.satisfied else "  <- violated")
 
 
@@ -104,7 +104,7 @@ def _sided(verdict: Verdict) -> str:
     return "gap" if verdict.pfaffian is None else "rate"
 
 
-def _standing(verdict: Verdict, residual: float) -> str:
+def _status(verdict: Verdict, residual: float) -> str:
     """Say what a constraint does that holds only at times."""
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"

@@ -40,7 +40,7 @@ def test_the_captions_start():
 def test_velocities_off_the_curve():
     start = judged(curve(theta="0.5", theta_dot="1"))
     [path] = start.verdicts
-    assert path.position.met
+    assert path.position.satisfied
     assert path.velocity.value == 1.0  # 2 l theta theta' + u'
     assert path.velocity.scale == 1.0
     assert path.velocity.bound == 1e-6
