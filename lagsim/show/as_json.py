@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim.show.content import ASCII, conditions, when
 from lagsim.show.names import ModelNames, Name
-from lagsim.show.writer import Style, Writer
+from lagsim.show.printers import ModelPrinter
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -25,9 +25,7 @@ class _Document:
         x = content.translation
         self.c, self.x = content, x
         # All digits, so that who reads an expression computes what lagsim computes.
-        self.write = Writer(
-            Style(ModelNames(x.own_names)), x.names, x.rank, decimals=x.substitute
-        )
+        self.write = ModelPrinter(x, ModelNames(x.own_names), digits=None)
 
     def whole(self) -> dict[str, Any]:
         c, x = self.c, self.x
@@ -115,7 +113,7 @@ class _Document:
         }
 
     def _gauss(self, gauss: Gauss) -> dict[str, Any]:
-        show = self.write.style.names.show
+        show = self.write.names.show
         names = [show(Name(q.name, 0, "unconstrained")) for q in self.x.q]
         values = [None] * len(names) if gauss.a is None else self._all(gauss.a)
         return {

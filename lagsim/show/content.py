@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from lagsim.model.model import Constraint
+    from lagsim.show.printers import Printer
     from lagsim.show.symbols import Translation
-    from lagsim.show.writer import Writer
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ _WORDS = {
 
 def conditions(
     k: Condition,
-    write: Writer,
+    write: Printer,
     multiplier: Any,
     called: tuple[str, str],
     signs: Mapping[str, str],
@@ -223,10 +223,9 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
     return tuple(_told(given, _WORDS, ASCII).values())
 
 
-def when(choice: Any, write: Writer) -> str:
+def when(choice: Any, write: Printer) -> str:
     """Give the condition that `if(condition, 1, 0)` asks for."""
-    decided = not choice.is_Piecewise
-    return write(choice) if decided else write.condition(choice.args[0][1])
+    return write(choice.args[0][1] if choice.is_Piecewise else choice)
 
 
 def _told(

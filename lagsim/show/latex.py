@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim.show.content import LATEX, conditions
 from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
-from lagsim.show.text import DIGITS, Outline
-from lagsim.show.writer import LatexStyle
+from lagsim.show.printers import FormulaPrinter
+from lagsim.show.text import Outline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -73,7 +73,9 @@ def as_latex(content: Content) -> str:
     lines = [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
     if model.description:
         lines.append(plain_latex(" ".join(model.description.split())))
-    lines += _Latex(content, LatexStyle(names, DIGITS), signs | letters).told()
+    lines += _Latex(
+        content, FormulaPrinter(content.translation, names), signs | letters
+    ).told()
     lines += [_note(note) for note in content.notes]
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 

@@ -30,6 +30,7 @@ _LATIN = {
     "Tau": "T", "Chi": "X",
 }  # fmt: skip
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
 _SPECIAL = {
     "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&",

@@ -176,7 +176,7 @@ class Translation:
     names : dict
         What each symbol shows.
     rank : dict
-        Where each stands in products and sums; see `Writer`.
+        Where each stands in products and sums; see `Printer`.
     tidy : Tidier
     """
 

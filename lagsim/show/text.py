@@ -12,20 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 from lagsim.show.content import ASCII, UNICODE, conditions
 from lagsim.show.names import ModelNames, Name, UnicodeNames
-from lagsim.show.writer import Style, UnicodeStyle, Writer
+from lagsim.show.printers import ModelPrinter, TextPrinter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.show.content import Condition, Conserved, Content, Force, Line
+    from lagsim.show.printers import Printer
 
     Row = tuple[str, Any]  # what stands on the left, and the expression that it equals
     Rows = Sequence[Sequence[str]]  # of a matrix, written
     Entry = tuple[str, str, str]  # of a matrix: the names of row and column; written
-
-
-# Digits of decimal numbers.
-DIGITS = 6
 
 
 class Outline:
@@ -35,8 +32,8 @@ class Outline:
     ----------
     content
         What is told.
-    style
-        How expressions look.
+    write
+        Prints expressions.
     signs
         By what it stands for, how it is written: the letters `T V L F G h`, `minus`,
         with places for names `slope`, `rate`, `Q f b K Qc`, and sentences; of some
@@ -47,11 +44,10 @@ class Outline:
     room, between = 0, 0
 
     def __init__(
-        self, content: Content, style: Style, signs: Mapping[str, str]
+        self, content: Content, write: Printer, signs: Mapping[str, str]
     ) -> None:
-        x = content.translation
-        self.c, self.names, self.signs = content, style.names, signs
-        self.write = Writer(style, x.names, x.rank, decimals=x.substitute)
+        self.c, self.names, self.signs = content, write.names, signs
+        self.write = write
         self.lines: list[str] = []
 
     def told(self) -> list[str]:
@@ -223,7 +219,7 @@ class Outline:
 
 WIDTH = 100
 _SIGNS = {
-    "minus": "−", "d": "∂", "slope": "∂{}/∂{}", "rate": "d/dt ∂{}/∂{}",
+    "minus": "−", "at least": "≥", "d": "∂", "slope": "∂{}/∂{}", "rate": "d/dt ∂{}/∂{}",
     "sum": "Σ q̇", "q_dot": "q̇", "twice": "d²/dt²",
     "F": "dissipation F", "G": "G", "Q": "Q_{}", "f": "f[{}]", "b": "b[{}]",
     "K": "K[{}, {}]", "Qc": "Qc_{}", "conserved": "Conserved",
@@ -237,16 +233,17 @@ _SIGNS = {
     "gain": "Qc = K (A a − b), K = −Aᵀ (A M⁻¹ Aᵀ)⁻¹",
 }  # fmt: skip
 _ASCII = {
-    "−": "-", "∂": "d", "Σ": "sum", "q̇": "q'", "q̈": "q''", "⁻¹": "^-1", "ᵀ": "^T",
-    "²": "^2", "λ": "lambda",
+    "−": "-", "≥": ">=", "∂": "d", "Σ": "sum", "q̇": "q'", "q̈": "q''", "⁻¹": "^-1",
+    "ᵀ": "^T", "²": "^2", "λ": "lambda",
 }  # fmt: skip
 
 
 def as_text(content: Content, *, ascii_only: bool = False) -> str:
     """Give a derivation as plain text."""
-    plain = content.translation.own_names
+    x = content.translation
+    plain = x.own_names
     names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
-    style = Style(names, DIGITS) if ascii_only else UnicodeStyle(names, DIGITS)
+    write = ModelPrinter(x, names) if ascii_only else TextPrinter(x, names)
     signs = dict(_SIGNS)
     for sign, letters in _ASCII.items() if ascii_only else ():
         signs = {k: text.replace(sign, letters) for k, text in signs.items()}
@@ -257,7 +254,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     model = content.translation.equations.model
     head = f"{model.name}: {model.description}" if model.description else model.name
     lines = textwrap.wrap(" ".join(head.split()), WIDTH)
-    lines += _Text(content, style, signs).told()
+    lines += _Text(content, write, signs).told()
     for note in content.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
     # What cannot be told apart from composed letters is one: ü, not u and two dots.
@@ -340,11 +337,11 @@ class _Text(Outline):
     def broken(
         self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
     ) -> None:
-        style = self.write.style
+        write = self.write
         line = head
         for k, (sign, text) in enumerate(terms):
-            first = style.negative if sign == "-" else ""
-            part = (style.minus if sign == "-" else style.plus) if k else first
+            first = write.negative if sign == "-" else ""
+            part = (write.minus if sign == "-" else write.plus) if k else first
             if k and _width(line) + _width(part + text) > WIDTH:
                 self.lines += _folded(line)
                 line = " " * min(max(_width(head) - 2, 4), 24) + part + text
@@ -406,7 +403,7 @@ class _Text(Outline):
         else:
             letter, sign = "g", "="
             if k.kind == "one-sided":
-                letter, sign = _called(k)[0], self.write.style.comparisons[">="]
+                letter, sign = _called(k)[0], self.signs["at least"]
             self.equals(letter, k.function, f" {sign} 0")
             if not k.moving:
                 self.equals(f"d{letter}/dt", k.rate)

@@ -14,7 +14,7 @@ alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi rho pi 
 tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi
 Omega
 varphi partial sum cdot le ge perp sin cos tan sinh cosh tanh exp min max ln arcsin
-arccos arctan quad qquad lfloor rfloor lceil rceil log
+arccos arctan leq geq vee wedge neg quad qquad lfloor rfloor lceil rceil log
 """
 _OVER = (
     "dot ddot bar mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text sqrt"
@@ -171,7 +171,7 @@ class _Reader:
                     raise self.fail("a new line in a formula")
             elif text in ("}", "$") or not text.isascii():
                 raise self.fail(f"`{text}` in mathematics")
-            elif token[2] is not None and text not in (r"\,", r"\_", r"\|"):
+            elif token[2] is not None and text not in (r"\,", r"\:", r"\_", r"\|"):
                 raise self.fail(f"unknown sign {text}")
             else:
                 base = True

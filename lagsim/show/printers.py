@@ -1,0 +1,377 @@
+"""sympy's printers, with the names of a model, in the order in which people write.
+
+In a product numbers come first, then parameters, coordinates, velocities and
+accelerations, functions last; in a sum accelerations come first, then velocities.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from decimal import Decimal
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import sympy as sp
+from sympy.printing.latex import LatexPrinter
+from sympy.printing.precedence import PRECEDENCE
+from sympy.printing.str import StrPrinter
+
+from lagsim.language.functions import FUNCTIONS
+from lagsim.show.names import RAISED
+from lagsim.show.symbols import LARGEST_DENOMINATOR
+
+if TYPE_CHECKING:
+    from lagsim.show.names import Typeset
+    from lagsim.show.symbols import Translation
+
+
+# Larger whole numbers are written as decimals: 1e+20.
+LARGEST_WHOLE = 10**15
+# Digits of decimal numbers, for people.
+DIGITS = 6
+_MUL = PRECEDENCE["Mul"]
+_FUNCTIONS = {"Abs": "abs", "ceiling": "ceil", "Min": "min", "Max": "max"}
+# Symbols of this class and above vary: definitions, coordinates, ...
+_VARYING = 1
+# Groups of symbols, in the order in which sums are sorted by them.
+_MOVING = {4: 0, 3: 1, 5: 2}
+
+
+class Printer:
+    """What the printers share: order, signs, and numbers as people write them.
+
+    Parameters
+    ----------
+    x
+        The symbols of a model.
+    names
+        How names look.
+    digits
+        How many digits decimals have; all that there are where this is None.
+    """
+
+    plus, minus, negative, between = " + ", " - ", "-", "*"
+    settings: ClassVar[dict[str, Any]] = {}
+
+    def __init__(
+        self, x: Translation, names: Typeset, digits: int | None = DIGITS
+    ) -> None:
+        super().__init__(self.settings)  # type: ignore[call-arg]
+        self.names, self.symbols, self.rank = names, x.names, x.rank
+        self.decimals, self.digits = x.substitute, digits
+        self._texts: dict[Any, str] = {}
+        self._places: dict[Any, tuple[Any, ...]] = {}
+
+    def __call__(self, e: Any) -> str:
+        """Give the text of an expression."""
+        return self._print(e)
+
+    def terms(self, e: Any) -> list[tuple[str, str]]:
+        """Give the terms of a sum in order, each with its sign (`+` or `-`)."""
+        found = map(signed, self.ordered(e))
+        return [("-" if minus else "+", self.factor(x)) for minus, x in found]
+
+    def factor(self, e: Any, *, loosely: bool = True) -> str:
+        """Give the text, in parentheses where it binds less than a product does.
+
+        Or, if not `loosely`, no more.
+        """
+        text: str = self.parenthesize(e, _MUL, strict=loosely)  # type: ignore[attr-defined]
+        return text
+
+    def _print(self, e: Any, **given: Any) -> str:
+        if given:
+            return super()._print(e, **given)  # type: ignore[misc,no-any-return]
+        if e not in self._texts:
+            self._texts[e] = super()._print(e)  # type: ignore[misc]
+        return self._texts[e]
+
+    def _print_Symbol(self, e: Any, **_: Any) -> str:
+        return self.names.show(self.symbols[e])
+
+    # Numbers
+
+    def _print_Rational(self, e: Any) -> str:
+        if e < 0:
+            return self.negative + self._print(-e)
+        if self._is_fraction(e):
+            return self._over(*map(str, (e.p, e.q)))
+        return self._decimal(e)
+
+    def _print_Integer(self, e: Any) -> str:
+        if e < 0:
+            return self.negative + self._print(-e)
+        return str(e) if e < LARGEST_WHOLE else self._decimal(e)
+
+    _print_Float = _print_Rational
+
+    def _decimal(self, e: Any) -> str:
+        x = _double(e)
+        return (str(x) if self.digits is None else f"{x:.{self.digits}g}").lower()
+
+    def _is_fraction(self, x: Any) -> bool:
+        """Tell whether a person would write a fraction, and not a decimal."""
+        if not x.is_Rational or x.q > LARGEST_DENOMINATOR:
+            return False
+        return bool(x.q % 5 or (abs(x) < 1 and not self.decimals))
+
+    def _over(self, over: str, under: str) -> str:
+        return f"{over}/{under}"
+
+    # Sums
+
+    def _print_Add(self, e: Any, **_: Any) -> str:
+        (sign, text), *rest = self.terms(e)
+        text = self.negative + text if sign == "-" else text
+        for sign, term in rest:
+            text += (self.minus if sign == "-" else self.plus) + term
+        return text
+
+    def ordered(self, e: Any) -> list[Any]:
+        """Give the terms of a sum in order."""
+        parts = sorted(sp.Add.make_args(e), key=self._place_in_sum)
+        if signed(parts[0])[0] and self._is_constant(parts[0]):
+            parts.append(parts.pop(0))  # x + y - l
+        positive = next((p for p in parts if not signed(p)[0]), None)
+        if positive is not None and signed(parts[0])[0]:
+            parts.remove(positive)
+            parts.insert(0, positive)
+        return parts
+
+    def _is_constant(self, e: Any) -> bool:
+        return all(self.rank[s][0] < _VARYING for s in e.free_symbols)
+
+    def _place_in_sum(self, term: Any) -> tuple[Any, ...]:
+        found = [(self._place(x), x) for x in sp.Mul.make_args(signed(term)[1])]
+        degree = [0, 0, 0]
+        for (group, *_), x in found:
+            if group in _MOVING:
+                degree[_MOVING[group]] -= (
+                    int(x.exp) if x.is_Pow and x.exp.is_Integer else 1
+                )
+            elif group - 0.5 in _MOVING:  # a sum in which these are
+                degree[_MOVING[group - 0.5]] -= 2
+        varying = sorted(place for place, _ in found if place[0] >= _VARYING)
+        constant = sorted(place for place, _ in found if place[0] < _VARYING)
+        return *degree, varying, constant
+
+    # Products
+
+    def _print_Mul(self, e: Any) -> str:
+        negative, e = signed(e)
+        over, under = self.fraction(e)
+        text = self._product(over)
+        if under:
+            if len(under) == 1:
+                below = self.factor(under[0], loosely=False)
+            else:
+                below = f"({self._product(under)})"
+            text = self._over(text, below)
+        return self.negative + text if negative else text
+
+    def _product(self, factors: list[Any]) -> str:
+        if len(factors) == 1:
+            return self.factor(factors[0])
+        return self.between.join(map(self.factor, factors)) or "1"
+
+    def fraction(self, e: Any) -> tuple[list[Any], list[Any]]:
+        """Give the factors above the line and below it, in order."""
+        number, over, under = sp.S.One, [], []
+        for x in sp.Mul.make_args(e):
+            if x.is_Rational:
+                number = number * x
+            elif x.is_Pow and x.exp.is_Rational and x.exp < 0:
+                under.append(x.base ** (-x.exp))
+            else:
+                over.append(x)
+        parts = number, sp.S.One
+        if self._is_fraction(number):
+            parts = sp.Integer(number.p), sp.Integer(number.q)
+        above, below = ([x] if x != 1 else [] for x in parts)
+        above += sorted(over, key=self._place)
+        return above, below + sorted(under, key=self._place)
+
+    def _place(self, factor: Any) -> tuple[Any, ...]:
+        if factor not in self._places:
+            self._places[factor] = self._placed(factor)
+        return self._places[factor]
+
+    def _placed(self, factor: Any) -> tuple[Any, ...]:
+        base, exponent = factor, sp.S.One
+        if factor.is_Pow:
+            base, exponent = factor.base, factor.exp
+        key = str(base), str(exponent)
+        if base.is_Symbol:
+            return *self.rank[base], *key
+        if base.is_number and not _is_function(base):
+            return -1, 0, *key
+        ranks = [self.rank[s] for s in base.free_symbols]
+        _, index = min(ranks, default=(0, 0))
+        if base.is_Add:
+            last = max(ranks, default=(0, 0))[0]
+            return (0 if last == 0 else last + 0.5), index, *key
+        return 6, index, *key
+
+
+class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
+    """Prints the language of model files."""
+
+    def _print_Pow(self, e: Any, rational: bool = False) -> str:
+        if e.exp.is_Rational and e.exp < 0:
+            return self._print_Mul(e)
+        text: str = super()._print_Pow(e, rational)
+        return text.replace("**", "^")
+
+    def _print_Exp1(self, _: Any) -> str:
+        return "exp(1)"
+
+    def _print_Function(self, e: Any) -> str:
+        return f"{_name(e)}({self._arguments(e)})"
+
+    def _arguments(self, e: Any) -> str:
+        return ", ".join(map(self._print, e.args))
+
+    def _print_Piecewise(self, e: Any) -> str:
+        *cases, (last, _) = e.args
+        text = self._print(last)
+        for value, condition in reversed(cases):
+            text = f"if({self._print(condition)}, {self._print(value)}, {text})"
+        return text
+
+    def _print_Not(self, e: Any) -> str:
+        return f"not ({self._print(e.args[0])})"
+
+    def _print_And(self, e: Any) -> str:
+        word = " and " if isinstance(e, sp.And) else " or "
+        parts = sorted(e.args, key=sp.default_sort_key)
+        texts = ((self._print(p), isinstance(p, sp.And | sp.Or)) for p in parts)
+        return word.join(f"({text})" if group else text for text, group in texts)
+
+    _print_Or = _print_And
+
+    def _print_ITE(self, e: Any) -> str:  # what an `if` in a condition becomes
+        asked, then, other = e.args
+        return self._print(asked & then | ~asked & other)
+
+    def _print_Relational(self, e: Any) -> str:
+        if isinstance(e, sp.Ne):
+            return f"not ({self._print(sp.Eq(*e.args))})"
+        signs = ("<=", ">=") if isinstance(e, sp.Eq) else (e.rel_op,)
+        left, right = map(self._print, e.args)
+        return " and ".join(f"{left} {sign} {right}" for sign in signs)
+
+
+class TextPrinter(ModelPrinter):
+    """Prints plain text with superscripts, roots and signs."""
+
+    minus, negative, between = " − ", "−", " "
+
+    def _print_Pow(self, e: Any, rational: bool = False) -> str:
+        base, exponent = e.args
+        raised = exponent.is_Integer and exponent > 1
+        if raised and _is_function(base) and isinstance(_shown(base), str):
+            power = str(exponent).translate(RAISED)
+            return f"{_shown(base)}{power}({self._arguments(base)})"
+        text = super()._print_Pow(e, rational)
+        if exponent == sp.S.Half:
+            return text.replace("sqrt", "√", 1)
+        if raised:
+            return text.removesuffix(f"^{exponent}") + str(exponent).translate(RAISED)
+        return text
+
+    def _print_Pi(self, _: Any) -> str:
+        return "π"
+
+    def _print_Function(self, e: Any) -> str:
+        shown = _shown(e)
+        inside = self._arguments(e)
+        return inside.join(shown) if isinstance(shown, tuple) else f"{shown}({inside})"
+
+    _print_Abs = _print_Function
+
+    def _print_Relational(self, e: Any) -> str:
+        text = super()._print_Relational(e)
+        return text.replace("<=", "≤").replace(">=", "≥")
+
+
+class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
+    """Prints mathematics of LaTeX, with amsmath."""
+
+    between = r" \, "
+
+    def _decimal(self, e: Any) -> str:
+        text = super()._decimal(e)
+        mantissa, _, exponent = text.partition("e")
+        if not exponent:
+            return text
+        power = f"10^{{{int(exponent)}}}"
+        return power if mantissa == "1" else rf"{mantissa} \cdot {power}"
+
+    def _over(self, over: str, under: str) -> str:
+        return rf"\frac{{{over}}}{{{under}}}"
+
+    def _print_Mul(self, e: Any) -> str:
+        negative, e = signed(e)
+        over, under = self.fraction(e)
+        text = self._product(over)
+        if under:
+            below = self._print(under[0]) if len(under) == 1 else self._product(under)
+            above = self._print(over[0]) if len(over) == 1 else text
+            text = self._over(above, below)
+        return self.negative + text if negative else text
+
+    def _print_Function(self, e: Any, exp: str | None = None) -> str:
+        row = FUNCTIONS.get(_name(e))
+        command = (row and row.latex) or rf"\operatorname{{{_name(e)}}}"
+        inside = ", ".join(map(self._print, e.args))
+        if isinstance(command, tuple):
+            whole = inside.join(command)
+            return whole if exp is None else f"{whole}^{{{exp}}}"
+        if exp is not None:
+            command += f"^{{{exp}}}"
+        bare = len(e.args) == 1 and (e.args[0].is_Symbol or e.args[0].is_Integer)
+        bare = bare and not e.args[0].is_negative and "(" not in inside
+        return f"{command} {inside}" if bare else rf"{command}\left({inside}\right)"
+
+    # A name may be e: exp stays as it is.
+    _print_exp = _print_log = _print_Abs = _print_Function
+
+
+@functools.lru_cache(maxsize=50_000)
+def signed(e: Any) -> tuple[bool, Any]:
+    """Tell whether a term is written with a minus, and give it without."""
+    coefficient, rest = e.as_coeff_Mul()
+    if not (coefficient.is_number and coefficient < 0):
+        return False, e
+    factors = () if rest is sp.S.One else sp.Mul.make_args(rest)
+    if coefficient != -1 or not factors:
+        factors = (-coefficient, *factors)
+    return True, sp.Mul._from_args(factors)  # noqa: SLF001  the product as it is
+
+
+def _is_function(e: Any) -> bool:
+    return bool(e.is_Function) and not isinstance(e, sp.Piecewise | sp.exp)
+
+
+def _name(e: Any) -> str:
+    """Give a function's name in the model language."""
+    plain = type(e).__name__
+    return getattr(e, "spelled", "") or _FUNCTIONS.get(plain, plain)
+
+
+def _shown(e: Any) -> str | tuple[str, str]:
+    """Give the name for people, or what stands before and behind the arguments."""
+    row = FUNCTIONS.get(_name(e))  # sympy may bring one of its own
+    return (row and row.text) or _name(e)
+
+
+def _double(e: Any) -> float | Decimal:
+    """Give a number above 0 as a double, or, where none holds it, as a decimal."""
+    try:
+        x = float(e)
+    except OverflowError:
+        x = math.inf
+    if 0.0 < x < math.inf:
+        return x
+    exact = sp.Rational(e)
+    return (Decimal(int(exact.p)) / Decimal(int(exact.q))).normalize()
