@@ -15,9 +15,22 @@ from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from lagsim.run.observers import Relay
+from lagsim.notes import Choice
+from lagsim.outputs.manifest import manifest
+from lagsim.run.observers import Corners, Relay
 from lagsim.run.observers.monitors import Checkpoints, EnergyMonitor, ResidualMonitor
+from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.overflow import Gaps
+from lagsim.run.trajectory import Outcome
+from lagsim.studies.alarms import Evidence, about_gaps, alarms, audit, up_to
+from lagsim.studies.balances import balances
+from lagsim.studies.error_bar import (
+    Allowance,
+    Repeat,
+    by_other_means,
+    is_outlier,
+    repeat,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -26,14 +39,13 @@ if TYPE_CHECKING:
     from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
-    from lagsim.run.observers import Corners, Observer, Store
+    from lagsim.run.observers import Observer, Store
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.alarms import Evidence, Finding
+    from lagsim.studies.alarms import Finding
     from lagsim.studies.balances import Balance, Whole
-    from lagsim.studies.error_bar import Allowance
 
     # Takes a run, and by their names its `relay` and `session`.
     Joined: TypeAlias = Callable[..., None]
@@ -76,8 +88,6 @@ class Monitors:
     @cached_property
     def balances(self) -> Sequence[Balance | Whole]:
         """Of each group of coordinates and of the whole, when all rows are there."""
-        from lagsim.studies.balances import balances
-
         equations, plan = self.session.case.equations, self.session.plan
         return list(balances(equations, plan, self.residuals, self.monitor))
 
@@ -94,14 +104,10 @@ class Monitors:
 
     def audit(self, trajectory: Trajectory, bar: ErrorBar | str) -> Finding | None:
         """Give why they are in doubt, if they are."""
-        from lagsim.studies.alarms import audit
-
         return audit(self.evidence(trajectory, bar))
 
     def evidence(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
         """Give all that a run is judged by."""
-        from lagsim.studies.alarms import Evidence
-
         known = self.residuals, self.monitor, self.balances
         return Evidence(self.session, trajectory, *known, bar)
 
@@ -127,13 +133,9 @@ class Attempt(NamedTuple):
 
     def cautions(self) -> list[Caution]:
         """Give all that there is to know about it."""
-        from lagsim.studies.alarms import alarms
-
         own = self.monitors
         found = alarms(own.evidence(self.trajectory, self.bar))
         if own.gaps.found:
-            from lagsim.studies.alarms import about_gaps
-
             found.append(about_gaps(own.gaps.found))
         if self.frames is not None:
             from lagsim.outputs.animation import nothing_to_draw
@@ -148,8 +150,6 @@ class Attempt(NamedTuple):
         files: Sequence[str],
     ) -> dict[str, Any]:
         """Give the content of run.json."""
-        from lagsim.outputs.manifest import manifest
-
         return manifest(
             self.session, self.trajectory, self.monitors.residuals, self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
@@ -208,12 +208,24 @@ class Attempts:
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
-        """Give an attempt after the verdict; rows end where constraints part."""
-        if finding is not None and finding.parts and finding.refutes:
-            from lagsim.studies.alarms import up_to
+        """Give an attempt after a verdict that nothing can change.
 
+        Rows end where constraints part.
+        """
+        if finding is None or not finding.refutes:
+            return attempt
+        reason = f"from t = {finding.time:.9g} on the rows are not valid: "
+        reason += finding.text
+        if finding.parts:
             attempt = self._made(up_to(attempt.session, finding.time), attempt.bar)
-        return _judged(attempt, finding)
+            end = attempt.trajectory.end
+            reason += f"; the last row, at t = {end:.9g}, satisfies it"
+        outcome = Outcome.NO_ANSWER
+        trajectory = attempt.trajectory._replace(
+            outcome=outcome, reason=f"{reason}: {outcome.advice}"
+        )
+        # What a repeat says of a motion that is no answer is no error.
+        return attempt._replace(trajectory=trajectory, bar="the rows are not valid")
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
         """Make one attempt; the store and all that rows go to begin again.
@@ -223,14 +235,10 @@ class Attempts:
         case, names = session.case, session.system.columns.names
         monitors = Monitors(session)
         checkpoints = Checkpoints(len(case.equations.q), case.settings)
-        thin = frames = corners = None
-        if self.cornered:
-            from lagsim.run.observers import Corners
-
-            corners = Corners()
+        frames = None
+        corners = Corners() if self.cornered else None
+        thin = None
         if self.thinned:
-            from lagsim.run.observers.thinning import picture_thinning
-
             thin = picture_thinning(case.equations.model, names)
         if self.animated:
             from lagsim.outputs.animation import frames_of
@@ -268,8 +276,6 @@ class Attempts:
 
     def _charge(self, session: Session, trajectory: Trajectory) -> None:
         """Let the first attempt set the allowance; take from it what others cost."""
-        from lagsim.studies.error_bar import Allowance, Repeat
-
         if self.allowance is None:
             self.allowance = Allowance(session.system, trajectory)
         else:
@@ -279,8 +285,6 @@ class Attempts:
         self, session: Session, trajectory: Trajectory, checkpoints: Checkpoints
     ) -> ErrorBar | str:
         """Estimate the error of the run, or say why not."""
-        from lagsim.studies.error_bar import repeat
-
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
             return "not asked for"
@@ -304,8 +308,6 @@ class Attempts:
 
     def _is_outlier(self, attempt: Attempt) -> bool:
         """Ask a third run which of two is off."""
-        from lagsim.studies.error_bar import is_outlier
-
         bar = attempt.bar
         assert not isinstance(bar, str)
         found = bool(bar.parted) or is_outlier(
@@ -317,9 +319,6 @@ class Attempts:
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
         """Give other means than those of an attempt that is in doubt."""
-        from lagsim.notes import Choice
-        from lagsim.studies.error_bar import Repeat, by_other_means
-
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)
         if other is None:
@@ -339,20 +338,3 @@ class Attempts:
         )
         plan = replace(way.plan, choices=(*before.choices, choice))
         return way._replace(plan=plan, longest_step=longest)
-
-
-def _judged(attempt: Attempt, finding: Finding | None) -> Attempt:
-    """Give an attempt as what it is after a verdict that nothing can change."""
-    from lagsim.run.trajectory import Outcome
-
-    if finding is None or not finding.refutes:
-        return attempt
-    outcome = Outcome.NO_ANSWER
-    reason = f"from t = {finding.time:.9g} on the rows are not valid: {finding.text}"
-    if finding.parts:
-        reason += f"; the last row, at t = {attempt.trajectory.end:.9g}, satisfies it"
-    trajectory = attempt.trajectory._replace(
-        outcome=outcome, reason=f"{reason}: {outcome.advice}"
-    )
-    # What a repeat says of a motion that is no answer is no error.
-    return attempt._replace(trajectory=trajectory, bar="the rows are not valid")
