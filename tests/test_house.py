@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
-LINES = 70_800
-LINES_OF_TESTS = 59_700
+LINES = 70_600
+LINES_OF_TESTS = 59_100
 
 
 def lines(folder):

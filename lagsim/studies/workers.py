@@ -20,14 +20,13 @@ from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
     CancelledError,
-    Executor,
     ProcessPoolExecutor,
     wait,
 )
 from functools import partial
 from multiprocessing import connection
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
@@ -67,7 +66,7 @@ class Died:
 class Crew(NamedTuple):
     """Who takes pieces: at most `most` at a time; `stop` asks for an end in order."""
 
-    executor: Executor
+    submit: Callable[..., Future[Any]]
     most: int
     stop: Callable[[], None]
 
@@ -79,15 +78,15 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-class _Processes(ProcessPoolExecutor):
-    """Processes that do not run the script again that this one is running.
+class _Process(ProcessPoolExecutor):
+    """One process, which does not run the script again that this one is running.
 
-    They look for work in lagsim alone; a script without `if __name__ == "__main__"`
-    would begin again in each.
+    It looks for work in lagsim alone; a script without `if __name__ == "__main__"`
+    would begin again in it.
     """
 
     def submit(self, *arguments: Any, **keywords: Any) -> Future[Any]:
-        """Hand out a call; processes begin here."""
+        """Hand out a call; the process begins here."""
         main = sys.modules["__main__"]
         sys.modules["__main__"] = ModuleType("__main__")
         try:
@@ -98,15 +97,30 @@ class _Processes(ProcessPoolExecutor):
 
 @contextlib.contextmanager
 def processes(most: int) -> Iterator[Crew]:
-    """Give processes of this machine, fresh ones: none inherits threads or locks."""
+    """Give processes of this machine, fresh ones: none inherits threads or locks.
+
+    Each is an executor of its own, so that one that dies takes nothing with it.
+    """
     context = multiprocessing.get_context("spawn")
     theirs, ours = context.Pipe(duplex=False)
-    executor = _Processes(most, context, _enlist, (theirs,))
+    last: dict[_Process, Future[Any]] = {}
+
+    def submit(*call: Any) -> Future[Any]:
+        for process, future in last.items():
+            if future.done() and future.exception() is None:
+                with contextlib.suppress(BrokenExecutor):
+                    last[process] = process.submit(*call)
+                    return last[process]
+        process = _Process(1, context, _enlist, (theirs,))
+        last[process] = process.submit(*call)
+        return last[process]
+
     try:
-        yield Crew(executor, most, ours.close)
+        yield Crew(submit, most, ours.close)
     finally:
         ours.close()
-        executor.shutdown(cancel_futures=True)
+        for process in last:
+            process.shutdown(cancel_futures=True)
         theirs.close()
 
 
@@ -157,9 +171,9 @@ def spread(
 ) -> Iterator[tuple[int, Found | Died]]:
     """Do all pieces; give number and result of each as it is done.
 
-    Where a process dies, and others with it, each piece that was under way is done
-    again by a process of its own: the one that dies once more is reported so. After an
-    interrupt no piece is begun, and those under way end in order.
+    Where a process dies, its piece is done again after all others: one that dies once
+    more is reported so. After an interrupt no piece is begun, and those under way end
+    in order.
 
     Parameters
     ----------
@@ -168,71 +182,34 @@ def spread(
     most
         So many pieces at a time; one at a time is done by this process.
     """
-    left, suspects = deque(enumerate(pieces)), deque[tuple[int, Piece]]()
+    left = deque(enumerate(pieces))
     if most == 1 and hired is processes:
         while left and not interrupt.asked:
             number, piece = left.popleft()
             yield number, work(piece, interrupt)
-    while (left or suspects) and not interrupt.asked:
-        queue, alone = (suspects, True) if suspects else (left, False)
-        with hired(1 if alone else min(most, len(left))) as crew:
-            shift = _Shift(work, crew, queue, interrupt)
-            yield from shift.results()
-        if alone and not interrupt.asked:
-            yield from ((number, Died()) for number, _ in shift.lost)
-        else:
-            suspects += shift.lost
-
-
-class _Shift(Generic[Piece, Found]):
-    """What a crew does until a process of it dies, or all is done.
-
-    Attributes
-    ----------
-    lost : list
-        Number and piece of what was under way when a process died.
-    """
-
-    def __init__(
-        self,
-        work: Callable[[Piece, Interrupt], Found],
-        crew: Crew,
-        queue: deque[tuple[int, Piece]],
-        interrupt: Interrupt,
-    ) -> None:
-        self.work, self.crew, self.queue = work, crew, queue
-        self.interrupt = interrupt
-        self.lost: list[tuple[int, Piece]] = []
-        self._out: dict[Future[Found], tuple[int, Piece]] = {}
-
-    def results(self) -> Iterator[tuple[int, Found]]:
-        """Give what is found, as it comes."""
-        self._hand_out()
-        stopped = False
-        while self._out:
-            done, _ = wait(self._out, GLANCE_SECONDS, FIRST_COMPLETED)
-            if self.interrupt.asked and not stopped:
-                self.crew.stop()
+        return
+    out: dict[Future[Found], tuple[int, Piece]] = {}
+    lost: set[int] = set()
+    stopped = False
+    with hired(min(most, len(left))) as crew:
+        while out or (left and not interrupt.asked):
+            while left and not interrupt.asked and len(out) < crew.most:
+                number, piece = left.popleft()
+                out[crew.submit(_done, work, piece)] = number, piece
+            done, _ = wait(out, GLANCE_SECONDS, FIRST_COMPLETED)
+            if interrupt.asked and not stopped:
+                crew.stop()
                 stopped = True
             for future in done:
-                number, piece = self._out.pop(future)
+                number, piece = out.pop(future)
                 try:
                     yield number, future.result()
                 except (BrokenExecutor, CancelledError):
-                    self.lost.append((number, piece))
-            self._hand_out()
-
-    def _hand_out(self) -> None:
-        while not (self.lost or self.interrupt.asked) and self.queue:
-            if len(self._out) == self.crew.most:
-                return
-            number, piece = self.queue.popleft()
-            try:
-                future = self.crew.executor.submit(_done, self.work, piece)
-            except BrokenExecutor:
-                self.lost.append((number, piece))
-                return
-            self._out[future] = number, piece
+                    if number in lost and not interrupt.asked:
+                        yield number, Died()
+                    else:
+                        lost.add(number)
+                        left.append((number, piece))
 
 
 @contextlib.contextmanager
@@ -261,7 +238,7 @@ def machines(address: str) -> Iterator[tuple[Hired, int]]:
     @contextlib.contextmanager
     def hired(most: int) -> Iterator[Crew]:
         executor = client.get_executor(pure=False)
-        yield Crew(executor, most, partial(executor.shutdown, wait=False))
+        yield Crew(executor.submit, most, partial(executor.shutdown, wait=False))
 
     with client:
         cores = sum(client.ncores().values())
