@@ -52,9 +52,58 @@ of whose terms vanish have no other scale."""
 SURFACE_ROUNDOFF = 512.0 * UNIT_ROUNDOFF
 """How far off a surface rounding leaves a state, as a part of its size."""
 
+VALUE_ROUNDOFF = 32.0 * UNIT_ROUNDOFF
+"""The relative error of a column that was computed from others of its size."""
+
+MOTION_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
+"""The range of a coordinate, as a part of its values or of the motion that it is linked
+with, below which it is at rest but for rounding."""
+
 PROBE = 2.0**-36
 """The relative change of a state that shows what its rounding does to y': large enough
 that the difference has digits, small enough that nothing bends."""
+
+# --- rows of a run --------------------------------------------------------------------
+
+SAME_ROW = 1e-6
+"""Times of rows that differ by this part of their spacing are the same: an event is
+located to the tolerance of the run."""
+
+SAME_END = 1e-6
+"""Times that differ by this part of a run are both its end."""
+
+FLAT_RANGE = 1e-9
+"""The range of a series, as a part of its size, that is rounding: it is constant."""
+
+ZERO_BESIDE = 1e-14
+"""The size of a column, against others of its unit, that is rounding: it is zero."""
+
+RANGE_BESIDE = 1e-9
+"""The range of a coordinate, as a part of the motion beside it, whose rounding moves
+what should rest: none counts as less."""
+
+PLACE_BESIDE = 1e-12
+"""A place is known no better than to this part of the motion beside it."""
+
+NO_MOTION = 1e-6
+"""What moves by less than this part of what moves beside it has no motion to lose."""
+
+SATISFIED = 1e-6
+"""The residual of a constraint against its scale up to which rows satisfy it: steps
+leave rounding, and a million times more is no rounding."""
+
+ENERGY_DRIFT = 1e-6
+"""The drift of the energy, as a part of that in play, that is named: the default
+tolerance leaves 1e-9."""
+
+ENERGY_ROUNDOFF = 1e-13
+"""What rounding leaves of an energy, as a part of its own size, between neighbours."""
+
+SAME_ENERGY = 1e-10
+"""Shares of the energy whose sum differs from the whole by this part are all of it."""
+
+SAME_JUMP = 1e-6
+"""Jumps of the energy that differ by this part are of one size."""
 
 # --- iterations -----------------------------------------------------------------------
 

@@ -36,7 +36,6 @@ from lagsim.outputs.figure import (
     mark,
 )
 from lagsim.outputs.scale import (
-    NOISE,
     Scale,
     extent,
     log_scale,
@@ -50,6 +49,7 @@ from lagsim.outputs.scale import (
 )
 from lagsim.outputs.views import Views
 from lagsim.run.observers.thinning import DRIFT
+from lagsim.tolerances import ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -496,7 +496,7 @@ def _acting(
         name
         for own in sizes.values()
         for name, size in own.items()
-        if size > NOISE * max(own.values())
+        if size > ZERO_BESIDE * max(own.values())
     }
     found = [[name for name in names if name in acting] for names in families]
     return found if acting else [families[0][:1], [], []]

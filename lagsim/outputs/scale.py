@@ -22,6 +22,7 @@ from matplotlib.ticker import (
 
 from lagsim.outputs.letters import SUPERSCRIPTS
 from lagsim.run.observers.thinning import HUGE, TINY
+from lagsim.tolerances import FLAT_RANGE, ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,11 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
 
     from lagsim.run.observers.thinning import Array
-
-# A series that varies by less than this part of its size is rounding noise: flat.
-FLAT = 1e-9
-# What should be zero is often not quite; beside others of its unit it is if less than:
-NOISE = 1e-14
 
 # Powers of ten from which on they stand in the label and not at the ticks.
 PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-1, 3)
@@ -223,13 +219,13 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
     `size` is that of values they are compared with; what is nothing beside it is 0.
     """
     low, high = extent(*series) or (0.0, 1.0)
-    if max(abs(low), abs(high)) <= NOISE * size:
+    if max(abs(low), abs(high)) <= ZERO_BESIDE * size:
         low = high = 0.0
     else:
         size = max(abs(low), abs(high))
     if size < TINY:
         return Scale(-1.0, 1.0)
-    if high - low <= FLAT * size:
+    if high - low <= FLAT_RANGE * size:
         # A tenth to both sides: enough to see that it is level, and at which value.
         low, high = low - 0.1 * size, high + 0.1 * size
     free = margin * (high - low)

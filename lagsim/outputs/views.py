@@ -32,7 +32,8 @@ from lagsim.outputs.figure import (
     in_lines,
     mark,
 )
-from lagsim.outputs.scale import FLAT, Scale, extent, with_one_power
+from lagsim.outputs.scale import Scale, extent, with_one_power
+from lagsim.tolerances import FLAT_RANGE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -120,7 +121,7 @@ class Views:
     def _usable(self, scale: float) -> float:
         """Return how much an inch is, also where all points rest in one place."""
         scale *= FREE
-        return scale if scale > FLAT * self._size else self._size or 1.0
+        return scale if scale > FLAT_RANGE * self._size else self._size or 1.0
 
     def _pens_of_moving(self) -> dict[str, Pen]:
         """Return a pen for each point that moves, in their order."""
@@ -128,7 +129,7 @@ class Views:
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
             spans = [_span(component) for component in position]
-            if any(span > FLAT * self._size for span in spans):
+            if any(span > FLAT_RANGE * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] * (TALLEST / whole)
         share = np.linspace(0.0, 1.0, len(paths))[:, np.newaxis]

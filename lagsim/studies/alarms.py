@@ -33,7 +33,14 @@ from lagsim.run.observers.monitors import gained as grown
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.balances import besides_jumps, jumps, label_of, worth
 from lagsim.studies.error_bar import beside
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.tolerances import (
+    ENERGY_DRIFT,
+    PLACE_BESIDE,
+    SAME_END,
+    SAME_ROW,
+    SATISFIED,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -123,8 +130,6 @@ def about_gaps(found: Mapping[str, Gap]) -> Caution:
     return Caution("column-not-finite", text)
 
 
-# Rows satisfy constraints to rounding; what is off by more than this part does not.
-HELD = 1e-6
 # An unexplained change of the energy counts from this part of the energy in play on: an
 # amplitude off by half of it is about the width of a line in a picture, and what the
 # default tolerance leaves is a million times less.
@@ -132,21 +137,15 @@ UNEXPLAINED = 1e-3
 # By far: so many times what the errors of the state explain, to first order and with
 # all of them in the worst direction.
 FAR = 100.0
-# A drift is named from this part on; the default tolerance leaves 1e-9.
-DRIFTED = 1e-6
 # A contact is seen up to one step late, and stopped within the next; what a step leaves
 # of other constraints is taken back in the next.
 LATE = 2.0
-# Within this part of a run before its end a row shows what has ended it.
-AT_END = 1e-6
 # And so many tolerances: steps leave 20 in the shipped models.
 MANY = 1e3
 # Of what is rounded in the energy of a row, in two rows.
 BOTH = 4.0
 # What moves this many times farther than the rounding of forces takes it moves.
 HIGHER = 16.0
-# A place is known no better than to this part of the motion beside it.
-NEIGHBOURS = 1e-12
 
 
 def _unknown(why: str, drift: str) -> list[Caution]:
@@ -168,7 +167,7 @@ def _drift(run: Evidence) -> str:
     equations, plan = run.equations, run.plan
     if plan.rtol is None and math.isfinite(method(plan.method).ORDER):
         return ""
-    least = max(DRIFTED, MANY * (plan.rtol or 0.0))
+    least = max(ENERGY_DRIFT, MANY * (plan.rtol or 0.0))
     for balance in sorted(run.balances, key=_part, reverse=True):
         part = _part(balance)
         if not part > least:
@@ -241,9 +240,9 @@ def about_constraints(run: Evidence) -> list[Caution]:
         return []
     name, worst = found
     if trajectory.outcome is Outcome.CONSTRAINT_JUMPS:
-        since = run.residuals.constraint_since(name, HELD)
+        since = run.residuals.constraint_since(name, SATISFIED)
         length = trajectory.end - trajectory.start
-        if since is not None and trajectory.end - since <= AT_END * length:
+        if since is not None and trajectory.end - since <= SAME_END * length:
             return []  # the last row shows the jump that has ended the run
     why = "the constraints do not determine this motion, and the rows are not valid"
     if not plan.projected and not plan.reduction.eliminated:
@@ -270,12 +269,12 @@ def not_held(
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
-    for name, residual, part, values in run.residuals.constraints_off(HELD):
+    for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
             return name, part
         row = equations.row(name)
         moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
-        seed = NEIGHBOURS * beside(equations, start, moved)
+        seed = PLACE_BESIDE * beside(equations, start, moved)
         state = dict(zip(equations.q, values[1 : 1 + n].tolist(), strict=True))
         rates = values[1 + n : 1 + 2 * n].tolist()
         state |= dict(zip(equations.velocities, rates, strict=True))
@@ -291,7 +290,7 @@ def not_held(
             if residual <= left:
                 continue
         seed = seed + held_still(run, range(n))[0]
-        if residual > HELD * float(slopes @ moved) + float(slopes @ seed):
+        if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
 
@@ -409,8 +408,6 @@ def _how(settings: Settings, plan: Plan) -> str:
     return f"{how} keeps"
 
 
-# And by more than this part of the energy in play; the default tolerance leaves 1e-9.
-LEAST = 1e-6
 # Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
 # is not that of the motion.
 ACCURATE = 1e6
@@ -435,10 +432,6 @@ class Finding(NamedTuple):
     time: float
     refutes: bool
     parts: bool = False
-
-
-# A row stands no earlier than this part of a row's spacing before its time.
-SAME_ROW = 1e-6
 
 
 def up_to(session: Session, time: float) -> Session:
@@ -470,7 +463,7 @@ def _about_constraints(run: Evidence) -> Finding | None:
         return None
     name, worst = found
     text = f"constraint `{name}` is off by {worst:.2g} of its scale"
-    since = run.residuals.constraint_since(name, HELD)
+    since = run.residuals.constraint_since(name, SATISFIED)
     return None if since is None else Finding(text, since, refutes=True, parts=True)
 
 
@@ -481,13 +474,13 @@ def _off(run: Evidence, balance: Balance | Whole) -> Finding | None:
     """
     equations, plan = run.equations, run.plan
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
-    if not LEAST * in_play < drift < math.inf or row is None:
+    if not ENERGY_DRIFT * in_play < drift < math.inf or row is None:
         return None
     text = f"{label_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
     explained = _explained(run, balance, row)
     wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
     rounded = rounding(run, balance)
-    bound = max(min(FAR * explained, wrong), rounded, LEAST * in_play)
+    bound = max(min(FAR * explained, wrong), rounded, ENERGY_DRIFT * in_play)
     since = balance.since(bound)
     if not drift > bound or since is None or jumps(equations, balance):
         return None

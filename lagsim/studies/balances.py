@@ -23,6 +23,7 @@ from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_erro
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.groups import groups, shares
 from lagsim.run.observers.monitors import gained
+from lagsim.tolerances import ENERGY_ROUNDOFF, FLAT_RANGE, SAME_ENERGY, SAME_JUMP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -37,8 +38,6 @@ MOST_ROWS = 512
 MOST_OPERATIONS = 2e5
 # Rows that show a speed to this part of it show the motion.
 SHOWN = 0.5
-# Shares whose sum is the whole energy to this part of them are all of it.
-WHOLE = 1e-10
 
 
 class Balance(NamedTuple):
@@ -196,7 +195,7 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     # What stands in no group depends on time alone, and is in `work` as it is.
     timed = [k for k, work in enumerate(e.works) if not work.coordinates]
     rest += np.sum(worked[:, timed], axis=1)
-    if not np.ptp(rest) <= WHOLE * np.max(np.abs(each)):
+    if not np.ptp(rest) <= SAME_ENERGY * np.max(np.abs(each)):
         return []
     made = []
     for i, group in enumerate(found):
@@ -244,16 +243,9 @@ def worth(equations: Equations, node: int, row: Floats, errors: Floats) -> float
 CUT = {"atan2": 0, "div": 1, "pow": 0}
 # And those that take one value or another, and nothing in between.
 SWITCHES = STEPS | {"if", *CUT}
-# An energy changes by no more than rounding between neighbours: by this part of what is
-# in play, or of its own size.
-ROUNDING = 1e-9
-OWN_ROUNDING = 1e-13
 # Ways between rows that are looked at for any jump, and switches on each.
 MOST_WAYS = 64
 MOST_ON_A_WAY = 8
-# Jumps that differ by no more than this part of themselves are of one size: then rows
-# need not resolve how many there are.
-ALIKE = 1e-6
 
 
 def jumps(equations: Equations, balance: Balance | Whole) -> bool:
@@ -268,7 +260,7 @@ def jumps(equations: Equations, balance: Balance | Whole) -> bool:
         states = np.vstack([worst[: 1 + 2 * n], states])
     sides = [energy.sides(state) for state in states]
     changes = [k for k in range(len(states) - 1) if sides[k] != sides[k + 1]]
-    least = ROUNDING * balance.in_play
+    least = FLAT_RANGE * balance.in_play
     chosen = changes[:: -(-len(changes) // MOST_WAYS) or 1]
     return any(energy.jump(states[k], states[k + 1], least) != 0.0 for k in chosen)
 
@@ -282,14 +274,14 @@ def besides_jumps(equations: Equations, balance: Balance | Whole) -> Floats | No
     states, kept = balance.rows, balance.kept
     if not energy.switches or len(states) < 2:
         return None
-    least = ROUNDING * balance.in_play
+    least = FLAT_RANGE * balance.in_play
     jumped = np.array([energy.jump(a, b, least) for a, b in pairwise(states)])
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None
     changes = np.diff(kept) - jumped
     size = float(np.max(sizes))
-    if np.ptp(sizes) <= ALIKE * size < np.inf:
+    if np.ptp(sizes) <= SAME_JUMP * size < np.inf:
         changes -= size * np.round(changes / size)
     rest = np.concatenate([[0.0], np.cumsum(changes)]) + kept[0]
     return np.asarray(rest)
@@ -341,7 +333,7 @@ class Energy:
                     high = middle
             before, after = (self._of(a + y * (b - a)) for y in (low, high))
             size = max(abs(before), abs(after))
-            if not abs(after - before) <= max(least, OWN_ROUNDING * size):
+            if not abs(after - before) <= max(least, ENERGY_ROUNDOFF * size):
                 found += after - before
             x = high
         return found

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lagsim.run.observers.monitors import numbers
+from lagsim.tolerances import FLAT_RANGE, SAME_ROW
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -85,9 +86,6 @@ def nearest(times: Floats, among: Floats) -> Floats:
 
 
 ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
-# A range below this part of the size is that of rounding errors: pictures draw it flat
-# there, too.
-NOISE = 1e-9
 # A column counts as no narrower than this part of the widest of its kind and unit, so
 # that a coordinate that should stay zero is not measured by its noise.
 SHARE = 1e-3
@@ -127,7 +125,7 @@ def scales(
     low, high = _extremes(data)
     size = np.maximum(np.abs(low), np.abs(high))
     ranges = high - low
-    wide = np.where(ranges > NOISE * size, ranges, size)
+    wide = np.where(ranges > FLAT_RANGE * size, ranges, size)
     present = frozenset(columns)
     kinds = [kind(column, present) for column in columns]
     groups = [
@@ -170,9 +168,6 @@ def _extremes(data: Floats) -> tuple[Floats, Floats]:
 
 Ints: TypeAlias = NDArray[np.intp]
 
-# Times are the same if they differ by no more than this part of the rows' spacing: an
-# event is located to the tolerance of the run, and its time is compared besides.
-SAME = 1e-6
 # All rows of both, as they are.
 ALL = slice(None), slice(None)
 
@@ -201,9 +196,9 @@ def match(golden: Floats, new: Floats, tolerance: float = 0.0) -> Matched:
     golden, new : ndarray
         The times.
     tolerance
-        Between times that are the same, if more than SAME of the spacing.
+        Between times that are the same, if more than SAME_ROW of the spacing.
     """
-    near = max(SAME * _spacing(golden), min(tolerance, 0.25 * _spacing(golden)))
+    near = max(SAME_ROW * _spacing(golden), min(tolerance, 0.25 * _spacing(golden)))
     if len(golden) == len(new) and bool(np.all(np.abs(golden - new) <= near)):
         every = np.arange(len(golden))
         return Matched(every, every, golden[:0], new[:0])

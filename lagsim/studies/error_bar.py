@@ -33,7 +33,13 @@ from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.system.functions import in_groups, joined, largest_beside
 from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.tolerances import (
+    MOTION_ROUNDOFF,
+    NO_MOTION,
+    RANGE_BESIDE,
+    SAME_END,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -46,17 +52,8 @@ if TYPE_CHECKING:
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
-# A coordinate that should stay at rest is moved by the rounding of what moves beside
-# it: its range counts as no less than this part of theirs.
-SEED = 1e-9
-# What moves by less than so many units in the last place of its own values, or of the
-# motion of what it is linked with, is at rest but for rounding: its error is given as a
-# part of those, and is no horizon.
-RESOLVED = 64.0 * 2.0**-52
 # What moves by a million times its error does not rest.
 RESOLVED_BY = 1e-6
-# For a horizon, what moves less than this part of the others has no motion to lose.
-STILL = 1e-6
 
 
 def ranges(
@@ -111,13 +108,13 @@ def hardly_moving(
     All else moves by far more than its error, or than the millionth of what moves
     beside it, and what could push it need not be asked.
     """
-    slow = (found <= STILL * moving) | (errors > RESOLVED_BY * scales)
+    slow = (found <= NO_MOTION * moving) | (errors > RESOLVED_BY * scales)
     return list(map(int, np.flatnonzero(slow)))
 
 
 def is_at_rest(found: Floats, largest: Floats, held: Floats) -> bool:
     """Tell whether nothing moves but by rounding, of values or of forces."""
-    return bool(np.all(found <= np.fmax(RESOLVED * largest, BALANCED * held)))
+    return bool(np.all(found <= np.fmax(MOTION_ROUNDOFF * largest, BALANCED * held)))
 
 
 def scales_of(
@@ -131,13 +128,13 @@ def scales_of(
         Of each coordinate the range, the motion beside it, that of what it is linked
         with, the largest value, and how far it would move if nothing held it.
     """
-    scales = np.fmax(found, SEED * moving)
+    scales = np.fmax(found, RANGE_BESIDE * moving)
     at_rest = found <= BALANCED * held
     for size in (largest, linked):
-        scales = np.where(found > RESOLVED * size, scales, np.fmax(scales, size))
+        scales = np.where(found > MOTION_ROUNDOFF * size, scales, np.fmax(scales, size))
     scales = np.where(at_rest, np.fmax(scales, held), scales)
-    still = np.fmax(STILL * moving, BALANCED * held / LOST)
-    return scales, np.fmax(still, RESOLVED * largest / LOST)
+    still = np.fmax(NO_MOTION * moving, BALANCED * held / LOST)
+    return scales, np.fmax(still, MOTION_ROUNDOFF * largest / LOST)
 
 
 # How much tighter the repeat's tolerance is, how much where that does not come to its
@@ -478,7 +475,7 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
     if repeated.outcome.complete:
         return True
     span = trajectory.end - trajectory.start
-    return repeated.end >= trajectory.end - 1e-6 * span
+    return repeated.end >= trajectory.end - SAME_END * span
 
 
 def _spaced(other: Repeat, checkpoints: Checkpoints) -> tuple[Repeat, Checkpoints]:

@@ -22,6 +22,7 @@ from lagsim.model.model import DEFAULT_RTOL
 from lagsim.outputs.units import told
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import kind, moved, nearest, partners, scales
+from lagsim.tolerances import SAME_ROW, SAME_STEP, UNIT_ROUNDOFF, VALUE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -220,8 +221,6 @@ TIMES_MOVED = 10.0
 # what may lie on either side.
 MOST_IMPACTS = 6
 ALONE = 4.0
-# Events that are this close, as a part of the spacing, happen at once.
-AT_ONCE = 1e-9
 
 
 def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
@@ -245,7 +244,7 @@ def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
     reached = np.any(np.abs(t[:, None] - times) <= reach, axis=1)
     kept = ends | ~(reached | paired(t))
     first = np.flatnonzero(befores(t) & np.isin(t, common))
-    apart = AT_ONCE * spacing
+    apart = SAME_STEP * spacing
     alone = [
         k
         for k in first
@@ -317,12 +316,8 @@ DIGITS = 0.1
 # Past the horizon a coordinate or a velocity may be off by this part of its scale: what
 # is left says little more than where the motion can be at all.
 LOST = 1 / 3
-# Rounding errors of a value that was computed from others of its size.
-ULPS = 16 * np.finfo(float).eps
 # Bounds only rise. Each rise makes room for so much more, so that there are few.
 ROOM = 1.5
-# Times are the same within this part of the spacing.
-SAME_TIME = 1e-6
 # Columns that are kept of long tables.
 MOST_COLUMNS = 60
 LEAVE_OUT = (
@@ -381,7 +376,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         base = motion_of(case, stride)
     others = [other for _, other in variants(case, base, stride)]
     rows = base.rows[clear(base, others, spacing)]
-    near = SAME_TIME * spacing
+    near = SAME_ROW * spacing
     with np.errstate(invalid="ignore"):
         apart = _apart(rows, base, others, near) + _floors(case, base, rows)
     sizes = scales(base.columns, rows.T, told(case.equations, base.columns))
@@ -449,7 +444,7 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
         alike = [i for i, c in enumerate(base.columns) if of.get(c) == of.get(name)]
         if of.get(name) and kind(name, base.columns) == "definition":
             sizes[k] = np.max(alone[alike])
-    floors = rtol * sizes + ULPS * np.max(np.abs(rows), axis=0)
+    floors = rtol * sizes + VALUE_ROUNDOFF * np.max(np.abs(rows), axis=0)
     t = base.columns.index("t")
     when, floors[t] = floors[t], 0.0
     floors = floors + _roundings(case, base, rows)
@@ -480,7 +475,7 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     if not shown:
         return found
     places = [base.columns.index(d.name) for d in shown]
-    eps = float(np.finfo(float).eps)
+    eps = 2.0 * UNIT_ROUNDOFF
     parameters = {p.name: (p.value, eps * abs(p.value)) for p in model.parameters}
     nodes = [d.node for d in shown]
     for k, row in enumerate(rows.tolist()):
@@ -537,6 +532,6 @@ def _invariants(
         if name.startswith(MOMENTUM):
             size = float(max(momenta))
         reached = [float(np.max(np.abs(values[name] - value))) for values in apart]
-        bound = SAFETY * max(reached) + rtol * size + ULPS * abs(value)
+        bound = SAFETY * max(reached) + rtol * size + VALUE_ROUNDOFF * abs(value)
         found[name] = Invariant(value, rounded_up(bound))
     return found

@@ -20,7 +20,6 @@ from lagsim.outputs.results import open_results
 from lagsim.studies.comparison import Deviation, Pair, Verdict, ordered
 from lagsim.studies.golden import (
     DIGITS,
-    SAME_TIME,
     Golden,
     Invariant,
     Motion,
@@ -29,6 +28,7 @@ from lagsim.studies.golden import (
     paired,
 )
 from lagsim.studies.tables import read_table
+from lagsim.tolerances import SAME_ROW
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -281,7 +281,7 @@ def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
 def _columns(motion: Motion, stored: Stored) -> Iterator[tuple[str, Pair]]:
     """Give each column of both, in the rows of the golden."""
     golden, t = stored.golden, stored.golden.rows[:, 0]
-    near = SAME_TIME * float(stored.about["output_step"])
+    near = SAME_ROW * float(stored.about["output_step"])
     rows = motion.at(t, near, ends=golden.horizon is None)
     for k, name in enumerate(golden.columns):
         if name in motion.columns:
@@ -338,7 +338,7 @@ def _notes(
         notes.append(f"rows every {about['output_step']!r}, as in the golden")
     end = float(about["end"])
     apart = abs(motion.trajectory.end - end)
-    if apart > SAME_TIME * float(about["output_step"]):
+    if apart > SAME_ROW * float(about["output_step"]):
         notes.append(
             f"the run ends at t = {motion.trajectory.end!r}, the golden's at {end!r}"
         )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, Problem
+from lagsim.tolerances import SAME_ROW
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,8 +25,6 @@ WINDOW = "blackmanharris"
 BREADTH = 4
 # Frequencies lie closer than the rows tell apart, so that peaks have their height.
 FINER = 4
-# Part of the spacing that a row may be off.
-EVEN = 1e-6
 LEAST_ROWS = 16
 # Peaks are listed that are this part of the largest and stand out by half their height.
 LEAST_PEAK, STANDS_OUT = 1e-4, 0.5
@@ -180,7 +179,7 @@ def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
     step = (last - first) / max(1, round((last - first) / usual))
     places = (t - first) / step
     numbers = np.rint(places)
-    even = np.abs(places - numbers) <= EVEN
+    even = np.abs(places - numbers) <= SAME_ROW
     # Of two rows at one of the times the later one; the last row may lie anywhere.
     later = np.append(apart > 0.0, True)
     stray = ~even & ~struck

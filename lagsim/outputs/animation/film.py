@@ -32,8 +32,6 @@ ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 ROOM = 1_900_000
 # Frames beyond these show nothing more, and cells of them are memory.
 MOST_FRAMES, MOST_CELLS = 1 << 15, 1 << 23
-# Of the extent of a scene: a point that stays within this has not moved.
-STILL = 1e-9
 # What would go so many times through the scene from a frame to the next is not
 # followed by its rate.
 SWIFT = 3.0

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lagsim.outputs.animation.film import STILL, extent
+from lagsim.outputs.animation.film import extent
+from lagsim.tolerances import FLAT_RANGE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -51,7 +52,9 @@ def _recorded(film: Film) -> dict[str, Any]:
     points: list[dict[str, Any]] = []
     for name, (place, rate) in film.tracks.items():
         finite = place[np.isfinite(place).all(axis=1)]
-        still = len(finite) == len(place) and np.ptp(finite, 0).max() <= STILL * size
+        still = (
+            len(finite) == len(place) and np.ptp(finite, 0).max() <= FLAT_RANGE * size
+        )
         found = {"fixed": place[0].tolist()} if still else {
             "place": _packed(place), "rate": _packed(rate),
         }  # fmt: skip

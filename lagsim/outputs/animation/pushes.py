@@ -19,6 +19,7 @@ import numpy as np
 
 from lagsim.language.derivatives import slopes
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -30,9 +31,8 @@ if TYPE_CHECKING:
 # Frames in which it is tried which points carry a constraint, and in which part of them
 # they must: at a dead point none may.
 TRIED, MOSTLY = 9, 0.75
-# What is left of a row that points carry, against its terms; and singular values that
-# are 0. Rounding leaves less.
-LEFT, SINGULAR = 1e-7, 1e-10
+# What is left of a row that points carry, against its terms. Rounding leaves less.
+LEFT = 1e-7
 # Pairs that no link joins are tried among so many points, and forces shown.
 FEW_POINTS, MOST_PUSHES = 24, 64
 
@@ -145,13 +145,13 @@ class Levers:
         found[~finite] = 0.0
         n, d = len(columns), len(parts)
         J, A = found[:, :-n].reshape(count, d, n), found[:, -n:]
-        f = np.einsum("kn,knd->kd", A, np.linalg.pinv(J, rcond=SINGULAR))
+        f = np.einsum("kn,knd->kd", A, np.linalg.pinv(J, rcond=DEPENDENT_ROWS))
         left = np.abs(np.einsum("kdn,kd->kn", J, f) - A)
         longest = np.abs(f).max(axis=1, keepdims=True)
         terms = np.abs(J).sum(axis=1) * longest + np.abs(A)
         holds: Flags = finite & (left <= LEFT * terms).all(axis=1)
         sizes = np.linalg.svd(J, compute_uv=False)
-        full: Flags = sizes[:, -1] > SINGULAR * sizes[:, 0]
+        full: Flags = sizes[:, -1] > DEPENDENT_ROWS * sizes[:, 0]
         return f, holds, full & (d <= n)
 
     def pushes(self) -> list[Push]:
