@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.thinning import Array
 
 # Powers of ten from which on they stand in the label and not at the ticks.
-PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-1, 3)
+PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-2, 4)
 
 # With fewer ticks than this, a scale cannot be read off.
 LEAST_TICKS = 3
