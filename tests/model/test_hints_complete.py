@@ -10,8 +10,8 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from tests.model._files import completed
+from tests.model.test_faults import CASES as FAULTS
 from tests.model.test_hints_followed import CASES, FILE, FILES, admitted, text_with
-from tests.model.test_reader_faults import CASES as FAULTS
 from tests.support import ROOT
 
 # What is replaced, the mistake, what its hint says, what follows from that by hand.
