@@ -268,6 +268,8 @@ not-a-list | [] means none | output:¶  columns:⟪⟫
 unknown-name | did you mean `reach` | definitions: {reach: x}¶
     output: {columns: [⟪raech⟫]}
 not-a-definition | in any case | output: {columns: [⟪x⟫]}
+not-a-definition | leave it out | output: {columns: [⟪x_dot⟫]}
+not-a-definition | define it: k_given: k | parameters: {k: 1}¶output: {columns: [⟪k⟫]}
 not-a-text | a list | definitions: {a: x}¶output: {columns: [⟪[a]⟫]}
 duplicate-column | `a` is given twice | definitions: {a: x}¶output: {columns: [a, ⟪a⟫]}
 not-a-list | `reactions` | output: {reactions: ⟪x⟫}
