@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
 LINES = 70_500
-LINES_OF_TESTS = 59_100
+LINES_OF_TESTS = 58_400
 
 
 def lines(folder):
