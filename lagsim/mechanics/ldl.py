@@ -163,6 +163,8 @@ class Factorisation:
     ----------
     late
         What comes later where the degree is the same: whose diagonal entry moves.
+    only
+        The unknowns that are eliminated, where others are left: `rows` holds what is.
 
     Attributes
     ----------
@@ -182,14 +184,19 @@ class Factorisation:
         entries: Mapping[tuple[int, int], int],
         meter: Meter,
         late: Container[int] = (),
+        only: Sequence[int] | None = None,
     ) -> None:
         self.g = g
         self.meter = meter
-        rows: list[Vector] = [{} for _ in range(size)]
+        self.rows = rows = [Vector() for _ in range(size)]
         for (i, j), node in entries.items():
             rows[i][j] = node
             rows[j][i] = node
-        self.order = minimum_degree([set(row) for row in rows], meter, late)
+        some = range(size) if only is None else only
+        places = {k: at for at, k in enumerate(some)}
+        pattern = [{places[j] for j in rows[k] if j in places} for k in some]
+        order = minimum_degree(pattern, meter, late if only is None else ())
+        self.order = [some[at] for at in order]
         self.place = {k: at for at, k in enumerate(self.order)}
         self.below: dict[int, Vector] = {}
         self.inverse: Vector = {}
@@ -218,27 +225,28 @@ class Factorisation:
         """Give L^-1 right."""
         g = self.g
         z = {i: node for i, node in right.items() if node != g.zero}
-        queue = [self.place[i] for i in z]
+        queue = [self.place[i] for i in z if i in self.place]
         heapify(queue)
         while queue:
             k = self.order[heappop(queue)]
             for i, entry in self.below[k].items():
                 self.meter.add(1)
-                if i not in z:
+                if i not in z and i in self.place:
                     heappush(queue, self.place[i])
                 term = g.call("mul", entry, z[k])
                 z[i] = g.call("sub", z.get(i, g.zero), term)
         return z
 
-    def backward(self, z: Mapping[int, int]) -> Vector:
-        """Give L^-T D^-1 z."""
-        g = self.g
-        return self.upward({k: g.call("mul", z[k], self.inverse[k]) for k in z})
+    def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
+        """Give L^-T D^-1 z; what was not eliminated is given."""
+        g, inverse = self.g, self.inverse
+        scaled = {k: g.call("mul", z[k], inverse[k]) for k in z if k in inverse}
+        return self.upward(scaled, given)
 
-    def upward(self, scaled: Mapping[int, int]) -> Vector:
+    def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
         """Give L^-T scaled."""
         g = self.g
-        x: Vector = {}
+        x = dict(given or {})
         for k in reversed(self.order):
             value = scaled.get(k, g.zero)
             for i, entry in self.below[k].items():

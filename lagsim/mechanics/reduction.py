@@ -26,7 +26,7 @@ import math
 from collections import Counter
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,9 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import Meter, SparseVector
-from lagsim.mechanics.constraints import Flow
+from lagsim.mechanics.constraints import Flow, Row
 from lagsim.mechanics.equations import Quadrature
+from lagsim.mechanics.groups import Work
 from lagsim.mechanics.ldl import Factorisation
 from lagsim.model.model import Parameter
 
@@ -44,51 +45,49 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Model
+
+
+# The nodes of a row, a work and a quadrature, beside the slopes of a row.
+NODES = {
+    Row: ("residual", "rate", "b", "transport", "residual_scale", "rate_scale"),
+    Work: ("rate", "energy"),
+    Quadrature: ("rate", "mass"),
+}
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     """Give the same equations with variables replaced in every expression."""
     g = e.graph
     nodes = [*e.mass_entries.values(), *e.f, *e.momenta, e.energy, e.kinetic_form]
-    nodes += [node for x in e.works for node in (x.rate, x.energy)]
-    nodes += [node for x in e.quadratures for node in (x.rate, x.mass)]
-    for row in e.rows:
-        nodes += [*row.A.entries.values(), row.residual, row.rate, row.b]
-        nodes += [row.transport, row.residual_scale, row.rate_scale]
+    nodes += [node for row in e.rows for node in row.A.entries.values()]
+    for x in (*e.rows, *e.works, *e.quadratures):
+        nodes += [getattr(x, name) for name in NODES[type(x)]]
     found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
 
-    def replaced(x: SparseVector) -> SparseVector:
+    def vector_of(x: SparseVector) -> SparseVector:
         return SparseVector(g, len(x), {j: found[a] for j, a in x.entries.items()})
 
+    def replaced(some: Sequence[Any]) -> tuple[Any, ...]:
+        names = [NODES[type(x)] for x in some]
+        return tuple(
+            x._replace(**{name: found[getattr(x, name)] for name in own})
+            for x, own in zip(some, names, strict=True)
+        )
+
+    rows = (row._replace(A=vector_of(row.A)) for row in replaced(e.rows))
     return replace(
         e,
         model=_dynamics(g, e.model, new),
-        M=tuple(map(replaced, e.M)),
+        M=tuple(map(vector_of, e.M)),
         f=tuple(found[x] for x in e.f),
-        rows=tuple(
-            row._replace(
-                A=replaced(row.A),
-                residual=found[row.residual],
-                rate=found[row.rate],
-                b=found[row.b],
-                transport=found[row.transport],
-                residual_scale=found[row.residual_scale],
-                rate_scale=found[row.rate_scale],
-            )
-            for row in e.rows
-        ),
+        rows=tuple(rows),
         momenta=tuple(found[x] for x in e.momenta),
         energy=found[e.energy],
         kinetic_form=found[e.kinetic_form],
-        works=tuple(
-            x._replace(rate=found[x.rate], energy=found[x.energy]) for x in e.works
-        ),
-        quadratures=tuple(
-            x._replace(rate=found[x.rate], mass=found[x.mass]) for x in e.quadratures
-        ),
+        works=replaced(e.works),
+        quadratures=replaced(e.quadratures),
     )
 
 
@@ -475,70 +474,31 @@ def ignored(
         [e.momenta[c] for c in coordinates], dict.fromkeys(speeds, g.zero)
     )
     momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
-    right = enumerate(map(partial(g.call, "sub"), momenta, at_rest))
-    solved = _factored(e, coordinates, limit).solve(dict(right))
-    rates = [solved.get(k, g.zero) for k in range(len(coordinates))]
+    right = map(partial(g.call, "sub"), momenta, at_rest)
+    block = Factorisation(
+        g, len(e.q), e.mass_entries, Meter(limit), only=coordinates
+    ).solve(dict(zip(coordinates, right, strict=True)))
+    rates = [block.get(c, g.zero) for c in coordinates]
     new = dict(zip(speeds, rates, strict=True))
     full = substituted(e, new)
-    factors = _factored(full, coordinates, limit)
-    Z = {
-        j: factors.forward({k: full.M[c][j] for k, c in enumerate(coordinates)})
-        for j in left
-        if any(j in full.M[c].entries for c in coordinates)
-    }
-    force = factors.forward({k: full.f[c] for k, c in enumerate(coordinates)})
-    M = dict(full.mass_entries)
-    f = list(full.f)
-    for i, z in Z.items():
-        f[i] = _less(factors, f[i], z, force)
-        for j, other in Z.items():
-            if j <= i:
-                entry = M.get((i, j), g.zero)
-                M[i, j] = M[j, i] = _less(factors, entry, z, other)
-    bends = factors.solve(
-        {k: _less_inertia(full, c, left) for k, c in enumerate(coordinates)}
+    factors = Factorisation(
+        g, len(e.q), full.mass_entries, Meter(limit), only=coordinates
     )
+    f = factors.forward(dict(enumerate(full.f)))
+    M = {(i, j): node for i in left for j, node in factors.rows[i].items()}
+    given = {j: g.variable(f"{e.q[j]}_ddot") for j in left}
+    bends = factors.backward(f, given)
     recovered = new | {
-        g.variable(f"{e.q[c]}_ddot"): bends.get(k, g.zero)
-        for k, c in enumerate(coordinates)
+        g.variable(f"{e.q[c]}_ddot"): bends.get(c, g.zero) for c in coordinates
     }
     quadratures = tuple(
         Quadrature(e.q[c], rate, full.M[c][c])
         for c, rate in zip(coordinates, rates, strict=True)
     )
-    reduced = of_those_left(full, left, M, f, full.momenta)
+    forces = [f.get(j, g.zero) for j in range(len(e.q))]
+    reduced = of_those_left(full, left, M, forces, full.momenta)
     rows = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
     return replace(reduced, rows=tuple(rows), quadratures=quadratures), recovered
-
-
-def _factored(e: Equations, coordinates: Sequence[int], limit: float) -> Factorisation:
-    entries = {
-        (i, j): e.M[c][d]
-        for i, c in enumerate(coordinates)
-        for j, d in enumerate(coordinates)
-        if d in e.M[c].entries
-    }
-    return Factorisation(e.graph, len(coordinates), entries, Meter(limit))
-
-
-def _less(
-    factors: Factorisation, node: int, z: Mapping[int, int], other: Mapping[int, int]
-) -> int:
-    """Give node - z^T D^-1 other."""
-    g = factors.g
-    for k in sorted(z.keys() & other.keys()):
-        part = g.call("mul", g.call("mul", z[k], factors.inverse[k]), other[k])
-        node = g.call("sub", node, part)
-    return node
-
-
-def _less_inertia(e: Equations, c: int, left: Sequence[int]) -> int:
-    """Give f of row c less M q'' of the coordinates left."""
-    node = e.f[c]
-    for j in left:
-        acceleration = e.graph.variable(f"{e.q[j]}_ddot")
-        node = minus(e.graph, node, e.M[c][j], acceleration)
-    return node
 
 
 class Reduction(NamedTuple):
