@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.admissibility.examination import start_at
@@ -109,11 +108,7 @@ def formulate(
     if problems:
         raise InputError(problems)
     try:
-        ways = _ways(settings.decay)
-        if equations.laws:
-            ways = {**dict.fromkeys(ways, _refused), "full": _at_times}
-            ways["projection"] = _at_times
-        return ways[asked](equations, start)
+        return _asked(asked, equations, start, settings.decay)
     except _CannotError as error:
         text = f"formulation `{asked}` cannot be used: {error}"
         hint = "`auto` chooses one that suits"
@@ -122,7 +117,10 @@ def formulate(
 
 def formulations() -> list[str]:
     """Give the names that a formulation may be asked for by."""
-    return ["auto", *_ways(0.0)]
+    return [
+        "auto", "full", "apart", "none", "projection", "velocity projection",
+        "elimination", "baumgarte", "drift", "ignorable",
+    ]  # fmt: skip
 
 
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
@@ -161,25 +159,8 @@ def _at_times(equations: Equations, start: Start) -> Formulation:
     return _whole(equations, start, "projection", reason, projected=True)
 
 
-def _refused(equations: Equations, start: Start) -> Formulation:  # noqa: ARG001
-    raise _CannotError("the model has constraints that come and go")
-
-
-def _constrained(equations: Equations) -> None:
-    if not equations.rows:
-        raise _CannotError("the model has no constraints")
-
-
-def _none(equations: Equations, start: Start) -> Formulation:
-    if equations.rows:
-        why = "the model has constraints; `drift` integrates without enforcing them"
-        raise _CannotError(why)
-    return _whole(equations, start, "none", "no constraints")
-
-
 def _projection(equations: Equations, start: Start) -> Formulation:
     rows = equations.rows
-    _constrained(equations)
     held = sum(row.holonomic for row in rows)
     if held:
         reason = f"{held} of {len(rows)} constraints are of positions"
@@ -188,25 +169,52 @@ def _projection(equations: Equations, start: Start) -> Formulation:
     return _whole(equations, start, "velocity projection", reason, projected=True)
 
 
-def _velocity_projection(equations: Equations, start: Start) -> Formulation:
-    found = _projection(equations, start)
-    if found.name == "projection":
+def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
+    """Give a formulation by its name.
+
+    Raises
+    ------
+    _CannotError
+    """
+    e = equations
+    if e.laws:
+        if name not in ("full", "projection"):
+            raise _CannotError("the model has constraints that come and go")
+        return _at_times(e, start)
+    if name in ("full", "apart"):
+        return _full(e, start)
+    if name == "ignorable":
+        found = ignorable(e)
+        if not found:
+            raise _CannotError("no coordinate is ignorable with a conserved momentum")
+        return _reduced(Reduction(e).ignore(found, start), start, "asked for")
+    if name == "none":
+        if e.rows:
+            why = "the model has constraints; `drift` integrates without enforcing them"
+            raise _CannotError(why)
+        return _full(e, start)
+    if not e.rows:
+        raise _CannotError("the model has no constraints")
+    return _constrained(name, e, start, gain)
+
+
+def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulation:
+    """Give a formulation of a model with constraints that always hold."""
+    if name == "elimination":
+        reduction, why = _eliminated(e, start)
+        if not reduction.eliminated:
+            raise _CannotError(why)
+        return _reduced(reduction, start, "asked for")
+    if name == "baumgarte":
+        reason = f"asked for; gain {gain:g} per unit of time"
+        found = _whole(e, start, name, reason, gain=gain)
+        return found._replace(reduction=Reduction(_stabilised(e)))
+    if name == "drift":
+        return _whole(e, start, name, "asked for; the constraints are not enforced")
+    found = _full(e, start)
+    if name == "velocity projection" and name != found.name:
         raise _CannotError(found.choices[0].reason)
     return found
-
-
-def _drift(equations: Equations, start: Start) -> Formulation:
-    _constrained(equations)
-    return _whole(
-        equations, start, "drift", "asked for; the constraints are not enforced"
-    )
-
-
-def _baumgarte(equations: Equations, start: Start, gain: float) -> Formulation:
-    _constrained(equations)
-    reason = f"asked for; gain {gain:g} per unit of time"
-    found = _whole(equations, start, "baumgarte", reason, gain=gain)
-    return found._replace(reduction=Reduction(_stabilised(equations)))
 
 
 def _stabilised(equations: Equations) -> Equations:
@@ -223,39 +231,10 @@ def _stabilised(equations: Equations) -> Equations:
     return replace(equations, rows=tuple(rows))
 
 
-def _elimination(equations: Equations, start: Start) -> Formulation:
-    _constrained(equations)
-    reduction, why = _eliminated(equations, start)
-    if not reduction.eliminated:
-        raise _CannotError(why)
-    return _reduced(reduction, start, "asked for")
-
-
-def _ignorable(equations: Equations, start: Start) -> Formulation:
-    found = ignorable(equations)
-    if not found:
-        why = "no coordinate is ignorable with a conserved momentum"
-        raise _CannotError(why)
-    return _reduced(Reduction(equations).ignore(found, start), start, "asked for")
-
-
 def _full(equations: Equations, start: Start) -> Formulation:
-    return (_projection if equations.rows else _none)(equations, start)
-
-
-def _ways(gain: float) -> dict[str, Callable[[Equations, Start], Formulation]]:
-    """Give what makes each formulation that may be asked for."""
-    return {
-        "full": _full,
-        "apart": _full,
-        "none": _none,
-        "projection": _projection,
-        "velocity projection": _velocity_projection,
-        "elimination": _elimination,
-        "baumgarte": partial(_baumgarte, gain=gain),
-        "drift": _drift,
-        "ignorable": _ignorable,
-    }
+    if equations.rows:
+        return _projection(equations, start)
+    return _whole(equations, start, "none", "no constraints")
 
 
 def _chosen(

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.examination import start_at
-from lagsim.admissibility.point import Point
-from lagsim.language.sparse import SparseVector, TooLongError
+from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.groups import coordinates_of, groups, shares
-from lagsim.mechanics.ldl import Elimination
+from lagsim.mechanics.linearisation import Linearisation
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.admissibility.examination import Start
-    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
@@ -35,8 +33,6 @@ LARGEST = 40
 COMPILING = 1e8
 # Radians of its fastest motion that a step of order 8 takes at the default tolerance.
 RADIANS = 1.0
-# Of the state: how far it is moved to see how fast the motion is.
-NUDGE = 1e-6
 
 
 class Subsystem(NamedTuple):
@@ -165,26 +161,11 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
 def pace(part: Subsystem) -> float:
     """Give the largest rate of the motion near its start, in radians per unit time.
 
-    The largest eigenvalue of dy'/dy, from differences; 0 where there is none.
+    0 where there is none.
     """
-    e = part.equations
+    start = part.start
     try:
-        nodes = Elimination(e).motion()[0]
-    except TooLongError:
+        linear = Linearisation(part.equations).at(start.t, start.q, start.v)
+    except (ValueError, np.linalg.LinAlgError):
         return 0.0
-    n, t = len(e.q), part.start.t
-    y = np.concatenate([part.start.q, part.start.v])
-
-    def rates(y: Floats) -> Floats:
-        point = Point(e, Instant(t, y[:n], y[n:]))
-        return np.array([*y[n:], *point.array(nodes)])
-
-    size = np.maximum(np.abs(y), np.max(np.abs(y), initial=1e-3))
-    J = np.empty((2 * n, 2 * n))
-    for j in range(2 * n):
-        change = np.zeros(2 * n)
-        change[j] = NUDGE * size[j]
-        J[:, j] = (rates(y + change) - rates(y - change)) / (2.0 * change[j])
-    if not np.all(np.isfinite(J)):
-        return 0.0
-    return float(np.max(np.abs(np.linalg.eigvals(J)), initial=0.0))
+    return float(np.max(np.abs(linear.eigenvalues()), initial=0.0))
