@@ -40,6 +40,7 @@ def test_mutants_of_python():
     )
     head, _ = text.split("return")
     assert made("zero.py", "x = 0.0\n") == ["x = 1.0\n"]
+    assert made("zip.py", "zip(a, b, strict=True)\n") == []
     assert made("f.py", text) == [
         f"{head}return a + 2 if not b else 0.5\n",
         f"{head}return a - 3 if not b else 0.5\n",
