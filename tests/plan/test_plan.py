@@ -123,15 +123,6 @@ def test_a_fixed_step_has_no_tolerances():
     assert reasons(plan)["method: rk4"] == "asked for"
 
 
-def test_an_unknown_method_is_refused_by_name():
-    with pytest.raises(InputError) as caught:
-        plan_of("elastic-pendulum", method="rk5")
-    [problem] = caught.value.problems
-    assert problem.code == "unknown-method"
-    assert "rk5" in problem.text
-    assert "rk4" in problem.hint
-
-
 @pytest.mark.parametrize(
     ("method", "goes"), [("rk4", True), ("dop853", True), ("rattle", False)]
 )
