@@ -166,3 +166,23 @@ SLIP_AT_REST = 1e-8
 
 UNCOUPLED = 2.0**-100
 """The norm of what acts back, against that of a matrix, that counts as none."""
+
+# --- results of runs ------------------------------------------------------------------
+
+COMPUTED_ZERO = 1e-9
+"""What is reported as 0 beside 1, or beside the largest of its kind: the rounding of an
+eigenvalue, of a mode, of an equilibrium."""
+
+NEGLIGIBLE_RATE = 1e-2
+"""The size of an eigenvalue times the length of a run below which it does nothing."""
+
+AMPLIFICATION_ROUNDOFF = 1e-8
+"""What rounding leaves of an amplification of 1: half of the digits, where eigenvalues
+of a step meet."""
+
+ENERGY_CHANGE = 1e-2
+"""The change of energy less work within a run, as a part of the energy of the motion,
+that is growth or decay in a map of stability."""
+
+BROKEN_CONSTRAINT = 1e-3
+"""The residual of a constraint, against its scale, that is no motion on it at all."""

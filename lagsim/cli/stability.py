@@ -40,6 +40,7 @@ from lagsim.model.reader import read_file
 from lagsim.run.session import StartError, open_case, wanted
 from lagsim.studies.bench import stability
 from lagsim.studies.bench.stability import Wish
+from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -52,10 +53,6 @@ if TYPE_CHECKING:
     Record = Mapping[str, Any]
 
 TABLE, MANIFEST = "stability.csv", "stability.json"
-# An eigenvalue that does less than this within the run is as good as 0.
-SEEN = 1e-3
-# Beside 1 what is smaller is only rounding.
-ROUNDING = 1e-9
 # So many coordinates of an equilibrium, and of a mode, are named.
 MOST_NAMED, MOST_OF_A_MODE = 8, 6
 
@@ -227,7 +224,7 @@ def _borders(document: Record) -> list[str]:
     if not borders:
         return []
     fastest = (np.max(abs(x.imag), initial=0.0) for x in _values(document))
-    rate = next((x for x in fastest if x * span > SEEN), 0.0)
+    rate = next((x for x in fastest if x * span > NEGLIGIBLE_RATE), 0.0)
     rows: list[tuple[str, ...]] = [
         ("method", "holds below (s)", "of the fastest period", "predicted (s)", "")
     ]
@@ -279,7 +276,7 @@ def _eigenvalues(document: Record) -> list[tuple[str, str]]:
         return [("eigenvalues", f"none: {unknown}")]
     texts = []
     for where, values in zip(("start", "motion"), _values(document), strict=True):
-        known = values[abs(values) * document["runs"]["duration"] > SEEN]
+        known = values[abs(values) * document["runs"]["duration"] > NEGLIGIBLE_RATE]
         if not len(known):
             texts.append(f"{where}: all are 0")
             continue
@@ -295,14 +292,14 @@ def _eigenvalues(document: Record) -> list[tuple[str, str]]:
 
 def _number(value: float) -> str:
     """Give three digits; what is only rounding beside 1 as 0."""
-    return f"{value:.3g}" if abs(value) > ROUNDING else "0"
+    return f"{value:.3g}" if abs(value) > COMPUTED_ZERO else "0"
 
 
 def _complex(value: complex) -> str:
     """Give one of a pair."""
-    if abs(value.imag) <= ROUNDING * abs(value):
+    if abs(value.imag) <= COMPUTED_ZERO * abs(value):
         return f"{value.real:.4g}"
-    if abs(value.real) <= ROUNDING * abs(value):
+    if abs(value.real) <= COMPUTED_ZERO * abs(value):
         return f"±{abs(value.imag):.4g}i"
     return f"{value.real:.4g} ± {abs(value.imag):.4g}i"
 

@@ -19,6 +19,7 @@ import numpy as np
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
 from lagsim.methods import method
 from lagsim.notes import Caution
+from lagsim.tolerances import AMPLIFICATION_ROUNDOFF, NEGLIGIBLE_RATE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -41,14 +42,11 @@ FINE, COARSE, MOST_FINE = 1.008, 1.12, 12
 # A method that amplifies an oscillation at so small a step does so at any.
 AT_ONCE = 1e-3
 BISECTIONS = 40
-# An amplification exceeds 1 if by more than rounding does ...
-ROUNDING = 1e-8
-# ... and that of a motion that itself grows by e^x if by more than this part of x:
-# short of it an error of the method is no instability. A motion that grows by more than
-# this part of its eigenvalue is left out: no method holds what does not hold.
+# An amplification exceeds that of a motion that itself grows by e^x if by more than
+# this part of x: short of it an error of the method is no instability. A motion that
+# grows by more than this part of its eigenvalue is left out: no method holds what does
+# not hold.
 SLACK = 0.1
-# What an eigenvalue does is seen within a run if its size times the run exceeds this.
-SEEN = 1e-2
 
 
 def exceeds(amplification: Amplification, z: complex) -> bool:
@@ -57,7 +55,7 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
     with np.errstate(all="ignore"):
         found = amplification(z)
-    return not found <= allowed * (1.0 + ROUNDING)
+    return not found <= allowed * (1.0 + AMPLIFICATION_ROUNDOFF)
 
 
 def limit(
@@ -97,7 +95,7 @@ def predicted(
     fastest_first = sorted(eigenvalues, key=lambda x: -abs(x))
     for eigenvalue in fastest_first:
         size = float(abs(eigenvalue))
-        if size * span < SEEN:
+        if size * span < NEGLIGIBLE_RATE:
             break
         if eigenvalue.real > SLACK * size:
             continue

@@ -16,6 +16,7 @@ import numpy as np
 
 from lagsim.errors import InputError, LagsimError
 from lagsim.studies.bench.solving import (
+    LEAST_RTOL,
     PREFIX,
     GivenUpError,
     Own,
@@ -25,6 +26,7 @@ from lagsim.studies.bench.solving import (
     scipy_refusal,
 )
 from lagsim.studies.comparison import IMPACT, moved, within
+from lagsim.tolerances import FLAT_RANGE, SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -39,7 +41,6 @@ FIRST = ("taylor", "dop853")
 # ... and the one of these that comes closest to it verifies it.
 SECOND = ("taylor", "dop853", "kahan-li8", "gauss4", "radau", "rk4")
 TOLERANCES = (1e-14, 1e-13, 1e-12, 1e-10, 1e-8, 1e-6)
-SCIPY_TOLERANCE = 3e-14
 # Fixed steps are halved this often, from a quarter of a row's spacing on, ...
 HALVINGS = 10
 # Ranges are those of the motion, not of rows that may lie a period apart.
@@ -57,10 +58,6 @@ WHOLE = (1e-10, 1e-8, 1e-7)
 # ... or else for more than a few of them: so many, or a part where rows are few.
 LEVELS = (*WHOLE, 1e-6, 1e-4, 1e-2)
 MANY, FEW = 50, 0.1
-# A range that is this small beside others of its unit is that of rounding errors.
-NOISE = 1e-11
-# Times that differ by no more than this part of the rows' spacing are the same.
-SAME_TIME = 1e-9
 
 
 class NoReferenceError(LagsimError):
@@ -118,7 +115,7 @@ def _by_scipy(case: Case, first: Solution, patience: Patience) -> Iterator[Solut
     if not scipy_refusal(own):
         sizes = state_sizes(own, first.rows)
         solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
-        yield from _solved(solver, (SCIPY_TOLERANCE,), patience)
+        yield from _solved(solver, (LEAST_RTOL,), patience)
 
 
 def index_one(case: Case) -> Own:
@@ -246,7 +243,7 @@ class Reference:
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
         apart = np.abs(rows[:count, 0] - self.rows[:count, 0])
-        same = apart <= SAME_TIME * abs(spacing)
+        same = apart <= SAME_STEP * abs(spacing)
         if count < self.known - 1 or not np.all(same[:-1]):
             return float("nan"), None
         velocities = self.state[len(self.state) // 2 :]
@@ -412,7 +409,7 @@ def _scales(
     for columns in (*alike, *([column] for column in multipliers)):
         largest = np.max(sizes[columns])
         own = ranges[columns]
-        scales[columns] = np.where(own > NOISE * largest, own, largest or np.inf)
+        scales[columns] = np.where(own > FLAT_RANGE * largest, own, largest or np.inf)
     duration = float(np.ptp(rows[:, 0])) or 1.0
     at, rates = scales[q], scales[v]
     scales[q] = np.where(np.isinf(at), rates * duration, at)

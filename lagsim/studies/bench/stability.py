@@ -40,6 +40,12 @@ from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.bench.solving import asking
 from lagsim.studies.step_bounds import predicted
+from lagsim.tolerances import (
+    BROKEN_CONSTRAINT,
+    COMPUTED_ZERO,
+    CONVERGED,
+    ENERGY_CHANGE,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -53,14 +59,10 @@ HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
 VERDICTS = (HOLDS, DECAYS, GROWS, DIVERGES, BREAKS, FAILS)
 
-# Of the energy of the motion, an unexplained change over the run.
-CHANGE = 0.01
 # What varies anyway hides this part of its range.
 HIDDEN = 0.1
 # An energy that has grown by more than this, unexplained, goes to infinity.
 BEYOND = 1e3
-# A residual of this part of its scale: the constraint does not hold.
-BROKEN = 1e-3
 # The part of a run that is compared with its start, and with its middle.
 LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 
@@ -68,8 +70,6 @@ LAST, MIDDLE = 1 / 8, (7 / 16, 9 / 16)
 # directions drawn from this seed.
 KICK = 1e-6
 SEED = 5
-# An energy that varies by no more than this part of itself is that of rest.
-REST = 1e-12
 # What replaces the amplitude about an equilibrium.
 SMALL = 1e-3
 
@@ -168,7 +168,7 @@ class Subject:
         rest = energy - kinetic
         self.highest = float(np.max(energy))
         self.energy = max(float(np.max(kinetic)), float(np.ptp(rest)))
-        if self.energy <= REST * np.max(np.abs(rest)):
+        if self.energy <= CONVERGED * np.max(np.abs(rest)):
             self.energy = 0.0
 
     def _linearise(self) -> None:
@@ -276,7 +276,7 @@ class _Balance:
         changes = np.abs(energy - energy[0]), np.abs(balance)
         gone = min(float(np.max(change)) for change in changes) > BEYOND
         gone |= count < len(known)
-        if self._residuals.constraint_residual > BROKEN and not gone:
+        if self._residuals.constraint_residual > BROKEN_CONSTRAINT and not gone:
             return BREAKS, growth
         if gone or not outcome.complete:
             return (DIVERGES if gone else lost.get(outcome, FAILS)), growth
@@ -306,12 +306,12 @@ def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
     """
     last = balance[-max(1, int(len(balance) * LAST)) :]
     low, high = float(np.min(last)), float(np.max(last))
-    bound = CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
+    bound = ENERGY_CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
     level = float(np.mean(energy[-len(last) :]))
     if high < -bound:
         explained = ceiling > -math.inf and level >= energy[0] - bound
         return HOLDS if explained else DECAYS
-    if low <= bound or level <= ceiling + CHANGE:
+    if low <= bound or level <= ceiling + ENERGY_CHANGE:
         return HOLDS
     return GROWS if ceiling == -math.inf or _rises(energy, len(last)) else HOLDS
 
@@ -322,7 +322,7 @@ def _rises(energy: Floats, last: int) -> bool:
     late, before = energy[-last:], energy[begin : max(end, begin + 1)]
     varies = min(float(np.ptp(late)), float(np.ptp(before)))
     rise = float(np.mean(late) - np.mean(before))
-    return rise > 0.25 * CHANGE + HIDDEN * varies
+    return rise > 0.25 * ENERGY_CHANGE + HIDDEN * varies
 
 
 # Cells of a strip, and of a map: steps, values of the parameter.
@@ -339,9 +339,6 @@ OF_RUN = (1e-4, 0.1)
 # A border is known to three digits; around one that is predicted more is looked at.
 DIGITS = 2e-4
 AROUND = (0.99, 1.01)
-# An equilibrium as near to the start, against its size, is the start; a coordinate of
-# it that is as small beside the others is 0.
-AT_START, ZERO = 1e-9, 1e-10
 
 # Steps of a run: so many, or what the model lasts, within what all of it may cost.
 STEPS, MOST_STEPS, LEAST_STEPS = 10_000, 40_000, 400
@@ -729,9 +726,9 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
             about = modes(linearisation.at(start.t, q, np.zeros_like(q)))
             size = np.max(np.abs([q, q0]), initial=0.0)
             far = float(np.max(np.abs(q - q0), initial=0.0))
-            near = far <= AT_START * float(np.max(np.abs(q), initial=0.0))
+            near = far <= COMPUTED_ZERO * float(np.max(np.abs(q), initial=0.0))
             is_start = bool(near and not np.any(subject.case.start.v))
-            at = named(e.q, np.where(np.abs(q) > ZERO * size, q, 0.0))
+            at = named(e.q, np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0))
     return {
         "equilibrium": at,
         "equilibrium_is_start": is_start,

@@ -42,6 +42,7 @@ from lagsim.studies.bench.stability import (
     VERDICTS,
 )
 from lagsim.studies.experiment import stamp
+from lagsim.tolerances import AMPLIFICATION_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -88,8 +89,6 @@ REAL, IMAGINARY, ROOM = (-3.6, 1.2), (0.0, 4.0), 2.0
 GRID = (128, 54)
 # Of a panel's height: eigenvalues so near those of the start are covered by them.
 COVERED = 0.01
-# An amplification of 1 that rounding has touched is one.
-TOUCHED = 1e-6
 
 
 @in_house_style
@@ -280,7 +279,7 @@ class Region:
         )
 
     def _inside(self, values: Complexes) -> Complexes:
-        z = self.step * values[values.imag >= -1e-12 * np.abs(values)]
+        z = self.step * values[values.imag >= 0.0]
         z = z[(z.real >= self.size * REAL[0]) & (z.real <= self.size * REAL[1])]
         return np.asarray(z[z.imag <= self.size * IMAGINARY[1]])
 
@@ -326,7 +325,7 @@ def _region(
     with np.errstate(all="ignore"):
         size = np.array([[amplification(complex(a, b)) for a in x] for b in y])
     size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
-    limit = 1.0 + TOUCHED
+    limit = 1.0 + AMPLIFICATION_ROUNDOFF
     axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
     axes.contour(
         x, y, size, levels=[limit], colors="#5b9ec0", linewidths=0.7, zorder=0.4
