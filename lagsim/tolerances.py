@@ -167,7 +167,7 @@ SLIP_AT_REST = 1e-8
 UNCOUPLED = 2.0**-100
 """The norm of what acts back, against that of a matrix, that counts as none."""
 
-# --- results of runs ------------------------------------------------------------------
+# --- stability of methods -------------------------------------------------------------
 
 COMPUTED_ZERO = 1e-9
 """What is reported as 0 beside 1, or beside the largest of its kind: the rounding of an

@@ -26,7 +26,7 @@ from lagsim.studies.bench.solving import (
     scipy_refusal,
 )
 from lagsim.studies.comparison import IMPACT, moved, within
-from lagsim.tolerances import FLAT_RANGE, SAME_STEP
+from lagsim.tolerances import RANGE_BESIDE, SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -409,7 +409,7 @@ def _scales(
     for columns in (*alike, *([column] for column in multipliers)):
         largest = np.max(sizes[columns])
         own = ranges[columns]
-        scales[columns] = np.where(own > FLAT_RANGE * largest, own, largest or np.inf)
+        scales[columns] = np.where(own > RANGE_BESIDE * largest, own, largest or np.inf)
     duration = float(np.ptp(rows[:, 0])) or 1.0
     at, rates = scales[q], scales[v]
     scales[q] = np.where(np.isinf(at), rates * duration, at)
