@@ -1,1 +1,1 @@
-"""What is derived on the graph: equations, constraints, switches, reductions."""
+"""Mechanics on the graph: equations, constraints, switches, reductions."""

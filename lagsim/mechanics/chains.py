@@ -108,7 +108,7 @@ class Chains(NamedTuple):
         return forces[: self.size]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
-        """Give the size of the terms of M x and of what rounds factors, for x >= 0."""
+        """Magnitudes of the terms of M x and rounding bounds of factors, for x >= 0."""
         bounds = roundings(g, self.nodes, moving, set(moving) - {"t"})
         rounded = dict(zip(self.nodes, bounds, strict=True))
 
@@ -139,7 +139,7 @@ class Chains(NamedTuple):
         return found
 
     def neighbours(self) -> list[int]:
-        """Give for each velocity those it meets in M, as the bits of a number."""
+        """Pattern of M: for each velocity the coupled ones, as the bits of a number."""
         reach = [1 << j for j in range(self.size)]
         for form in self.sums:
             mask = 0
@@ -225,7 +225,7 @@ def _factors(
 def _slopes(
     g: Graph, n: int, degrees: Mapping[int, frozenset[int] | None]
 ) -> list[tuple[int, int]]:
-    """Give what `n` is a sum of, with factors: only what moves with velocities."""
+    """Addends of `n` that depend on velocities, each with its factor."""
     op, args = g.ops[n], g.args[n]
     one, minus = g.one, g.constant(-1.0)
     flat = [_within(degrees[a], FLAT) for a in args]
@@ -362,7 +362,7 @@ class Articulated:
                     heappush(queue, self._key(i))
 
     def _key(self, k: int) -> tuple[int, int, int]:
-        """Rank what may come next: velocities of few neighbours, then outer sums."""
+        """Rank in the elimination: velocities of few neighbours, then outer sums."""
         if k in self.sums:
             return 1, -self.depth[k], k
         return 0, len(self.rows[k]), k
@@ -444,7 +444,7 @@ class Articulated:
 
 
 class Composite(Articulated):
-    """The diagonal of M: what hangs at each joint as one rigid body.
+    """The diagonal of M: the inertia outward of each joint as one rigid body.
 
     The composite-rigid-body algorithm, Featherstone's chapter 6, for its diagonal.
     """

@@ -60,7 +60,7 @@ class Row(NamedTuple):
 
 
 class Flow:
-    """The variables of motion, as nodes: what rows are differentiated by.
+    """The variables of motion, as nodes, by which rows are differentiated.
 
     Attributes
     ----------
@@ -190,7 +190,7 @@ class Law(NamedTuple):
         return self._replace(restitution=restitution) if bounces else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
-        """Give what times the multiplier is its power.
+        """Factor of the multiplier in its power.
 
         What slides does work, whatever else it is.
         """

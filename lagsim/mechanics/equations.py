@@ -58,7 +58,7 @@ class Instant:
 def mass_matrix(
     g: Graph, momenta: Sequence[int], rates: Sequence[int]
 ) -> tuple[SparseVector, ...]:
-    """Give d momenta / d rates: for each rate one sweep over what depends on it.
+    """Mass matrix d momenta / d rates, by one forward sweep for each rate.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def mass_matrix(
 
 
 def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
-    """Give for each rate what depends on it, in order of evaluation."""
+    """Nodes that depend on each rate, in order of evaluation."""
     below: list[list[int]] = [[] for _ in rates]
     dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
     cone = [node for node in g.cone(momenta) if g.args[node]]
@@ -273,7 +273,7 @@ class Equations:
 
     @property
     def quadrature_rates(self) -> list[int]:
-        """The rates of what follows the velocities in y: works, then `quadratures`."""
+        """The rates of all quadratures in y: works, then `quadratures`."""
         return [*self.powers, *(x.rate for x in self.quadratures)]
 
     @property
@@ -513,7 +513,7 @@ def reactions(e: Equations) -> dict[str, int]:
 
 
 def _motion(e: Equations) -> dict[int, int]:
-    """Give what the separated definitions and their rates are along the motion."""
+    """Separated definitions and their rates along the motion, by variable."""
     g = e.graph
     seed = {g.variable("t"): g.one}
     for q in e.q:

@@ -97,7 +97,7 @@ def coordinates_of(e: Coupled) -> dict[str, int]:
 
 
 def shares(e: Coupled, found: Sequence[Sequence[int]], node: int) -> list[int]:
-    """Give what there is in `node` of each group, but for a constant.
+    """Share of each group in a sum `node`, up to a constant.
 
     A sum is shared out; what touches several groups and is no sum goes to each of them.
     """
@@ -107,7 +107,7 @@ def shares(e: Coupled, found: Sequence[Sequence[int]], node: int) -> list[int]:
 def shared(
     e: Coupled, found: Sequence[Sequence[int]], node: int
 ) -> tuple[list[int], int]:
-    """Give the same, and what there is of no group, but for a constant."""
+    """Shares of the groups, and the rest that belongs to none, up to a constant."""
     g = e.graph
     group_of = {j: i for i, group in enumerate(found) for j in group}
     names = {name: group_of[j] for name, j in coordinates_of(e).items()}
@@ -148,7 +148,7 @@ def _owners(g: Graph, cone: Iterable[int], names: Mapping[str, int]) -> dict[int
 def _addends(
     g: Graph, n: int, factor: int, owners: Mapping[int, int]
 ) -> list[tuple[int, int]]:
-    """Give what `factor` times `n` is a sum of, each with its factor, or nothing."""
+    """Addends of `factor` times `n`, each with its factor; none if it is no sum."""
     op, args = g.ops[n], g.args[n]
     if op in ("add", "sub"):
         other = factor if op == "add" else g.call("neg", factor)
@@ -259,7 +259,7 @@ def _is_met(e: Energetic, group: Sequence[int]) -> bool:
 
 
 def _power(e: Energetic, Q: Sequence[int], dL_dt: int, some: Sequence[int]) -> int:
-    """Give the power of what acts on some coordinates."""
+    """Power of the forces on some coordinates."""
     g, among = e.graph, {*some}
     rates = [g.variable(name) for name in e.velocities]
     power = g.product_sum((Q[j], rates[j]) for j in some)

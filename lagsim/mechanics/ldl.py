@@ -238,7 +238,7 @@ class Factorisation:
         return z
 
     def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Give L^-T D^-1 z; what was not eliminated is given."""
+        """Solution L^-T D^-1 z; unknowns that are left have given values."""
         g, inverse = self.g, self.inverse
         scaled = {k: g.call("mul", z[k], inverse[k]) for k in z if k in inverse}
         return self.upward(scaled, given)
@@ -263,12 +263,12 @@ class Factorisation:
 
 
 def without_rows(equations: Equations) -> Elimination:
-    """Give what solves M x = f alone: its motion is a = M^-1 f."""
+    """Elimination without constraints: its motion is a = M^-1 f."""
     return Elimination(replace(equations, rows=(), laws=()), math.inf)
 
 
 def collected_along(e: Equations) -> Collected:
-    """Give what makes sums on the graph, of what changes along a motion."""
+    """Rewriter of sums of products that change along a motion."""
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
@@ -327,11 +327,11 @@ class Elimination:
 
     @cached_property
     def collected(self) -> Collected:
-        """What makes sums on the graph."""
+        """Rewriter of sums of products on the graph."""
         return collected_along(self.equations)
 
     def _unit(self) -> int:
-        """Give the mass in which those of M that rows meet are measured, if any is."""
+        """Commonest mass that rows couple, taken as their unit; 1 if one moves."""
         met = [self.mass.pivots[k][0] for k in sorted({k for z in self.Z for k in z})]
         if not met or any(map(self.collected.moves, met)):
             return self.g.one
@@ -481,7 +481,7 @@ class Elimination:
         change = self._accelerations({}, self.schur.solve(right))
         return [change.get(j, g.zero) for j in range(self.n)]
 
-    def health(self) -> int:
+    def smallest_singular_value(self) -> int:
         """Give the root of the smallest ratio of a pivot of S to its diagonal entry.
 
         It goes to 0 as the smallest singular value of the scaled rows does. A row

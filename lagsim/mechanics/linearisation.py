@@ -49,7 +49,7 @@ class Eigenmodes(NamedTuple):
     left: Complexes
 
     def amplitudes(self, rates: Floats) -> Complexes:
-        """Give what of y' = `rates` is in each mode (k,)."""
+        """Amplitude of each mode in y' = `rates` (k,)."""
         # Left and right vectors of equal eigenvalues need not come in pairs.
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)

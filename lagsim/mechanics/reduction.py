@@ -1,4 +1,4 @@
-"""Fewer equations for the same motion: what is left out is recovered for the rows.
+"""Reduced equations of motion, by elimination and by Routh's procedure.
 
 A holonomic constraint a q_e + r(q, t) = 0 with a constant a gives q_e = Q(q, t) of the
 others; another one may be of that kind only after that. In all, q_E = Q(q, t) of those
@@ -92,7 +92,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
 
 
 def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
-    """Replace variables in `until`, and in what methods that discretise L take."""
+    """Replace variables in `until`, L and the forces."""
     forces, until = model.forces, model.until
     loss = [] if model.dissipation is None else [model.dissipation]
     nodes = [model.lagrangian, *loss]
@@ -163,7 +163,7 @@ class Pair(NamedTuple):
 
 
 def pairs(e: Equations, values: Mapping[str, float], sizes: Floats) -> list[Pair]:
-    """Find what can be eliminated, one after the other, sparse constraints first.
+    """Eliminable coordinates with their constraints, sparse constraints first.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def usable(g: Graph, row: Row) -> bool:
 
 
 def eliminated(e: Equations, found: Sequence[Pair]) -> tuple[Equations, dict[int, int]]:
-    """Give the equations without the pairs, and what stands for their variables."""
+    """Equations without the pairs, and expressions for their variables."""
     g = e.graph
     gone = {pair.coordinate for pair in found}
     left = [j for j in range(len(e.q)) if j not in gone]
@@ -338,7 +338,7 @@ def _add_products(
     x: Mapping[int, int],
     y: Mapping[int, int],
 ) -> None:
-    """Add x y^T to the lower triangle of M, and what stands there to the upper one."""
+    """Add x y^T to M by its lower triangle, of which the upper one is a copy."""
     for i, a in x.items():
         for j, b in y.items():
             if j <= i:
@@ -460,7 +460,7 @@ def ignorable(equations: Equations) -> list[int]:
 def ignored(
     e: Equations, coordinates: Sequence[int], limit: float
 ) -> tuple[Equations, dict[int, int]]:
-    """Give the equations without `coordinates`, and what stands for their rates.
+    """Equations without `coordinates`, and expressions for their rates.
 
     Raises
     ------
@@ -502,7 +502,7 @@ def ignored(
 
 
 class Reduction(NamedTuple):
-    """The equations that are integrated, and what they leave out.
+    """The equations that are integrated, and expressions for all other variables.
 
     Attributes
     ----------

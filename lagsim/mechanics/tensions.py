@@ -158,7 +158,7 @@ class _Apart:
             self.new.setdefault(g.args[place][0], g.call("neg", self.places[k]))
 
     def by(self, found: dict[int, int], *, rates: bool) -> Vector:
-        """Give what is found by variable by unknown."""
+        """Values by unknown, of values by variable."""
         variables = self.rates if rates else self.places
         return {u: found[v] for u, v in variables.items() if v in found}
 
@@ -204,7 +204,7 @@ class Turn(NamedTuple):
 
 
 class Joints(NamedTuple):
-    """E of the links; the velocities; and what does not move of lengths, by sum."""
+    """Joints: E of the links, the massless velocities, constant lengths by sum."""
 
     along: list[Vector]
     turns: list[Turn]
@@ -286,7 +286,7 @@ def _normal(g: Graph, a: Sequence[int]) -> list[int]:
 def _across(
     g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
 ) -> list[int]:
-    """Give the cross product, without what all its components have in common."""
+    """Cross product without the common factor of its components."""
     product = [
         g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
         for i, j in ((1, 2), (2, 0), (0, 1))
@@ -350,7 +350,7 @@ def groups(g: Graph, parts: Mapping[int, Vector], weights: Vector) -> list[Group
 
 
 def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
-    """Give the sum of w a b over what both have."""
+    """Weighted inner product: the sum of w a b over common entries."""
     terms = (
         (weights[u], g.call("mul", a, other[u])) for u, a in one.items() if u in other
     )
@@ -399,7 +399,7 @@ class Squares:
                 heappush(queue, self._key(i))
 
     def _key(self, t: int) -> tuple[int, int, int]:
-        """Rank what may come next: few neighbours, then what waits for little."""
+        """Rank in the elimination: fewest neighbours, then least depth."""
         met = set(self._rows[t]).union(*(self._groups[k].norms for k in self._in[t]))
         return len(met), self._depths[t], t
 
@@ -443,7 +443,7 @@ class Squares:
                 self._add(i, i, g.call("neg", g.call("mul", column[i], row[i])))
 
     def _freed(self, t: int, k: int) -> tuple[Vector, int, Vector]:
-        """Give row, pivot, and pivot times what is left, of t in group k alone."""
+        """Row, pivot, and pivot times the remainders, of t in group k alone."""
         g, group, own = self.g, self._groups.pop(k), self._own[t]
         pivot = g.call("add", own, group.norms[t])
         row, left = {}, {}
@@ -464,7 +464,7 @@ class Squares:
         return row, pivot, left
 
     def solve(self, right: Mapping[int, int]) -> Vector:
-        """Give x; what is absent is zero."""
+        """Solution x; absent entries are zero."""
         g, z, x = self.g, dict(right), Vector()
         for t, column in self.columns.items():
             for i, entry in column.items():
@@ -608,7 +608,7 @@ class _Motion:
         self.missing = self._missing()
 
     def _over(self, tops: Vector, bottoms: Vector) -> Vector:
-        """Give quotients, with what both have in common cancelled."""
+        """Quotients, with common factors cancelled."""
         g = self.g
         nodes = [g.call("div", node, bottoms[k]) for k, node in tops.items()]
         found = normal_form(g, nodes, set(g.cone(nodes)))
@@ -655,7 +655,7 @@ class _Motion:
         return found
 
     def accelerations(self) -> Vector:
-        """Give u'' of all that has a mass, and of what has none."""
+        """Accelerations u'' of masses and of massless velocities."""
         g, turns = self.g, dict(enumerate(self.joints))
         right = {t: self._dot(x, self.missing) for t, x in enumerate(self.along)}
         rest = {t: self._dot(x.across, self.missing) for t, x in turns.items()}
@@ -694,7 +694,7 @@ class _Motion:
         return weighted(self.g, one, other, dict.fromkeys(one, self.g.one))
 
     def _known(self, squares: Vector) -> Vector:
-        """Give what variables stand for."""
+        """Expressions of the variables in place of forces and torques."""
         g, known = self.g, dict(self.known)
         unit = g.call("mul", self.mass, self.length)
         for t, variable in self.torques.items():
@@ -705,7 +705,7 @@ class _Motion:
         return known
 
     def _levers(self) -> dict[int, Vector]:
-        """Give for each angle what tensions turn it by."""
+        """Angular accelerations of each angle per unit of the tensions."""
         pulled: dict[int, list[int]] = {}
         for t, pull in self.pulls.items():
             for u in pull:

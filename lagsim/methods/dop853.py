@@ -226,7 +226,7 @@ def error_norm(
 
 
 def combined(error5: float, error3: float) -> float:
-    """Combine the squares of two estimates; what is nan stays so."""
+    """Error estimate from two squared ones; nan stays nan."""
     return error5 * (error5 / (error5 + 0.01 * error3)) if error5 != 0.0 else 0.0
 
 

@@ -68,7 +68,7 @@ WEIGHTS = (
 
 
 def refusal(scene: Structure) -> str:
-    """Say what is not linear or changes in time."""
+    """Reason for refusal: not linear, or not autonomous; or ""."""
     if not scene.linear:
         return (
             "its equations of motion are not linear; `dop853` handles any, "
@@ -338,7 +338,7 @@ def balance(m: int, a: Floats, d: Floats) -> None:
 
 
 def isolate(m: int, a: Floats, d: Floats) -> None:
-    """Scale what nothing depends on, or what depends on nothing, below the rest.
+    """Scale components that are coupled in one direction alone below the rest.
 
     The coordinate and the rate of a body in free fall, say: their scales are free, and
     the rates of the motion are those of the rest. Parlett and Reinsch permute them out.
@@ -360,7 +360,7 @@ def isolate(m: int, a: Floats, d: Floats) -> None:
 
 
 def coupled_norm(m: int, a: Floats) -> float:
-    """Give the norm of what depends on something and on which something depends."""
+    """Norm of the components that are coupled in both directions."""
     largest = 0.0
     for j in range(m - 1):
         if off_diagonal(m, a, j, m, 1) > 0.0:

@@ -30,10 +30,10 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.newton import (
-    CONVERGED,
     LOST,
     MOST,
     RENEW,
+    SOLVED,
     decompose,
     solve,
     take_finite,
@@ -211,7 +211,7 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
         state = judge(
             s, p, h, at(V, worst), at(right, worst), iteration, moved, previous
         )
-        if state == CONVERGED:
+        if state == SOLVED:
             return 1
         if state == LOST:
             return 0
@@ -326,7 +326,7 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
         for i in range(n):
             new[n + i] += change[i]
         renewing = judge(s, p, h, at(new, n), change, iteration, moved, previous)
-        if renewing == CONVERGED:
+        if renewing == SOLVED:
             return 1
         if renewing == LOST:
             return 0

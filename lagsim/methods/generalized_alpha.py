@@ -30,10 +30,10 @@ from lagsim.methods.parts.fixed import (
     take,
 )
 from lagsim.methods.parts.newton import (
-    CONVERGED,
     LOST,
     MOST,
     RENEW,
+    SOLVED,
     decompose,
     solve,
     take_finite,
@@ -231,7 +231,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
         advance(s, h)
         moved = largest_part(1, s, h, at(new, n), change)
         state = judge(s, p, h, at(new, n), change, iteration, moved, previous)
-        if state == CONVERGED:
+        if state == SOLVED:
             return DONE
         if state == LOST:
             return NEWTON_FAILED

@@ -182,7 +182,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
 
 
 def quintic(s: Composition) -> None:
-    """Find what x^3, x^4, x^5 have in the quintics (3, size) of the positions."""
+    """Coefficients of x^3, x^4, x^5 in the quintics (3, size) of the positions."""
     n, h, y, old, before, k, c3 = s.n, s.step_h, s.y, s.old, s.before, s.k, s.c3
     c4, c5 = s.c4, s.c5
     for i in range(n):
@@ -196,7 +196,7 @@ def quintic(s: Composition) -> None:
 
 
 def look_within(s: Composition, p: Parameters) -> None:
-    """Find what is left over of the accelerations (4, size)."""
+    """Residuals of the accelerations at the nodes (4, size)."""
     size, n, h, before, slope, c3 = s.size, s.n, s.step_h, s.before, s.slope, s.c3
     c4, c5, residuals, z = s.c4, s.c5, s.residuals, s.z
     for j in unrolled(4):
@@ -211,7 +211,7 @@ def look_within(s: Composition, p: Parameters) -> None:
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
-    """Find what is left over of the powers, on the way now known."""
+    """Residuals of the powers at the nodes, along the corrected path."""
     size, h = s.size, s.step_h
     first = 2 * s.n
     residuals, z = s.residuals, s.z
@@ -225,7 +225,7 @@ def look_at_power(s: Composition, p: Parameters) -> None:
 
 
 def correct(s: Composition, first: int, end: int) -> None:
-    """Find r of the components from `first` on whose rates were looked at."""
+    """Corrections r of the components from `first` on, from residuals of rates."""
     size, r, residuals = s.size, s.r, s.residuals
     for i in range(first, end):
         for m in unrolled(4):

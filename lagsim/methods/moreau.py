@@ -293,7 +293,7 @@ def respond(p: Parameters, x: Floats) -> None:
 
 
 def gather(p: Parameters, v: Floats, w: Floats, h: float, room: Floats) -> int:
-    """List the rows that act, with what they aim at and push; give their number.
+    """List the active rows with their aims and responses; give their number.
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
     """
@@ -367,7 +367,7 @@ def reach(p: Parameters, k: int, v: Floats, w: Floats) -> float:
 
 
 def push(p: Parameters, i: int, impulse: float, w: Floats) -> None:
-    """Add what an impulse of the row in place i does to velocities w."""
+    """Add the response to an impulse of the row in place i to velocities w."""
     starts, answers, places = p.answer_starts, p.answers, p.answer_columns
     for e in range(int(starts[i]), int(starts[i + 1])):
         w[int(places[e])] += answers[e] * impulse

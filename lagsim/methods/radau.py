@@ -159,7 +159,7 @@ def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
     """Tell whether the step is one over or from a loss of rank, or fails before it.
 
     The accelerations off the constraints, and their derivatives, grow with the inverse
-    of the rows' independence: Newton's method for the stages finds a false solution, or
+    of sigma: Newton's method for the stages finds a false solution, or
     none. An explicit method has stages at a distance.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
@@ -169,7 +169,7 @@ def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
 
 
 def verdict(s: Radau, p: Parameters, h: float, error: float) -> int:
-    """Give DONE, or what is wrong with the step and, in s.h, the one to try next."""
+    """Code of an attempted step, DONE or its failure; s.h is the next to try."""
     if not error < OVERFLOW:
         s.h = 0.1 * h
         return NOT_FINITE
@@ -473,7 +473,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
 
 
 def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
-    """Tell whether a change of W is no larger than what rounding leaves of the rates.
+    """Whether a change of W is no larger than the roundoff of the rates.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
     comes no closer. What the estimate would not let pass is too large for that.

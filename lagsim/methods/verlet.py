@@ -160,7 +160,7 @@ def depart(s: Symplectic) -> None:
 
 
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
-    """Move the positions for a time h, to the time t, and look at the forces there."""
+    """Drift: move the positions for a time h, and evaluate the forces at t."""
     n, slope, new = s.n, s.slope, s.new
     add(n, new, s.compensation, h, at(new, n))
     derivative(t, new, p, slope)

@@ -1,1 +1,1 @@
-"""What a scene needs, and why: formulation, solve, method."""
+"""The plan of a run, with reasons: formulation, solve, method."""

@@ -1,4 +1,4 @@
-"""What an evaluation of the rates, and a step, cost: counted in additions."""
+"""Operation counts of an evaluation of the rates, and of a step."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PER_COMPONENT = 16
 
 
 def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) -> int:
-    """Give about what an evaluation of `nodes` takes, and the solving by `loops`.
+    """Operations of an evaluation of `nodes`, with those of a solve by `loops`.
 
     What depends on parameters alone is computed once.
     """
@@ -30,7 +30,7 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
 
 def step_cost(equations: Equations) -> float:
-    """Give about what a step takes, projection included."""
+    """Operations of a step, projection included."""
     n, m = len(equations.q), len(equations.rows)
     try:
         return sum(step_parts(equations, Elimination(equations, affordable(n, m))))
@@ -41,7 +41,7 @@ def step_cost(equations: Equations) -> float:
 
 
 def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]:
-    """Give what a step of order 8 takes for its projection, and for its stages."""
+    """Operations of a step of order 8: of its projection, and of its stages."""
     q, lam = solved.motion()
     nodes = [*q, *lam, *_rates(equations)]
     return _parts(equations, evaluation_cost(equations, nodes, loops=False))

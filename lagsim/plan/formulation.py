@@ -1,4 +1,4 @@
-"""How constraints are met, and how much of the equations needs to be integrated.
+"""Formulations: treatment of the constraints, and reduction of the equations.
 
 - `none`: no constraints; the equations as they are.
 - `projection`: q'' and lambda from the equations as they are; states are projected.
@@ -57,7 +57,7 @@ LONGEST = 20_000
 
 
 class Formulation(NamedTuple):
-    """What is integrated, and how constraints are met.
+    """The equations that are integrated, and the treatment of constraints.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ def formulate(
     settings: Settings,
     suits: Callable[[Equations], bool],
 ) -> Formulation:
-    """Choose how to meet the constraints, or do as is asked.
+    """Choose the formulation, or take the one that is asked for.
 
     Parameters
     ----------
@@ -257,7 +257,7 @@ def _chosen(
 
 
 def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, float]]:
-    """Give what can be left out, and the part of the cost at which that pays."""
+    """Possible reductions, each with the part of the cost at which it pays."""
     found: list[tuple[Reduction, float]] = []
     if equations.chains is not None and len(equations.q) > LARGEST:
         return found  # M would be written out
@@ -315,7 +315,7 @@ def reduced_start(reduction: Reduction, start: Instant) -> Start:
 def _eliminated(
     equations: Equations, start: Start, base: Reduction | None = None
 ) -> tuple[Reduction, str]:
-    """Eliminate what can be; say why if nothing can be."""
+    """Reduction by all eliminable coordinates; the reason if there are none."""
     reduction = base or Reduction(equations)
     if start.ranks.rank < len(equations.rows):
         many, rank = len(equations.rows), start.ranks.rank

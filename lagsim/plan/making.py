@@ -74,7 +74,7 @@ def usual_lengths(
 
 
 def _lengths(point: Point) -> Floats:
-    """Give the lengths (m,), 0 of what is nothing but rounding; nan where M is not."""
+    """Lengths (m,), 0 where they are roundoff; nan where M is not finite."""
     names = (*point.e.q, *point.e.velocities)
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
     return row_lengths(point.at(errors=dict(zip(names, errors, strict=True))))
@@ -134,7 +134,7 @@ def choose(
     *,
     switching: bool,
 ) -> str:
-    """Choose the method: what was asked for, or what suits the scene.
+    """Choose the method: the one asked for, or one that suits the scene.
 
     Parameters
     ----------
@@ -308,8 +308,8 @@ def eliminate(
         choices.append(Choice("solve: loops", text))
         return None
     if close:
-        independence = independence_of(equations, start, lengths, elimination)
-        if independence < NEARLY_DEPENDENT_ROWS:
+        smallest = singular_value_of(equations, start, lengths, elimination)
+        if smallest < NEARLY_DEPENDENT_ROWS:
             slow = f"{reason}, at the price of {dense} multiplications"
             choices.append(Choice("solve: loops with QR", slow))
             return None
@@ -357,7 +357,7 @@ def many_slopes(
     return True
 
 
-def independence_of(
+def singular_value_of(
     equations: Equations,
     start: Instant,
     lengths: Sequence[float],
@@ -367,7 +367,9 @@ def independence_of(
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
-    return float(evaluate(equations.graph, [elimination.health()], values)[0])
+    return float(
+        evaluate(equations.graph, [elimination.smallest_singular_value()], values)[0]
+    )
 
 
 def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
@@ -418,10 +420,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     if start.augmented and not locates(settings.method):
         raise InputError([_no_impulses(settings)])
     tape = from_tape(equations, elimination)
-    independence = start.ranks.generic_smallest
+    smallest = start.ranks.generic_smallest
     if elimination is not None and tape:
         # As the run will see it: of long chains the smallest singular value is small.
-        independence = independence_of(equations, start, lengths, elimination)
+        smallest = singular_value_of(equations, start, lengths, elimination)
     solved = None if tape else elimination
     switching = bool(switches.sides or equations.laws)
     name = choose(equations, scene, solved, settings, choices, switching=switching)
@@ -438,7 +440,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         elimination=elimination,
         tape=tape,
         rank=start.ranks.generic_rank,
-        independence=independence,
+        smallest_singular_value=smallest,
         set_aside=set_aside(equations, start),
         lengths=lengths,
         constant=_constant(scene, start),

@@ -58,9 +58,9 @@ class Plan:
         The model's functions are run from tapes, not compiled.
     rank : int
         Of the constraint rows, in general.
-    independence : float
+    smallest_singular_value : float
         The smallest singular value of the scaled rows, in general; with tapes, what
-        `Elimination.health` is at the start.
+        the pivots of `elimination` tell at the start.
     set_aside : tuple of bool, length m
         The rows that others imply everywhere.
     lengths : tuple of float, length m
@@ -83,7 +83,7 @@ class Plan:
     elimination: Elimination | None
     tape: bool
     rank: int
-    independence: float
+    smallest_singular_value: float
     set_aside: tuple[bool, ...]
     lengths: tuple[float, ...]
     constant: int

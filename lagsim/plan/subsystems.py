@@ -132,7 +132,7 @@ def _part(
 def _model(
     model: Model, group: Sequence[int], added: Sequence[Parameter], zero: int
 ) -> Model:
-    """Give a model without what looks at other groups."""
+    """Model without outputs that depend on other groups."""
     return replace(
         model,
         parameters=(*model.parameters, *added),

@@ -331,7 +331,7 @@ def first_arc(
 
 def _set_watch(state: State, plan: Plan) -> None:
     """Set when a loss of rank is looked for, and what counts as one."""
-    state.close_below = CLOSE * plan.independence
-    state.lost_below = LOST * plan.independence
+    state.close_below = CLOSE * plan.smallest_singular_value
+    state.lost_below = LOST * plan.smallest_singular_value
     straight = plan.elimination is not None
     state.degenerate_below = NEARLY_DEPENDENT_ROWS if straight else 0.0

@@ -9,11 +9,11 @@ import pytest
 
 from lagsim.methods import generalized_alpha, method
 from lagsim.methods.parts.newton import (
-    CONVERGED,
     GO_ON,
     LOST,
     MOST,
     RENEW,
+    SOLVED,
     decompose,
     progress,
     solve,
@@ -114,9 +114,9 @@ def test_the_tables_of_radau():
 
 def test_what_newtons_steps_say():
     assert progress(0, 1e-3, 0.0) == GO_ON
-    assert progress(3, 0.0, 1.0) == CONVERGED
-    assert progress(1, 1e-10, 1e-3) == CONVERGED
-    assert progress(2, 0.9e-12, 1e-12) == CONVERGED
+    assert progress(3, 0.0, 1.0) == SOLVED
+    assert progress(1, 1e-10, 1e-3) == SOLVED
+    assert progress(2, 0.9e-12, 1e-12) == SOLVED
     assert progress(1, 1e-4, 1e-2) == GO_ON
     assert progress(1, 1e-3, 2e-3) == RENEW
     assert progress(MOST - 1, 1e-3, 1e-2) == LOST

@@ -1,1 +1,1 @@
-"""What integration methods share: tableaus, step control, projection, the loop."""
+"""Parts of integration methods: tableaus, step control, projection, the loop."""

@@ -79,7 +79,7 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
 
 
 def met_part(s: Rank, order: float) -> float:
-    """Give the part of a step whose rows meet the constraints as they are.
+    """Part of a step whose rows satisfy the constraints unprojected.
 
     Of one whose rows are the polynomial that its end was a value of: the residual grows
     from what it is at the start, rounding, to what the projection of the end began
@@ -122,7 +122,7 @@ def project_level(
 
 
 def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
-    """Tell whether a step is rounding of what it moves, in the metric of diag M.
+    """Whether a step is roundoff of the coordinates, in the metric of diag M.
 
     What the forces could do within the step counts as size: the scale of a structure at
     rest. A coordinate counts by its share of the step: a heavy body that hardly moves
@@ -191,7 +191,7 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
 # rounding in a velocity by its square: steps that end there, or shrink on their way
 # there, lose digits, and steps that pass it at a distance lose nothing.
 
-# A loss of rank is close where the rows' independence falls below this part of what it
+# A loss of rank is close where sigma falls below this part of what it
 # is in general, or has been.
 CLOSE = 0.03
 # How much faster than it has been seen to sigma may change.
@@ -258,7 +258,7 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
     """Give a step that keeps its distance from a loss of rank: about h, or less.
 
-    There, rounding is divided by the rows' independence at each stage, and by its
+    There, rounding is divided by sigma at each stage, and by its
     square at the end. A step that passes has the loss where no method has a stage; one
     before it leaves the room that this takes: for a step as long as they were before
     they came near, where the controller sees errors that projection will remove.
@@ -356,7 +356,7 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
 
 
 def expect_loss(s: Rank, p: Parameters, h: float) -> None:
-    """Note how fast the independence falls at the start of an arc."""
+    """Record how fast sigma falls at the start of an arc."""
     n, y, z, out = s.n, s.y, s.work, s.spare
     for i in range(n):
         z[i] = y[i] + GLANCE * h * y[n + i]
@@ -435,10 +435,10 @@ def passable(s: Rank, error: float) -> float:
 
 
 def hides_error(s: Rank, p: Parameters) -> bool:
-    """Tell whether what projection will remove hides the error of a step.
+    """Whether the error off the constraints hides the error of a step.
 
     Close to a singular configuration, what a stage is off the constraints is divided by
-    the independence of the rows. The error there says nothing of the motion, which the
+    sigma. The error there says nothing of the motion, which the
     constraints determine, but would shrink the steps without end.
     """
     passes = s.passes > 0.0
@@ -453,7 +453,7 @@ def note_directions(s: Rank, p: Parameters, t: float, new: Floats) -> None:
 
 
 def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
-    """Take out of the errors of q and q' (2 n,) what projection will remove.
+    """Remove the part off the constraints from errors of q and q' (2 n,).
 
     Gives what that is as velocities, q in the time h: twice its kinetic energy, against
     that of the mechanism that it belongs to.
@@ -477,7 +477,7 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
 
 
 def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
-    """Give twice the most kinetic energy so far of what a direction z (n,) moves.
+    """Twice the largest kinetic energy so far along a direction z (n,).
 
     Of all that rows or the mass matrix join to it, and of no other body. mass : (n,),
     M z. No more than the whole scene has had.

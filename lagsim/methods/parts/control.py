@@ -135,14 +135,14 @@ def record_extents(s: Control) -> None:
 
 
 def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Leave what `measure` gives in the state."""
+    """Store the energies and masses of `measure` in the state."""
     measure(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
 
 
 def energy_scale(s: Control) -> float:
-    """Give the largest kinetic energy or change of potential, what is measured too."""
+    """Largest kinetic energy or change of potential, the present ones included."""
     energies = s.energies
     change = abs(energies[1] - s.potential)
     return max(float(s.energy), abs(float(energies[0])), float(change))
@@ -284,7 +284,7 @@ def allow_roundoff(
 
 
 def foresee(s: Control, p: Parameters, k: Floats) -> None:
-    """Find what becomes of the components at rest in the first instant of an arc.
+    """Sizes that components at rest reach in the first instant of an arc.
 
     A force that begins at 0, as a power of the time does, gives them a motion without
     any size. One may set the next in motion. k : (size,), y' at the start.
@@ -433,7 +433,7 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 def perturb(
     s: Control, p: Parameters, t: float, y: Floats, rates: Floats, out: Floats
 ) -> None:
-    """Give what some last places of a state y, to both sides, do to its rates (size,).
+    """Change of the rates (size,) by some last places of y, to both sides.
 
     What has no value there counts as nothing.
     """
@@ -467,7 +467,7 @@ def bound_roundoff_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None
 def bound_roundoff(
     s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float
 ) -> None:
-    """Find what rounding leaves in the rates k (size,) at y, for this step.
+    """Bound the roundoff of the rates k (size,) at y, for this step.
 
     From a bound of what is rounded on the way, and from y' nearby. A sigma below 1 is
     that of rows close to a loss of rank, which enlarges the former; y' off the
@@ -487,7 +487,7 @@ def bound_roundoff(
 
 
 def add_probe(s: Control, p: Parameters, t: float, y: Floats, k: Floats) -> None:
-    """Add what the rounding of the state does to its rates k."""
+    """Add the change of the rates k by the roundoff of the state."""
     size, n, roundoff, z, slopes = s.size, s.n, s.roundoff, s.work, s.spare
     move_aside(size, y, PROBE, z)
     derivative(t * (1.0 + PROBE), z, p, slopes)
@@ -510,7 +510,7 @@ def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
 def add_exactly(
     size: int, y: Floats, k: Floats, h: float, new: Floats, left: Floats
 ) -> None:
-    """Give y + h k (size,), and add to `left` what both roundings cut off."""
+    """Sum y + h k (size,); its roundoff is added to `left`."""
     for i in range(size):
         before = y[i]
         rate = k[i]
@@ -539,7 +539,7 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 
 
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
-    """Give what the compensation adds to y' (size,), which is k at y alone."""
+    """Change of y' (size,), which is k at y, by the compensation term."""
     size, y, compensation, z = s.size, s.y, s.compensation, s.work
     if CONSTRAINED or SWITCHES:
         for i in range(size):
@@ -555,7 +555,7 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
-    """Add to a change what the compensation does in a step: it moves as y does."""
+    """Add the motion of the compensation term in a step: it moves as y does."""
     size, n, remainder = s.size, s.n, s.remainder
     for i in range(size):
         remainder[i] += h * drift[i]
@@ -564,7 +564,7 @@ def add_drift(s: Control, drift: Floats, h: float) -> None:
 
 
 def keep_compensation(s: Control) -> None:
-    """Take what the step has cut off: it is accepted."""
+    """Take the roundoff of an accepted step as the compensation term."""
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
@@ -581,7 +581,7 @@ def drop_compensation(s: Control) -> None:
 
 
 def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
-    """Add h * rate to y (n,), and keep in `lost` (n,) what rounding cuts off."""
+    """Add h * rate to y (n,) with compensation term `lost` (n,)."""
     for i in range(n):
         lost[i] += h * rate[i]
     add_compensated(n, y, lost, y, lost)
@@ -590,7 +590,7 @@ def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
 def add_compensated(
     n: int, y: Floats, change: Floats, out: Floats, left: Floats
 ) -> None:
-    """Give y + change (n,), and what rounding cuts off of it.
+    """Sum y + change (n,), and its roundoff.
 
     Both results may take the place of what they are made of.
     """

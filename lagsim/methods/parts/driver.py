@@ -61,7 +61,7 @@ NOWHERE = -1
 
 
 class State(Signals):
-    """What every method keeps: all this, events, and what bounds a step."""
+    """State of every method: the above, events, and bounds of a step."""
 
     surfaces: int  # that switches are located on, and laws whose modes end
     inertias: int  # which are followed, whether they vanish on the way
@@ -135,7 +135,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
 
 
 def arrived(s: State, p: Parameters) -> int:
-    """Give the code of what has been reached, if anything; its rows are written."""
+    """Code of the end that has been reached, if any; its rows are written."""
     if s.cut > 0.0:
         take_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:
@@ -168,7 +168,7 @@ def has_missed(s: State, p: Parameters) -> int:
 
 
 def record_step(s: State) -> None:
-    """Note the smallest step; what an end cuts short does not count."""
+    """Record the smallest step, but for those that an end cuts short."""
     known = s.smallest_step
     counts = s.steps > SETTLING and s.t < s.end
     if counts and (known == 0.0 or s.step_h < known):
@@ -206,7 +206,7 @@ def keep_sizes(s: State) -> None:
 
 
 def inspect(s: State, p: Parameters) -> None:
-    """Look for what ends the arc, or the run, within the last step."""
+    """Search the last step for an end of the arc or of the run."""
     if SWITCHES or UNTIL:
         find_end(s, p)
     if SWITCHES and s.cut == 0.0:
@@ -237,7 +237,7 @@ def take_cut(s: State, p: Parameters) -> None:
 
 
 def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Pull a state onto what it slides along, and note how far it moves."""
+    """Project a state onto the surfaces it slides along, and record the distance."""
     n, former = s.n, s.work
     for i in range(2 * n):
         former[i] = y[i]
@@ -426,7 +426,7 @@ def usable_step(s: State, p: Parameters) -> float:
 
 
 def up_to_feature(s: State, h: float) -> float:
-    """Give the step, no longer than what happens at its own time lets it be.
+    """Step, bounded by a feature that depends on t alone.
 
     It ends where that begins; from there steps shrink with the way left to it.
     """
@@ -515,7 +515,7 @@ def watched(p: Parameters) -> int:
 
 
 def find_end(s: State, p: Parameters) -> None:
-    """Look for what ends the last step, the first of all, and let it end there.
+    """Search the last step for its first event, and end it there.
 
     s.switched becomes the number of the surface, or s.event 1 for `until`.
     """
@@ -661,7 +661,7 @@ def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> Non
 
 
 def known(s: State, p: Parameters, width: float) -> bool:
-    """Tell whether what all margins do on a stretch follows from its ends."""
+    """Whether all event functions on a stretch follow from values at its ends."""
     count = watched(p)
     first, middle, last = s.margins_first, s.margins_middle, s.margins_last
     for k in range(count):
@@ -688,7 +688,7 @@ def known(s: State, p: Parameters, width: float) -> bool:
 
 
 def rounding_of(p: Parameters, k: int) -> float:
-    """Give what of a margin is rounding, also of the time that moves its wall."""
+    """Roundoff of an event function, also by that of the time."""
     if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
         return float(p.law_rounding[k - p.surfaces])
     return 0.0
@@ -702,7 +702,7 @@ def is_nothing(p: Parameters, k: int, margin: float) -> bool:
 
 
 def least_allowed(p: Parameters, k: int) -> float:
-    """Give the margin below which a mode is over beyond doubt; of `until` 0."""
+    """Value of an event function below which a mode certainly ends; 0 of `until`."""
     if SWITCHES and k < p.surfaces + p.laws:
         return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0

@@ -1,4 +1,4 @@
-"""What the methods with a fixed step share: where a step ends, and rows within it."""
+"""Fixed steps: their grid, dense output, Newton's convergence, tableaus."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from lagsim.methods.parts.control import (
     record_sizes,
 )
 from lagsim.methods.parts.driver import State
-from lagsim.methods.parts.newton import CONVERGED, progress
+from lagsim.methods.parts.newton import SOLVED, progress
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import derivative
 from lagsim.native.kernels.words import at
@@ -80,15 +80,15 @@ def judge(
     stay 0 under forces that cancel, of positions far from the origin.
     """
     state = progress(iteration, moved, previous)
-    if state == CONVERGED or iteration == 0 or not moved < OVERFLOW:
+    if state == SOLVED or iteration == 0 or not moved < OVERFLOW:
         return state
     if moved >= 0.5 * previous and is_rounding(s, p, h, v, change):
-        return CONVERGED
+        return SOLVED
     return state
 
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
-    """Tell whether changes of the velocities v (n,) are what rounding makes of them."""
+    """Whether changes of the velocities v (n,) are roundoff."""
     n = s.n
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0)
@@ -119,7 +119,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
 
 
 def note_sizes(s: State, p: Parameters) -> None:
-    """Take the state into the largest sizes; what only projection needs, for that."""
+    """Record the sizes of the state; those of rates only for projection."""
     if CONSTRAINED:
         record_sizes(s, p)
     else:

@@ -80,7 +80,7 @@ AT_END = 1e-9
 
 
 class Signals(Rank):
-    """Arguments of localized terms at points of a step; what a rejected step resets."""
+    """Arguments of localized terms at points of a step; sizes before the step."""
 
     signals: int
     feature_possible: float  # 1 if the last step is to be searched for a missed feature
@@ -517,7 +517,7 @@ def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
 
 
 def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether the defect that `differs` has left exceeds what tolerances allow.
+    """Whether the defect found by `differs` exceeds the tolerances.
 
     The state is not known better than to as many tolerances. What a change by that does
     to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.

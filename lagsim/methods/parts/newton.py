@@ -1,4 +1,4 @@
-"""When a Newton iteration with kept derivatives is done, slow, or lost.
+"""Simplified Newton iterations: convergence test and linear solvers.
 
 For methods with a fixed step, which have no tolerance: they go on to rounding.
 """
@@ -21,7 +21,7 @@ MOST = 30
 
 GO_ON = 0
 RENEW = 1
-CONVERGED = 2
+SOLVED = 2
 LOST = 3
 
 
@@ -30,14 +30,14 @@ def progress(iteration: int, change: float, previous: float) -> int:
     if not change < OVERFLOW:
         return LOST
     if change == 0.0:
-        return CONVERGED
+        return SOLVED
     if iteration == 0:
         return GO_ON
     rate = change / previous
     if change * min(1.0, rate) <= UNIT_ROUNDOFF or (
         rate >= 0.5 and change <= STALLED_STEP
     ):
-        return CONVERGED
+        return SOLVED
     if iteration == MOST - 1:
         return LOST
     return RENEW if rate > SLOW else GO_ON
@@ -122,7 +122,7 @@ def largest_in_column(n: int, k: int, A: Floats, sizes: Floats) -> int:
 
 
 def solve(n: int, A: Floats, pivots: Floats, x: Floats) -> None:
-    """Replace x (n,) by A^-1 x, with what `decompose` left."""
+    """Replace x (n,) by A^-1 x, with the factors of `decompose`."""
     for k in range(n):
         best = int(pivots[k])
         x[k], x[best] = x[best], x[k]

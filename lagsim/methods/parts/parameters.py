@@ -1,4 +1,4 @@
-"""What the functions of a model and the kernels share: parameters, and room to work."""
+"""The parameters and the working memory that model functions and kernels share."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ each_surface, each_law, each_met = map(attrgetter, ("surfaces", "laws", "met"))
 
 
 def each_coordinate(p: Parameters) -> int:
-    """Give the length of what the loops have one of for each coordinate."""
+    """Length of an array of the loops with an entry for each coordinate."""
     return p.n if p.loops else 0
 
 
 def each_row(p: Parameters) -> int:
-    """Give the length of what the loops have one of for each constraint row."""
+    """Length of an array of the loops with an entry for each constraint row."""
     return p.m if p.loops else 0
 
 
@@ -63,7 +63,7 @@ def before_gaps(p: Parameters) -> int:
 
 
 def each_watched(p: Parameters) -> int:
-    """Give the length of what each margin of a mode has one of."""
+    """Length of an array with an entry for each event function of a mode."""
     return p.surfaces + p.laws
 
 
@@ -157,7 +157,7 @@ class Laws(Surfaces):
 
 
 class Impulses(Laws):
-    """Rows that each step meets by impulses, for `moreau`."""
+    """Rows that are satisfied by impulses in each step, for `moreau`."""
 
     # Where each step meets all rows by impulses: their number, elements of M in its
     # envelope, and those of the rows that do not vanish.

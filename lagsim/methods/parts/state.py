@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Clock(Memory):
-    """The time, the state, and the counters: what each step advances."""
+    """The time, the state, and the counters, which each step advances."""
 
     n: int  # coordinates
     size: int  # components of y
@@ -139,7 +139,7 @@ def terms(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what the rounding of the forces does to q'' (n,), in units of roundoff.
+    """Bounds of the rounding of q'' (n,) by that of the forces, in units of roundoff.
 
     Then the rounding of the rates of what follows q' in y.
     """
@@ -178,7 +178,7 @@ def inertia(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def balance(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what impulses of all rows are found from; see `Parameters.balance`.
+    """Coefficients of the equations of the impulses; see `Parameters.balance`.
 
     NEEDS "balance": y then ends with the multipliers.
     """

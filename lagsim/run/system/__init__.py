@@ -281,7 +281,7 @@ class System:
         p.augmented, p.expected, p.reference = (
             plan.augmented,
             plan.rank,
-            plan.independence,
+            plan.smallest_singular_value,
         )
         p.sigma = p.least_sigma = 1.0
         p.gain, p.constant = plan.gain, plan.constant

@@ -534,7 +534,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
         "position_step": [*step, _largest(g, off), g.zero, *left_by_step],
         "velocity_step": [
             *elimination.correction([r.rate for r in rows]), _largest(g, off_rates),
-            elimination.health(), _largest(g, map(_unknown(g), rows)),
+            elimination.smallest_singular_value(), _largest(g, map(_unknown(g), rows)),
         ],
     }  # fmt: skip
 

@@ -140,7 +140,7 @@ class Runner:
         No arc sees what another one left in the working memory.
         """
         p = self.system.p
-        p.reference = self.system.plan.independence
+        p.reference = self.system.plan.smallest_singular_value
         p.factored = p.noted = 0.0
         p.sigma = p.least_sigma = 1.0
         p.flat[p.place("motion") :] = 0.0
