@@ -6,7 +6,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read, read_file
-from tests.model._files import completed, model, problems
+from tests.model._files import model, problems
 from tests.support import MODELS
 
 TEXT = """
@@ -121,102 +121,77 @@ def starts(m):
     return {v.name: v.value for v in m.initial}
 
 
-class TestStart:
-    TEXT = """
+STARTS = """
 parameters: {l: 2}
 coordinates: {x: {}, y: {}}
 definitions: {s: x + y}
 initial: {x: l, y: {guess: x/2}}
 """
 
-    def test_what_follows_a_start_value(self):
-        bound = model(self.TEXT).bind({}, {"x": 0.3})
-        assert starts(bound) == {"x": 0.3, "y": 0.15, "x_dot": 0.0, "y_dot": 0.0}
-        [y] = [v for v in bound.initial if v.name == "y"]
-        assert y.guess
 
-    def test_another_guess_is_a_guess(self):
-        found = model(self.TEXT).bind({}, {"y": "l*x"}).initial
-        assert [(v.name, v.value, v.guess) for v in found[:2]] == [
-            ("x", 2.0, False),
-            ("y", 4.0, True),
-        ]
-
-    def test_what_the_file_does_not_name(self):
-        bound = model(self.TEXT).bind({}, {"y_dot": -2, "s_dot": "l"})
-        assert starts(bound)["y_dot"] == -2.0
-        assert starts(bound)["s_dot"] == 2.0
-        written = model(self.TEXT.replace("x/2}", "x/2}, y_dot: -2, s_dot: l"))
-        assert starts(bound) == starts(written)
-
-    @pytest.mark.parametrize(
-        ("initial", "code"),
-        [
-            ({"l": 1}, "not-a-start-value"),
-            ({"z": 1}, "unknown-name"),
-            ({"x": "y"}, "later-initial"),
-            ({"x": "1/0"}, "not-finite"),
-            ({"x": float("nan")}, "unknown-name"),
-            ({"x": "1 +"}, "expression-syntax"),
-        ],
-        ids=str,
-    )
-    def test_faults(self, initial, code):
-        with pytest.raises(InputError) as error:
-            model(self.TEXT).bind({}, initial)
-        assert [p.code for p in error.value.problems] == [code]
+def test_start_values():
+    base = model(STARTS)
+    bound = base.bind({}, {"x": 0.3})  # y follows, and stays a guess
+    assert starts(bound) == {"x": 0.3, "y": 0.15, "x_dot": 0.0, "y_dot": 0.0}
+    guessed = base.bind({}, {"y": "l*x"})
+    assert starts(guessed)["y"] == 4.0
+    for found in (bound, guessed):
+        assert [v.name for v in found.initial if v.guess] == ["y"]
+    bound = base.bind({}, {"y_dot": -2, "s_dot": "l"})  # the file does not name these
+    assert (starts(bound)["y_dot"], starts(bound)["s_dot"]) == (-2.0, 2.0)
+    written = model(STARTS.replace("x/2}", "x/2}, y_dot: -2, s_dot: l"))
+    assert starts(bound) == starts(written)
 
 
 @pytest.mark.parametrize(
-    "values",
+    ("initial", "code"),
     [
-        {"q": "1"},
-        {"L": "1"},
-        {"a.b": "1"},
-        {"l": "w"},
-        {"l": "l"},
-        {"l": "x"},
-        {"l": "1/0"},
-        {"l": "2 l"},
-        {"g": "-1"},  # of whose square root w is
-        {"l": "5"},  # a restitution above 1
-        {"l": "0", "q": "2", "g": "("},
+        ({"l": 1}, "not-a-start-value"), ({"z": 1}, "unknown-name"),
+        ({"x": "y"}, "later-initial"), ({"x": "1/0"}, "not-finite"),
+        ({"x": float("nan")}, "unknown-name"), ({"x": "1 +"}, "expression-syntax"),
     ],
     ids=str,
-)
-def test_faults_are_those_of_set(values):
-    expected = problems(TEXT, overrides=values)
-    assert expected
+)  # fmt: skip
+def test_faults_of_start_values(initial, code):
     with pytest.raises(InputError) as error:
-        read(completed(TEXT), "model.yaml").bind(values)
-    assert list(map(str, error.value.problems)) == list(map(str, expected))
+        model(STARTS).bind({}, initial)
+    assert [p.code for p in error.value.problems] == [code]
 
 
-@pytest.mark.parametrize(
-    ("values", "text"),
-    [
-        ({"a": "0.1"}, "static friction of the constraint `floor` is 0.1, less"),
-        ({"b": "-1"}, "the dynamic friction of the constraint `floor` is -1"),
-        ({"F": "-2"}, "the limit of the constraint `brake` is -2"),
-    ],
-    ids=str,
-)
-def test_faults_of_laws(values, text):
-    laws = """
+LAWS = """
 parameters: {a: 0.4, b: 0.2, F: 1}
 constraints:
   floor:
     {relation: y >= 0, restitution: 0, slip: x_dot, friction: {static: a, dynamic: b}}
   brake: {relation: x_dot = 0, limit: F}
 """
-    (expected,) = problems(laws, overrides=values)
-    assert text in expected.text
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "part"),
+    [
+        (TEXT, {"q": "1"}, "parameter"), (TEXT, {"L": "1"}, "did you mean `l`"),
+        (TEXT, {"a.b": "1"}, "dot"), (TEXT, {"l": "w"}, "below"),
+        (TEXT, {"l": "l"}, "itself"), (TEXT, {"l": "x"}, "a coordinate"),
+        (TEXT, {"l": "1/0"}, "inf"), (TEXT, {"l": "2 l"}, "2*l"),
+        (TEXT, {"g": "-1"}, "nan"),  # of whose square root w is
+        (TEXT, {"l": "5"}, "outside of 0 to 1"),
+        (TEXT, {"l": "0", "q": "2", "g": "("}, "[E201]"),
+        (LAWS, {"a": "0.1"}, "static friction of the constraint `floor` is 0.1, less"),
+        (LAWS, {"b": "-1"}, "the dynamic friction of the constraint `floor` is -1"),
+        (LAWS, {"F": "-2"}, "the limit of the constraint `brake` is -2"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_faults_are_those_of_set(text, values, part):
+    expected = list(map(str, problems(text, overrides=values)))
+    assert any(part in line for line in expected)
     with pytest.raises(InputError) as error:
-        model(laws).bind(values)
-    assert list(map(str, error.value.problems)) == [str(expected)]
+        model(text).bind(values)
+    assert list(map(str, error.value.problems)) == expected
 
 
-def test_faults_of_settings_are_told_when_they_are_asked_for():
+def test_faults_of_settings_are_reported_when_they_are_asked_for():
     text = "parameters: {h: 1}\nsimulation: {duration: 10, output_step: h}"
     bound = model(text).bind({"h": -1})
     expected = problems(text, overrides={"h": "-1"})
@@ -225,3 +200,44 @@ def test_faults_of_settings_are_told_when_they_are_asked_for():
         bound.settings()
     assert list(map(str, error.value.problems)) == list(map(str, expected))
     assert bound.settings({"output_step": 2}).output_step == 2.0
+
+
+# --- Which numbers of a file follow others
+
+FOLLOWED = """\
+parameters: {l: 1, g: 9.8, w: sqrt(g/l), K: {value: 3, description: of l}, e: 2}
+coordinates: {x: , y: }
+energy: {kinetic: x_dot^2/2 + y_dot^2/2, potential: K*x^2 + g*l*w*y + e*x}
+initial: {x: 2*K, y: 1, y_dot: y}
+simulation: {duration: 10, output_step: e/100}
+"""
+
+
+@pytest.mark.parametrize(
+    ("names", "rests"),
+    [
+        ({"l"}, True), ({"g"}, True), ({"w"}, False), ({"K"}, True), ({"e"}, True),
+        ({"x"}, False), ({"y"}, True), ({"y_dot"}, False), ({"y", "y_dot"}, False),
+    ],
+)  # fmt: skip
+def test_what_is_said_by_a_name(names, rests):
+    assert read(FOLLOWED, "m.yaml").rests_on(names) is rests
+
+
+def test_what_was_said_instead_counts():
+    model = read(FOLLOWED, "m.yaml").bind({"K": "g"}, {"x": "e"})
+    assert not model.rests_on({"K"})
+    assert model.bind({"K": 1.0, "w": 1.0}).rests_on({"g"}) is False
+    assert read(FOLLOWED, "m.yaml").bind(e="l").rests_on({"l"})
+
+
+def test_expressions_are_found_by_the_keys_that_lead_to_them():
+    laws = "constraints: {floor: {relation: y >= 0, restitution: 0.5, friction: 0.3, "
+    laws += "slip: [x_dot]}}\nforces: {x: -3*x_dot}\n"
+    texts = read(laws + FOLLOWED, "m.yaml").stated.texts()
+    assert {name: x.text for name, x in texts.items() if "energy" not in name} == {
+        "forces.x": "-3*x_dot",
+        "constraints.floor.relation": "y >= 0", "constraints.floor.restitution": "0.5",
+        "constraints.floor.friction": "0.3", "constraints.floor.slip.1": "x_dot",
+    }  # fmt: skip
+    assert texts["forces.x"].place.line == 2

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from tests.model._files import SECTIONS, completed, problems
-from tests.model.test_reader_models import FULL
+from tests.model.test_models import FULL
 from tests.patience import PATIENCE
 
 PIECES = [
