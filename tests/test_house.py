@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
-LINES = 70_400
-LINES_OF_TESTS = 58_400
+LINES = 70_100
+LINES_OF_TESTS = 58_100
 
 
 def lines(folder):
