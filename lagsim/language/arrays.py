@@ -11,4 +11,5 @@ if TYPE_CHECKING:
 Floats: TypeAlias = "npt.NDArray[np.float64]"
 """A one-dimensional array of doubles, where nothing else is said."""
 Flags: TypeAlias = "npt.NDArray[np.bool_]"
+Ints: TypeAlias = "npt.NDArray[np.intp]"
 Complexes: TypeAlias = "npt.NDArray[np.complex128]"

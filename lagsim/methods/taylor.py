@@ -21,6 +21,7 @@ ed., section I.8.
 from __future__ import annotations
 
 import math
+from math import exp, log
 from typing import TYPE_CHECKING
 
 from lagsim.methods import unrestricted
@@ -57,7 +58,7 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     series,
 )
-from lagsim.native.kernels.words import at, exponent, fused, mantissa, two_to
+from lagsim.native.kernels.words import at, fused
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE
 
@@ -192,7 +193,7 @@ def conclude(s: Taylor, p: Parameters) -> bool:
     s.h = SHORTEST * h
     s.trouble = NOT_FINITE
     if error < OVERFLOW:
-        shorter = two_to_the(log2_of(PASSED / error) / (s.series[0] + 1.0))
+        shorter = exp(log(PASSED / error) / (s.series[0] + 1.0))
         s.h = h * max(SHORTEST, SHORTER * shorter)
         s.trouble = STEP_TOO_SMALL
     s.rejected = 1.0
@@ -289,7 +290,7 @@ def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
 MOST_ORDER = 18
 # Terms shrink by e^2 from one to the next at the step that costs least per unit of
 # time (Jorba and Zou, proposition 3.1).
-LOG_SHRINK = 2.0 / math.log(2.0)  # as a power of two
+LOG_SHRINK = 2.0
 # Below this numbers are not normal.
 LEAST_NUMBER = 2.0**-1000
 # A priori bounds are met with this much room, or one step in two fails the check.
@@ -297,25 +298,8 @@ SAFETY = 0.9
 # At tight tolerances truncation is kept below rounding, which it outgrows; and shorter
 # steps average more of what forces are rounded by.
 TIGHT_SAFETY = 0.6
-# Logarithms and powers of two by interpolants at Chebyshev's nodes. A step is not known
-# better than to their nine digits.
-# log2(1 + f)/f for 0 <= f <= 1; f times it is within 2e-10.
-LOGARITHM = (
-    1.442695040695281, -0.721347464488058, 0.48089563727879786, -0.36062166708448046,
-    0.2880130904231821, -0.23724857110215014, 0.19337101304091628, -0.14544969777453617,
-    0.09161531514341954, -0.04299252211648444, 0.012876924428271262,
-    -0.0018070985458731863,
-)  # fmt: skip
-# 2^f for |f| <= 1/2, within 1e-10.
-POWER = (
-    0.9999999999595618, 0.6931471805568324, 0.24022651213498092, 0.055504109063258665,
-    0.009618025613318034, 0.0013333478473685416, 0.00015469729214118296,
-    1.5303700711365693e-05,
-)  # fmt: skip
-# Exponents of normal numbers; and what rounds to a whole number when it is added.
-LEAST = -1022.0
-MOST = 1023.0
-ROUNDER = 1.5 * 2.0**52
+# The logarithm of a step that nothing bounds.
+UNBOUNDED = 700.0
 
 
 class Taylor(State):
@@ -398,14 +382,14 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
         bound(last, LOG_SHRINK, order),
     )
     safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
-    return min(safety * two_to_the(logarithm), float(arc))
+    return min(safety * exp(logarithm), float(arc))
 
 
 def bound(term: float, shrink: float, k: int) -> float:
     """Logarithm of the longest step that the term y_k allows."""
     part = 1.0 / k
-    found = (shrink - log2_of(max(term, LEAST_NUMBER))) * part
-    return found if term > LEAST_NUMBER else MOST
+    found = (shrink - log(max(term, LEAST_NUMBER))) * part
+    return found if term > LEAST_NUMBER else UNBOUNDED
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
@@ -479,31 +463,3 @@ def is_finite(size: int, y: Floats) -> bool:
     for i in range(size):
         finite = finite and abs(y[i]) < OVERFLOW
     return finite
-
-
-def log2_of(x: float) -> float:
-    """Give log2(x) of a normal number that is positive."""
-    f = mantissa(x) - 1.0
-    square = f * f
-    fourth = square * square
-    low = fused(LOGARITHM[1], f, LOGARITHM[0])
-    low = fused(fused(LOGARITHM[3], f, LOGARITHM[2]), square, low)
-    middle = fused(LOGARITHM[5], f, LOGARITHM[4])
-    middle = fused(fused(LOGARITHM[7], f, LOGARITHM[6]), square, middle)
-    high = fused(LOGARITHM[9], f, LOGARITHM[8])
-    high = fused(fused(LOGARITHM[11], f, LOGARITHM[10]), square, high)
-    found = fused(fused(high, fourth, middle), fourth, low)
-    return fused(f, found, exponent(x))
-
-
-def two_to_the(x: float) -> float:
-    """Give 2^x, or the nearest power of two that is a normal number."""
-    x = min(max(x, LEAST), MOST)
-    k = (x + ROUNDER) - ROUNDER
-    f = x - k
-    square = f * f
-    low = fused(POWER[1], f, POWER[0])
-    low = fused(fused(POWER[3], f, POWER[2]), square, low)
-    high = fused(POWER[5], f, POWER[4])
-    high = fused(fused(POWER[7], f, POWER[6]), square, high)
-    return fused(high, square * square, low) * two_to(k)

@@ -2,15 +2,14 @@
 
 Linear algebra on the Delassus matrix of the rows that could act: no graph, no state.
 
-    delassus    the matrix, beside the equalities that hold
-    impact      impulses at rates that are about to violate a gap
-    modes       what holds, slides or lets go, from accelerations
-    least_norm  shares of contacts that hold more often than they must
+    delassus  the matrix, beside the equalities that hold
+    impact    impulses at rates that are about to violate a gap
+    modes     what holds, slides or lets go, from accelerations
 
 Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
 """
 
-from lagsim.mechanics.contact.complementarity import Closed, Mode, least_norm
+from lagsim.mechanics.contact.complementarity import Closed, Mode
 from lagsim.mechanics.contact.delassus import Delassus, delassus
 from lagsim.mechanics.contact.impacts import Impact, impact
 from lagsim.mechanics.contact.modes import Modes, modes
@@ -23,6 +22,5 @@ __all__ = [
     "Modes",
     "delassus",
     "impact",
-    "least_norm",
     "modes",
 ]

@@ -8,10 +8,10 @@
 
 where bound = limit + mu * p of the row's contact. Two slips share a bound: on a disc.
 
-Of one or two rows all edges are tried. Of more, pivoting says which rows hold; these
-are solved for again as equations, so that the result is accurate to rounding. There
-friction is a complementarity problem too: along directions d_i that span the slips of a
-contact, p = sum of a_i d_i with a >= 0, and with l for the size of the slip
+Pivoting says which rows hold; these are solved for again as equations, so that the
+result is accurate to rounding. There friction is a complementarity problem too: along
+directions d_i that span the slips of a contact, p = sum of a_i d_i with a >= 0, and
+with l for the size of the slip
 
     a_i >= 0 complements d_i . w + l
     l >= 0 complements bound - sum of a_i
@@ -33,22 +33,21 @@ the sweeps: M. Jean, The non-smooth contact dynamics method, ibid. 177 (1999) 23
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
-from enum import Enum, IntEnum
+from enum import IntEnum
+from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lagsim.language.sparse import DisjointSets
-from lagsim.mechanics.contact.delassus import freedom
 from lagsim.mechanics.contact.pivoting import lemke
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Flags, Floats, Ints
     from lagsim.mechanics.constraints import Kind
 
 
@@ -92,14 +91,20 @@ class Closed:
     factor: Floats | None = None
 
 
-class Role(Enum):
+@lru_cache(maxsize=64)
+def indices(numbers: tuple[int, ...]) -> Ints:
+    """Give an array of row numbers, or of roles; it is not to be written to."""
+    return np.array(numbers, dtype=np.intp)
+
+
+class Role(IntEnum):
     """The law of a row."""
 
-    ABSENT = "no multiplier"
-    SIGNED = "a multiplier >= 0"
-    BOXED = "a bounded multiplier"
-    GIVEN = "a multiplier at its bound"
-    FREE = "an equality"
+    ABSENT = 0  # no multiplier
+    SIGNED = 1  # a multiplier >= 0
+    BOXED = 2  # a bounded multiplier
+    GIVEN = 3  # a multiplier at its bound
+    FREE = 4  # an equality
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,20 +114,30 @@ class Problem:
     Attributes
     ----------
     D : ndarray, shape (r, r)
-    c, limits, mus, ways : list of float, of r
-    roles : list of Role
-    normals, pairs : tuple of int
+    c, limits, mus, ways : ndarray, shape (r,)
+    roles : ndarray of Role, shape (r,)
+    normals, pairs : ndarray of int, shape (r,)
         The row of the contact; that of the other of two slips; or -1.
     """
 
     D: Floats
-    c: list[float]
-    roles: list[Role]
-    limits: list[float]
-    mus: list[float]
-    ways: list[float]
-    normals: tuple[int, ...]
-    pairs: tuple[int, ...]
+    c: Floats
+    roles: Ints
+    limits: Floats
+    mus: Floats
+    ways: Floats
+    normals: Ints
+    pairs: Ints
+
+    def part(self, rows: list[int]) -> Problem:
+        """Give the problem of some rows, of which none is coupled with another."""
+        place = np.full(len(self.c) + 1, -1)  # the last for those that have none
+        place[rows] = np.arange(len(rows))
+        return Problem(
+            self.D[np.ix_(rows, rows)], self.c[rows], self.roles[rows],
+            self.limits[rows], self.mus[rows], self.ways[rows],
+            place[self.normals[rows]], place[self.pairs[rows]],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +146,9 @@ class Solution:
 
     Attributes
     ----------
+    modes : list of Mode
+    ways : ndarray, shape (r,)
+        Of a driven row: the part of its bound.
     residual : float
         Of the laws, relative to c, in the units of the rows.
     found : bool
@@ -142,7 +160,7 @@ class Solution:
     p: Floats
     w: Floats
     modes: list[Mode]
-    ways: list[float]
+    ways: Floats
     residual: float
     found: bool
     apart: bool = False
@@ -150,40 +168,25 @@ class Solution:
 
 def scaled(problem: Problem) -> tuple[Problem, Floats]:
     """Give the problem with a diagonal near 1, by powers of two, and these scales."""
-    diagonal: list[float] = problem.D.diagonal().tolist()
-    pairs = problem.pairs
-    sizes = [
-        max(diagonal[k], diagonal[j]) if j >= 0 else diagonal[k]
-        for k, j in enumerate(pairs)
-    ]
-    s = [_power(d) for d in sizes]
-    scales = np.array(s)
-    coupled = zip(problem.mus, problem.normals, strict=True)
-    roles = [
-        role if d > 0.0 else Role.ABSENT
-        for role, d in zip(problem.roles, sizes, strict=True)
-    ]
-    return Problem(
-        problem.D * scales * scales[:, None],
-        [a * c for a, c in zip(s, problem.c, strict=True)],
-        roles,
-        [x / a for a, x in zip(s, problem.limits, strict=True)],
-        [m * (s[n] / s[k]) for k, (m, n) in enumerate(coupled)],
-        problem.ways,
-        problem.normals,
-        pairs,
-    ), scales
+    own, pairs = problem.D.diagonal(), problem.pairs
+    sizes = np.where(pairs >= 0, np.maximum(own, own[pairs]), own)
+    present = sizes > 0.0
+    s = 2.0 ** -np.round(np.log2(np.where(present, sizes, 1.0)) / 2.0)
+    return replace(
+        problem,
+        D=problem.D * s * s[:, None],
+        c=s * problem.c,
+        roles=np.where(present, problem.roles, Role.ABSENT),
+        limits=problem.limits / s,
+        mus=problem.mus * s[problem.normals] / s,
+    ), s
 
 
-def _power(d: float) -> float:
-    """Give the power of two near 1/sqrt(d)."""
-    return 1.0 if d <= 0.0 else float(2.0 ** -round(math.log2(d) / 2.0))
-
-
-def bounds(problem: Problem, p: Floats) -> list[float]:
-    """Give what the multipliers of boxed and given rows may be."""
-    terms = zip(problem.limits, problem.mus, problem.normals, strict=True)
-    return [a + mu * max(p[n], 0.0) if n >= 0 else a for a, mu, n in terms]
+def bounds(problem: Problem, p: Floats) -> Floats:
+    """Give what the multipliers of boxed and given rows may be (r,)."""
+    n = problem.normals
+    pushes = np.where(n >= 0, np.maximum(p[n], 0.0), 0.0)
+    return np.asarray(problem.limits + problem.mus * pushes)
 
 
 def residual(problem: Problem, p: Floats) -> float:
@@ -191,132 +194,15 @@ def residual(problem: Problem, p: Floats) -> float:
 
     Relative to the largest terms of w; to be asked where the problem is scaled.
     """
-    w = problem.D @ p + problem.c
+    w, roles, pairs = problem.D @ p + problem.c, problem.roles, problem.pairs
     terms = np.abs(problem.D) @ np.abs(p) + np.abs(problem.c)
-    size = float(terms.max(initial=0.0)) or 1.0
-    worst = 0.0
-    for k, bound in enumerate(bounds(problem, p)):
-        role = problem.roles[k]
-        if role is Role.SIGNED:
-            worst = max(worst, abs(min(p[k], w[k])))
-        elif role is Role.FREE:
-            worst = max(worst, abs(w[k]))
-        elif role is Role.BOXED:
-            j = problem.pairs[k]
-            z = p[k] - w[k]
-            length = abs(z) if j < 0 else float(np.hypot(z, p[j] - w[j]))
-            worst = max(worst, abs(p[k] - z * min(1.0, bound / (length or 1.0))))
-    return worst / size
-
-
-# A case that breaks its laws by more, in parts of the terms, is not the one.
-ROUNDING = 1e-14
-# Rows that leave less than this part of themselves ask for more than Cramer's rule.
-CLOSE = 1e-2
-
-
-class Row(NamedTuple):
-    """One of two rows: its law, and its own entry of D."""
-
-    role: Role
-    own: float
-    c: float
-    limit: float
-    mu: float
-    way: float
-
-
-# What stands in for a second row.
-_NOBODY = Row(Role.ABSENT, 1.0, 0.0, 0.0, 0.0, 0.0)
-
-_CASES = {
-    Role.ABSENT: ((Mode.OFF, 0.0),),
-    Role.SIGNED: ((Mode.HELD, 0.0), (Mode.OFF, 0.0)),
-    Role.BOXED: ((Mode.HELD, 0.0), (Mode.DRIVEN, -1.0), (Mode.DRIVEN, 1.0)),
-    Role.FREE: ((Mode.HELD, 0.0),),
-}
-
-
-def solve_small(problem: Problem) -> Solution | None:
-    """Give the solution, or None where that takes more than plain numbers."""
-    r, D = len(problem.c), problem.D
-    first = _row(problem, 0, D.item(0))
-    second, b = (_row(problem, 1, D.item(3)), D.item(1)) if r == 2 else (_NOBODY, 0.0)
-    mu = second.mu if r == 2 and problem.normals[1] == 0 else 0.0
-    if first.own <= 0.0 or second.own <= 0.0 or max(problem.pairs) >= 0:
-        return None
-    for (m, up), (n, down) in product(_cases(first), _cases(second)):
-        found = _multipliers(first, second, b, mu * down, (m, up), (n, down))
-        if found is None:
-            continue
-        p, q = found
-        w = 0.0 if m is Mode.HELD else first.own * p + b * q + first.c
-        z = 0.0 if n is Mode.HELD else b * p + second.own * q + second.c
-        amiss = max(
-            _amiss(first, p, w, first.limit, up, abs(b * q)),
-            _amiss(second, q, z, second.limit + mu * max(p, 0.0), down, abs(b * p)),
-        )
-        if amiss <= ROUNDING:
-            return Solution(
-                np.array((p, q)[:r]),
-                np.array((w, z)[:r]),
-                [m, n][:r],
-                [up, down][:r],
-                amiss,
-                found=True,
-                apart=True,
-            )
-    return None
-
-
-def _row(p: Problem, k: int, own: float) -> Row:
-    return Row(p.roles[k], own, p.c[k], p.limits[k], p.mus[k], p.ways[k])
-
-
-def _cases(row: Row) -> tuple[tuple[Mode, float], ...]:
-    return ((Mode.DRIVEN, row.way),) if row.role is Role.GIVEN else _CASES[row.role]
-
-
-def _multipliers(
-    first: Row,
-    second: Row,
-    b: float,
-    slope: float,
-    case: tuple[Mode, float],
-    other: tuple[Mode, float],
-) -> tuple[float, float] | None:
-    """Give the multipliers of a case, or None if its rows are too close."""
-    p, q = case[1] * first.limit, other[1] * second.limit
-    held, too = case[0] is Mode.HELD, other[0] is Mode.HELD
-    if held and too:
-        a, d, c, e = first.own, second.own, first.c, second.c
-        rest = a * d - b * b
-        if rest <= CLOSE * a * d:
-            return None
-        return (b * e - d * c) / rest, (b * c - a * e) / rest
-    if held:
-        own = first.own + b * slope
-        if own <= CLOSE * first.own:
-            return None
-        p = -(first.c + b * q) / own
-        q += slope * p
-    elif too:
-        q = -(second.c + b * p) / second.own
-    return p, q
-
-
-def _amiss(
-    row: Row, p: float, w: float, bound: float, way: float, others: float
-) -> float:
-    """Give by what part of its terms a row breaks its law."""
-    broken = 0.0
-    if row.role is Role.SIGNED:
-        broken = -min(w, p * row.own)
-    elif row.role is Role.BOXED:
-        broken = max((abs(p) - bound) * row.own, w * way)
-    if broken <= 0.0:
-        return 0.0
-    return broken / (abs(row.c) + row.own * abs(p) + others)
+    z = p - w
+    lengths = np.where(pairs >= 0, np.hypot(z, z[pairs]), np.abs(z))
+    parts = bounds(problem, p) / np.where(lengths > 0.0, lengths, 1.0)
+    off = np.where(roles == Role.SIGNED, np.minimum(p, w), 0.0)
+    off = np.where(roles == Role.FREE, w, off)
+    off = np.where(roles == Role.BOXED, p - z * np.minimum(1.0, parts), off)
+    return float(np.abs(off).max(initial=0.0) / (terms.max(initial=0.0) or 1.0))
 
 
 # Singular values that are smaller belong to dependent rows. D is a square, so that this
@@ -325,7 +211,7 @@ DEPENDENT = 1e-14
 
 
 def expressed(
-    problem: Problem, modes: list[Mode], ways: list[float]
+    problem: Problem, modes: list[Mode], ways: Floats
 ) -> tuple[Floats, Floats]:
     """Give E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
     r = len(modes)
@@ -344,7 +230,7 @@ def expressed(
 def polished(
     problem: Problem,
     modes: list[Mode],
-    ways: list[float],
+    ways: Floats,
     factor: Floats | None = None,
 ) -> Floats:
     """Give the multipliers (r,) for which the held rows hold.
@@ -356,7 +242,7 @@ def polished(
     if not held:
         return p0
     D = problem.D[held]
-    B, h = (D @ E)[:, held], np.array(problem.c)[held] + D @ p0
+    B, h = (D @ E)[:, held], problem.c[held] + D @ p0
     solve = _by_factor(factor, E, held) if factor is not None else _by_square(B)
     x = -solve(h)
     x -= solve(B @ x + h)
@@ -394,13 +280,12 @@ class Facets:
     """
 
     def __init__(self, problem: Problem) -> None:
-        rows = list(enumerate(problem.roles))
-        self.problem = problem
-        self.signed = [k for k, role in rows if role is Role.SIGNED]
+        self.problem, pairs = problem, problem.pairs.tolist()
+        self.signed = np.flatnonzero(problem.roles == Role.SIGNED).tolist()
         self.groups = [
-            [k] if problem.pairs[k] < 0 else [problem.pairs[k], k]
-            for k, role in rows
-            if role is Role.BOXED and problem.pairs[k] < k
+            [k] if pairs[k] < 0 else [pairs[k], k]
+            for k in np.flatnonzero(problem.roles == Role.BOXED).tolist()
+            if pairs[k] < k
         ]
         self.directions = [SIDES if len(g) == 1 else POLYGON for g in self.groups]
 
@@ -467,19 +352,14 @@ def with_corners(problem: Problem) -> Floats | None:
 
 def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
     """Give G, h: w = G p + h of the unknown rows, what is given and free put in."""
-    if len(unknown) == len(problem.roles):
-        return problem.D[unknown][:, unknown], np.array(problem.c)[unknown]
-    present = [
-        Mode.OFF
-        if role is Role.ABSENT
-        else Mode.DRIVEN
-        if role is Role.GIVEN
-        else Mode.HELD
-        for role in problem.roles
-    ]
+    if len(unknown) == len(problem.c):
+        return problem.D[np.ix_(unknown, unknown)], problem.c[unknown]
+    present = [_STARTS[role] for role in problem.roles.tolist()]
+    for k in unknown:
+        present[k] = Mode.HELD
     E, p0 = expressed(problem, present, problem.ways)
     G, h = problem.D @ E, problem.c + problem.D @ p0
-    free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
+    free = np.flatnonzero(problem.roles == Role.FREE).tolist()
     if free:
         B = np.column_stack([G[np.ix_(free, unknown)], h[free]])
         X = np.linalg.lstsq(G[np.ix_(free, free)], B, rcond=DEPENDENT)[0]
@@ -506,7 +386,7 @@ FAR = 1e8
 
 def by_newton(problem: Problem) -> Floats:
     """Give multipliers p (r,) of a scaled problem, the best ones found."""
-    size = max(*map(abs, problem.c), *problem.limits) or 1.0
+    size = max(float(np.abs(problem.c).max()), float(problem.limits.max())) or 1.0
     best, least = np.zeros(len(problem.c)), np.inf
     for attempt in (_swept, _proximal, _from_corners, _swept_long):
         p, amiss = _descend(problem, attempt(problem))
@@ -536,7 +416,7 @@ def _proximal(problem: Problem) -> Floats:
     firm = problem.D + FIRM_ON_DISCS * np.eye(len(problem.c))
     p = np.zeros(len(problem.c))
     for _ in range(PROXIMAL_ON_DISCS):
-        pushed = list(np.asarray(problem.c) - FIRM_ON_DISCS * p)
+        pushed = problem.c - FIRM_ON_DISCS * p
         p, _ = _descend(replace(problem, D=firm, c=pushed), p)
     return p
 
@@ -581,15 +461,15 @@ def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
     unit_rows = np.eye(r)
     F, J = p.copy(), np.eye(r)
     limits = bounds(problem, p)
-    for k, role in enumerate(problem.roles):
+    for k, role in enumerate(problem.roles.tolist()):
         n, j, bound = problem.normals[k], problem.pairs[k], limits[k]
         slope = problem.mus[k] if n >= 0 and p[n] > 0.0 else 0.0
-        if role is Role.GIVEN:
+        if role == Role.GIVEN:
             F[k] -= problem.ways[k] * bound
             J[k, n] -= problem.ways[k] * slope
-        elif role is Role.FREE or (role is Role.SIGNED and p[k] > w[k]):
+        elif role == Role.FREE or (role == Role.SIGNED and p[k] > w[k]):
             F[k], J[k] = w[k], D[k]
-        elif role is Role.BOXED and j < k:
+        elif role == Role.BOXED and j < k:
             rows = [k] if j < 0 else [j, k]
             z = p[rows] - w[rows]
             size = float(np.linalg.norm(z))
@@ -607,180 +487,27 @@ def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
 def _sweep(problem: Problem, p: Floats) -> None:
     """Project row by row, each with what the earlier ones have become."""
     D, c = problem.D, problem.c
-    for k, role in enumerate(problem.roles):
+    for k, role in enumerate(problem.roles.tolist()):
         j = problem.pairs[k]
-        if role is Role.SIGNED:
+        if role == Role.SIGNED:
             p[k] = max(0.0, p[k] - (D[k] @ p + c[k]) / D[k, k])
-        elif role is Role.FREE:
+        elif role == Role.FREE:
             p[k] -= (D[k] @ p + c[k]) / D[k, k]
-        elif role is Role.GIVEN:
-            p[k] = problem.ways[k] * _bound(problem, p, k)
-        elif role is Role.BOXED and j < k:
+        elif role == Role.GIVEN:
+            p[k] = problem.ways[k] * bounds(problem, p)[k]
+        elif role == Role.BOXED and j < k:
             rows = [k] if j < 0 else [j, k]
             a, b, d = D[rows[0], rows[0]], D[rows[0], k], D[k, k]
             stiff = a if j < 0 else (a + d + np.hypot(a - d, 2.0 * b)) / 2.0
-            z = p[rows] - (D[rows] @ p + np.take(c, rows)) / stiff
-            p[rows] = z * min(1.0, _bound(problem, p, k) / (np.linalg.norm(z) or 1.0))
-
-
-def _bound(problem: Problem, p: Floats, k: int) -> float:
-    n = problem.normals[k]
-    return problem.limits[k] + (problem.mus[k] * max(p[n], 0.0) if n >= 0 else 0.0)
+            z = p[rows] - (D[rows] @ p + c[rows]) / stiff
+            p[rows] = z * min(1.0, bounds(problem, p)[k] / (np.linalg.norm(z) or 1.0))
 
 
 # What leaves a larger residual does not solve the problem.
 SOLVED = 1e-7
-# So many rows have so few edges that all are tried.
-SMALL = 2
 # How much diagonal is added where pivoting fails, and how often.
 FIRM = 1e-6
 PROXIMAL = 2
-
-
-def solve(problem: Problem) -> Solution:
-    """Give multipliers that obey the laws, and what each row does.
-
-    Rows that nothing couples are problems of their own: what is rounding in one of them
-    may be a rate that counts in another.
-    """
-    count = len(problem.c)
-    groups = _decoupled(problem) if count > 1 else []
-    if len(groups) <= 1:
-        return _solved(problem)
-    modes, ways = [_STARTS[role] for role in problem.roles], list(problem.ways)
-    p, w = np.zeros(count), np.zeros(count)
-    residuals, found = [], True
-    for rows in groups:
-        own = _solved(_part(problem, rows))
-        p[rows], w[rows] = own.p, own.w
-        for k, mode, way in zip(rows, own.modes, own.ways, strict=True):
-            modes[k], ways[k] = mode, way
-        residuals.append(own.residual)
-        found = found and own.found
-    return Solution(p, w, modes, ways, max(residuals), found)
-
-
-def _decoupled(problem: Problem) -> list[list[int]]:
-    """Give the rows in groups that have no entry of D and no bound in common."""
-    sets = DisjointSets(len(problem.c))
-    for i, j in np.argwhere(problem.D).tolist():
-        sets.merge(i, j)
-    for others in (problem.normals, problem.pairs):
-        for k, j in enumerate(others):
-            if j >= 0:
-                sets.merge(k, j)
-    return sets.sets()
-
-
-def _part(problem: Problem, rows: list[int]) -> Problem:
-    """Give the problem of some rows, of which none is coupled with another."""
-    at = {k: i for i, k in enumerate(rows)}
-    return Problem(
-        problem.D[np.ix_(rows, rows)],
-        [problem.c[k] for k in rows],
-        [problem.roles[k] for k in rows],
-        [problem.limits[k] for k in rows],
-        [problem.mus[k] for k in rows],
-        [problem.ways[k] for k in rows],
-        tuple(at.get(problem.normals[k], -1) for k in rows),
-        tuple(at.get(problem.pairs[k], -1) for k in rows),
-    )
-
-
-def _solved(problem: Problem) -> Solution:
-    small = solve_small(problem) if len(problem.c) <= SMALL else None
-    if small is not None:
-        return small
-    unit, s = scaled(problem)
-    paired = any(
-        j >= 0 and role is Role.BOXED
-        for j, role in zip(unit.pairs, unit.roles, strict=True)
-    )
-    found = _with_discs(unit) if paired else _with_boxes(unit)
-    return replace(found, p=found.p * s, w=found.w / s)
-
-
-def _with_boxes(unit: Problem) -> Solution:
-    """Solve it by pivoting.
-
-    Pivots among dependent rows can end without a solution by rounding. Then a little
-    more diagonal makes the rows independent, and its force on the solution is taken
-    back (proximal points), until the edges are those of the problem itself.
-    """
-    found = _attempt(unit, unit)
-    p = np.zeros(len(unit.c))
-    for _ in range(PROXIMAL):
-        if found.found:
-            return found
-        firm = replace(
-            unit,
-            D=unit.D + FIRM * np.diag(unit.D.diagonal()),
-            c=list(unit.c - FIRM * unit.D.diagonal() * p),
-        )
-        found = _attempt(firm, unit)
-        p = found.p
-    return found if found.found else _sliding(unit)
-
-
-def _sliding(unit: Problem) -> Solution:
-    """Solve it where each box is at its bound, against the speed that it has.
-
-    What slides fast, far beyond all that its forces change, hides from pivoting what
-    they do.
-    """
-    boxed = Role.BOXED
-    roles = [Role.GIVEN if role is boxed else role for role in unit.roles]
-    ways = [
-        -float(np.sign(c)) if role is boxed else way
-        for role, c, way in zip(unit.roles, unit.c, unit.ways, strict=True)
-    ]
-    return _attempt(replace(unit, roles=roles, ways=ways), unit)
-
-
-def _with_discs(unit: Problem) -> Solution:
-    """Solve it by Newton's method, whose solution shows the edges."""
-    p = by_newton(unit)
-    modes = [_STARTS[role] for role in unit.roles]
-    ways = list(unit.ways)
-    w = unit.D @ p + unit.c
-    limits = bounds(unit, p)
-    for k, role in enumerate(unit.roles):
-        n, j = unit.normals[k], unit.pairs[k]
-        if role is Role.SIGNED and p[k] > w[k]:
-            modes[k] = Mode.HELD
-        elif role is Role.BOXED and (n < 0 or modes[n] is Mode.HELD):
-            rows = [k] if j < 0 else [k, j]
-            z = p[rows] - w[rows]
-            size = float(np.linalg.norm(z))
-            modes[k] = Mode.HELD if size <= limits[k] else Mode.DRIVEN
-            ways[k] = 0.0 if size <= limits[k] else float(z[0]) / size
-    # Of dependent rows, equations would choose shares that the discs do not allow.
-    return _judged(unit, p, modes, ways)
-
-
-def _attempt(problem: Problem, exact: Problem) -> Solution:
-    """Find the edges of one problem, and the solution of another on them."""
-    modes = [_STARTS[role] for role in problem.roles]
-    ways = list(problem.ways)
-    if not _by_pivots(problem, modes, ways):
-        p = np.zeros(len(modes))
-        return Solution(p, exact.D @ p + exact.c, modes, ways, np.inf, False)
-    p = polished(exact, modes, ways)
-    for k, role in enumerate(exact.roles):
-        if role is Role.SIGNED and p[k] < 0.0:
-            p[k] = 0.0
-    return _judged(exact, p, modes, ways)
-
-
-def _judged(
-    problem: Problem, p: Floats, modes: list[Mode], ways: list[float]
-) -> Solution:
-    amiss = residual(problem, p)
-    w = problem.D @ p + problem.c
-    w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0
-    return Solution(p, w, modes, ways, amiss, amiss < SOLVED)
-
-
 _STARTS = {
     Role.ABSENT: Mode.OFF,
     Role.SIGNED: Mode.OFF,
@@ -790,12 +517,200 @@ _STARTS = {
 }
 
 
-def _by_pivots(problem: Problem, modes: list[Mode], ways: list[float]) -> bool:
-    """Fill in what the rows do, by Lemke's method; False if there is no solution."""
+def solve(problem: Problem) -> Solution:
+    """Give multipliers that obey the laws, and what each row does.
+
+    Rows that nothing couples are problems of their own: what is rounding in one of them
+    may be a rate that counts in another.
+    """
+    groups = _decoupled(problem) if len(problem.c) > 1 else []
+    if len(groups) <= 1:
+        return _solved(problem)
+    whole = _edgeless(problem)
+    residuals, found = [], True
+    for rows in groups:
+        own = _solved(problem.part(rows))
+        whole.p[rows], whole.w[rows], whole.ways[rows] = own.p, own.w, own.ways
+        for k, mode in zip(rows, own.modes, strict=True):
+            whole.modes[k] = mode
+        residuals.append(own.residual)
+        found = found and own.found
+    return replace(whole, residual=max(residuals), found=found)
+
+
+def _edgeless(problem: Problem) -> Solution:
+    """Give what there is where nothing is known: no multipliers, and no solution."""
+    modes = [_STARTS[role] for role in problem.roles.tolist()]
+    p = np.zeros(len(modes))
+    w = problem.c.copy()
+    return Solution(p, w, modes, problem.ways.copy(), np.inf, found=False)
+
+
+def _decoupled(problem: Problem) -> list[list[int]]:
+    """Give the rows in groups that have no entry of D and no bound in common."""
+    sets = DisjointSets(len(problem.c))
+    for i, j in np.argwhere(problem.D).tolist():
+        sets.merge(i, j)
+    for others in (problem.normals, problem.pairs):
+        for k, j in enumerate(others.tolist()):
+            if j >= 0:
+                sets.merge(k, j)
+    return sets.sets()
+
+
+# One or two rows have so few edges that all are tried, in plain numbers: most impacts
+# are of these. A case that breaks its laws by more than the first, in parts of their
+# terms, is not the one; rows that leave less than the second part of themselves ask for
+# more than Cramer's rule.
+BROKEN = 1e-14
+CLOSE = 1e-2
+_EDGES = {
+    Role.ABSENT: ((Mode.OFF, 0.0),),
+    Role.SIGNED: ((Mode.HELD, 0.0), (Mode.OFF, 0.0)),
+    Role.BOXED: ((Mode.HELD, 0.0), (Mode.DRIVEN, -1.0), (Mode.DRIVEN, 1.0)),
+    Role.FREE: ((Mode.HELD, 0.0),),
+}
+
+
+def _by_edges(problem: Problem) -> Solution | None:
+    """Give the solution of one or two rows, or None where that takes more."""
+    count, D = len(problem.c), problem.D.tolist()
+    if problem.pairs.max() >= 0 or problem.D.diagonal().min() <= 0.0:
+        return None
+    c, limits, ways = problem.c.tolist(), problem.limits.tolist(), problem.ways.tolist()
+    mu = float(problem.mus[-1]) if count == 2 and problem.normals[1] == 0 else 0.0
+    choices = [
+        ((Mode.DRIVEN, ways[k]),) if role == Role.GIVEN else _EDGES[role]
+        for k, role in enumerate(problem.roles.tolist())
+    ]
+    for edges in product(*choices):
+        held = [k for k, (mode, _) in enumerate(edges) if mode is Mode.HELD]
+        p = [way * limit for (_, way), limit in zip(edges, limits, strict=True)]
+        slope = edges[-1][1] * mu  # of the second one, by the first
+        if not _hold(D, c, p, slope, held):
+            continue
+        w, broken = _broken(problem, mu, edges, p)
+        if broken <= BROKEN:
+            modes, parts = [mode for mode, _ in edges], [way for _, way in edges]
+            return Solution(
+                np.array(p), np.array(w), modes, np.array(parts), broken,
+                found=True, apart=True,
+            )  # fmt: skip
+    return None
+
+
+def _broken(
+    problem: Problem, mu: float, edges: tuple[tuple[Mode, float], ...], p: list[float]
+) -> tuple[list[float], float]:
+    """Give w of a case, and by what part of its terms it breaks the laws."""
+    w, broken = [], 0.0
+    for k, (mode, way) in enumerate(edges):
+        row, role = problem.D[k].tolist(), problem.roles[k]
+        terms = [problem.c.item(k), *(d * x for d, x in zip(row, p, strict=True))]
+        w.append(0.0 if mode is Mode.HELD else sum(terms))
+        off = 0.0
+        if role == Role.SIGNED:
+            off = -min(w[k], p[k] * row[k])
+        elif role == Role.BOXED:
+            bound = problem.limits.item(k) + (mu * max(p[0], 0.0) if k else 0.0)
+            off = max((abs(p[k]) - bound) * row[k], w[k] * way)
+        if off > 0.0:
+            broken = max(broken, off / sum(map(abs, terms)))
+    return w, broken
+
+
+def _hold(
+    D: list[list[float]], c: list[float], p: list[float], slope: float, held: list[int]
+) -> bool:
+    """Complete the multipliers p by those of held rows, unless these are too close.
+
+    slope : by how much p of the second row goes with that of the first.
+    """
+    if len(held) == 2:
+        (a, b), (_, d) = D
+        rest = a * d - b * b
+        if rest <= CLOSE * a * d:
+            return False
+        p[0], p[1] = (b * c[1] - d * c[0]) / rest, (b * c[0] - a * c[1]) / rest
+    elif held:
+        (k,) = held
+        own, others = D[k][k], c[k]
+        if len(p) == 2:
+            others += D[k][1 - k] * p[1 - k]
+            own += D[k][1] * slope if k == 0 else 0.0
+        if own <= CLOSE * D[k][k]:
+            return False
+        p[k] = -others / own
+        if len(p) == 2 and k == 0:
+            p[1] += slope * p[0]
+    return True
+
+
+def _solved(problem: Problem) -> Solution:
+    small = _by_edges(problem) if len(problem.c) <= 2 else None
+    if small is not None:
+        return small
+    unit, s = scaled(problem)
+    paired = bool(((unit.pairs >= 0) & (unit.roles == Role.BOXED)).any())
+    found = _with_discs(unit) if paired else _with_boxes(unit)
+    return replace(found, p=found.p * s, w=found.w / s)
+
+
+def _with_boxes(unit: Problem) -> Solution:
+    """Solve it by pivoting.
+
+    Pivots among dependent rows can end without a solution by rounding. Then a little
+    more diagonal makes the rows independent, and its force on the solution is taken
+    back (proximal points), until the edges are those of the problem itself. At last
+    each box is taken to be at its bound, against the speed that it has: what slides
+    fast, far beyond all that its forces change, hides from pivoting what they do.
+    """
+    found = _on_its_edges(unit, unit)
+    if found.found:
+        return found
+    extra = FIRM * unit.D.diagonal()
+    p = np.zeros(len(unit.c))
+    for _ in range(PROXIMAL):
+        firm = replace(unit, D=unit.D + np.diag(extra), c=unit.c - extra * p)
+        found = _on_its_edges(firm, unit)
+        if found.found:
+            return found
+        p = found.p
+    boxed = unit.roles == Role.BOXED
+    roles = np.where(boxed, Role.GIVEN, unit.roles)
+    ways = np.where(boxed, -np.sign(unit.c), unit.ways)
+    return _on_its_edges(replace(unit, roles=roles, ways=ways), unit)
+
+
+def _with_discs(unit: Problem) -> Solution:
+    """Solve it by Newton's method, whose solution shows the edges."""
+    p = by_newton(unit)
+    found = _edgeless(unit)
+    modes, ways = found.modes, found.ways
+    w = unit.D @ p + unit.c
+    limits = bounds(unit, p)
+    for k, role in enumerate(unit.roles.tolist()):
+        n, j = unit.normals[k], unit.pairs[k]
+        if role == Role.SIGNED and p[k] > w[k]:
+            modes[k] = Mode.HELD
+        elif role == Role.BOXED and (n < 0 or modes[n] is Mode.HELD):
+            rows = [k] if j < 0 else [k, j]
+            z = p[rows] - w[rows]
+            size = float(np.linalg.norm(z))
+            modes[k] = Mode.HELD if size <= limits[k] else Mode.DRIVEN
+            ways[k] = 0.0 if size <= limits[k] else float(z[0]) / size
+    # Of dependent rows, equations would choose shares that the discs do not allow.
+    return _judged(unit, p, modes, ways)
+
+
+def _on_its_edges(problem: Problem, exact: Problem) -> Solution:
+    """Find the edges of one problem by Lemke's method, and solve another on them."""
+    modes = [_STARTS[role] for role in problem.roles.tolist()]
+    ways = problem.ways.copy()
     sides = Facets(problem)
     basis = lemke(*sides.matrix())
     if basis is None:
-        return False
+        return _edgeless(exact)
     for k, pushes in zip(sides.signed, basis, strict=False):
         modes[k] = Mode.HELD if pushes else Mode.OFF
     for (k,), (up, down), slips in zip(sides.groups, *sides.split(basis), strict=True):
@@ -803,32 +718,13 @@ def _by_pivots(problem: Problem, modes: list[Mode], ways: list[float]) -> bool:
         ways[k] = 0.0 if held else float(up) - float(down)
         if held or slips:
             modes[k] = Mode.HELD if held else Mode.DRIVEN
-    return True
+    p = polished(exact, modes, ways)
+    p[(exact.roles == Role.SIGNED) & (p < 0.0)] = 0.0
+    return _judged(exact, p, modes, ways)
 
 
-def least_norm(rows: Floats, multipliers: Floats) -> Floats:
-    """Give the multipliers (k,) >= 0 of least norm with the same forces.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (k, n)
-        Of the contacts that hold, implied ones among them. Columns may have any units.
-    multipliers : ndarray, shape (k,)
-        Nonnegative ones.
-
-    Notes
-    -----
-    With P the projection onto the changes that make no force, they are m + P u with the
-    least norm of all, m, and u >= 0 complementary to them (Karush, Kuhn, Tucker).
-    """
-    sizes = np.abs(rows).max(axis=0)
-    N = freedom((rows / np.where(sizes > 0.0, sizes, 1.0)).T)
-    if not N.shape[1]:
-        return multipliers
-    P = N @ N.T
-    r, least = len(multipliers), multipliers - P @ multipliers
-    nothing, nowhere = [0.0] * r, (-1,) * r
-    problem = Problem(
-        P, list(least), [Role.SIGNED] * r, nothing, nothing, nothing, nowhere, nowhere
-    )
-    return np.maximum(least + P @ solve(problem).p, 0.0)
+def _judged(problem: Problem, p: Floats, modes: list[Mode], ways: Floats) -> Solution:
+    amiss = residual(problem, p)
+    w = problem.D @ p + problem.c
+    w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0
+    return Solution(p, w, modes, ways, amiss, amiss < SOLVED)

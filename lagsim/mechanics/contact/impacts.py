@@ -24,6 +24,7 @@ from lagsim.mechanics.contact.complementarity import (
     Problem,
     Role,
     Solution,
+    indices,
     solve,
 )
 
@@ -121,10 +122,11 @@ def _solved(closed: Closed, c: Floats) -> Solution:
 
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
-    roles, ways = [_ROLES[kind] for kind in closed.kinds], np.zeros(len(c))
+    roles = indices(tuple([_ROLES[kind] for kind in closed.kinds])).copy()
+    ways, nothing = np.zeros((2, len(c)))
     sliding: list[list[int]] = []
     for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
-        if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] is not Role.BOXED:
+        if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] != Role.BOXED:
             continue
         if pair < k:
             sliding.append([pair, k] if pair >= 0 else [k])
@@ -133,12 +135,11 @@ def _solved(closed: Closed, c: Floats) -> Solution:
         for k in rows:
             roles[k] = Role.GIVEN if speed > 0.0 else Role.FREE
             ways[k] = -c[k] / speed if speed > 0.0 else 0.0
-    nothing = [0.0] * len(c)
     while True:
         solution = solve(
             Problem(
-                closed.D, c.tolist(), roles, nothing, closed.bounds.tolist(),
-                ways.tolist(), closed.normals, closed.pairs,
+                closed.D, c, roles, nothing, closed.bounds, ways,
+                indices(closed.normals), indices(closed.pairs),
             )
         )  # fmt: skip
         turned = [rows for rows in sliding if solution.w[rows] @ ways[rows] > 0.0]

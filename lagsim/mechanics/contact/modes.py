@@ -10,7 +10,6 @@ long as friction allows it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -24,14 +23,13 @@ from lagsim.mechanics.contact.complementarity import (
     Solution,
     bounds,
     expressed,
+    indices,
     polished,
-    residual,
-    scaled,
     solve,
 )
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.contact.complementarity import Closed
 
 
@@ -39,6 +37,10 @@ if TYPE_CHECKING:
 # all that is known is D, a square, half of the digits are.
 DEPENDENT = 1e-10
 DEPENDENT_SQUARED = 1e-7
+# Accelerations are known to this part of the terms in them, at best.
+ROUNDING = 256 * float(np.finfo(float).eps)
+# Slips on a disc that Newton's method leaves rest, where dependent rows slow it down.
+CONVERGED = 1e-10
 
 
 def columns(closed: Closed) -> Floats:
@@ -81,12 +83,6 @@ class Span:
         return rest
 
 
-def on_discs(problem: Problem) -> bool:
-    """Tell whether slips share a disc and are not known to slide."""
-    rows = zip(problem.roles, problem.pairs, strict=True)
-    return any(role is Role.BOXED and j >= 0 for role, j in rows)
-
-
 def supported(
     closed: Closed, problem: Problem, solution: Solution, quiet: Floats
 ) -> Solution:
@@ -96,11 +92,12 @@ def supported(
     """
     while True:
         for k in _spare(closed, problem, solution):
-            less = solve(_without(problem, k))
+            away = (np.arange(len(problem.c)) == k) | (problem.normals == k)
+            without = replace(problem, roles=np.where(away, Role.ABSENT, problem.roles))
+            less = solve(without)
             full = closed.D @ less.p + problem.c
             if less.found and (np.abs(full - solution.w) <= quiet).all():
-                solution = replace(less, w=full)
-                problem = _without(problem, k)
+                solution, problem = replace(less, w=full), without
                 break
         else:
             return solution
@@ -109,7 +106,7 @@ def supported(
 def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
     """Give the contacts that end first where forces change along a dependence."""
     p = solution.p
-    bear = [k for k, r in enumerate(problem.roles) if r is Role.SIGNED and p[k] > 0.0]
+    bear = np.flatnonzero((problem.roles == Role.SIGNED) & (p > 0.0)).tolist()
     span = Span(closed)
     if all(span.takes(k) for k in bear):
         return []
@@ -124,21 +121,6 @@ def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
     return sorted(ends, key=lambda k: float(p[k]))
 
 
-def _without(problem: Problem, normal: int) -> Problem:
-    away = [k == normal or n == normal for k, n in enumerate(problem.normals)]
-    roles = [
-        Role.ABSENT if gone else role
-        for gone, role in zip(away, problem.roles, strict=True)
-    ]
-    return replace(problem, roles=roles)
-
-
-# Accelerations are known to this part of the terms in them, at best.
-ROUNDING = 256 * float(np.finfo(float).eps)
-# Slips on a disc that Newton's method leaves rest, where dependent rows slow it down.
-CONVERGED = 1e-10
-
-
 def known_to(
     closed: Closed, problem: Problem, solution: Solution, noise: Floats
 ) -> Floats:
@@ -148,30 +130,54 @@ def known_to(
     """
     pushes = np.maximum(np.abs(solution.p), bounds(problem, solution.p))
     terms = np.abs(closed.D) @ pushes + np.abs(problem.c)
-    shared = np.asarray(problem.pairs) >= 0
-    known: Floats = np.where(shared, CONVERGED, ROUNDING) * terms
+    known: Floats = np.where(problem.pairs >= 0, CONVERGED, ROUNDING) * terms
     return np.maximum(noise, known)
 
 
+def is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
+    """Tell that of one or two rows, which are independent, none is near an edge."""
+    for k, mode in enumerate(solution.modes):
+        p, own, n = solution.p.item(k), problem.D.item(k, k), problem.normals.item(k)
+        held, role = mode is Mode.HELD, problem.roles.item(k)
+        if n >= 0 and solution.modes[n] is Mode.OFF:
+            return False
+        if role == Role.SIGNED:
+            inside = p * own if held else solution.w.item(k)
+        elif role == Role.BOXED and held:
+            inside = (bounds(problem, solution.p).item(k) - abs(p)) * own
+        elif role == Role.BOXED:
+            inside = -solution.w.item(k) * solution.ways.item(k)
+        else:
+            continue
+        if inside <= quiet[k]:
+            return False
+    return True
+
+
 def on_edges(
-    closed: Closed,
-    problem: Problem,
-    solution: Solution,
-    noise: Floats,
-    lean: Floats,
-) -> tuple[list[Mode], list[float]]:
-    """Give the modes and ways where ties are decided and held rows are independent."""
-    quiet = known_to(closed, problem, solution, noise)
-    small = quiet / np.where(closed.D.diagonal() > 0.0, closed.D.diagonal(), 1.0)
-    modes, ways = list(solution.modes), list(solution.ways)
-    tied, apart = _tied_contacts(problem, solution, modes, quiet, small, lean)
+    closed: Closed, problem: Problem, solution: Solution, quiet: Floats, lean: Floats
+) -> tuple[list[Mode], Floats]:
+    """Give the modes and ways where ties are decided and held rows are independent.
+
+    quiet : (r,), accelerations that are rounding.
+    """
+    own = closed.D.diagonal()
+    small = quiet / np.where(own > 0.0, own, 1.0)
+    modes, ways = list(solution.modes), solution.ways.copy()
     p, w = solution.p, solution.w
-    for k, bound in enumerate(bounds(problem, p)):
+    tied: list[int] = []  # what touches without force and does not lean away
+    apart: list[int] = []  # ... and what does
+    for k in np.flatnonzero(problem.roles == Role.SIGNED).tolist():
+        if modes[k] is Mode.HELD and p[k] <= small[k] and lean[k] > 0.0:
+            modes[k] = Mode.OFF
+        elif modes[k] is Mode.OFF and w[k] <= quiet[k]:
+            (tied if lean[k] <= 0.0 else apart).append(k)
+    for k, bound in enumerate(bounds(problem, p).tolist()):
         n = problem.normals[k]
         if n >= 0 and modes[n] is Mode.OFF and n not in tied:
             modes[k], ways[k] = Mode.OFF, 0.0
             continue
-        if problem.roles[k] is not Role.BOXED:
+        if problem.roles[k] != Role.BOXED:
             continue
         rows = [k] if problem.pairs[k] < 0 else [k, problem.pairs[k]]
         slip, force = np.linalg.norm(w[rows]), np.linalg.norm(p[rows])
@@ -181,75 +187,26 @@ def on_edges(
             modes[k], ways[k] = Mode.DRIVEN, float(p[k] / force)
         elif modes[k] is not Mode.HELD:
             tied.append(k)
-    return _independent(closed, problem, solution, modes, ways, tied, apart)
-
-
-def is_plain(problem: Problem, found: Solution, noise: Floats) -> bool:
-    """Tell that of one or two rows, which are independent, none is near an edge."""
-    D: list[list[float]] = problem.D.tolist()
-    p, w = found.p.tolist(), found.w.tolist()
-    limits = bounds(problem, found.p)
-    pushes = [max(abs(x), y) for x, y in zip(p, limits, strict=True)]
-    for k, (role, mode) in enumerate(zip(problem.roles, found.modes, strict=True)):
-        terms = sum(abs(x) * y for x, y in zip(D[k], pushes, strict=True))
-        quiet = max(noise.item(k), ROUNDING * (terms + abs(problem.c[k])))
-        n = problem.normals[k]
-        if n >= 0 and found.modes[n] is Mode.OFF:
-            return False
-        if role is Role.SIGNED:
-            inside = p[k] * D[k][k] if mode is Mode.HELD else w[k]
-        elif role is Role.BOXED and mode is Mode.HELD:
-            inside = (limits[k] - abs(p[k])) * D[k][k]
-        elif role is Role.BOXED:
-            inside = -w[k] * found.ways[k]
-        else:
-            continue
-        if inside <= quiet:
-            return False
-    return True
-
-
-def _tied_contacts(
-    problem: Problem,
-    solution: Solution,
-    modes: list[Mode],
-    quiet: Floats,
-    small: Floats,
-    lean: Floats,
-) -> tuple[list[int], list[int]]:
-    """Let go of what has no force and leans away.
-
-    Give what touches without force and does not lean away, and what does.
-    """
-    tied: list[int] = []
-    apart: list[int] = []
-    for k, role in enumerate(problem.roles):
-        if role is not Role.SIGNED:
-            continue
-        if modes[k] is Mode.HELD and solution.p[k] <= small[k] and lean[k] > 0.0:
-            modes[k] = Mode.OFF
-        elif modes[k] is Mode.OFF and solution.w[k] <= quiet[k]:
-            (tied if lean[k] <= 0.0 else apart).append(k)
-    return tied, apart
+    return _independent(closed, problem, p, modes, ways, tied, apart)
 
 
 def _independent(
     closed: Closed,
     problem: Problem,
-    solution: Solution,
+    p: Floats,
     modes: list[Mode],
-    ways: list[float],
+    ways: Floats,
     tied: list[int],
     apart: list[int],
-) -> tuple[list[Mode], list[float]]:
+) -> tuple[list[Mode], Floats]:
     """Let rows that others hold be implied, with the share of their bound they bear.
 
     Slips of contacts without force are off; what others hold cannot lean away.
     """
     span = Span(closed)
-    limits = bounds(problem, solution.p)
+    limits = bounds(problem, p)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    for k in sorted(held, key=lambda k: problem.roles[k] is not Role.FREE) + tied:
+    for k in sorted(held, key=lambda k: problem.roles[k] != Role.FREE) + tied:
         n = problem.normals[k]
         if n >= 0 and modes[n] is not Mode.HELD:
             modes[k], ways[k] = Mode.OFF, 0.0
@@ -257,8 +214,8 @@ def _independent(
             modes[k], ways[k] = Mode.HELD, 0.0
         else:
             modes[k] = Mode.IMPLIED
-            if n >= 0 or problem.roles[k] is Role.BOXED:
-                ways[k] = float(solution.p[k]) / limits[k] if limits[k] else 0.0
+            if n >= 0 or problem.roles[k] == Role.BOXED:
+                ways[k] = p[k] / limits[k] if limits[k] else 0.0
     for k in apart:
         if span.has(k):
             modes[k] = Mode.IMPLIED
@@ -281,10 +238,6 @@ class Modes:
     paradox : bool
         Painlevé's: no solution, or a sliding contact that presses with an effective
         mass that is not positive. What may part instead is let go.
-    unique : bool
-        The multipliers are determined.
-    residual : float
-        Of the laws, relative to the accelerations.
     """
 
     mode: tuple[Mode, ...]
@@ -292,8 +245,11 @@ class Modes:
     multipliers: Floats
     accelerations: Floats
     paradox: bool
-    unique: bool
-    residual: float
+
+    @property
+    def unique(self) -> bool:
+        """Whether the multipliers are determined."""
+        return Mode.IMPLIED not in self.mode
 
 
 def modes(
@@ -320,75 +276,52 @@ def modes(
         bound begins to slide where this is not 0.
     """
     problem = _problem(closed, accelerations, rates, slip_noise)
-    solution = solve(problem)
-    begin = _begins(closed, problem, solution.modes)
-    if solution.apart and not begin and is_plain(problem, solution, noise):
-        return _at_once(solution)
     lean = np.zeros(len(noise)) if leaning is None else leaning
-    while solution.found:
-        what, ways = on_edges(closed, problem, solution, noise, lean)
+    while (solution := solve(problem)).found:
+        quiet = known_to(closed, problem, solution, noise)
+        if (
+            solution.apart
+            and is_plain(problem, solution, quiet)
+            and not _begins(closed, problem, solution.modes).any()
+        ):
+            found = tuple(solution.modes)
+            return Modes(found, solution.ways, solution.p, solution.w, paradox=False)
+        what, ways = on_edges(closed, problem, solution, quiet, lean)
         begin = _begins(closed, problem, what)
-        if begin:
+        if begin.any():
             problem = _as_sliding(closed, problem, begin)
-            solution = solve(problem)
             continue
-        if on_discs(problem):
-            quiet = known_to(closed, problem, solution, noise)
+        if (problem.pairs[problem.roles == Role.BOXED] >= 0).any():
             solution = supported(closed, problem, solution, quiet)
-            what, ways = on_edges(closed, problem, solution, noise, lean)
+            quiet = known_to(closed, problem, solution, noise)
+            what, ways = on_edges(closed, problem, solution, quiet, lean)
         return _decided(closed, problem, what, ways)
     nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
-    return Modes(off, nothing, nothing, solution.w, True, False, solution.residual)
-
-
-def _at_once(solution: Solution) -> Modes:
-    """Give what one or two rows do, where there is nothing to decide about."""
-    return Modes(
-        tuple(solution.modes),
-        np.array(solution.ways),
-        solution.p,
-        solution.w,
-        paradox=False,
-        unique=True,
-        residual=solution.residual,
-    )
+    return Modes(off, nothing, nothing, solution.w, paradox=True)
 
 
 def _decided(
-    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
+    closed: Closed, problem: Problem, modes: list[Mode], ways: Floats
 ) -> Modes:
     """Solve once more, for the rows that hold by themselves."""
     p = polished(problem, modes, ways, closed.factor)
-    signed = [role is Role.SIGNED for role in problem.roles]
+    signed = problem.roles == Role.SIGNED
     p[signed & (p < 0.0) & (p > -ROUNDING * np.abs(p).max(initial=0.0))] = 0.0
-    unit, s = scaled(problem)
+    # Ways are parts of the bounds in force, here of those of the problem.
+    implied = np.array([mode is Mode.IMPLIED for mode in modes], dtype=bool)
+    known = np.where(implied, closed.statics, closed.bounds)
+    used = np.where(problem.normals < 0, problem.limits, problem.mus)
+    other = (known > 0.0) & (known != used)
     return Modes(
         tuple(modes),
-        _of_bounds(closed, problem, modes, ways),
+        ways * np.where(other, used, 1.0) / np.where(other, known, 1.0),
         p,
         closed.D @ p + problem.c,
         _jams(closed, problem, modes, ways),
-        Mode.IMPLIED not in modes,
-        residual(unit, p / s),
     )
 
 
-def _of_bounds(
-    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
-) -> Floats:
-    """Give the ways as parts of the bounds in force, from those of the problem."""
-    parts = np.array(ways)
-    for k in np.flatnonzero(parts):
-        known = closed.statics if modes[k] is Mode.IMPLIED else closed.bounds
-        used = problem.limits[k] if problem.normals[k] < 0 else problem.mus[k]
-        if known[k] and used != known[k]:
-            parts[k] *= used / known[k]
-    return parts
-
-
-def _jams(
-    closed: Closed, problem: Problem, modes: list[Mode], ways: list[float]
-) -> bool:
+def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> bool:
     """Tell whether a contact that holds and slides has no positive effective mass.
 
     Pressing on it then does not push it away: each alone, and those that hold together.
@@ -397,16 +330,16 @@ def _jams(
     if Mode.DRIVEN not in modes:
         return False
     E, _ = expressed(problem, modes, ways)
-    free = [k for k, role in enumerate(problem.roles) if role is Role.FREE]
+    free = np.flatnonzero(problem.roles == Role.FREE)
     G = closed.D @ E
     masses = G.diagonal()
-    if free:
+    if len(free):
         X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
         masses = masses - np.einsum("ij,ji->i", G[:, free], X)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    for k in held:
-        if problem.roles[k] is Role.SIGNED and masses[k] <= ROUNDING * closed.D[k, k]:
-            return True
+    signed = [k for k in held if problem.roles[k] == Role.SIGNED]
+    if (masses[signed] <= ROUNDING * closed.D.diagonal()[signed]).any():
+        return True
     # Those that hold together: their mass against the one without friction.
     Y = columns(closed)
     Q, R = np.linalg.qr(Y[:, held])
@@ -415,45 +348,33 @@ def _jams(
     return bool(sign * other * np.exp(size - plain) <= ROUNDING)
 
 
-def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> list[int]:
-    """Give the rows that begin to slide with another bound than that of sliding."""
-    sizes = zip(problem.limits, problem.mus, problem.normals, strict=True)
-    return [
-        k
-        for k, (limit, mu, n) in enumerate(sizes)
-        if modes[k] is Mode.DRIVEN
-        and problem.roles[k] is Role.BOXED
-        and closed.bounds[k] != (limit if n < 0 else mu)
-    ]
+def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
+    """Tell which rows begin to slide with another bound than that of sliding (r,)."""
+    driven = np.array([mode is Mode.DRIVEN for mode in modes], dtype=bool)
+    used = np.where(problem.normals < 0, problem.limits, problem.mus)
+    begin: Flags = driven & (problem.roles == Role.BOXED) & (closed.bounds != used)
+    return begin
 
 
 def _problem(
     closed: Closed, accelerations: Floats, rates: Floats, slip_noise: Floats
 ) -> Problem:
     """Make what slides a given force against its slip, what rests a bounded one."""
-    ways, roles, sizes = [], [], []
-    quiet, speeds = slip_noise.tolist(), rates.tolist()
-    while_sliding, at_rest = closed.bounds.tolist(), closed.statics.tolist()
-    for k, kind in enumerate(closed.kinds):
-        role, way = _ROLES[kind], 0.0
-        if role is Role.BOXED:
-            j = closed.pairs[k]
-            slip = abs(speeds[k]) if j < 0 else math.hypot(speeds[k], speeds[j])
-            if slip > quiet[k]:
-                role, way = Role.GIVEN, -speeds[k] / slip
-        ways.append(way)
-        roles.append(role)
-        sizes.append(at_rest[k] if role is Role.BOXED else while_sliding[k])
-    touching = closed.normals
+    normals, pairs = indices(closed.normals), indices(closed.pairs)
+    roles = indices(tuple([_ROLES[kind] for kind in closed.kinds]))
+    slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
+    sliding = (roles == Role.BOXED) & (slips > slip_noise)
+    roles = np.where(sliding, Role.GIVEN, roles)
+    sizes = np.where(roles == Role.BOXED, closed.statics, closed.bounds)
     return Problem(
         closed.D,
-        accelerations.tolist(),
+        accelerations,
         roles,
-        [x if n < 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],
-        [x if n >= 0 else 0.0 for x, n in zip(sizes, touching, strict=True)],
-        ways,
-        touching,
-        closed.pairs,
+        np.where(normals < 0, sizes, 0.0),
+        np.where(normals >= 0, sizes, 0.0),
+        np.where(sliding, -rates / np.where(sliding, slips, 1.0), 0.0),
+        normals,
+        pairs,
     )
 
 
@@ -466,10 +387,9 @@ _ROLES = {
 }
 
 
-def _as_sliding(closed: Closed, problem: Problem, rows: list[int]) -> Problem:
+def _as_sliding(closed: Closed, problem: Problem, rows: Flags) -> Problem:
     """Give the problem where rows have only the bound of what slides."""
-    limits, mus = list(problem.limits), list(problem.mus)
-    for k in rows:
-        sizes = limits if problem.normals[k] < 0 else mus
-        sizes[k] = float(closed.bounds[k])
+    alone = problem.normals < 0
+    limits = np.where(rows & alone, closed.bounds, problem.limits)
+    mus = np.where(rows & ~alone, closed.bounds, problem.mus)
     return replace(problem, limits=limits, mus=mus)

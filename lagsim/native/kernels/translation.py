@@ -123,16 +123,6 @@ _INTRINSICS: Final[dict[object, str]] = {
 }
 _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
 
-# The bits of a mantissa, and those of 1.
-_PLACES: Final = 2**52 - 1
-_ONE: Final = 1023 << 52
-# 2^52 in the exponent: a whole number in the bits below it is added to 2^52. Less that,
-# and less the bias of exponents.
-_WHOLE: Final = 0x4330000000000000
-_BIASED: Final = 2.0**52 + 1023.0
-# Added to a whole number, this leaves it, with the bias, in the last bits.
-_ROUNDER: Final = 1.5 * 2.0**52 + 1023.0
-
 
 class _Function(Folding):
     """The translation of one function.
@@ -195,9 +185,6 @@ class _Function(Folding):
             ),
             words.at: self._at,
             words.total: self._total,
-            words.exponent: self._exponent,
-            words.mantissa: self._mantissa,
-            words.two_to: self._two_to,
         }
 
     def text(self, symbol: str, linkage: str) -> str:
@@ -562,34 +549,6 @@ class _Function(Folding):
             else:
                 result = self._op("float", f"fadd double {result.text}, {term.text}")
         return result or self._literal(node, 0.0)
-
-    def _bits(self, node: ast.Call) -> str:
-        [x] = self._floats(node, 1)
-        return self._op("bits", f"bitcast double {x.text} to i64").text
-
-    def _exponent(self, node: ast.Call) -> Value:
-        """Translate `words.exponent`."""
-        bits = self._op("bits", f"lshr i64 {self._bits(node)}, 52").text
-        bits = self._op("bits", f"and i64 {bits}, 2047").text
-        bits = self._op("bits", f"or i64 {bits}, {_WHOLE}").text
-        whole = self._op("bits", f"bitcast i64 {bits} to double").text
-        less = self._literal(node, _BIASED).text
-        return self._op("float", f"fsub double {whole}, {less}")
-
-    def _mantissa(self, node: ast.Call) -> Value:
-        """Translate `words.mantissa`."""
-        bits = self._op("bits", f"and i64 {self._bits(node)}, {_PLACES}").text
-        bits = self._op("bits", f"or i64 {bits}, {_ONE}").text
-        return self._op("float", f"bitcast i64 {bits} to double")
-
-    def _two_to(self, node: ast.Call) -> Value:
-        """Translate `words.two_to`."""
-        [k] = self._floats(node, 1)
-        more = self._literal(node, _ROUNDER).text
-        last = self._op("float", f"fadd double {k.text}, {more}").text
-        bits = self._op("bits", f"bitcast double {last} to i64").text
-        bits = self._op("bits", f"shl i64 {bits}, 52").text
-        return self._op("float", f"bitcast i64 {bits} to double")
 
     # Statements.
 

@@ -8,7 +8,6 @@ gives the same bits.
 from __future__ import annotations
 
 import functools
-import struct
 from math import inf
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
@@ -77,30 +76,6 @@ def fused(a: float, b: float, c: float) -> float:
         return float(exact) if exact else a * b + c
     except OverflowError:
         return inf if exact > 0 else -inf
-
-
-def exponent(x: float) -> float:
-    """Give the whole number k of |x| = m 2^k, 1 <= m < 2, from the bits of x.
-
-    Of 0 and of what is smaller than normal numbers -1023; of inf and nan 1024.
-    """
-    (bits,) = struct.unpack("<Q", struct.pack("<d", x))
-    return float((bits >> 52 & 2047) - 1023)
-
-
-def mantissa(x: float) -> float:
-    """Give the m of that, if x is a normal number, from its bits."""
-    (bits,) = struct.unpack("<Q", struct.pack("<d", x))
-    found: float
-    (found,) = struct.unpack("<d", struct.pack("<Q", bits % 2**52 + (1023 << 52)))
-    return found
-
-
-def two_to(k: float) -> float:
-    """Give 2^k of a whole number k, -1022 <= k <= 1023, by its bits."""
-    found: float
-    (found,) = struct.unpack("<d", struct.pack("<Q", int(k) + 1023 << 52))
-    return found
 
 
 def external(function: Callable[P, R]) -> Callable[P, R]:
