@@ -37,7 +37,7 @@ class Measured(NamedTuple):
     summary
         Gives the closing lines, of what they say of the files.
     remarks
-        What is said on stderr.
+        Lines for stderr.
     code
         The exit code, if no signal has another.
     """
@@ -82,9 +82,9 @@ def experiment(
         if found.draw is not None:
             draw = partial(attempted, found.chart, found.draw)
             interrupt.cut(lambda: made.append((found.chart, draw())))
-        drawn, told = sorted_out(made)
+        drawn, warnings = sorted_out(made)
         files = {**found.tables, **drawn}
-        document = found.document | {"files": [*files, manifest]} | told
+        document = found.document | {"files": [*files, manifest]} | warnings
         commit(results, document, files)
     documents.append(document)
     for remark in found.remarks:
@@ -123,8 +123,8 @@ def numbers(
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
     """Give the first of the closing lines: whether it is done, and how much."""
     state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
-    told = " by ".join(counted(*count) for count in counts)
-    return f"{coloured(state, colour)}: {document['model']['name']}, {told}"
+    counted_up = " by ".join(counted(*count) for count in counts)
+    return f"{coloured(state, colour)}: {document['model']['name']}, {counted_up}"
 
 
 def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:

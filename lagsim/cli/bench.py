@@ -253,16 +253,16 @@ def _summary(document: Mapping[str, Any], files: str) -> str:
 
 
 def _time(document: Mapping[str, Any]) -> str:
-    """Say what all took, and what there was no time for."""
+    """Give the time spent, and the curves that there was no time for."""
     cut = curves(row for row in document["rows"] if row["outcome"] == OUT_OF_TIME)
     budget = document["budget"]
-    said = f"{budget['spent']:.3g} s of {budget['seconds']:g}"
+    text = f"{budget['spent']:.3g} s of {budget['seconds']:g}"
     if not cut:
-        return said
+        return text
     names = [f"{method} ({formulation})" for method, formulation in cut]
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     named = ", ".join(names[:MOST_NAMES]) + more
-    return f"{said}: not enough to finish {named}; --budget allows more"
+    return f"{text}: not enough to finish {named}; --budget allows more"
 
 
 def _point(row: Mapping[str, Any]) -> str:

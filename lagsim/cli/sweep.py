@@ -236,8 +236,8 @@ def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
     first = {r.outcome: r.reason for _, r in sorted(found.rows.items(), reverse=True)}
     for outcome, count in document["outcomes"].items():
         if reason := first[outcome]:
-            told = f"{counted(count, 'run')}, the first: {_cut(reason)}"
-            rows.append((outcome, told))
+            text = f"{counted(count, 'run')}, the first: {_cut(reason)}"
+            rows.append((outcome, text))
     seconds = document["timings"]["runs"]
     rows.append(("took", f"{seconds:.3g} s, {seconds / runs * 1e3:.3g} ms a run"))
     return head + "\n" + table([*rows, ("files", files)])

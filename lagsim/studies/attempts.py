@@ -112,7 +112,7 @@ class Monitors:
         return Evidence(self.session, trajectory, *known, bar)
 
     def fault(self, trajectory: Trajectory) -> str:
-        """Say why they are no answer; "" where they may be one."""
+        """Give the reason why the rows are no answer; "" where they may be one."""
         self.end(trajectory)
         found = self.audit(trajectory, "a repeat has none")
         return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"

@@ -1,4 +1,4 @@
-"""What all experiments share: what their numbers depend on, as records have it."""
+"""Machine, versions and date, on which the numbers of an experiment depend."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def machine() -> dict[str, Any]:
 def described(found: dict[str, Any]) -> str:
     """Give the same in words."""
     threads = f"one of {found['cores']} threads"
-    said = f"{found['processor']}, {threads}, {found['system']}"
+    text = f"{found['processor']}, {threads}, {found['system']}"
     load = found["load"] or 0.0
-    return f"{said}, busy (load {load:.1f})" if load > BUSY else said
+    return f"{text}, busy (load {load:.1f})" if load > BUSY else text
 
 
 def today() -> str:

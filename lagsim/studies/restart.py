@@ -95,7 +95,7 @@ CLASSES = frozenset(
 
 
 class Stand(NamedTuple):
-    """What there is to go on with: rows of a table of so many bytes, and the rest."""
+    """A stored run: rows of a table of so many bytes, and the encoded state."""
 
     rows: int
     last: float | None
@@ -224,7 +224,7 @@ class Restart:
 
 
 class Kept(NamedTuple):
-    """What there is of a run besides itself."""
+    """The session of a run, and the observers that take its rows."""
 
     session: Session
     relay: Relay
@@ -273,9 +273,9 @@ def _own_key(path: Path) -> bytes | None:
     except OSError:
         return None
     with os.fdopen(handle, "rb") as file:
-        told = os.fstat(handle)
+        known = os.fstat(handle)
         if sys.platform != "win32" and (
-            told.st_uid != os.getuid() or told.st_mode & 0o077 or told.st_nlink != 1
+            known.st_uid != os.getuid() or known.st_mode & 0o077 or known.st_nlink != 1
         ):
             return None
         found = file.read(_KEY_BYTES + 1)

@@ -312,17 +312,17 @@ def _damping(
 ) -> list[Caution]:
     """Say so where the method takes the energy of a mode that has some."""
     start = seen[0].t if seen else 0.0
-    worst, told = EXCITED * in_play, None
+    worst, shown = EXCITED * in_play, None
     for there in seen:
         left = span - (there.t - start)
         for k in np.flatnonzero(there.energies > worst):
             eigenvalue = complex(there.eigenvalues[k])
             lost = _lost(module, h, left, eigenvalue)
             if lost > DAMPED:
-                worst, told = there.energies[k], (there, k, lost)
-    if told is None:
+                worst, shown = there.energies[k], (there, k, lost)
+    if shown is None:
         return []
-    there, k, lost = told
+    there, k, lost = shown
     size = abs(there.eigenvalues[k])
     which = _named(equations, there.shapes[:, k])
     how = "a tighter rtol, for " if module.ADAPTIVE else ""

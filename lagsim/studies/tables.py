@@ -140,8 +140,8 @@ def unusable(name: str, why: str) -> InputError:
 
 def _refuse_large(size: int, name: str) -> None:
     if size > limits.TABLE_BYTES:
-        told = f"{limits.size(size)} of numbers, more than the limit"
-        raise unusable(name, f"it has {told} of {limits.size(limits.TABLE_BYTES)}")
+        amount = f"{limits.size(size)} of numbers, more than the limit"
+        raise unusable(name, f"it has {amount} of {limits.size(limits.TABLE_BYTES)}")
 
 
 def _read(file: BinaryIO, name: str) -> Table:
@@ -212,8 +212,8 @@ def _read_parquet(file: BinaryIO, name: str) -> Table:
         arrays = {x: found[x].to_numpy() for x in found.column_names}
     except ValueError:
         raise unusable(name, "it is no table in Parquet's format") from None
-    said = {field.name: (field.metadata or {}).get(b"unit") for field in found.schema}
-    units = {x: unit.decode() for x, unit in said.items() if unit}
+    stated = {field.name: (field.metadata or {}).get(b"unit") for field in found.schema}
+    units = {x: unit.decode() for x, unit in stated.items() if unit}
     return replace(_joined(arrays, name), units=units)
 
 

@@ -56,7 +56,7 @@ _PROMPT = getattr(signal, "SIGUSR1", None)
 
 
 class Died:
-    """What comes instead of a result where the process ended that was to give it."""
+    """The result of a piece whose process ended before it had one."""
 
     reason = (
         "its process ended before it had a result: was it killed, or out of memory?"
@@ -64,7 +64,7 @@ class Died:
 
 
 class Crew(NamedTuple):
-    """Who takes pieces: at most `most` at a time; `stop` asks for an end in order."""
+    """Workers for at most `most` pieces at a time; `stop` asks for an end in order."""
 
     submit: Callable[..., Future[Any]]
     most: int

@@ -1,1 +1,1 @@
-"""Looking at methods rather than at a model: what each costs, and where it fails."""
+"""Methods compared on a model: work-precision and stability on a given step."""

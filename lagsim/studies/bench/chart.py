@@ -128,7 +128,7 @@ HEIGHT, REST, NAMES = 3.3, 0.3, 2.4
 
 
 class Look(NamedTuple):
-    """How a curve is drawn: its line, and the mark of its points."""
+    """The line of a curve, and the mark of its points."""
 
     line: Pen
     mark: Pen
@@ -281,11 +281,11 @@ def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
     if gaps:
         lines.append(f"No result: {'; '.join(gaps)}.")
     if found.left_out:
-        said = ", ".join(
+        text = ", ".join(
             f"{_name(key, keys)} ({_rounded(times)})"
             for key, times in found.left_out.items()
         )
-        lines.append(f"Not drawn (time relative to the fastest): {said}.")
+        lines.append(f"Not drawn (time relative to the fastest): {text}.")
     others = {r["method"] for r in document["refused"] if r["formulation"] == "auto"}
     if others:
         lines.append(f"Not for this model: {', '.join(sorted(others))}.")
@@ -302,11 +302,11 @@ def _rounded(times: float) -> str:
 
 
 def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> list[str]:
-    """Say which settings gave nothing, and why, those next to each other together.
+    """Give settings without an answer, with reasons, those next to each other joined.
 
     Of the curves that are shown, and of those that would have nothing to show.
     """
-    said = []
+    text = []
     for key, own in rows.items():
         if key in found.left_out:
             continue
@@ -316,8 +316,8 @@ def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> list[str]:
                 ends = (missing[0], missing[-1])
                 values = dict.fromkeys(f"{e['value']:.3g}" for e in ends)
                 where = f"{_name(key, rows)} at {missing[0]['setting']}"
-                said.append(f"{where} {' to '.join(values)}: {outcome}")
-    return said
+                text.append(f"{where} {' to '.join(values)}: {outcome}")
+    return text
 
 
 def _without_answer(row: Row) -> str | None:

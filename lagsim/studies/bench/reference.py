@@ -208,28 +208,28 @@ class Reference:
 
     @property
     def whole(self) -> bool:
-        """Whether all rows are known."""
+        """True where all rows are known."""
         return self.horizon is None
 
     @property
     def trust(self) -> str:
-        """How far it is to be trusted, in words."""
-        said = f"{self.made}; {self.verified} agrees with it to {self.floor:.1g}"
+        """Its accuracy and the time up to which it is known, in words."""
+        text = f"{self.made}; {self.verified} agrees with it to {self.floor:.1g}"
         if self.horizon is not None:
             end = self.rows[-1, 0]
-            said += (
+            text += (
                 f" up to t = {self.horizon:.4g} of {end:.4g}, past which the motion "
                 "is not known: errors are those of the rows before"
             )
         elif self.floor > LEVELS[-1]:
-            said += ": the two disagree, and the errors mean little"
+            text += ": the two disagree, and the errors mean little"
         elif self.floor > WHOLE[0]:
-            said += ": smaller errors cannot be resolved"
-        return said
+            text += ": smaller errors cannot be resolved"
+        return text
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """What is larger for a better reference."""
+        """A key that is larger for a better reference."""
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
         return self.whole and level in WHOLE, int(self.known / level), -self.floor
 

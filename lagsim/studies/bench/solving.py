@@ -46,7 +46,7 @@ class GivenUpError(Exception):
 
 
 class Patience:
-    """How long a solve may last.
+    """The time limits of solves.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Patience:
 
     @property
     def over(self) -> bool:
-        """Whether there is no time left for any solve."""
+        """True where there is no time left for any solve."""
         return time.perf_counter() > self.until
 
     def check(self, _fraction: float = 0.0) -> None:
@@ -185,8 +185,8 @@ def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
             if plan.formulation not in found:
                 found[plan.formulation] = Own(case, method, formulation)
         except InputError as fault:
-            said = f"`{method}` cannot handle this model: "
-            refused[formulation] = fault.problems[0].text.removeprefix(said)
+            prefix = f"`{method}` cannot handle this model: "
+            refused[formulation] = fault.problems[0].text.removeprefix(prefix)
     return list(found.values()), refused
 
 
@@ -220,7 +220,7 @@ LOOK = 64
 
 
 def scipy_refusal(own: Own) -> str:
-    """Say why scipy's solvers cannot handle the model of `own`; "" if they can."""
+    """Give the reason why scipy's solvers cannot handle a model; "" if they can."""
     switches = own.system.switches
     if switches.modes or switches.state:
         return "they would step over the model's switches"

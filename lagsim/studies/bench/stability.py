@@ -1,4 +1,4 @@
-"""Where each method holds and where it fails: a map over steps and a parameter.
+"""Maps of stability: verdicts on runs over steps and a parameter.
 
 First a run of a model with one method and step, and the verdict on it; then the range
 of steps and the length of runs, the runs and the borders that they find, all kept as
@@ -101,7 +101,7 @@ class Trial(NamedTuple):
 
     @property
     def stable(self) -> bool:
-        """Whether the motion neither grows nor is lost."""
+        """True where the motion neither grows nor is lost."""
         return self.verdict in (HOLDS, DECAYS)
 
 

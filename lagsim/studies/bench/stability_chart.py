@@ -427,9 +427,9 @@ def _notes(document: Record, *, eigenvalues: bool) -> list[str]:
                 missing.setdefault(border["note"], []).append(name)
         if any(border[key] == 0.0 for border in borders for key in PREDICTED):
             never.append(name)
-    said = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
-    if said:
-        lines.append(f"No border found: {'; '.join(said)}.")
+    missed = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
+    if missed:
+        lines.append(f"No border found: {'; '.join(missed)}.")
     if never:
         lines.append(
             f"By the eigenvalues the motion grows at every step: {', '.join(never)}."

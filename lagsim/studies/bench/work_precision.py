@@ -330,15 +330,15 @@ def measure(
         Where somebody asked for an end before anything was measured.
     """
     began = time.perf_counter()
-    told = progress or (lambda _fraction: None)
+    report = progress or (lambda _fraction: None)
     interrupt = interrupt or Interrupt()
     refused: list[Row] = []
     with interrupt.raised():  # there is nothing yet to be kept
         reference = make_reference(
-            case, OF_REFERENCE * wish.budget, lambda x: told(OF_REFERENCE * x)
+            case, OF_REFERENCE * wish.budget, lambda x: report(OF_REFERENCE * x)
         )
         auto = Auto(case, decades(wish.tolerances))
-        told(OF_REFERENCE)
+        report(OF_REFERENCE)
         found = list(_curves(case, wish, reference, auto, refused))
         patience = Patience(min(auto.longest(), ONE * wish.budget))
     # What `auto` takes comes first, with more time: it must be known.
@@ -355,10 +355,10 @@ def measure(
             for part, row in found[k].rows(patience):
                 own.append(row)
                 so_far = (sum(shares[:done]) + part * shares[done]) / sum(shares)
-                told(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
+                report(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
                 with interrupt.raised():
                     pass  # raises where an end is asked for
-        told(1.0)
+        report(1.0)
 
     complete = interrupt.cut(solve)
     return _document(

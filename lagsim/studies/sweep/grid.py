@@ -1,4 +1,4 @@
-"""What is swept: names with their values, and all combinations of these."""
+"""The grid of a sweep: names with their values, and all combinations of these."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Grid(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many there are."""
+        """The number of combinations."""
         return math.prod(len(axis.texts) for axis in self.axes)
 
     def at(self, number: int) -> list[int]:

@@ -67,7 +67,7 @@ NOTHING = np.empty((3, 0))
 
 
 class Work(NamedTuple):
-    """What all runs of a sweep have in common; `model` is a pickled Model.
+    """The input that all runs of a sweep share; `model` is a pickled Model.
 
     `kept` is where each run's folder goes, if it is to be kept. `ends`: of each column
     the last value is all that is asked for.
@@ -157,7 +157,7 @@ class Found:
 
     @property
     def grid(self) -> Grid:
-        """What is swept."""
+        """The grid of the sweep."""
         return self.work.grid
 
     @property
@@ -367,7 +367,7 @@ def _mark(session: Session) -> int:
 
 
 class Values(NamedTuple):
-    """What the runs of a batch differ in.
+    """Parameters and start values of the runs of a batch.
 
     Attributes
     ----------

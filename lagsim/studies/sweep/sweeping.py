@@ -234,8 +234,8 @@ def header(found: Found) -> list[str]:
     """Give the columns of sweep.csv."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
-    told = [f"{column}.{x}" for column in columns for x in _reported(found)]
-    return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *told, REASON]
+    reported = [f"{column}.{x}" for column in columns for x in _reported(found)]
+    return [*names, OUTCOME, COMPLETE, ERROR, f"{time}.end", *reported, REASON]
 
 
 def cells(found: Found) -> Iterator[list[object]]:
