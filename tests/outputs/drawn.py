@@ -25,6 +25,8 @@ from PIL import Image
 
 from lagsim.model.model import Curve, Plot
 from lagsim.outputs.figure import Picture, content
+from lagsim.outputs.record import Record
+from lagsim.run.observers.thinning import Thinning
 
 
 @dataclass
@@ -146,6 +148,15 @@ def noted():
         patch.setattr(Line2D, "draw", line)
         patch.setattr(Figure, "draw", figure)
         yield drawing
+
+
+def record(columns, differences=None, **fields):
+    """What pictures of columns have in common; one number is a column, too."""
+    t = np.asarray(columns["t"], float)
+    thinning = Thinning(tuple(columns), differences=differences)
+    rows = [np.broadcast_to(column, t.shape) for column in columns.values()]
+    thinning.add(np.stack(rows, axis=1).astype(float))
+    return Record(rows=thinning, **({"title": "swing"} | fields))
 
 
 def drawn(draw, *args, **kwargs):

@@ -8,8 +8,8 @@ import pytest
 from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, WIDTH, content
-from lagsim.outputs.record import Record
-from lagsim.run.observers.thinning import DRIFT, Thinning
+from lagsim.run.observers.thinning import DRIFT
+from tests.outputs import drawn as kit
 from tests.outputs.drawn import drawn
 
 LINE = np.linspace(0.0, 1.0, 9)
@@ -48,10 +48,8 @@ PLANE = Scene({"p": (0, 0), "q": (0, 0)}, (("p", "q"),))
 LOGS = (frozenset(), frozenset({"x", "y", "y2"}))
 
 
-def record(rows, names=NAMES, **more):
-    thinning = Thinning(names)
-    thinning.add(np.asarray(rows, float))
-    return Record(title="x", rows=thinning, **more)
+def record(rows, names=NAMES, **fields):
+    return kit.record(dict(zip(names, np.transpose(rows), strict=True)), **fields)
 
 
 def draw_all(known):

@@ -17,6 +17,7 @@ from lagsim.outputs.events import marked
 from lagsim.outputs.figure import DPI
 from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import Thinning
+from tests.outputs import drawn as kit
 from tests.outputs.drawn import against, below, drawn
 
 IMPACTS = MARKS["impact"].top
@@ -48,11 +49,8 @@ def ball(**more):
     }
 
 
-def record(columns=None, **more):
-    columns = columns or ball()
-    thinning = Thinning(tuple(columns))
-    thinning.add(np.stack(list(columns.values()), axis=1))
-    return Record("ball", thinning, **more)
+def record(columns=None, **fields):
+    return kit.record(columns or ball(), title="ball", **fields)
 
 
 def forces(run):

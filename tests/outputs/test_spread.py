@@ -1,4 +1,4 @@
-"""Spikes and growth without end: what can be read off their scales."""
+"""Spikes and growth without end: what can be read off their scales, and is said."""
 
 from __future__ import annotations
 
@@ -98,3 +98,35 @@ def test_an_explosion_to_both_sides_shows_its_swings():
 )  # fmt: skip
 def test_numbers_as_one_writes_them(value, said):
     assert read_off(value) == said
+
+
+def note(columns, make=plots.trajectory, *more, **options):
+    """Give a picture, and what is said of its powers of ten."""
+    run = record({"t": T, **columns})
+    found = drawn(make, run, *more, **options)
+    [text] = [one for one in found.texts if "powers of ten" in one.said]
+    return found, text
+
+
+@pytest.mark.parametrize("at", [160, 999, 1001, 1900])
+@pytest.mark.parametrize("height", [900.0, -4e4])
+def test_a_spike_is_named_on_the_side_where_it_is_not(at, height):
+    values = np.sin(3 * T)
+    values[at] = height
+    found, text = note({"q": values}, plots.trajectory, ["q"], Scene({}))
+    assert f"at t = {T[at]:.5g}; " in text.said
+    box = found.panels[0].box
+    half = (box.x0 + box.x1) / 2
+    assert (text.box.x0 < half - 10) == (T[at] > 5.0)
+    assert box.x0 <= text.box.x0 < text.box.x1 <= box.x1
+    assert box.y0 < text.box.y0 < text.box.y1 <= box.y1
+
+
+def test_the_greatest_of_several_is_named_and_what_has_no_value_is_not():
+    kinetic = np.abs(np.sin(3 * T))
+    potential = np.cos(3 * T)
+    kinetic[300], potential[700] = 500.0, -800.0
+    potential[400], kinetic[900] = np.nan, np.inf
+    columns = {"kinetic": kinetic, "potential": potential, "energy": 0 * T + 1}
+    _, text = note(columns, plots.energy, is_sum=True)
+    assert text.said.startswith("−800 at t = 3.5; powers of ten beyond ")
