@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lagsim.admissibility.verdict import START_VALUE
+from lagsim.codes import failure
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,12 +16,14 @@ if TYPE_CHECKING:
     from lagsim.notes import Choice
 
 
+# What is told of a residual, by its keys.
+LEVEL = {"residual": "value", "scale": "scale", "bound": "bound", "bound_reason": "why"}
+
+
 def document(
     equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
     """Give the content of `check --json`."""
-    from lagsim.codes import failure
-
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == START_VALUE]
     return {
@@ -38,34 +41,19 @@ def document(
             _constraint(v) for v in start.verdicts if v.kind != START_VALUE
         ],
         "contradictions": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "levels": d.contradictions,
-            }
-            for d in start.contradictions
+            _combined(d, levels=d.contradictions) for d in start.contradictions
         ],
         "start_values": [
             {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
             for v in missed
         ],
         "dependences": [
-            {
-                "name": d.name,
-                "combination": dict(d.combination),
-                "everywhere": d.everywhere,
-            }
-            for d in ranks.dependences
+            _combined(d, everywhere=d.everywhere) for d in ranks.dependences
         ],
-        "thin_set": None
-        if start.thin is None
-        else {
-            "names": list(start.thin.names),
-            "dimension": start.thin.dimension,
-        },
-        "reach": None
-        if reach is None
-        else {
+        "thin_set": start.thin
+        and {"names": list(start.thin.names), "dimension": start.thin.dimension},
+        "reach": reach
+        and {
             "dimension": reach.dimension,
             "hidden": reach.hidden,
             "entering": list(reach.entering),
@@ -82,24 +70,20 @@ def document(
     }
 
 
+def _combined(of: Any, **more: Any) -> dict[str, Any]:
+    return {"name": of.name, "combination": dict(of.combination), **more}
+
+
 def _constraint(verdict: Verdict) -> dict[str, Any]:
-    position, velocity, rate = verdict.position, verdict.velocity, verdict.rate
-    return {
-        "name": verdict.name,
-        "kind": verdict.kind,
-        "scleronomic": verdict.scleronomic,
-        "pfaffian": verdict.pfaffian,
-        "integrable": verdict.integrable,
-        "undecided": verdict.undecided,
-        "residual": position.value,
-        "scale": position.scale,
-        "bound": position.bound,
-        "bound_reason": position.why,
-        "velocity_residual": velocity.value if velocity else None,
-        "velocity_scale": velocity.scale if velocity else None,
-        "velocity_bound": velocity.bound if velocity else None,
-        "velocity_bound_reason": velocity.why if velocity else None,
-        "rate": rate.value if rate else None,
+    about = ("name", "kind", "scleronomic", "pfaffian", "integrable", "undecided")
+    found = {key: getattr(verdict, key) for key in about}
+    for level, at in (("", verdict.position), ("velocity_", verdict.velocity)):
+        found |= {
+            f"{level}{key}": getattr(at, attribute) if at else None
+            for key, attribute in LEVEL.items()
+        }
+    return found | {
+        "rate": verdict.rate.value if verdict.rate else None,
         "active": verdict.active,
         "holds": verdict.holds,
         "mode": verdict.mode or None,

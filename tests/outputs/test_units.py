@@ -148,6 +148,12 @@ output: {{plots: [{{x: t, y: "{curve}"}}]}}
         # Angles and ratios have none, nor has what no sum can be.
         ("sin(x/y)", None), ("x/y", None), ("x + x*y", None), ("x^y", None),
         ("if(x > y, x, x_dot)", None), ("atan2(x, y)", None), ("9.8*x", None),
+        # A number keeps the unit of what it is added to, or chosen with.
+        ("if(t < 1, x, 0)", "m"), ("if(x > 0, 0, y - x)", "m"), ("0.45*x", "m"),
+        ("0.05*max(x - y, 0)", "m"), ("x/3", "m"), ("pi*x", "m"), ("-0.2*k*x", "N"),
+        # Conversions and constants of nature are no numbers.
+        ("1000*x", None), ("0.001*x", None), ("0.01*x", None), ("9.81*x", None),
+        ("x/3.6", None),
     ],
 )  # fmt: skip
 def test_the_unit_on_an_axis(curve, unit):
@@ -245,18 +251,3 @@ simulation: {{duration: 1}}
 """
     found = of_table(derive(read(text, "c.yaml")), ["part", "energy"])
     assert found == {"part": unit, "energy": "J"}
-
-
-@pytest.mark.parametrize(
-    ("curve", "unit"),
-    [
-        ("if(t < 1, x, 0)", "m"), ("if(x > 0, 0, y - x)", "m"), ("0.45*x", "m"),
-        ("0.05*max(x - y, 0)", "m"), ("x/3", "m"), ("pi*x", "m"), ("-0.2*k*x", "N"),
-        # Conversions and constants of nature are no numbers.
-        ("1000*x", None), ("0.001*x", None), ("0.01*x", None), ("9.81*x", None),
-        ("x/3.6", None), ("if(t < 1, x, x_dot)", None),
-    ],
-)  # fmt: skip
-def test_what_keeps_a_unit(curve, unit):
-    model = read(AXES.format(curve=curve), "axes.yaml")
-    assert units(derive(model), ["t"]).get("plot.0.y.1") == unit

@@ -47,23 +47,10 @@ def test_numbers_are_read_to_the_bit(tmp_path):
 @pytest.mark.parametrize(
     "cell",
     [
-        "1.2.3",
-        "1-2",
-        "1e",
-        "e5",
-        "1e5e5",
-        "--1",
-        "1e-5.2",
-        "1e-5e3",
-        "abc",
-        "#1",
-        "0x1",
-        "1_0",
-        "'1'",
-        "1 2",
-        "1j",
+        "1.2.3", "1-2", "1e", "e5", "1e5e5", "--1", "1e-5.2", "1e-5e3", "abc", "#1",
+        "0x1", "1_0", "'1'", "1 2", "1j",
     ],
-)
+)  # fmt: skip
 def test_what_is_no_number_is_named(tmp_path, cell):
     for column, row in (("a", f"1,{cell}"), ("t", f"{cell},1")):
         told = fault(tmp_path, f"t,a\n1,1\r\n{row}\n2,2\n")
