@@ -14,7 +14,19 @@ import numpy as np
 
 from lagsim.native.link import ahead
 from lagsim.outputs.attempted import attempted
-from lagsim.outputs.curves import dotted, inches, path, series, stems
+from lagsim.outputs.curves import (
+    LOST,
+    MARKS,
+    OTHERS,
+    Mark,
+    dotted,
+    inches,
+    marks,
+    path,
+    series,
+    shade,
+    stems,
+)
 from lagsim.outputs.figure import (
     BELOW_PANELS,
     BLACK,
@@ -44,6 +56,7 @@ from lagsim.outputs.scale import (
     read_off,
     size_of,
     spread_scale,
+    time_scale,
     value_scale,
     with_one_power,
 )
@@ -61,6 +74,48 @@ if TYPE_CHECKING:
     from lagsim.outputs.figure import Pen
     from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array
+
+# --- What pictures of a run have in common
+
+
+def begun(
+    record: Record,
+    height: float,
+    subject: str,
+    *,
+    width: float = WIDTH,
+    timed: bool = True,
+) -> Picture:
+    """Return a picture with the model's name, what it shows, and its marks named."""
+    names: list[tuple[str, Pen]] = []
+    if timed:
+        names += [(look.name, look.top) for look, _ in happened(record)]
+    if record.horizon < record.rows.last("t"):
+        names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+    return Picture(
+        height, record.title, subject, width=width, legend=names,
+        remarks=[record.note] if record.note else (),
+    )  # fmt: skip
+
+
+def happened(record: Record) -> list[tuple[Mark, Sequence[float]]]:
+    """Return what there is to mark: how it is called and looks, and its times."""
+    known = [(look, record.events.get(kind, ())) for kind, look in MARKS.items()]
+    others = [t for k, own in record.events.items() if k not in MARKS for t in own]
+    return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
+
+
+def mark_events(record: Record, axes: Axes) -> None:
+    """Mark events on Axes against time, and shade what is no forecast."""
+    shade(axes, record.horizon)
+    for look, times in happened(record):
+        marks(axes, times, look)
+
+
+def time_of(record: Record) -> Scale:
+    """Return the scale of time, from the first row to the last."""
+    return time_scale(np.array([record.rows.first("t"), record.rows.last("t")]))
+
 
 # --- Columns against time
 
@@ -178,11 +233,11 @@ class Panels:
             drawn = [record.rows.series(name) for name in group]
             scale = scale_of(group, drawn, sizes[unit])
             frame(
-                axes, record.time(), scale, up=(", ".join(written), unit),
+                axes, time_of(record), scale, up=(", ".join(written), unit),
                 below=NOTHING if follows else record.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
-            record.mark(axes)
+            mark_events(record, axes)
             shown = stems if group[0].startswith(IMPULSE) else series
             for (t, values), pen in zip(drawn, PENS, strict=False):
                 shown(axes, t, values, pen)
@@ -260,7 +315,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
     if not timed and _has_one_scale(record, wanted, number, scene, drawn):
         size = _equal(scales, size[0])
     named = APART if len(names) > 1 else 0.06
-    picture = record.picture(
+    picture = begun(record,
         named + size[1] + BELOW_PANELS, wanted.title, timed=timed,
         width=LEFT + size[0] + right,
     )  # fmt: skip
@@ -278,7 +333,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
             above=None if len(names) == 1 else False,
         )  # fmt: skip
         if timed and side == "y":
-            record.mark(axes)
+            mark_events(record, axes)
             tell(axes, scales[side], [drawn[name] for name in own])
         for name in own:
             _draw(record, panel, *drawn[name], pens[name], timed=timed)
@@ -313,7 +368,7 @@ def _scales(
     timed: bool,
 ) -> dict[str, Scale]:
     xs = [x for x, _ in drawn.values()]
-    scales = {"x": record.time() if timed else value_scale(*xs, margin=0.03)}
+    scales = {"x": time_of(record) if timed else value_scale(*xs, margin=0.03)}
     if "x" in wanted.log:
         scales["x"] = log_scale(*xs, margin=0.0, least=0.0)
     for side in SIDES:
@@ -381,28 +436,27 @@ LONG = "trajectory"
 
 
 @in_house_style
-def energy(record: Record, *, is_sum: bool) -> Picture:
+def energy(record: Record) -> Picture:
     """Draw the energies, and below them how far energy - work strays from its start.
 
     Parameters
     ----------
     record : its rows have `energy` and `kinetic`, `potential` or `lagrangian`, and
         the difference `DRIFT` where there is a column `work`.
-    is_sum : whether the energy is T + V, and not another energy function.
     """
     heights = [TALL, LOW]
-    picture = record.picture(sum(heights) + 2 * APART + BELOW_PANELS, "energy")
+    picture = begun(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
     width = WIDTH - LEFT - RIGHT
     (axes,), (lower,) = picture.panels([width], heights, top=APART, down=APART)
-    total = "energy T + V" if is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
+    total = "energy T + V" if record.is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
     names = [name for name in named if name in record.rows]
     pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
     drawn = {name: record.rows.series(name) for name in names}
     values = spread_scale(*drawn.values())
-    frame(axes, record.time(), values, up=("energy", record.unit("energy")))
-    record.mark(axes)
+    frame(axes, time_of(record), values, up=("energy", record.unit("energy")))
+    mark_events(record, axes)
     for name in names:
         series(axes, *drawn[name], pens[name])
     tell(axes, values, list(drawn.values()))
@@ -419,8 +473,8 @@ def _drift(axes: Axes, record: Record) -> None:
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
-    frame(axes, record.time(), scale, below=record.named("t"), up=("drift", unit))
-    record.mark(axes)
+    frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
+    mark_events(record, axes)
     series(axes, t, drift, BLACK)
     what = "energy − work" if ledger == DRIFT else "energy"
     worst = height_of(drift)
@@ -443,7 +497,7 @@ def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Pict
     panels = Panels(record, grouped(record, shown))
     views = Views(record, scene)
     subject = _counted("coordinates", len(shown), len(coordinates))
-    picture = record.picture(panels.height + views.height, subject)
+    picture = begun(record, panels.height + views.height, subject)
     panels.draw(picture)
     if views.height:
         views.draw(picture, panels.height)
@@ -479,7 +533,7 @@ def constraint_forces(
     else:
         subject = _counted(subject, len(shown), total)
     panels = Panels(record, [(name,) for name in shown])
-    picture = record.picture(panels.height, subject)
+    picture = begun(record, panels.height, subject)
     panels.draw(picture, above=True)
     return picture
 
@@ -506,9 +560,9 @@ def _counted(subject: str, shown: int, total: int) -> str:
     return subject if shown == total else f"{subject}: {shown} of {total} are shown"
 
 
-def pictures(record: Record, model: Model, is_sum: bool) -> Iterator[Made]:
+def pictures(record: Record, model: Model) -> Iterator[Made]:
     """Give file name and content of every picture of a run, one after the other."""
-    files = dict(_files(record, model, is_sum=is_sum))
+    files = dict(_files(record, model))
     if ahead.may_send():
         # The one that takes as long as all others.
         files[LONG] = ahead.bring(files[LONG])
@@ -520,16 +574,14 @@ def pictures(record: Record, model: Model, is_sum: bool) -> Iterator[Made]:
             gc.collect(0)
 
 
-def _files(
-    record: Record, model: Model, *, is_sum: bool
-) -> Iterator[tuple[str, Callable[[], bytes]]]:
+def _files(record: Record, model: Model) -> Iterator[tuple[str, Callable[[], bytes]]]:
     """Give what makes the file of each picture, by its name."""
 
-    def file(draw: Callable[..., Picture], *about: Any, **more: Any) -> Any:
-        return lambda: content(draw(record, *about, **more), record.form)
+    def file(draw: Callable[..., Picture], *about: Any) -> Callable[[], bytes]:
+        return lambda: content(draw(record, *about), record.form)
 
     coordinates = [coordinate.name for coordinate in model.coordinates]
-    yield "energy", file(energy, is_sum=is_sum)
+    yield "energy", file(energy)
     yield LONG, file(trajectory, coordinates, model.scene)
     if model.constraints:
         names = [constraint.name for constraint in model.constraints]

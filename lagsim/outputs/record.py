@@ -1,4 +1,4 @@
-"""What the pictures of one run have in common: its rows, names, units, marks."""
+"""What the pictures of one run have in common: its rows, names, units, events."""
 
 from __future__ import annotations
 
@@ -8,17 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.curves import LOST, MARKS, OTHERS, Mark, marks, shade
-from lagsim.outputs.figure import WIDTH, Picture
 from lagsim.outputs.letters import Letters, raised
-from lagsim.outputs.scale import Scale, time_scale
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from matplotlib.axes import Axes
-
-    from lagsim.outputs.figure import Pen
     from lagsim.run.observers.thinning import Thinning
 
 
@@ -36,6 +30,7 @@ class Record:
     horizon : rows past this time are no forecast; infinite where all are.
     letters : how names are written.
     form : png, svg or pdf.
+    is_sum : whether the energy is T + V, and not another energy function.
     """
 
     title: str
@@ -46,20 +41,7 @@ class Record:
     horizon: float = math.inf
     letters: Letters = field(default_factory=Letters)
     form: str = "png"
-
-    def picture(
-        self,
-        height: float,
-        subject: str,
-        *,
-        width: float = WIDTH,
-        timed: bool = True,
-    ) -> Picture:
-        """Return a picture with the model's name, what it shows, and its marks."""
-        return Picture(
-            height, self.title, subject, width=width, legend=self.legend(timed=timed),
-            remarks=[self.note] if self.note else (),
-        )  # fmt: skip
+    is_sum: bool = True
 
     def unit(self, column: str) -> str:
         """Return the unit of a column, empty where none is known."""
@@ -69,31 +51,6 @@ class Record:
         """Return a column's name, as it is written, and its unit."""
         return self.letters.name(column), self.unit(column)
 
-    def marks(self) -> list[tuple[Mark, Sequence[float]]]:
-        """Return what there is to mark: how it is called and looks, and its times."""
-        known = [(look, self.events.get(kind, ())) for kind, look in MARKS.items()]
-        others = [t for k, own in self.events.items() if k not in MARKS for t in own]
-        return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
-
-    def mark(self, axes: Axes) -> None:
-        """Mark them on Axes against time, and shade what is no forecast."""
-        shade(axes, self.horizon)
-        for look, times in self.marks():
-            marks(axes, times, look)
-
-    def legend(self, *, timed: bool = True) -> list[tuple[str, Pen]]:
-        """Return the names of marks and of the shade, and how they look."""
-        entries: list[tuple[str, Pen]] = []
-        if timed:
-            entries += [(mark.name, mark.top) for mark, _ in self.marks()]
-        if self.horizon < self.rows.last("t"):
-            entries.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
-        return entries
-
     def trusted(self) -> int:
         """Return how many of the points that paths show lie before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
-
-    def time(self) -> Scale:
-        """Return the scale of time, from the first row to the last."""
-        return time_scale(np.array([self.rows.first("t"), self.rows.last("t")]))

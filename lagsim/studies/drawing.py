@@ -11,16 +11,17 @@ import contextlib
 import gc
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
 from lagsim.notes import Caution
 from lagsim.outputs.attempted import attempted
 from lagsim.outputs.letters import Letters, letters_of
+from lagsim.outputs.record import Record
 from lagsim.studies.declared import decoded, encoded
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
 
     from lagsim.model.model import Model
     from lagsim.outputs.attempted import Made
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from lagsim.run.observers.thinning import Thinning
     from lagsim.studies.attempts import Attempt
 
-    Draw: TypeAlias = "Callable[[Order], Iterator[Made]]"
+    Draw: TypeAlias = "Callable[[Record, Model], Iterator[Made]]"
 
 
 def events(made: Attempt) -> Iterator[Made]:
@@ -59,11 +60,12 @@ def drawings(
             yield NAME, shown
     if rows is None:
         return
-    order = attempted("pictures", partial(_order, made, rows, form))
-    if isinstance(order, Caution):
-        yield "pictures", order
+    model = made.session.case.equations.model
+    record = attempted("pictures", partial(_record, made, rows, form))
+    if isinstance(record, Caution):
+        yield "pictures", record
     else:
-        yield from (draw or drawn)(order)
+        yield from (draw or drawn)(record, model)
 
 
 def beside(
@@ -74,10 +76,9 @@ def beside(
     yield from drawings(made, rows, frames)
 
 
-def _order(made: Attempt, rows: Thinning, form: str) -> Order:
+def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     """Give what is to be drawn."""
     from lagsim.outputs.events import marked, unmarked
-    from lagsim.outputs.letters import letters_of
     from lagsim.outputs.units import units
 
     equations, trajectory = made.session.case.equations, made.trajectory
@@ -88,12 +89,11 @@ def _order(made: Attempt, rows: Thinning, form: str) -> Order:
     note = unmarked(trajectory) if happened else ""
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
-    fields = {
-        "title": model.name, "rows": rows, "note": note, "form": form,
-        "units": units(equations, made.session.system.columns.of_table),
-        "horizon": _horizon(made), "letters": letters_of(model), "events": happened,
-    }  # fmt: skip
-    return Order(fields, model, equations.energy_is_sum)
+    return Record(
+        model.name, rows, units(equations, made.session.system.columns.of_table),
+        happened, note, _horizon(made), letters_of(model), form,
+        equations.energy_is_sum,
+    )  # fmt: skip
 
 
 def _page(made: Attempt, frames: Frames) -> bytes | None:
@@ -118,30 +118,18 @@ def _horizon(made: Attempt) -> float:
 
 
 _CLASSES = (
+    "lagsim.outputs.record:Record",
     "lagsim.run.observers.thinning:Thinning",
     "lagsim.run.observers.thinning:_Envelope",
     "lagsim.run.observers.thinning:_Sample",
 )
 
 
-class Order(NamedTuple):
-    """What is to be drawn, and of which model.
-
-    `fields` are those of a `Record`, a class that needs matplotlib; `is_sum`: the
-    energy is T + V.
-    """
-
-    fields: Mapping[str, Any]
-    model: Model
-    is_sum: bool
-
-
-def drawn(order: Order) -> Iterator[Made]:
+def drawn(record: Record, model: Model) -> Iterator[Made]:
     """Draw in this process: give the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
-    from lagsim.outputs.record import Record
 
-    yield from pictures(Record(**order.fields), order.model, order.is_sum)
+    yield from pictures(record, model)
 
 
 @contextlib.contextmanager
@@ -151,16 +139,16 @@ def artist(model: Model) -> Iterator[Draw]:
     if ahead.is_possible():
         helper = ahead.Helper(_ready, partial(_contents, model))
 
-    def draw(order: Order) -> Iterator[Made]:
+    def draw(record: Record, model: Model) -> Iterator[Made]:
         brought = set()
-        content = encoded([order.fields, order.is_sum], _CLASSES, _of_model)
+        content = encoded(record, _CLASSES, _of_model)
         for picture in helper.give(content) if helper else ():
             name, _, file = picture.partition(b"\n")
             brought.add(name.decode())
             yield name.decode(), file
         if helper is None or not helper.done:
             _ready()
-            yield from (x for x in drawn(order) if x[0] not in brought)
+            yield from (x for x in drawn(record, model) if x[0] not in brought)
 
     try:
         yield draw
@@ -179,9 +167,9 @@ def _ready() -> None:
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     """Give the name and the content of each picture, up to one that is not drawn."""
     gc.freeze()  # what is loaded stays
-    fields, is_sum = decoded(content, _CLASSES, lambda _: letters_of(model))
+    record = decoded(content, _CLASSES, lambda _: letters_of(model))
     with ahead.helped():
-        for name, picture in drawn(Order(fields, model, is_sum)):
+        for name, picture in drawn(record, model):
             if isinstance(picture, Caution):
                 # The first draws it again, and reports it.
                 raise RuntimeError(picture.text)  # noqa: TRY004

@@ -55,7 +55,7 @@ def record(rows, names=NAMES, **fields):
 def draw_all(known):
     """Draw every picture; a curve against time and one against another, and powers."""
     sheets = [
-        plots.energy(known, is_sum=True),
+        plots.energy(known),
         plots.trajectory(known, ["a"], PLANE),
         plots.constraint_forces(known, ["a"], ["r"]),
     ]

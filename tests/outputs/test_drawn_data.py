@@ -155,7 +155,7 @@ def energies(**more):
 
 def test_energies_and_their_drift():
     columns, run = energies()
-    drawing = drawn(plots.energy, run, is_sum=True)
+    drawing = drawn(plots.energy, run)
     upper, lower = panels(drawing)
     assert (upper.y.name, upper.y.unit) == ("energy", "J")
     assert (lower.y.name, lower.y.unit) == ("drift", "J")
@@ -171,7 +171,7 @@ def test_energies_and_their_drift():
 
 def test_legends_name_the_lines_by_their_colours():
     _, run = energies()
-    drawing = drawn(plots.energy, run, is_sum=True)
+    drawing = drawn(plots.energy, run)
     upper, _ = panels(drawing)
     names = ["kinetic T", "potential V", "energy T + V"]
     for name, colour in zip(names, upper.lines, strict=True):
@@ -188,11 +188,11 @@ def test_legends_name_the_lines_by_their_colours():
 def test_events_and_horizon_stand_at_their_times():
     events = (0.5, 3.25, 11.0)
     _, run = energies(events={"switch": events}, horizon=7.5)
-    for panel in panels(drawn(plots.energy, run, is_sum=True)):
+    for panel in panels(drawn(plots.energy, run)):
         assert panel.events == pytest.approx(events, abs=1e-6)
         assert panel.shade == pytest.approx(7.5, abs=1e-6)
     _, run = energies()
-    for panel in panels(drawn(plots.energy, run, is_sum=True)):
+    for panel in panels(drawn(plots.energy, run)):
         assert panel.events == []
         assert panel.shade is None
 
@@ -261,7 +261,7 @@ def test_notes_say_what_they_are_given():
         note="incomplete: until t = 3", events={"switch": (1.0,)}, horizon=4.0
     )
     for drawing, subject in (
-        (drawn(plots.energy, run, is_sum=True), "energy"),
+        (drawn(plots.energy, run), "energy"),
         (drawn(plots.trajectory, run, ["kinetic"], Scene({})), "coordinates"),
     ):
         said = drawing.written()
@@ -269,6 +269,6 @@ def test_notes_say_what_they_are_given():
                      "past the horizon"):  # fmt: skip
             assert said.count(text) == 1
     _, plain = energies()
-    said = drawn(plots.energy, plain, is_sum=True).written()
+    said = drawn(plots.energy, plain).written()
     assert "switches" not in said
     assert "past the horizon" not in said

@@ -59,7 +59,7 @@ def forces(run):
 
 
 def against_time(run):
-    yield drawn(plots.energy, run, is_sum=True)
+    yield drawn(plots.energy, run)
     yield drawn(plots.trajectory, run, ["y"], Scene({}))
     yield forces(run)
 
@@ -105,10 +105,10 @@ def test_however_many_impacts_leave_the_curves_free(count):
 
 @pytest.mark.parametrize("kind", ["zeno", "slip", "switch", "unheard of"])
 def test_marks_are_short_ticks_that_do_not_touch(kind):
-    plain = drawn(plots.energy, record(), is_sum=True).panels[0]
+    plain = drawn(plots.energy, record()).panels[0]
     for count in (1, 300):
         run = record(events={kind: list(np.linspace(1.0, 3.9, count))})
-        panel = drawn(plots.energy, run, is_sum=True).panels[0]
+        panel = drawn(plots.energy, run).panels[0]
         # No line across: what is thin is what is thin without events.
         assert len(panel.thin) == len(plain.thin)
         [ticks] = panel.lines[: len(panel.lines) - len(plain.lines)]
@@ -121,7 +121,7 @@ def test_marks_are_short_ticks_that_do_not_touch(kind):
 
 
 def test_two_rows_at_one_time_are_a_jump():
-    panel = drawn(plots.energy, record(), is_sum=True).panels[0]
+    panel = drawn(plots.energy, record()).panels[0]
     [line] = of_colour(panel, {"color": "#000000"})
     jumps = np.flatnonzero(np.diff(T) == 0.0)
     assert len(jumps) == 2

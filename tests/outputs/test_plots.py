@@ -96,7 +96,7 @@ def all_drawings(run):
 
 
 def energies(run, *, is_sum=True):
-    return plots.energy(run, is_sum=is_sum)
+    return plots.energy(replace(run, is_sum=is_sum))
 
 
 def written(draw, *args, **kwargs):

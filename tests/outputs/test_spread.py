@@ -128,5 +128,5 @@ def test_the_greatest_of_several_is_named_and_what_has_no_value_is_not():
     kinetic[300], potential[700] = 500.0, -800.0
     potential[400], kinetic[900] = np.nan, np.inf
     columns = {"kinetic": kinetic, "potential": potential, "energy": 0 * T + 1}
-    _, text = note(columns, plots.energy, is_sum=True)
+    _, text = note(columns, plots.energy)
     assert text.said.startswith("−800 at t = 3.5; powers of ten beyond ")

@@ -11,8 +11,9 @@ import pytest
 from lagsim.native.link import ahead
 from lagsim.outputs import plots
 from lagsim.outputs.letters import letters_of
+from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.studies.drawing import Order, artist, drawn
+from lagsim.studies.drawing import artist, drawn
 from tests.support import MODELS, ready
 
 
@@ -23,9 +24,8 @@ def ordered():
     model = session.case.equations.model
     rows = picture_thinning(model, session.system.columns.names)
     session.run([rows])
-    fields = {"title": model.name, "rows": rows, "letters": letters_of(model)}
-    order = Order(fields, model, is_sum=True)
-    return order, dict(drawn(order))
+    order = Record(model.name, rows, letters=letters_of(model)), model
+    return order, dict(drawn(*order))
 
 
 @pytest.mark.skipif(
@@ -35,24 +35,24 @@ def ordered():
 def test_another_process_draws_the_same(ordered, monkeypatch):
     order, own = ordered
     assert {"energy.png", "trajectory.png", "constraint_forces.png"} <= own.keys()
-    with artist(order.model) as draw:
+    with artist(order[1]) as draw:
         # Whoever is asked here has not done his part.
         monkeypatch.setattr(plots, "pictures", None)
-        assert dict(draw(order)) == own
+        assert dict(draw(*order)) == own
 
 
 def test_what_another_does_not_bring_is_drawn_here(ordered, monkeypatch):
     order, own = ordered
     monkeypatch.setattr(ahead.Helper, "give", lambda *_: iter(()))
-    with artist(order.model) as draw:
-        assert dict(draw(order)) == own
+    with artist(order[1]) as draw:
+        assert dict(draw(*order)) == own
 
 
 def test_what_another_cannot_draw_is_told_here(ordered, monkeypatch):
     order, own = ordered
     monkeypatch.setattr(plots, "trajectory", lambda *_: 1 / 0)
-    with artist(order.model) as draw:
-        found = dict(draw(order))
+    with artist(order[1]) as draw:
+        found = dict(draw(*order))
     assert found.keys() == own.keys()
     assert "ZeroDivisionError" in found.pop("trajectory.png").text
     assert found.items() < own.items()
