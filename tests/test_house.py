@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
 LINES = 70_100
-LINES_OF_TESTS = 58_100
+LINES_OF_TESTS = 58_000
 
 
 def lines(folder):
