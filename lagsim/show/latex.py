@@ -6,21 +6,23 @@ The document compiles as it is, and its blocks go into a paper.
 from __future__ import annotations
 
 import re
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.content import LATEX, conditions
+import sympy as sp
+
+from lagsim.show.content import LATEX
 from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
-from lagsim.show.printers import FormulaPrinter
+from lagsim.show.printers import FormulaPrinter, signed
 from lagsim.show.text import Outline
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.show.content import Condition, Conserved, Content, Force, Line
-    from lagsim.show.text import Entry, Row, Rows
+    from lagsim.show.content import Condition, Content, Line
+    from lagsim.show.text import Row, Rows
 
-    Typeset = tuple[str, list[tuple[str, str]]]  # a row, its terms with their signs
+    Pieces = list[tuple[str, str]]  # what is between two places to break, with signs
+    Typeset = tuple[str, Pieces, str]  # the left of a row, its terms, what follows
 
 
 # A line of display mathematics, in letters as they come out.
@@ -40,7 +42,8 @@ _LEAST = (
     rf"\mathbf{{M}} {_APART}$ least, with $\mathbf{{M}} \mathbf{{a}} = \mathbf{{f}}$."
 )
 _SIGNS = {
-    "minus": "-",
+    "minus": "-", "=": "=", "at least": r"\ge", "matrix": r"\mathbf{{{}}}",
+    "entry": r"\mathbf{{{}}}_{{{},{}}}",
     "slope": r"\frac{{\partial {}}}{{\partial {}}}",
     "rate": r"\frac{{d}}{{dt}} \frac{{\partial {}}}{{\partial {}}}",
     "Q": "Q_{{{}}}", "f": "f_{{{}}}", "b": "b_{{{}}}", "K": "K_{{{},{}}}",
@@ -58,6 +61,9 @@ _SIGNS = {
     r"\mathbf{a} - \mathbf{b})$ with the gain $\mathbf{K} = "
     r"-\mathbf{A}^{\mathsf{T}} (\mathbf{A} \mathbf{M}^{-1} "
     r"\mathbf{A}^{\mathsf{T}})^{-1}$.",
+    "function": r"\sum \dot{{q}} \, \partial {0} / \partial \dot{{q}} - {0}",
+    "momentum": "p_{{{}}}", "shifted momentum": r"\mathrm{{const}}_{{{}}}",
+    "total momentum": r"\mathrm{{const}}", "angular momentum": r"\mathrm{{const}}",
 }  # fmt: skip
 
 
@@ -69,6 +75,7 @@ def as_latex(content: Content) -> str:
     # The letters of mechanics give way to the file's names.
     letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
     signs = {k: text.replace("LETTER", letters["G"]) for k, text in _SIGNS.items()}
+    signs["energy function"] = letters["h"]
     model = content.translation.equations.model
     lines = [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
     if model.description:
@@ -101,16 +108,25 @@ def _width(text: str) -> int:
 
 
 class _Latex(Outline):
+    write: FormulaPrinter
     room, between = LONGEST_LINE, 2
+    statements = LATEX
 
     def _label(self, name: str) -> str:
         return upright_latex(name)
+
+    def _inline(self, formula: str) -> str:
+        return f"${formula}$"
+
+    def _plain(self, name: str) -> str:
+        return rf"\texttt{{{plain_latex(name)}}}"
 
     def _width(self, text: str) -> int:
         return _width(text)
 
     def _say(self, text: str) -> None:
-        self.lines.append(text)
+        text = text.strip()
+        self.lines.append(text if text.startswith("\\[") else _sentence(text))
 
     def _title(self, text: str) -> None:
         self.lines.append(f"\n\\subsection*{{{plain_latex(text)}}}")
@@ -122,8 +138,8 @@ class _Latex(Outline):
         self.lines.append("where")
         self._rows(rows)
 
-    def equals(self, left: str, right: Any) -> Typeset:
-        return left, self.write.terms(right)
+    def equals(self, left: str, right: Any, tail: str = "") -> Typeset:
+        return left, self.pieces(right, LONGEST_LINE - _width(left)), tail
 
     def align(self, rows: Sequence[Typeset]) -> None:
         """Write rows left &= right; long ones are broken before a sign."""
@@ -132,13 +148,51 @@ class _Latex(Outline):
             body = " \\\\\n  ".join(lines)
             self.lines.append(f"\\begin{{align*}}\n  {body}\n\\end{{align*}}")
 
-    # Sections
+    # Terms that are longer than a line
 
-    def _force(self, force: Force) -> None:
-        text = f"The force ${self.write(force.force)}$ works on ${self.show(force.on)}"
-        if not force.direction.is_Symbol:
-            text += f" = {self.write(force.direction)}"
-        self.lines.append(text + "$.\n")
+    def pieces(self, e: Any, room: int) -> Pieces:
+        """Give the terms of a sum; a long one is broken within its longest factor."""
+        found: Pieces = []
+        for minus, term in map(signed, self.write.ordered(e)):
+            sign, text = "-" if minus else "+", self.write.factor(term)
+            short = _width(text) <= room
+            found += [(sign, text)] if short else self._broken(sign, term, room)
+        return found
+
+    def _broken(self, sign: str, term: Any, room: int) -> Pieces:
+        write = self.write
+        over, under = write.fraction(term)
+        below = write.product(under)
+        if _width(below) > room:
+            below = self._stacked(under, room - 4)  # of its sign, too
+            above = write.product(over)
+            if _width(above) <= room:
+                return [(sign, rf"\frac{{{above}}}{{{below}}}")]
+        sums = [x for x in over if x.as_base_exp()[0].is_Add]
+        if not sums:
+            return [(sign, write.factor(term))]
+        long = max(sums, key=lambda x: _width(write.factor(x)))
+        before = write.product([x for x in over if x not in sums])
+        if under:
+            before = rf"\frac{{{before or '1'}}}{{{below}}}"
+        base, exponent = long.as_base_exp()
+        (minus, text), *rest = self.pieces(base, room)
+        start = rf"\bigl({'- ' if minus == '-' else ''}{text}"
+        found = [(sign, rf"{before} \, {start}" if before else start), *rest]
+        if _width(before) > room // 2:  # a long denominator has a line of its own
+            found = [(sign, before), ("", start), *rest]
+        power = "" if exponent == 1 else f"^{{{write(exponent)}}}"
+        after = "".join(rf" \, {write.factor(x)}" for x in sums if x is not long)
+        found[-1] = found[-1][0], rf"{found[-1][1]}\bigr){power}{after}"
+        return found
+
+    def _stacked(self, under: list[Any], room: int) -> str:
+        """Give a denominator in several lines."""
+        parts = self.pieces(sp.Mul(*under, evaluate=False), room)
+        stack = r" \\ ".join(_filled("", parts, room, ""))
+        return rf"\begin{{gathered}} {stack} \end{{gathered}}"
+
+    # Sections
 
     def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
         self._title("Lagrange's equations")
@@ -150,13 +204,16 @@ class _Latex(Outline):
 
     def _motion(self) -> list[Typeset]:
         """Give the equations, one = under the other where there is room."""
-        rows = [self.equals(self.write(line.left), line.right) for line in self.c.lines]
-        widths = [(_width(left), _width_of(right)) for left, right in rows]
+        found = []
+        for line in self.c.lines:
+            right = self.pieces(line.right, LONGEST_LINE)
+            found.append((self.write(line.left), line.left, right))
+        widths = [(_width(left), _width_of(right)) for left, _, right in found]
         if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
-            return rows
+            return [(left, right, "") for left, _, right in found]
         return [
-            ("", [*self.write.terms(line.left), *_related("=", right)])
-            for line, (_, right) in zip(self.c.lines, rows, strict=True)
+            ("", [*self.pieces(left, LONGEST_LINE), *_related("=", right)], "")
+            for _, left, right in found
         ]
 
     def _square(self, letter: str, rows: Rows) -> None:
@@ -166,87 +223,35 @@ class _Latex(Outline):
             "\\end{bmatrix} \\]"
         )
 
-    def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None:
-        bold = rf"\mathbf{{{letter}}}"
-        self.align([(f"{bold}_{{{row},{q}}}", [("+", e)]) for row, q, e in rows])
-        self.lines.append(f"Other entries of ${bold}$ are zero{also}.\n")
+    def _derivatives(self, k: Condition) -> list[str]:
+        letter, last = (r"\varphi", 2) if k.moving else ("g", 3)
+        over = (letter, rf"\dot{{{letter}}}", rf"\ddot{{{letter}}}")[:last]
+        return [f"{x}_{{{upright_latex(k.name)}}}" for x in over]
 
-    def _constraint(self, k: Condition) -> None:
-        self.align(self._derivatives(k))
+    def _given(self, given: Sequence[str]) -> None:
+        if given:
+            self._say(", ".join(given))
 
-    def _law(self, k: Condition, multiplier: Any) -> None:
-        if k.kind == "one-sided" and not k.moving:
-            parts = [f"restitution ${k.law['restitution']:g}$"]
-            if "friction" in k.law:
-                slips = ", ".join(f"${self.write(s)}$" for s in k.law["slip"])
-                parts.append(f"friction ${self.write(k.law['friction'])}$")
-                if "static" in k.law:
-                    parts.append(f"static friction ${self.write(k.law['static'])}$")
-                parts.append(f"sliding velocity {slips}")
-            self.lines.append("With " + ", ".join(parts) + ".\n")
-        name = upright_latex(k.name)
-        rate = rf"\varphi_{{{name}}}" if k.moving else rf"\dot{{g}}_{{{name}}}"
-        called = (rate if k.moving else f"g_{{{name}}}", rate)
-        told = conditions(k, self.write, multiplier, called, LATEX)
-        self.lines += [rf"\[ {text} \]" for text in told.values()]
-
-    def _derivatives(self, k: Condition) -> list[Typeset]:
-        name = upright_latex(k.name)
-        relation = r"\ge" if k.kind == "one-sided" else "="
-        if k.moving:
-            phi = rf"\varphi_{{{name}}}"
-            return [
-                (phi, [*self.write.terms(k.function), (relation, "0")]),
-                self.equals(rf"\dot{{\varphi}}_{{{name}}}", k.acceleration),
-            ]
-        g = rf"g_{{{name}}}"
-        return [
-            (g, [*self.write.terms(k.function), (relation, "0")]),
-            self.equals(rf"\dot{{g}}_{{{name}}}", k.rate),
-            self.equals(rf"\ddot{{g}}_{{{name}}}", k.acceleration),
-        ]
-
-    def _conserved(self, item: Conserved) -> None:
-        left, why = self._named(item)
-        if item.definition:
-            why += f"; the file calls it \\texttt{{{plain_latex(item.definition)}}}"
-        self.lines.append(f"{why}:")
-        self._rows([(left, item.value)])
-
-    def _named(self, item: Conserved) -> tuple[str, str]:
-        T, V, L, h = (self.signs[k] for k in "TVLh")
-        names = ", ".join(f"${self.show(q)}$" for q in item.of)
-        below = self.show(item.of[0]) if item.of else ""
-        rate = rf"\partial {L} / \partial {below}"
-        function = rf"\sum \dot{{q}} \, \partial {L} / \partial \dot{{q}} - {L}"
-        still = rf"${L}$ does not depend on $t$"
-        if self.c.has_forces:
-            still += ", and no force does work"
-        return {
-            "energy": (f"{T} + {V}", f"Energy ({still})"),
-            "energy function": (h, f"Energy function ${function}$ ({still})"),
-            "momentum": (f"p_{{{below}}}", f"Momentum of the ignorable {names}"),
-            "shifted momentum": (
-                rf"\mathrm{{const}}_{{{below}}}",
-                rf"Momentum of {names} less a function of the rate ${rate}$",
-            ),
-            "total momentum": (r"\mathrm{const}", f"Total momentum of {names}"),
-            "angular momentum": (r"\mathrm{const}", f"Angular momentum of {names}"),
-        }[item.kind]
+    def _statement(self, _: str, text: str) -> None:
+        self._say(rf"\[ {text} \]")
 
 
-def _lines(left: str, terms: list[tuple[str, str]]) -> list[str]:
+def _sentence(text: str) -> str:
+    """Give a text as a paragraph."""
+    text = text if text.endswith(".") else f"{text}."
+    return f"{text[0].upper()}{text[1:]}\n"
+
+
+def _lines(left: str, terms: Pieces, tail: str) -> list[str]:
     """Give the lines of one row: left &= terms."""
     # Where an equation is all to the right of the mark, its = is among the terms.
     line = f"{left} &= " if left else "& "
     room = LONGEST_LINE - _width(left)
-    parts = [part for term in terms for part in _parts(*term, room)]
-    return _filled(line, parts, room, r"&\quad ")
+    *lines, last = _filled(line, terms, room, r"&\quad ")
+    return [*lines, last + tail]
 
 
-def _filled(
-    line: str, parts: list[tuple[str, str]], room: int, begin: str
-) -> list[str]:
+def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
     """Give lines with room for so much, filled with parts; `begin` starts the next."""
     lines, used = [], 0
     for k, (sign, text) in enumerate(parts):
@@ -260,103 +265,13 @@ def _filled(
     return [*lines, line.rstrip()]
 
 
-_NESTED = re.compile(r"\\left|\\right|\\begin|\\end|[{}]| (?=[-+] )")
-_FRACTION = r"\frac{"
-
-
-def _places(text: str) -> list[int]:
-    """Give where signs stand that are within no group."""
-    found, level = [], 0
-    for match in _NESTED.finditer(text):
-        if match[0] in (r"\right", r"\end", "}"):
-            level -= 1
-        if level == 0 and match[0] == " ":
-            found.append(match.start())
-        if match[0] in (r"\left", r"\begin", "{"):
-            level += 1
-    return found
-
-
-def _signed(text: str) -> list[tuple[str, str]]:
-    """Give the terms of a sum with their signs; none where it is no sum."""
-    places = _places(text)
-    first, *others = (text[a:b] for a, b in pairwise([0, *places, len(text)]))
-    return [("+", first), *((x[1], x[3:]) for x in others)] if places else []
-
-
-def _parts(sign: str, text: str, room: int) -> list[tuple[str, str]]:
-    """Break a term that is longer than a line, before signs within parentheses."""
-    if _width(text) <= room:
-        return [(sign, text)]
-    before, within, after = "", text, ""
-    over = _closed(text, len(_FRACTION) - 1) if text.startswith(_FRACTION) else 0
-    if over and _closed(text, over) == len(text):
-        text, stacked = _stacked(text, over, room - 4)  # of its sign, too
-        if stacked and _width(text[len(_FRACTION) : over - 1]) <= room:
-            return [(sign, text)]
-        before = rf"\frac{{1}}{text[over:]} \, "
-        within = text[len(_FRACTION) : over - 1]
-    if not (before and _places(within)):
-        groups = [g for g in _groups(within) if _places(within[g[0] : g[1]])]
-        if not groups:
-            return [(sign, text)]
-        first, last = max(groups, key=lambda g: _width(within[g[0] : g[1]]))
-        before += within[: first - len(r"\left(")]
-        after = within[last + len(r"\right)") :]
-        within = within[first:last]
-    (_, first_text), *others = _signed(within)
-    found = [(sign, rf"{before}\bigl({first_text}")]
-    if _width(before) > room // 2:  # a long denominator has a line of its own
-        found = [(sign, before), ("", rf"\bigl({first_text}")]
-    found += others
-    found[-1] = found[-1][0], rf"{found[-1][1]}\bigr){after}"
-    return found
-
-
-def _stacked(text: str, over: int, room: int) -> tuple[str, bool]:
-    """Give a fraction with a denominator longer than a line in several, and whether."""
-    under = text[over + 1 : -1]
-    if _width(under) <= room:
-        return text, False
-    lines = _filled("", _signed(under) or _parts("+", under, room), room, "")
-    stack = r" \\ ".join(lines)
-    return rf"{text[:over]}{{\begin{{gathered}} {stack} \end{{gathered}}}}", True
-
-
-def _closed(text: str, start: int) -> int:
-    """Give where a group ends that begins with a brace; 0 where none begins."""
-    if text[start : start + 1] != "{":
-        return 0
-    level = 0
-    for k in range(start, len(text)):
-        level += (text[k] == "{") - (text[k] == "}")
-        if not level:
-            return k + 1
-    return 0
-
-
-def _groups(text: str) -> list[tuple[int, int]]:
-    """Give the insides of the parentheses that stand in no others."""
-    found, level, start = [], 0, 0
-    for match in _NESTED.finditer(text):
-        if match[0] in (r"\right", r"\end", "}"):
-            level -= 1
-            if not level and match[0] == r"\right" and text[start - 1] == "(":
-                found.append((start, match.start()))
-        elif match[0] != " ":
-            if not level and match[0] == r"\left":
-                start = match.end() + 1
-            level += 1
-    return found
-
-
-def _related(relation: str, terms: list[tuple[str, str]]) -> list[tuple[str, str]]:
+def _related(relation: str, terms: Pieces) -> Pieces:
     """Give the terms that follow on a relation."""
     (sign, text), *rest = terms
     return [(relation, text if sign == "+" else f"{sign} {text}"), *rest]
 
 
-def _width_of(terms: list[tuple[str, str]]) -> int:
+def _width_of(terms: Pieces) -> int:
     return sum(_width(text) + 3 for _, text in terms)
 
 

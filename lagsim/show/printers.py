@@ -160,19 +160,18 @@ class Printer:
     def _print_Mul(self, e: Any) -> str:
         negative, e = signed(e)
         over, under = self.fraction(e)
-        text = self._product(over)
+        text = self.product(over) or "1"
         if under:
             if len(under) == 1:
                 below = self.factor(under[0], loosely=False)
             else:
-                below = f"({self._product(under)})"
+                below = f"({self.product(under)})"
             text = self._over(text, below)
         return self.negative + text if negative else text
 
-    def _product(self, factors: list[Any]) -> str:
-        if len(factors) == 1:
-            return self.factor(factors[0])
-        return self.between.join(map(self.factor, factors)) or "1"
+    def product(self, factors: list[Any]) -> str:
+        """Give the text of a product of factors; that of none is empty."""
+        return self.between.join(map(self.factor, factors))
 
     def fraction(self, e: Any) -> tuple[list[Any], list[Any]]:
         """Give the factors above the line and below it, in order."""
@@ -313,9 +312,9 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
     def _print_Mul(self, e: Any) -> str:
         negative, e = signed(e)
         over, under = self.fraction(e)
-        text = self._product(over)
+        text = self.product(over) or "1"
         if under:
-            below = self._print(under[0]) if len(under) == 1 else self._product(under)
+            below = self._print(under[0]) if len(under) == 1 else self.product(under)
             above = self._print(over[0]) if len(over) == 1 else text
             text = self._over(above, below)
         return self.negative + text if negative else text

@@ -17,12 +17,12 @@ from lagsim.show.printers import ModelPrinter, TextPrinter
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.show.content import Condition, Conserved, Content, Force, Line
+    from lagsim.show.content import Condition, Conserved, Content, Line
     from lagsim.show.printers import Printer
 
-    Row = tuple[str, Any]  # what stands on the left, and the expression that it equals
+    # What stands on the left, the expression that it equals, and what follows.
+    Row = tuple[str, Any] | tuple[str, Any, str]
     Rows = Sequence[Sequence[str]]  # of a matrix, written
-    Entry = tuple[str, str, str]  # of a matrix: the names of row and column; written
 
 
 class Outline:
@@ -103,7 +103,11 @@ class Outline:
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")
         for force in self.c.forces:
-            self._force(force)
+            on = self.show(force.on)
+            written = self._inline(self.write(force.force))
+            self._say(f"force on {self._inline(on)}: {written}")
+            if not force.direction.is_Symbol:
+                self._rows([(on, force.direction)])
         self._rows(
             [
                 (self.sign("Q", self.show(line.coordinate)), line.terms["Q"])
@@ -150,12 +154,15 @@ class Outline:
         else:
             symmetric = labels is names
             entries = [
-                (labels[i], names[j], e)
-                for i, row in enumerate(written)
+                (self.sign("entry", letter, labels[i], names[j]), e)
+                for i, row in enumerate(rows)
                 for j, e in enumerate(row)
-                if e != "0" and (j >= i or not symmetric)
+                if e != 0 and (j >= i or not symmetric)
             ]
-            self._entries(letter, entries, self.signs["symmetric"] * symmetric)
+            self._rows(entries)
+            also = self.signs["symmetric"] * symmetric
+            bold = self._inline(self.sign("matrix", letter))
+            self._say(f"other entries of {bold} are zero{also}")
 
     def _solution(self) -> None:
         solved = self.c.solution
@@ -195,32 +202,86 @@ class Outline:
             ]
         )
 
+    def _constraint(self, k: Condition) -> None:
+        relation = self.signs["at least" if k.kind == "one-sided" else "="]
+        rate = [] if k.moving else [k.rate]
+        values = [k.function, *rate, k.acceleration]
+        rows: list[Row] = list(zip(self._derivatives(k), values, strict=True))
+        self._rows([(*rows[0], f" {relation} 0"), *rows[1:]])
+
+    def _law(self, k: Condition, multiplier: Any) -> None:
+        given = []
+        for word in () if k.moving else ("restitution", "friction", "static", "slip"):
+            value = k.law.get(word, ())
+            parts = value if isinstance(value, tuple) else (value,)
+            texts = [f"{p:g}" if isinstance(p, float) else self.write(p) for p in parts]
+            if texts:
+                given.append(f"{word}: {', '.join(map(self._inline, texts))}")
+        self._given(given)
+        gap, *rates = self._derivatives(k)
+        called = gap, gap if k.moving else rates[0]
+        told = conditions(k, self.write, multiplier, called, self.statements)
+        for about, text in told.items():
+            self._statement(about, text)
+
+    def _conserved(self, item: Conserved) -> None:
+        show = self._inline
+        names = ", ".join(show(self.show(q)) for q in item.of)
+        q = self.show(item.of[0]) if item.of else ""
+        total, L = f"{self.signs['T']} + {self.signs['V']}", self.signs["L"]
+        still = f"{show(L)} does not depend on {show('t')}"
+        if self.c.has_forces:
+            still += ", and no force does work"
+        function = f"energy function {show(self.sign('function', L))}"
+        if self.c.kinetic is not None:
+            function += f", which is not {show(total)}"
+        why = {
+            "energy": f"energy: {still}",
+            "energy function": f"{function}: {still}",
+            "momentum": f"momentum of {names}: {names} is ignorable, it is not in "
+            + show(L),
+            "shifted momentum": f"momentum of {names} less a function whose rate is "
+            + show(self.sign("slope", L, q)),
+            "total momentum": f"total momentum: a shift of {names} does not change "
+            + show(L),
+            "angular momentum": f"angular momentum: a turn of {names} does not change "
+            + show(L),
+        }[item.kind]
+        if item.definition:
+            why += f"; the file calls it {self._plain(item.definition)}"
+        left = total if item.kind == "energy" else self.sign(item.kind, q)
+        self._rows([(left, item.value)])
+        self._say(f"  {why}")
+
     # How it looks
 
     def _label(self, name: str) -> str:
         """Give the name of a constraint."""
         return name
 
-    def _width(self, text: str) -> int:
-        return len(text)
+    def _inline(self, formula: str) -> str:
+        """Give a formula within a sentence."""
+        return formula
 
+    _plain = _label
+    statements: Mapping[str, str] = UNICODE
+
+    def _width(self, text: str) -> int: ...  # type: ignore[empty-body]
     def _title(self, text: str) -> None: ...
     def _say(self, text: str) -> None: ...
     def _rows(self, rows: Sequence[Row]) -> None: ...
     def _where(self, rows: Sequence[Row]) -> None: ...
-    def _force(self, force: Force) -> None: ...
     def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None: ...
-    def _constraint(self, k: Condition) -> None: ...
-    def _law(self, k: Condition, multiplier: Any) -> None: ...
-    def _conserved(self, item: Conserved) -> None: ...
+    def _derivatives(self, k: Condition) -> list[str]: ...  # type: ignore[empty-body]
+    def _given(self, given: Sequence[str]) -> None: ...
+    def _statement(self, about: str, text: str) -> None: ...
     def _square(self, letter: str, rows: Rows) -> None: ...
-    def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None: ...
 
 
 WIDTH = 100
 _SIGNS = {
-    "minus": "−", "at least": "≥", "d": "∂", "slope": "∂{}/∂{}", "rate": "d/dt ∂{}/∂{}",
-    "sum": "Σ q̇", "q_dot": "q̇", "twice": "d²/dt²",
+    "minus": "−", "=": "=", "at least": "≥", "slope": "∂{}/∂{}",
+    "rate": "d/dt ∂{}/∂{}", "twice": "d²/dt²", "matrix": "{}", "entry": "{}[{}, {}]",
     "F": "dissipation F", "G": "G", "Q": "Q_{}", "f": "f[{}]", "b": "b[{}]",
     "K": "K[{}, {}]", "Qc": "Qc_{}", "conserved": "Conserved",
     "matrix form": "Matrix form: M q̈ = f",
@@ -231,6 +292,9 @@ _SIGNS = {
     "principle held": "q̈ makes G = (q̈ − a)ᵀ M (q̈ − a)/2 least, subject to A q̈ = b; "
     "a = M⁻¹ f is the acceleration without constraints",
     "gain": "Qc = K (A a − b), K = −Aᵀ (A M⁻¹ Aᵀ)⁻¹",
+    "function": "Σ q̇ ∂{0}/∂q̇ − {0}", "energy function": "h", "momentum": "p_{}",
+    "shifted momentum": "shifted momentum", "total momentum": "total momentum",
+    "angular momentum": "angular momentum",
 }  # fmt: skip
 _ASCII = {
     "−": "-", "≥": ">=", "∂": "d", "Σ": "sum", "q̇": "q'", "q̈": "q''", "⁻¹": "^-1",
@@ -254,7 +318,9 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     model = content.translation.equations.model
     head = f"{model.name}: {model.description}" if model.description else model.name
     lines = textwrap.wrap(" ".join(head.split()), WIDTH)
-    lines += _Text(content, write, signs).told()
+    page = _Text(content, write, signs)
+    page.statements = ASCII if ascii_only else UNICODE
+    lines += page.told()
     for note in content.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
     # What cannot be told apart from composed letters is one: ü, not u and two dots.
@@ -313,10 +379,6 @@ def _cut(line: str) -> int:
     return len(line)
 
 
-def _called(k: Condition) -> tuple[str, str]:
-    return ("rate", "rate") if k.moving else ("gap", "dgap/dt")
-
-
 class _Text(Outline):
     room, between = WIDTH - 8, 3
 
@@ -332,7 +394,8 @@ class _Text(Outline):
 
     def equals(self, left: str, right: Any, tail: str = "") -> None:
         """Write left = right, broken before a sign where it is too long."""
-        self.broken(f"  {left} = ", self.write.terms(right), tail)
+        head = f"  {left} = " if left else "  "
+        self.broken(head, self.write.terms(right), tail)
 
     def broken(
         self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
@@ -350,27 +413,19 @@ class _Text(Outline):
         self.lines += _folded(line + tail)
 
     def _rows(self, rows: Sequence[Row]) -> None:
-        for left, right in rows:
-            self.equals(left, right)
+        for row in rows:
+            self.equals(*row)
 
     def _where(self, rows: Sequence[Row]) -> None:
-        for k, (name, value) in enumerate(rows):
-            self.equals(("where " if k == 0 else "      ") + name, value)
-
-    # Sections
-
-    def _force(self, force: Force) -> None:
-        on = self.show(force.on)
-        self._say(f"force on {on}: {self.write(force.force)}")
-        if not force.direction.is_Symbol:
-            self.equals(f"  {on}", force.direction)
+        for k, (name, *value) in enumerate(rows):
+            self.equals(("where " if k == 0 else "      ") + name, *value)
 
     def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
         for line, terms in lines:
             self._title(f"Equation of {self.show(line.coordinate)}")
-            width = max(_width(label) for label, _ in terms)
-            for label, value in terms:
-                self.equals(label + " " * (width - _width(label)), value)
+            width = max(_width(label) for label, *_ in terms)
+            for label, *value in terms:
+                self.equals(label + " " * (width - _width(label)), *value)
             self.lines.append("")
             self._equation(line.left, line.right)
 
@@ -392,65 +447,15 @@ class _Text(Outline):
             head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
             self.lines.append(f"  {head}[ {cells} ]")
 
-    def _entries(self, letter: str, rows: Sequence[Entry], also: str) -> None:
-        for row, column, e in rows:
-            self._say(f"{letter}[{row}, {column}] = {e}")
-        self._say(f"other entries of {letter} are zero{also}")
+    def _derivatives(self, k: Condition) -> list[str]:
+        if k.moving:
+            return ["rate" if k.kind == "one-sided" else "", "d/dt of it"]
+        letter = "gap" if k.kind == "one-sided" else "g"
+        return [letter, f"d{letter}/dt", self.signs["twice"]]
 
-    def _constraint(self, k: Condition) -> None:
-        if k.kind == "nonholonomic":
-            self._equation(k.function, 0 * k.b)
-        else:
-            letter, sign = "g", "="
-            if k.kind == "one-sided":
-                letter, sign = _called(k)[0], self.signs["at least"]
-            self.equals(letter, k.function, f" {sign} 0")
-            if not k.moving:
-                self.equals(f"d{letter}/dt", k.rate)
-        self.equals("d/dt of it" if k.moving else self.signs["twice"], k.acceleration)
+    def _given(self, given: Sequence[str]) -> None:
+        for text in given:
+            self._say(text)
 
-    def _law(self, k: Condition, multiplier: Any) -> None:
-        for word in () if k.moving else ("restitution", "friction", "static", "slip"):
-            value = k.law.get(word, ())
-            parts = value if isinstance(value, tuple) else (value,)
-            text = ", ".join(
-                f"{p:g}" if isinstance(p, float) else self.write(p) for p in parts
-            )
-            if text:
-                self._say(f"{word}: {text}")
-        signs = ASCII if self.signs["minus"] == "-" else UNICODE
-        told = conditions(k, self.write, multiplier, _called(k), signs)
-        for about, text in told.items():
-            self._say(f"{about}: {text}")
-
-    def _conserved(self, item: Conserved) -> None:
-        left, why = self._named(item)
-        if item.definition:
-            why += f"; the file calls it {item.definition}"
-        self.equals(left, item.value)
-        self._say(f"  {why}")
-
-    def _named(self, item: Conserved) -> tuple[str, str]:
-        s = self.signs
-        names = ", ".join(self.show(q) for q in item.of)
-        T, V, L, d, q_dot = (s[k] for k in ("T", "V", "L", "d", "q_dot"))
-        function = f"{s['sum']} {d}{L}/{d}{q_dot} {s['minus']} {L}"
-        other = f", which is not {T} + {V}" if self.c.kinetic is not None else ""
-        still = f"{L} does not depend on t"
-        if self.c.has_forces:
-            still += ", and no force does work"
-        rate = self.sign("slope", L, names)
-        return {
-            "energy": (f"{T} + {V}", f"energy: {still}"),
-            "energy function": ("h", f"energy function {function}{other}: {still}"),
-            "momentum": (
-                f"p_{names}",
-                f"momentum of {names}: {names} is ignorable, it is not in {L}",
-            ),
-            "shifted momentum": (
-                item.kind,
-                f"momentum of {names} less a function whose rate is {rate}",
-            ),
-            "total momentum": (item.kind, f"a shift of {names} does not change {L}"),
-            "angular momentum": (item.kind, f"a turn of {names} does not change {L}"),
-        }[item.kind]
+    def _statement(self, about: str, text: str) -> None:
+        self._say(f"{about}: {text}")
