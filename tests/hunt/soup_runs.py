@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 
 # 0: done, 1: no, 2: unusable, 3: unfinished. A bug is 70.
 CALM = (0, 1, 2, 3)
-# No file of this size takes longer, on a machine that does something else as well.
-SECONDS = math.ceil(30 * PATIENCE)
+# No file of this size takes longer, on a machine that does something else as well;
+# `derive` refuses after 45 s what it cannot finish.
+SECONDS = math.ceil(60 * PATIENCE)
 # As many failures of one sort are made small; more of them say nothing new.
 ENOUGH = 3
 
