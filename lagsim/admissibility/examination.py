@@ -326,11 +326,6 @@ class Solver:
             reason = f"{reason}: {least}"
         elif found.trouble is Trouble.RUNS_AWAY:
             reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
-        elif found.trouble is Trouble.RANK_LOSS:
-            reason = (
-                f"the constraints become dependent before `{name}` is satisfied: "
-                f"{least}"
-            )
         else:
             reason = f"`{name}` has no finite value near {where}"
         return found._replace(reason=reason, least=least)

@@ -178,16 +178,7 @@ def _problem(
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
     place = source.place if source else home
-    found = _innermost(point, source.node if source else faulty[0][1])
-    if found is None:
-        name, node, value = faulty[0]
-        by = f", by {source.what}" if source else ""
-        text = f"{name} is {value} at the start, not finite{by}"
-        if names[1:]:
-            text += f"; so are {', '.join(names[1:MOST_NAMES])}{more}"
-        hint = DIRECTION if _rests(point, node) else NO_VALUE
-        return Problem("not-finite", text, place, hint)
-    inner, instead = found
+    inner, instead = _innermost(point, source.node if source else faulty[0][1])
     where = f" in {source.what}" if source else ""
     text = f"`{expression_text(g, inner)}`{where} {instead} at the start"
     args = [a for a in dict.fromkeys(g.args[inner]) if g.value(a) is None]
@@ -199,18 +190,17 @@ def _problem(
     return Problem("not-finite", text, place, _hint(point, inner))
 
 
-def _innermost(point: Point, node: int) -> tuple[int, str] | None:
-    """Give the first expression below a node without a value or a slope.
+def _innermost(point: Point, node: int) -> tuple[int, str]:
+    """Give the first expression of a node without a value or a slope.
 
     And what it has instead: its arguments have both.
     """
     cone = point.g.cone([node])
-    texts = ("is {:g}", "has no finite slope")
-    for text, numbers in zip(texts, _values_and_slopes(point, cone), strict=True):
-        for n, number in zip(cone, numbers, strict=True):
-            if not np.isfinite(number):
-                return n, text.format(number)
-    return None
+    values, slopes = np.isfinite(_values_and_slopes(point, cone))
+    if not np.all(values):
+        inner = cone[int(np.argmin(values))]
+        return inner, f"is {point.array([inner])[0]:g}"
+    return cone[int(np.argmin(slopes))], "has no finite slope"
 
 
 def _rests(point: Point, node: int) -> bool:

@@ -256,7 +256,6 @@ class Trouble(Enum):
     NONE = ""
     DOUBLE_ROOT = "double root"
     MINIMUM = "positive minimum"
-    RANK_LOSS = "loss of rank"
     RUNS_AWAY = "no root at a finite distance"
     NOT_FINITE = "values that are not finite"
 
@@ -498,14 +497,7 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     way = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
     if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + way)):
         return Found(x, converged=True)
-    r, J = residual(z), slopes(z)
-    sizes = np.linalg.svd(J, compute_uv=False)
-    steepest = float(np.linalg.norm(J.T @ r))
-    level = steepest <= 1e-6 * float(np.linalg.norm(J)) * float(np.linalg.norm(r))
-    lost = not level and np.any(J) and sizes[-1] <= 1e-6 * sizes[0]
-    return Found(
-        x, converged=False, trouble=Trouble.RANK_LOSS if lost else Trouble.MINIMUM
-    )
+    return Found(x, converged=False, trouble=Trouble.MINIMUM)
 
 
 class _Slope:

@@ -6,9 +6,7 @@ motions branch. Or it is dependent all over the set that it makes, as that of x^
 = 0, of two spheres that touch, or of a plane and a cylinder that touch along a line:
 the relation holds there as a multiple root. No multiplier keeps a motion on such a set.
 
-The first is tried on states that the other rows admit; of the others `rank` tells where
-it finds states nearby, else second derivatives do: where what the row adds to the
-others has one sign all around, the set is thin.
+The first is tried on states that the other rows admit; of the others `rank` tells.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import cholesky, least_squares, null_space
+from lagsim.admissibility.algebra import cholesky
 from lagsim.admissibility.newton import Relations, reach, wanted_of
 from lagsim.admissibility.rank import Neighbourhood
 from lagsim.tolerances import STATE_ROUNDOFF
@@ -35,9 +33,6 @@ NEARBY = 1e-2
 SAMPLES = 8
 # What a state misses a row by is rounding below this part of what the way changes.
 TRACE = 1e-10
-# Second derivatives below this part of what they cancel from are none; of the greatest.
-FLAT = 1e-9
-ONE_SIGN = 1e-7
 # Coordinates up to which the dimension of a set is measured; points that lie apart by
 # less than this part of the way that they were sent do not span it.
 MOST = 60
@@ -191,28 +186,6 @@ def _thin_rows(
         if not np.any(missed[:, i]):
             continue
         real.append(d.name)
-        signs = np.sign(values[:, i])
-        one_sign = bool(np.all(missed[:, i]) and np.all(signs == signs[0]))
-        whole = _relations(around, [*independent, own[i]], velocities=velocities)
-        if d.everywhere or _is_extreme(whole, L, one_sign):
+        if d.everywhere:
             thin.append(d.name)
     return tuple(thin), tuple(real)
-
-
-def _is_extreme(relations: Relations, L: Floats, one_sign: bool) -> bool:
-    """Tell whether what the last row adds to others has one sign all around x0."""
-    x = relations.x0
-    J = relations(x)[1]
-    shares = least_squares(J[:-1].T, J[-1], None) if len(J) > 1 else np.zeros(0)
-    weights = np.append(-shares, 1.0)
-    scaled = np.asarray(np.linalg.solve(L, J[:-1].T).T, dtype=float)
-    kernel = np.asarray(np.linalg.solve(L.T, null_space(scaled)), dtype=float)
-    second = np.linalg.eigvalsh(kernel.T @ relations.curvature(x, weights) @ kernel)
-    terms = [
-        abs(w) * np.linalg.norm(relations.curvature(x, e))
-        for w, e in zip(weights, np.eye(len(weights)), strict=True)
-    ]
-    size = float(np.max(np.abs(second), initial=0.0))
-    if size <= FLAT * sum(terms):
-        return one_sign
-    return bool(second[0] > -ONE_SIGN * size or second[-1] < ONE_SIGN * size)

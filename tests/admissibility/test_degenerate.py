@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from lagsim.errors import InputError
@@ -234,33 +233,6 @@ def test_a_negative_mass_that_a_constraint_hides_is_refused():
 
 
 # Forces
-
-MORE = {
-    "duplicate": {"b": CIRCLE},
-    "triple": {"b": CIRCLE, "c": CIRCLE},
-    "twice": {"b": "2*x^2 + 2*y^2 = 2"},
-    "scaled up": {"b": "1e8*x^2 + 1e8*y^2 = 1e8"},
-    "scaled down": {"b": "1e-8*x^2 + 1e-8*y^2 = 1e-8"},
-    "of another form": {"b": "hypot(x, y) = 1"},
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MORE)
-def test_constraint_forces_are_those_of_the_reduced_system(name):
-    def forces(relations):
-        # M is not a multiple of 1, and the rows are not those of a coordinate.
-        text = scene(
-            relations, AT,
-            kinetic="x_dot^2 + y_dot^2/2 + 0.3*x_dot*y_dot", potential="9.81*y + x*y",
-            more="simulation: {duration: 0.1, output_step: 0.1}",
-        )  # fmt: skip
-        found = run(text)
-        return np.array([found["Qc_x"], found["Qc_y"]])[:, 0]
-
-    exact = forces({"a": CIRCLE})
-    assert np.max(np.abs(forces({"a": CIRCLE, **MORE[name]}) - exact)) < 1e-12 * 9.81
-
 
 PLANE = """
 coordinates: {{x: {{}}, y: {{}}}}

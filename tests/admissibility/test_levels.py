@@ -27,16 +27,6 @@ def curve(theta="1", u="l - l*theta^2", theta_dot="0", u_dot="0"):
     return text.replace("UD", u_dot).replace("U", u)
 
 
-def test_the_captions_start():
-    start = judged(curve(u="l"))
-    [path] = start.verdicts
-    assert not start.admissible
-    assert path.position.value == 1.0
-    # As the errata of the notes give it.
-    assert start.repair == pytest.approx({"theta": 0.770917, "u": 0.405687}, abs=5e-7)
-    assert start.degrees_of_freedom == 1
-
-
 def test_velocities_off_the_curve():
     start = judged(curve(theta="0.5", theta_dot="1"))
     [path] = start.verdicts

@@ -99,21 +99,6 @@ def test_what_is_inferred_of_velocity_relations(lagsim, write):
     assert edge["velocity_residual"] is None
 
 
-def test_a_contradiction_on_the_level_of_accelerations_is_told(lagsim, write):
-    model = write(
-        "coordinates: {x: , y: }\n"
-        "energy: {kinetic: x_dot^2 + y_dot^2, potential: 0}\n"
-        "constraints: {a: x = 0, b: x = t^2}\n"
-        "initial: {x: 0, y: 0}\n"
-    )
-    called = lagsim("check", model)
-    assert called.code == 1
-    first = called.out.splitlines()[0]
-    assert "contradict" in first
-    assert "`b`" in first
-    assert lagsim("check", model, "--json").json["admissible"] is False
-
-
 def test_a_start_value_that_is_missed_is_no_constraint(lagsim, write):
     model = write(ON_THE_CURVE.replace("initial: {", "initial: {x: 0.5, "))
     called = lagsim("check", model)

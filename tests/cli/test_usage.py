@@ -47,7 +47,7 @@ def test_help(lagsim, flag):
     assert [o for o in options if o not in page] == []
 
 
-@pytest.mark.parametrize("columns", ["60", "80"])
+@pytest.mark.parametrize("columns", ["60", "80", "100"])
 def test_no_summary_is_cut(lagsim, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     page = lagsim("--help").out
@@ -111,19 +111,6 @@ def test_usage(lagsim, arguments, told):
     [error] = called.json["errors"]
     assert error["code"] == "usage"
     assert told in error["text"]
-
-
-def test_a_bug_is_told_as_one(lagsim, write, monkeypatch):
-    def broken(_model):
-        raise RuntimeError("what nobody foresaw")
-
-    monkeypatch.setattr("lagsim.mechanics.equations.derive", broken)
-    for command in ("run", "check"):
-        called = lagsim(command, write(PENDULUM))
-        assert (called.code, called.out) == (70, "")
-        assert "RuntimeError: what nobody foresaw" in called.err
-        assert "bug in lagsim" in called.err
-    assert not os.path.exists("results")  # noqa: PTH110
 
 
 class Terminal(io.TextIOWrapper):
@@ -317,14 +304,6 @@ def test_the_caret_stays_under_its_token_on_a_terminal(lagsim, write, monkeypatc
     [k] = [k for k, text in enumerate(lines) if "^^" in text]
     at = lines[k].index("^")
     assert lines[k - 1][at : at + 5] == "wrong"
-
-
-@pytest.mark.parametrize("width", ["80", "100"])
-def test_help_cuts_no_summary(lagsim, monkeypatch, width):
-    monkeypatch.setenv("COLUMNS", width)
-    page = lagsim("--help").out
-    assert "..." not in page.split("Commands:")[1]
-    assert max(map(len, page.splitlines())) <= int(width)
 
 
 SHELLS = {
