@@ -406,7 +406,10 @@ REFLECTED = 4.0
 
 @external
 def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,)."""
+    """Give M (n, n), A (m, n), f (n,), b (m,).
+
+    Then of each law its speed, and its bounds while it slides and sticks (3 laws,).
+    """
 
 
 @external
@@ -549,7 +552,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = left_over(0, t, y, p, out)
+    out[p.n + 2] = left_over(0, p.m, t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -557,21 +560,26 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = p.sigma
-    out[p.n + 2] = left_over(p.m, t, y, p, out)
+    out[p.n + 2] = left_over(p.m, p.m, t, y, p, out)
     keep_lengths(p)
     p.reference = max(p.reference, p.sigma)
 
 
-def left_over(first: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
-    """Give what a Newton step leaves of the residuals, or of the rates, at most."""
-    n, z, left = p.n, p.tried, p.left
+def left_over(
+    first: int, count: int, t: float, y: Floats, p: Parameters, step: Floats
+) -> float:
+    """Give what a Newton step leaves at most of the first rows in the order.
+
+    Of their residuals (first = 0), or of their rates (first = m).
+    """
+    n, z, left, order = p.n, p.tried, p.left, p.order
     for i in range(n):
         z[i] = y[i]
         z[n + i] = step[i]
     bends(t, z, p, left)
     largest = 0.0
-    for k in range(p.m):
-        largest = max(largest, left[first + k])
+    for k in range(count):
+        largest = max(largest, left[first + int(order[k])])
     return largest
 
 

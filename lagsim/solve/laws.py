@@ -39,7 +39,19 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.native.kernels.words import at, external
-from lagsim.solve.dense import augment_force, backward, factor, forward, gather
+from lagsim.solve.dense import (
+    REFLECTED,
+    augment_force,
+    backward,
+    dynamics,
+    factor,
+    forward,
+    gather,
+    geometry,
+    left_over,
+    loads,
+    quadratures,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -284,8 +296,6 @@ def touches(p: Parameters, k: int) -> float:
     return 1.0
 
 
-# What reflections leave of a vector, in units of the roundoff of its norm.
-REFLECTED = 4.0
 # The margin of what has no end of its own.
 ENDLESS = 1.0
 # A slip on a disc has begun where it is so many times as fast as its floor.
@@ -293,37 +303,6 @@ BEGUN = 16.0
 # The cosine up to which its way turns before it is noted anew: what turns by more than
 # a right angle in a step has stopped.
 TURNED = 0.5
-
-
-@external
-def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,), then of each law its speed.
-
-    And the bound while it slides, and while it sticks (3 L,).
-    """
-
-
-@external
-def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rates of what follows the velocities, from q'' and lambda in p."""
-
-
-@external
-def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), residuals, rates, and the scales of both (4 m,)."""
-
-
-@external
-def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what Newton steps leave; y holds them in the place of the velocities.
-
-    Against their scales: of the residuals (m,) and of the rates (m,).
-    """
-
-
-@external
-def loads(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rounding of the forces (n,), and of the rates that follow."""
 
 
 @external
@@ -377,7 +356,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = left_over(0, t, y, p, out)
+    out[p.n + 2] = left_over(0, int(p.ranked), t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -385,7 +364,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = 1.0
-    out[p.n + 2] = left_over(p.m, t, y, p, out)
+    out[p.n + 2] = left_over(p.m, int(p.ranked), t, y, p, out)
 
 
 def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
@@ -406,19 +385,6 @@ def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) ->
     impress(p, 0)
     backward(n, p.L, u, out)
     out[n] = largest
-
-
-def left_over(first: int, t: float, y: Floats, p: Parameters, step: Floats) -> float:
-    """Give what a Newton step leaves of the residuals, or of the rates."""
-    n, z, left, order = p.n, p.tried, p.left, p.order
-    for i in range(n):
-        z[i] = y[i]
-        z[n + i] = step[i]
-    bends(t, z, p, left)
-    largest = 0.0
-    for k in range(int(p.ranked)):
-        largest = max(largest, left[first + int(order[k])])
-    return largest
 
 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
