@@ -1,13 +1,13 @@
 """Reduced equations of motion, by elimination and by Routh's procedure.
 
-A holonomic constraint a q_e + r(q, t) = 0 with a constant a gives q_e = Q(q, t) of the
-others; another one may be of that kind only after that. In all, q_E = Q(q, t) of those
-left, q_E' = J q' + Q_t and q_E'' = J q'' + c. With B = (1, J) the full q'' is
-B q'' + (0, c), and the equations left are
+A holonomic constraint a q_c + r(q, t) = 0 with a constant a gives q_c = Q(q, t) of the
+others, q_c' = J q' + Q_t and q_c'' = J q'' + b_c. With B = (1, J) the full q'' is
+B q'' + (0, b_c), and the equations left are
 
-    B^T M B q'' = B^T (f - M (0, c)) + (A B)^T lambda,      A B q'' = b - A (0, c)
+    B^T M B q'' = B^T (f - M (0, b_c)) + (A B)^T lambda,    A B q'' = b - A (0, b_c)
 
-Rows E of the full ones give the multipliers: A_EE^T lambda_E = M q'' - f - A^T lambda.
+Row c of the full ones gives the multiplier of the constraint. So one constraint after
+the other, as another one may be of that kind only then.
 
 An ignorable coordinate c, in which neither L nor the constraints stand, and on which no
 force acts, keeps its momentum p = dL/dq_c'. Its velocity follows from that, its
@@ -256,80 +256,49 @@ def usable(g: Graph, row: Row) -> bool:
     return row.holonomic and not switches
 
 
-def eliminated(e: Equations, found: Sequence[Pair]) -> tuple[Equations, dict[int, int]]:
-    """Equations without the pairs, and expressions for their variables."""
-    g = e.graph
-    gone = {pair.coordinate for pair in found}
-    left = [j for j in range(len(e.q)) if j not in gone]
-    flow = Flow(g, [e.q[j] for j in left], [e.velocities[j] for j in left])
-    given: dict[int, int] = {}
-    for pair in reversed(found):
-        [value] = g.substitute([pair.value], given)
-        given[g.variable(e.q[pair.coordinate])] = value
-    ends = [given[g.variable(e.q[pair.coordinate])] for pair in found]
-    rates = tangent(g, ends, flow.forward)
-    numbers = [pair.coordinate for pair in found]
-    bends = dict(zip(numbers, tangent(g, rates, flow.forward), strict=True))
-    J = {
-        c: {
-            left[i]: x for i, x in flow.gradient(g, end, by_rates=False).entries.items()
-        }
-        for c, end in zip(numbers, ends, strict=True)
-    }
-    given |= {
-        g.variable(e.velocities[c]): rate
-        for c, rate in zip(numbers, rates, strict=True)
-    }
+def eliminated(e: Equations, pair: Pair) -> tuple[Equations, dict[int, int]]:
+    """Equations without a pair, and expressions for the variables of both."""
+    g, c, flow = e.graph, pair.coordinate, Flow(e.graph, e.q, e.velocities)
+    [rate] = tangent(g, [pair.value], flow.forward)
+    [bend] = tangent(g, [rate], flow.forward)
+    J = flow.gradient(g, pair.value, by_rates=False).entries
+    given = {g.variable(e.q[c]): pair.value, g.variable(e.velocities[c]): rate}
     full = substituted(e, given)
-    accelerations = dict(bends)
-    for c, along in J.items():
-        for j, slope in along.items():
-            moved = g.variable(f"{e.q[j]}_ddot")
-            accelerations[c] = plus(g, accelerations[c], slope, moved)
+    moved = bend
+    for j, slope in J.items():
+        moved = plus(g, moved, slope, g.variable(f"{e.q[j]}_ddot"))
+    lam = g.variable(f"lambda_{e.rows[pair.row].name}")
     recovered = given | {
-        g.variable(f"{e.q[c]}_ddot"): node for c, node in accelerations.items()
-    }
-    recovered |= _multipliers(full, found, accelerations)
+        g.variable(f"{e.q[c]}_ddot"): moved, lam: _multiplier(full, pair, moved)
+    }  # fmt: skip
     powers = g.substitute(full.powers, recovered)
     works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
-    reduced = replace(_projected(full, left, J, bends), works=tuple(works))
-    used = {pair.row for pair in found}
-    rows = [
-        _row(g, row, left, J, bends) for k, row in enumerate(full.rows) if k not in used
-    ]
-    return replace(reduced, rows=tuple(rows)), recovered
 
-
-def _projected(
-    full: Equations,
-    left: Sequence[int],
-    J: Mapping[int, Mapping[int, int]],
-    bends: Mapping[int, int],
-) -> Equations:
-    """Give B^T M B, B^T (f - M (0, c)) and the momenta, for the coordinates left."""
-    g = full.graph
-    f, momenta = list(full.f), list(full.momenta)
-    M = {
-        (i, j): x
-        for (i, j), x in full.mass_entries.items()
-        if i not in J and j not in J
-    }
-    for c in J:
-        for j, x in full.M[c].entries.items():
-            f[j] = minus(g, f[j], x, bends[c])
-    for c, along in J.items():
-        across = {j: x for j, x in full.M[c].entries.items() if j not in J}
-        _add_products(g, M, across, along)
-        for d in sorted(full.M[c].entries.keys() & J.keys()):
-            for j, slope in J[d].items():
-                across[j] = plus(g, across.get(j, g.zero), full.M[c][d], slope)
-        _add_products(g, M, along, across)
-        for i, slope in along.items():
-            f[i] = plus(g, f[i], f[c], slope)
-            momenta[i] = plus(g, momenta[i], momenta[c], slope)
-    moved = {full.q[i] for along in J.values() for i in along}
-    full = replace(full, unforced=full.unforced - moved)
-    return of_those_left(full, left, M, f, momenta)
+    left = [j for j in range(len(e.q)) if j != c]
+    M, f, momenta = full.mass_entries, list(full.f), list(full.momenta)
+    own = full.M[c].entries
+    for j, x in own.items():
+        f[j] = minus(g, f[j], x, bend)
+    across = {j: x for j, x in own.items() if j != c}
+    _add_products(g, M, across, J)
+    for j, slope in J.items():
+        across[j] = plus(g, across.get(j, g.zero), own.get(c, g.zero), slope)
+        f[j] = plus(g, f[j], f[c], slope)
+        momenta[j] = plus(g, momenta[j], momenta[c], slope)
+    _add_products(g, M, J, across)
+    rows = []
+    for row in full.rows[: pair.row] + full.rows[pair.row + 1 :]:
+        A = dict(row.A.entries)
+        factor = A.pop(c, g.zero)
+        for j, slope in J.items():
+            A[j] = plus(g, A.get(j, g.zero), factor, slope)
+        b = minus(g, row.b, factor, bend)
+        rows.append(row._replace(A=vector(g, left, A), b=b))
+    unforced = full.unforced - {e.q[j] for j in J}
+    reduced = of_those_left(full, left, M, f, momenta)
+    return replace(
+        reduced, rows=tuple(rows), works=tuple(works), unforced=unforced
+    ), recovered  # fmt: skip
 
 
 def _add_products(
@@ -345,71 +314,17 @@ def _add_products(
                 M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
 
 
-def _row(
-    g: Graph,
-    row: Row,
-    left: Sequence[int],
-    J: Mapping[int, Mapping[int, int]],
-    bends: Mapping[int, int],
-) -> Row:
-    """Give A B and b - A (0, c) of a row that is left."""
-    A, b = dict(row.A.entries), row.b
-    for c in sorted(A.keys() & J.keys()):
-        factor = A.pop(c)
-        b = minus(g, b, factor, bends[c])
-        for j, slope in J[c].items():
-            A[j] = plus(g, A.get(j, g.zero), factor, slope)
-    return row._replace(A=vector(g, left, A), b=b)
-
-
-def _multipliers(
-    full: Equations, found: Sequence[Pair], accelerations: Mapping[int, int]
-) -> dict[int, int]:
-    """Solve A_EE^T lambda_E = M q'' - f - A^T lambda."""
-    g = full.graph
-    right, columns = {}, {}
-    for pair in found:
-        c = pair.coordinate
-        node = g.call("neg", full.f[c])
-        for j, entry in full.M[c].entries.items():
-            moved = accelerations.get(j, g.variable(f"{full.q[j]}_ddot"))
-            node = plus(g, node, entry, moved)
-        right[c] = node
-        columns[c] = {k: row.A[c] for k, row in enumerate(full.rows)}
-    used = {pair.row for pair in found}
+def _multiplier(full: Equations, pair: Pair, moved: int) -> int:
+    """Multiplier of the row of a pair, from the equation of its coordinate."""
+    g, c = full.graph, pair.coordinate
+    node = g.call("neg", full.f[c])
+    for j, entry in full.M[c].entries.items():
+        acceleration = moved if j == c else g.variable(f"{full.q[j]}_ddot")
+        node = plus(g, node, entry, acceleration)
     for k, row in enumerate(full.rows):
-        if k not in used:
-            lam = g.variable(f"lambda_{row.name}")
-            for c, column in columns.items():
-                right[c] = minus(g, right[c], column[k], lam)
-    solved = _solved(g, found, columns, right)
-    return {g.variable(f"lambda_{full.rows[k].name}"): x for k, x in solved.items()}
-
-
-def _solved(
-    g: Graph,
-    found: Sequence[Pair],
-    columns: dict[int, dict[int, int]],
-    right: dict[int, int],
-) -> dict[int, int]:
-    """Give x_k with sum of columns[c][k] x_k = right[c], the pairs as pivots."""
-    for at, pair in enumerate(found):
-        pivots = columns[pair.coordinate]
-        for c in (p.coordinate for p in found[at + 1 :]):
-            factor = columns[c][pair.row]
-            if factor == g.zero:
-                continue
-            share = g.call("div", factor, pivots[pair.row])
-            right[c] = minus(g, right[c], share, right[pair.coordinate])
-            for later in (p.row for p in found[at + 1 :]):
-                columns[c][later] = minus(g, columns[c][later], share, pivots[later])
-    x: dict[int, int] = {}
-    for pair in reversed(found):
-        node = right[pair.coordinate]
-        for k, value in x.items():
-            node = minus(g, node, columns[pair.coordinate][k], value)
-        x[pair.row] = g.call("div", node, columns[pair.coordinate][pair.row])
-    return x
+        if k != pair.row:
+            node = minus(g, node, row.A[c], g.variable(f"lambda_{row.name}"))
+    return g.call("div", node, full.rows[pair.row].A[c])
 
 
 # The momentum of a coordinate becomes a parameter, or a column, of this name.
@@ -526,11 +441,15 @@ class Reduction(NamedTuple):
     momenta: Mapping[str, int] = {}
 
     def eliminate(self, found: Sequence[Pair]) -> Reduction:
-        """Express coordinates by the others; of `pairs`."""
-        e = self.equations
-        equations, recovered = eliminated(e, found)
+        """Express coordinates by the others, one after the other; of `pairs`."""
+        e, reduction = self.equations, self
         names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
-        return self._followed_by(equations, recovered)._replace(eliminated=tuple(names))
+        for (q, name), pair in zip(names, found, strict=True):
+            now = reduction.equations
+            row = [row.name for row in now.rows].index(name)
+            one = Pair(row, now.q.index(q), pair.value)
+            reduction = reduction._followed_by(*eliminated(now, one))
+        return reduction._replace(eliminated=tuple(names))
 
     def ignore(
         self, coordinates: Sequence[int], start: Instant, limit: float = math.inf
