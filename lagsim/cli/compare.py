@@ -124,11 +124,11 @@ def _compared(
 
 def _picture(found: _Found) -> bytes:
     from lagsim.outputs.letters import Letters
-    from lagsim.studies.comparison_chart import picture, told
+    from lagsim.studies.comparison_chart import picture, summary
 
     golden, new, comparison = found
     letters, units = Letters(golden.columns), {**golden.units, **new.units}
-    title, *first = told(comparison, letters)
+    title, *first = summary(comparison, letters)
     names = f"{golden.name} and {new.name}"
     return picture(title, names, comparison, letters, units, first)
 

@@ -1,4 +1,4 @@
-"""events.csv: what happened on the way, one line per event, like trajectory.csv."""
+"""events.csv: a line for each event of a run, in the format of trajectory.csv."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `check --json` says of the start of a model."""
+"""The document of `check --json`: verdicts on the start of a model."""
 
 from __future__ import annotations
 

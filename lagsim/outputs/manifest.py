@@ -1,4 +1,4 @@
-"""run.json: what was run, what was chosen and why, how it went, what it left."""
+"""run.json: the record of a run: inputs, plan, outcome, counts, errors, files."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PACKAGES = ("numpy", "llvmlite", "matplotlib")
 
 
 def head(model: Model) -> dict[str, Any]:
-    """Give what every record begins with: what made it, and of which model."""
+    """Return the head of every record: versions, model and parameters."""
     return {
         "lagsim": __version__,
         "versions": versions(),

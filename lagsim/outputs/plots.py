@@ -86,7 +86,7 @@ def begun(
     width: float = WIDTH,
     timed: bool = True,
 ) -> Picture:
-    """Return a picture with the model's name, what it shows, and its marks named."""
+    """Return a picture with title, subject and legend of events, and no panels yet."""
     names: list[tuple[str, Pen]] = []
     if timed:
         names += [(look.name, look.top) for look, _ in happened(record)]
@@ -99,7 +99,7 @@ def begun(
 
 
 def happened(record: Record) -> list[tuple[Mark, Sequence[float]]]:
-    """Return what there is to mark: how it is called and looks, and its times."""
+    """Return the marks of events, with their times."""
     known = [(look, record.events.get(kind, ())) for kind, look in MARKS.items()]
     others = [t for k, own in record.events.items() if k not in MARKS for t in own]
     return [(look, times) for look, times in (*known, (OTHERS, others)) if times]
@@ -263,7 +263,7 @@ def tell(
     *,
     above: bool = False,
 ) -> None:
-    """Say in a panel, or above, where powers of ten begin and what is greatest."""
+    """Write the limit of the linear part of a scale, and the greatest value."""
     if not scale.linear:
         return
     every = [np.where(np.isfinite(t + values), values, 0.0) for t, values in drawn]
@@ -350,7 +350,7 @@ def side_of(name: str) -> str:
 def _values(
     record: Record, wanted: Plot, x: str, name: str, *, timed: bool
 ) -> tuple[Array, Array]:
-    """Give what is drawn; what has no place on an axis of powers is a gap."""
+    """Return the values to draw, with gaps where a logarithm has none."""
     # Against time the envelope keeps spikes; others need both values of a row.
     across, up = record.rows.series(name) if timed else record.rows.path(x, name)
     if "x" in wanted.log:
@@ -467,8 +467,8 @@ def energy(record: Record) -> Picture:
 
 
 def _drift(axes: Axes, record: Record) -> None:
-    ledger = DRIFT if DRIFT in record.rows else "energy"
-    t, values = record.rows.series(ledger)
+    balance = DRIFT if DRIFT in record.rows else "energy"
+    t, values = record.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
     size = max(height_of(record.rows.series("energy")[1]), height_of(values))
     unit = record.unit("energy")
@@ -476,7 +476,7 @@ def _drift(axes: Axes, record: Record) -> None:
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
     mark_events(record, axes)
     series(axes, t, drift, BLACK)
-    what = "energy − work" if ledger == DRIFT else "energy"
+    what = "energy − work" if balance == DRIFT else "energy"
     worst = height_of(drift)
     most = f"at most {_written(worst)} {unit}" if worst else "0 in every row"
     text = f"{what} minus its first value: {most}".rstrip()

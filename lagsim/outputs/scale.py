@@ -1,4 +1,4 @@
-"""What an axis shows: its range, in what its ticks count, and what it is called."""
+"""Scales of axes: range, ticks, units of their numbers, label."""
 
 from __future__ import annotations
 

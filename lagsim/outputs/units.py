@@ -210,7 +210,7 @@ def _is_pure(value: float) -> bool:
     )
 
 
-def told(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
+def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
     """Give the unit of each column as the file has it; "" where it has none."""
     model = equations.model
     found = {"t": "s"}
@@ -241,7 +241,7 @@ def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     model, graph = equations.model, equations.graph
     rates = [*equations.q, *equations.velocities, *equations.accelerations]
-    stated = told(equations, dict.fromkeys((*columns, *rates, "t")))
+    stated = stated_units(equations, dict.fromkeys((*columns, *rates, "t")))
     named = {p.name: p.unit for p in model.parameters} | stated
     nodes = {graph.variable(name): text for name, text in named.items()}
     nodes |= {d.node: d.unit for d in model.definitions if d.unit}

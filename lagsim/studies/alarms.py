@@ -1,4 +1,4 @@
-"""What to know about a run besides its result, and whether it is an answer.
+"""Warnings on a run: inputs, steps, energy, constraints, error; whether it is valid.
 
 An alarm is a `Caution`: a stable code, and a text that names the part of the model and
 what to do. `simulate` raises those that only the loop over arcs can see (`rank`,
@@ -31,7 +31,7 @@ from lagsim.run.error import Failed
 from lagsim.run.observers.monitors import EnergyMonitor
 from lagsim.run.observers.monitors import gained as grown
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.balances import besides_jumps, jumps, label_of, worth
+from lagsim.studies.balances import energy_error, jumps, label_of, without_jumps
 from lagsim.studies.error_bar import beside
 from lagsim.tolerances import (
     ENERGY_DRIFT,
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 
 
 class Evidence(NamedTuple):
-    """A run, what its rows have shown, and its estimated error, or why there is none.
+    """A run, its monitors, energy balances, and estimated error, or why there is none.
 
     `balances` are those of each group of coordinates, then that of the whole.
     """
@@ -83,7 +83,7 @@ class Evidence(NamedTuple):
 
 
 def about_inputs(run: Evidence) -> list[Caution]:
-    """Say what the file or the options asked for and the run does otherwise."""
+    """Return warnings on inputs that have no effect, and on a changed start."""
     case, plan = run.session.case, run.plan
     examined, settings = case.examined, case.settings
     found = []
@@ -115,7 +115,7 @@ MOST = 12
 
 
 def about_gaps(found: Mapping[str, Gap]) -> Caution:
-    """Name them, in the order of the table, with the first value and its time."""
+    """Return the warning on columns that are not finite, with the first values."""
     named = list(found.items())
     told = [
         f"`{name}` is {gap.value} at t = {gap.time:.9g}"
@@ -149,7 +149,7 @@ HIGHER = 16.0
 
 
 def _unknown(why: str, drift: str) -> list[Caution]:
-    """Say that no error is known, if a repeat failed or the energy has drifted."""
+    """Return the warning on an unknown error, if there is a reason for one."""
     if not drift and not isinstance(why, Failed):
         return []
     text = f"the error of the rows is not known: {why}"
@@ -159,7 +159,7 @@ def _unknown(why: str, drift: str) -> list[Caution]:
 
 
 def _drift(run: Evidence) -> str:
-    """Say by how much an energy drifts that the tolerance should keep, or give "".
+    """Return the text on an energy drift beyond the tolerance, or "".
 
     By a method that chooses its steps, or makes no error of its own. What is more than
     `UNEXPLAINED` has a warning of its own.
@@ -176,8 +176,8 @@ def _drift(run: Evidence) -> str:
         if part > UNEXPLAINED or row is None:
             continue
         state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(equations.q)])
-        rounded = BOTH * worth(equations, balance.energy, row, state)
-        _, still = held_still(run, balance.coordinates)
+        rounded = BOTH * energy_error(equations, balance.energy, row, state)
+        _, still = motion_of_rest(run, balance.coordinates)
         since = balance.since(max(least * balance.in_play, rounded, still))
         if since is not None and not jumps(equations, balance):
             of = f"{label_of(balance)} is off by {part:.2g} of the energy in play"
@@ -186,12 +186,12 @@ def _drift(run: Evidence) -> str:
 
 
 def _part(balance: Balance | Whole) -> float:
-    """Give by what part of the energy in play a balance is off."""
+    """Return the drift of a balance, as a part of the energy in play."""
     return balance.drift / (balance.in_play or 1.0)
 
 
 def about_error(run: Evidence) -> list[Caution]:
-    """Say from when on the rows are no forecast, and whether their end is one.
+    """Return warnings on the horizon, on an uncertain end, and on energy drift.
 
     And where their energy is off by more than the tolerance leaves, whatever the
     estimated error says of it.
@@ -222,7 +222,7 @@ def about_error(run: Evidence) -> list[Caution]:
 
 
 def about_constraints(run: Evidence) -> list[Caution]:
-    """Say so where rows do not meet the constraints: the motion is then no answer.
+    """Return the warning on a constraint that rows do not satisfy.
 
     A method that locates no impact leaves a contact as deep as the motion goes in its
     steps, and other constraints off by what they change in these: it promises no more.
@@ -235,7 +235,7 @@ def about_constraints(run: Evidence) -> list[Caution]:
             max(map(abs, extents.get(v, (0.0,)))) for v in run.equations.velocities
         ]
         coarse = LATE * plan.step, np.array(speeds)
-    found = not_held(run, coarse)
+    found = worst_residual(run, coarse)
     if found is None:
         return []
     name, worst = found
@@ -256,10 +256,10 @@ def about_constraints(run: Evidence) -> list[Caution]:
     return [Caution("constraint-not-held", text)]
 
 
-def not_held(
+def worst_residual(
     run: Evidence, coarse: tuple[float, Floats] | None = None
 ) -> tuple[str, float] | None:
-    """Give the constraint that is off most, and the part of its scale; or None.
+    """Return the constraint with the largest residual, as a part of its scale; or None.
 
     coarse : the time for which a row may be as it was, and the largest speeds (n,).
 
@@ -289,7 +289,7 @@ def not_held(
                 left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
             if residual <= left:
                 continue
-        seed = seed + held_still(run, range(n))[0]
+        seed = seed + motion_of_rest(run, range(n))[0]
         if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
@@ -298,7 +298,7 @@ def not_held(
 def _changed(
     equations: Equations, row: Row, state: Mapping[str, float], values: Floats, h: float
 ) -> float:
-    """Give by how much a constraint may be off at a row of a step that begins h before.
+    """Return the residual that a step of size h may leave of a constraint at a row.
 
     Its rate is satisfied with positions and time of half a step before, and linearised.
     """
@@ -317,8 +317,8 @@ def _changed(
     return h * (abs(now) + off) if row.holonomic else off
 
 
-def held_still(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
-    """Give how far (n,) rounding moves what is held, or balanced, and its energy.
+def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
+    """Return the motion (n,) that rounding makes of what is at rest, and its energy.
 
     Of the coordinates of these numbers. What forces leave of it, where they
     balance, makes a motion of its own, with nothing beside it to compare it with where
@@ -335,17 +335,17 @@ def held_still(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
 
 
 def rounding(run: Evidence, balance: Balance | Whole) -> float:
-    """Give what the rounding of the worst row is worth in the energy of a balance."""
+    """Return the error of an energy that the rounding of the worst row makes."""
     row, own = balance.worst_row, balance.coordinates
     if row is None:
         return 0.0
     state = np.abs(row[1 : 1 + 2 * len(run.equations.q)])
-    far = FAR * worth(run.equations, balance.energy, row, UNIT_ROUNDOFF * state)
-    return max(far, held_still(run, own)[1])
+    far = FAR * energy_error(run.equations, balance.energy, row, UNIT_ROUNDOFF * state)
+    return max(far, motion_of_rest(run, own)[1])
 
 
 def about_energy(run: Evidence) -> list[Caution]:
-    """Say so where the energy drifts and no force explains it.
+    """Return warnings on energy that is gained or lost without a force.
 
     Of each group of bodies that touches no other, or of the whole. The energy of a
     symplectic method swings to and fro, and goes nowhere: of a fixed step, what is
@@ -367,7 +367,7 @@ def _gained(run: Evidence, balance: Balance | Whole) -> list[Caution]:
     if abs(gained) <= rounding(run, balance):
         return []
     since = balance.since(UNEXPLAINED * in_play)
-    rest = besides_jumps(run.equations, balance)
+    rest = without_jumps(run.equations, balance)
     if rest is not None:
         drifts = rest - rest[0]
         gained = grown(rest)
@@ -394,14 +394,14 @@ def _gained(run: Evidence, balance: Balance | Whole) -> list[Caution]:
 
 
 def _whose(plan: Plan) -> str:
-    """Name what lets the energy go."""
+    """Return the name of the method, or formulation, that changes the energy."""
     if plan.formulation == "drift":
         return f"{plan.method} and of the formulation drift"
     return plan.method
 
 
 def _how(settings: Settings, plan: Plan) -> str:
-    """Say what keeps the energy: nothing that has been tried."""
+    """Return advice that has not been tried yet."""
     how = "a shorter step" if plan.rtol is None else "a tighter rtol"
     if settings.method != "auto":
         return f"{how}, or `--method auto`, keeps"
@@ -422,7 +422,7 @@ LOOSE = ("baumgarte", "drift")
 
 
 class Finding(NamedTuple):
-    """Why the rows of a run may be no answer, and from which time on.
+    """The reason why rows may not be valid, and from which time on.
 
     `refutes` where they cannot be one; else another run has to tell. `parts` where a
     constraint is not satisfied.
@@ -435,7 +435,7 @@ class Finding(NamedTuple):
 
 
 def up_to(session: Session, time: float) -> Session:
-    """Give a session that ends with the last row before a time."""
+    """Return a session that ends with the last row before a time."""
     settings = session.case.settings
     start, step = settings.start, settings.output_step
     last = math.ceil((time - start) / step - SAME_ROW) - 1
@@ -444,7 +444,7 @@ def up_to(session: Session, time: float) -> Session:
 
 
 def audit(run: Evidence) -> Finding | None:
-    """Give why a run that came to its end is in doubt, if it is."""
+    """Return the finding against a run that reached its end, if there is one."""
     plan = run.plan
     judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
     if not judged or not run.trajectory.outcome.complete or plan.formulation in LOOSE:
@@ -458,7 +458,7 @@ def audit(run: Evidence) -> Finding | None:
 
 
 def _about_constraints(run: Evidence) -> Finding | None:
-    found = not_held(run)
+    found = worst_residual(run)
     if found is None:
         return None
     name, worst = found
@@ -468,7 +468,7 @@ def _about_constraints(run: Evidence) -> Finding | None:
 
 
 def _off(run: Evidence, balance: Balance | Whole) -> Finding | None:
-    """Hold a drift against what the errors of the state are worth in energy.
+    """Compare an energy drift with the energy error that errors of the state explain.
 
     Of the whole, or of a group that touches no other.
     """
@@ -490,7 +490,7 @@ def _off(run: Evidence, balance: Balance | Whole) -> Finding | None:
 
 
 def _explained(run: Evidence, balance: Balance | Whole, row: Floats) -> float:
-    """Give what the errors of a row make of its energy - work; inf: not known."""
+    """Return the error of energy - work by the errors of a row; inf where not known."""
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
         return math.inf
@@ -499,11 +499,14 @@ def _explained(run: Evidence, balance: Balance | Whole, row: Floats) -> float:
     errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
     part = float(np.max(bar.parts[:until], initial=0.0))
     part += FAR * (run.plan.rtol or EXACT_RTOL)
-    return worth(run.equations, balance.energy, row, errors) + part * balance.work_range
+    return (
+        energy_error(run.equations, balance.energy, row, errors)
+        + part * balance.work_range
+    )
 
 
 def _about_repeat(run: Evidence) -> Finding | None:
-    """Look for a time from which a repeat shows another motion."""
+    """Return the finding where a repeat gives another motion, with its time."""
     bar = run.bar
     if isinstance(bar, str):
         return None
@@ -526,7 +529,7 @@ FOLLOWS = 0.05
 
 
 def alarms(run: Evidence) -> list[Caution]:
-    """Give all that there is to know about a run, in the order of its stages."""
+    """Return all warnings on a run, in the order of its stages."""
     return [
         *run.session.case.examined.warnings,
         *about_inputs(run),
@@ -539,7 +542,7 @@ def alarms(run: Evidence) -> list[Caution]:
 
 
 def _about_steps(run: Evidence) -> list[Caution]:
-    """Ask for the eigenvalues of the model, where there may be something to tell."""
+    """Return warnings on steps against eigenvalues, where steps may be too long."""
     plan, trajectory, monitor = run.plan, run.trajectory, run.monitor
     steps = trajectory.statistics.steps
     chosen = plan.step is None and plan.formulation != "baumgarte"

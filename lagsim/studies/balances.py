@@ -1,4 +1,4 @@
-"""Energy - work of each group of coordinates that touch no other: none hides another's.
+"""Energy balances of decoupled groups of coordinates: none hides another's.
 
 Where the energy is a sum over groups, each has a balance: its energy less the work that
 is done on it, see `mechanics.groups`. Values come from the rows that the monitor has
@@ -41,7 +41,7 @@ SHOWN = 0.5
 
 
 class Balance(NamedTuple):
-    """What a group's energy - work shows.
+    """The energy balance, energy - work, of a decoupled group of coordinates.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Balance(NamedTuple):
 
     @property
     def drift(self) -> float:
-        """The largest."""
+        """The largest drift."""
         return float(np.max(np.abs(self.drifts)))
 
     @property
@@ -97,7 +97,7 @@ class Balance(NamedTuple):
 
 
 class Whole(NamedTuple):
-    """What energy - work of all coordinates shows, over all rows."""
+    """The energy balance of all coordinates, over all rows."""
 
     coordinates: list[int]
     energy: int
@@ -107,7 +107,7 @@ class Whole(NamedTuple):
 
     @property
     def drift(self) -> float:
-        """The largest."""
+        """The largest drift."""
         return self.residuals.energy_drift
 
     @property
@@ -160,13 +160,13 @@ def balances(
 
 
 def label_of(balance: Balance | Whole) -> str:
-    """Name a balance."""
+    """Return the name of a balance."""
     of = f" of {', '.join(balance.names)}" if balance.names else ""
     return f"energy - work{of}"
 
 
 def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
-    """Give what each group shows; nothing where there is one, or no sum over them."""
+    """Return the balance of each group; none where the energy is no sum over some."""
     e, g, n = equations, equations.graph, len(equations.q)
     if n < 2 or len(monitor.passed) < 2:
         return []
@@ -218,7 +218,7 @@ def _between(
     rows: Mapping[str, Floats],
     extents: Mapping[str, tuple[float, float]],
 ) -> list[dict[str, float]]:
-    """Give the velocities that rows do not show: all least ones, all greatest ones."""
+    """Return velocities between rows: all least ones, and all greatest ones."""
     missed = {
         v: extents[v]
         for v in velocities
@@ -228,8 +228,8 @@ def _between(
     return [{v: x[k] for v, x in missed.items()} for k in (0, 1)] if missed else []
 
 
-def worth(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
-    """Give what errors of the state (2 n,) are worth in an energy at a row."""
+def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
+    """Return the error of an energy by errors (2 n,) of the state at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
     names = (*equations.q, *equations.velocities)
     state = zip(row[1 : 1 + len(names)].tolist(), errors.tolist(), strict=True)
@@ -265,8 +265,8 @@ def jumps(equations: Equations, balance: Balance | Whole) -> bool:
     return any(energy.jump(states[k], states[k + 1], least) != 0.0 for k in chosen)
 
 
-def besides_jumps(equations: Equations, balance: Balance | Whole) -> Floats | None:
-    """Give energy - work (k,) of the rows that are kept, without jumps on the way.
+def without_jumps(equations: Equations, balance: Balance | Whole) -> Floats | None:
+    """Return energy - work (k,) of the rows, without the jumps of its expression.
 
     None where there are none.
     """

@@ -1,4 +1,4 @@
-"""Two runs of one motion: what belongs together, how far it is apart, and the verdict.
+"""Two runs of one motion: matched rows, scales of columns, deviations, verdict.
 
 Rows belong together that have the same time; at an impact two rows share a time, and go
 together in their order, before and after. Where velocities jump, or forces, two runs
@@ -35,7 +35,7 @@ IMPACT = "impact"
 
 
 def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
-    """Give when the same happened in both runs (k, 2).
+    """Return the times (k, 2) of events that both runs have.
 
     The same is of one kind, to one constraint, and nearest either way: what only one
     run contains has no partner.
@@ -48,7 +48,7 @@ def moved(events: Iterable[Event], others: Iterable[Event]) -> Floats:
 
 
 def within(t: Floats, pairs: Floats) -> Flags:
-    """Tell which times lie from one of a pair (k, 2) to the other."""
+    """Tell which times lie between the two of a pair (k, 2)."""
     found = np.zeros(len(t), bool)
     for pair in pairs:
         found |= (np.min(pair) <= t) & (t <= np.max(pair))
@@ -71,7 +71,7 @@ def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
 
 
 def partners(mine: Floats, theirs: Floats) -> Floats:
-    """Give those of two runs' times (k, 2) that are nearest to each other."""
+    """Return the mutually nearest times (k, 2) of two runs."""
     if not (len(mine) and len(theirs)):
         return np.empty((0, 2))
     there, back = nearest(mine, theirs), nearest(theirs, mine)
@@ -80,7 +80,7 @@ def partners(mine: Floats, theirs: Floats) -> Floats:
 
 
 def nearest(times: Floats, among: Floats) -> Floats:
-    """Give the number of the nearest for each time (k,)."""
+    """Return the index of the nearest for each time (k,)."""
     middles = (among[1:] + among[:-1]) / 2.0
     return np.asarray(np.searchsorted(middles, times))
 
@@ -92,7 +92,7 @@ SHARE = 1e-3
 
 
 def kind(column: str, columns: Collection[str]) -> str:
-    """Tell what a column holds."""
+    """Return the kind of a column, by its name."""
     for prefix in ("lambda_", "Qc_", "residual_"):
         if column.startswith(prefix):
             return prefix[:-1]
@@ -149,7 +149,7 @@ def scales(
 
 
 def _moving(columns: Sequence[str], wide: Floats) -> float:
-    """Give the range of the kinetic energy, or of what replaces it."""
+    """Return the range of the kinetic energy, or of the Lagrangian."""
     for name in ("kinetic", "lagrangian"):
         if name in columns:
             return float(wide[columns.index(name)])
@@ -219,7 +219,7 @@ def _spacing(t: Floats) -> float:
 
 
 def _turns(t: Floats, near: float) -> Ints:
-    """Give for each row how many before it share its time."""
+    """Return for each row the number of rows before it at its time."""
     turns = np.zeros(len(t), dtype=np.intp)
     for k in np.flatnonzero(np.diff(t) <= near) + 1:  # few: only impacts
         turns[k] = turns[k - 1] + 1

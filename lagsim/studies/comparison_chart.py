@@ -1,4 +1,4 @@
-"""What differs: the worst columns of two tables, or of a run and its golden.
+"""Pictures of a verdict: the worst columns of two tables, or of a run and its golden.
 
 At the left both, at the right the size of their difference in the band of its bound.
 """
@@ -51,8 +51,8 @@ BAND: Pen = {"color": "#009E73", "linewidth": 5.0}
 PLACE = mark("o", 4.0, PENS[2]["color"], "none")
 
 
-def told(verdict: Verdict, letters: Letters) -> list[str]:
-    """Give how many columns differ, and which is the first to do so."""
+def summary(verdict: Verdict, letters: Letters) -> list[str]:
+    """Return the texts on how many columns differ, and on the first in time."""
     first = verdict.first
     if first is None:
         return ["no column differs"]
@@ -63,7 +63,7 @@ def told(verdict: Verdict, letters: Letters) -> list[str]:
 
 
 def shown(worst: Sequence[Deviation]) -> Sequence[Deviation]:
-    """Choose what is drawn; the time only where there is nothing else."""
+    """Return the columns to draw; the time only where there is no other."""
     return [d for d in worst if d.column != "t"][:MOST] or worst[:1]
 
 
@@ -120,7 +120,7 @@ def picture(
 
 
 def thinned(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Give what a picture can show of values (rows,)."""
+    """Return values (rows,) and their times thinned for a picture."""
     thin = Thinning(("t", "values"), paths=())
     for k in range(0, len(t), ROWS):
         thin.add(np.stack((t[k : k + ROWS], values[k : k + ROWS]), 1))

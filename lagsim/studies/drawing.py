@@ -1,4 +1,4 @@
-"""What stands beside the table of a run: events, a page of the motion, pictures.
+"""Files beside the table of a run: events, a page of the motion, pictures.
 
 Pictures may be drawn by a second process, which loads matplotlib while the run is made.
 It is a fork of the first, so it has the model; the rows come as declared arrays, and
@@ -71,13 +71,13 @@ def drawings(
 def beside(
     made: Attempt, rows: Thinning | None, frames: Frames | None = None
 ) -> Iterator[Made]:
-    """Give name and content of all that stands beside the table of a run."""
+    """Return name and content of all files beside the table of a run."""
     yield from events(made)
     yield from drawings(made, rows, frames)
 
 
 def _record(made: Attempt, rows: Thinning, form: str) -> Record:
-    """Give what is to be drawn."""
+    """Return what the pictures of a run have in common."""
     from lagsim.outputs.events import marked, unmarked
     from lagsim.outputs.units import units
 
@@ -112,7 +112,7 @@ def _page(made: Attempt, frames: Frames) -> bytes | None:
 
 
 def _horizon(made: Attempt) -> float:
-    """Give where a forecast ends."""
+    """Return the horizon, infinite where there is none."""
     horizon = None if isinstance(made.bar, str) else made.bar.horizon
     return math.inf if horizon is None else horizon
 
@@ -177,5 +177,5 @@ def _contents(model: Model, content: bytes) -> Iterator[bytes]:
 
 
 def _of_model(x: object) -> str | None:
-    """Name what the other process makes of the model."""
+    """Return the name of an object that the other process makes from the model."""
     return "letters" if isinstance(x, Letters) else None

@@ -1,4 +1,4 @@
-"""The error of a run, estimated: what a repeat by other means gives instead.
+"""The error of a run, estimated by the difference from a repeat by other means.
 
 A local error says little of the motion: the estimate is the difference of two whole
 runs, so that it knows how errors grow on the way. A repeat with the same steps would
@@ -62,7 +62,7 @@ def ranges(
     again: Checkpoints,
     extents: Mapping[str, tuple[float, float]],
 ) -> Floats:
-    """Give the ranges (n,): over all rows of both runs, and over the repeat's steps.
+    """Return the ranges (n,) over all rows of both runs, and over the repeat's steps.
 
     Rows may be few, or show an oscillation always in the same phase.
     """
@@ -76,7 +76,7 @@ def ranges(
 
 
 def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
-    """Give the largest motion beside that of each coordinate, in its own unit (n,).
+    """Return the largest range (n,) of other coordinates, each in the unit of its own.
 
     As far as its inertia may be moved by it: of a heavier body no more than that body's
     own range, so that what is light does not hide behind it; of a lighter one less, as
@@ -86,7 +86,7 @@ def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
 
 
 def linked(equations: Equations, start: Instant, found: Floats) -> Floats:
-    """Give `beside` of what the rows of constraints link each coordinate with (n,)."""
+    """Return `beside` (n,) of the coordinates that constraints link with each."""
     labels = joined(len(found), [row.A.entries for row in equations.rows])
     return in_groups(labels, _roots(equations, start), found)
 
@@ -103,7 +103,7 @@ def _roots(equations: Equations, start: Instant) -> Floats:
 def hardly_moving(
     found: Floats, moving: Floats, errors: Floats, scales: Floats
 ) -> list[int]:
-    """Give the numbers of coordinates that may rest but for rounding.
+    """Return the indices of coordinates that may be at rest but for rounding.
 
     All else moves by far more than its error, or than the millionth of what moves
     beside it, and what could push it need not be asked.
@@ -120,7 +120,7 @@ def is_at_rest(found: Floats, largest: Floats, held: Floats) -> bool:
 def scales_of(
     found: Floats, moving: Floats, linked: Floats, largest: Floats, held: Floats
 ) -> tuple[Floats, Floats]:
-    """Give what errors are given as parts of, and below which there is no horizon (n,).
+    """Return the scales of errors (n,), and the ranges below which there is no horizon.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ MOST_ARCS = 3.0
 
 
 def cost(system: System, method: str) -> float:
-    """Give about how many operations an evaluation takes, whatever goes with it."""
+    """Return the cost of an evaluation, in operations."""
     operations = float(system.operations)
     if system.plan.method == SERIES and method != SERIES:
         operations /= SERIES_LENGTH
@@ -190,12 +190,12 @@ def cost(system: System, method: str) -> float:
 
 
 def own_cost(system: System, trajectory: Trajectory) -> float:
-    """Give what the evaluations of a run took."""
+    """Return the cost of the evaluations of a run, in operations."""
     return trajectory.statistics.evaluations * cost(system, system.plan.method)
 
 
 class Repeat(NamedTuple):
-    """Other means of making a run, and the evaluations that a step takes."""
+    """Other means of integration: a session, and the evaluations in a step."""
 
     session: Session
     per_step: float = PER_STEP
@@ -211,7 +211,7 @@ class Repeat(NamedTuple):
         return self.per_step * self.evaluation
 
     def limited(self, most: int) -> Repeat:
-        """Give them with so many steps at most; arcs count as some, where steps do."""
+        """Return the same with a limit on steps; an arc counts as some of them."""
         arc = ARC / self.step if most < MOST_STEPS else 0.0
         way = self.session._replace(most_steps=most, arc_steps=arc)
         return self._replace(session=way)
@@ -223,7 +223,7 @@ class Repeat(NamedTuple):
         judge: Callable[[Session], Judge] | None,
         **more: Any,
     ) -> tuple[Trajectory, Judge | None]:
-        """Make it; take its price from the allowance; give it, and what judges it."""
+        """Run it, charge the allowance; return the trajectory, and what judges it."""
         own = None if judge is None else judge(self.session)
         found = self.session.run([kept, *([own] if own else [])], **more)
         allowance.take(self, found)
@@ -231,25 +231,25 @@ class Repeat(NamedTuple):
 
 
 class Allowance:
-    """What is left for the judging of a run."""
+    """The budget of operations left for the verification of a run."""
 
     def __init__(self, system: System, trajectory: Trajectory) -> None:
         arcs = ARC * trajectory.statistics.arcs
         self.left = WHOLE_TIMES * (own_cost(system, trajectory) + arcs) + WHOLE
 
     def steps(self, other: Repeat, system: System, trajectory: Trajectory) -> int:
-        """Give how many steps a repeat of a run by `system` may make."""
+        """Return the number of steps that a repeat of a run by `system` may take."""
         own = own_cost(system, trajectory)
         most = min(BUDGET, max(MOST_TIMES * own, ALWAYS))
         most += MOST_ARCS * ARC * trajectory.statistics.arcs
         return int(min(most, self.left) / other.step)
 
     def most(self, other: Repeat, steps: int) -> int:
-        """Give how many of so many steps may be made."""
+        """Return the number of steps that may be taken, out of so many."""
         return min(steps, int(self.left / other.step))
 
     def take(self, other: Repeat, trajectory: Trajectory) -> None:
-        """Take what a run by such means has cost."""
+        """Charge the cost of a run by such means."""
         made = trajectory.statistics
         price = made.evaluations * other.evaluation + ARC * made.arcs
         self.left = max(0.0, self.left - price)
@@ -258,7 +258,7 @@ class Allowance:
 def has_same_steps(
     plan: Plan, trajectory: Trajectory, other: Plan, repeated: Trajectory
 ) -> bool:
-    """Tell whether a repeat has made the very steps of a run: it is then the run.
+    """Tell whether a repeat took the same steps as the run, and says nothing of it.
 
     Their number and the shortest of them, to the last bit, tell all others.
     """
@@ -271,7 +271,7 @@ def has_same_steps(
 
 
 def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]:
-    """Give the ways to make a run again, the best first."""
+    """Return other means of integration, the best first."""
 
     def way(plan: Plan, longest: float) -> Session:
         return session._replace(plan=plan, longest_step=longest)
@@ -311,7 +311,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
 
 
 def _sees_all(system: System) -> bool:
-    """Tell whether nothing in a model can hide from a series, whatever its steps.
+    """Tell whether a series misses no feature of a model, whatever its steps.
 
     Then other steps are other means enough, and no second method has to be linked.
     """
@@ -344,7 +344,7 @@ def tightened(plan: Plan, times: float) -> Plan:
 
 
 def _free(case: Case) -> Session:
-    """Give what repeats a method without error control."""
+    """Return the session that repeats a method without error control."""
     free = case.asking(method=ANY, formulation="auto", rtol=FREE_RTOL, atol=None)
     return free.ready()._replace(case=case)
 
@@ -365,10 +365,10 @@ ALIKE = 1e-4
 
 
 class Judge(Observer, Protocol):
-    """What the rows of a repeat are judged by before it may accuse a run."""
+    """Observer that validates the rows of a repeat."""
 
     def fault(self, trajectory: Trajectory) -> str:
-        """Say why they are no answer; "" where they may be one."""
+        """Return why the rows are not valid, or ""."""
 
 
 def repeat(
@@ -444,7 +444,7 @@ def is_outlier(
     allowance: Allowance | None = None,
     interrupt: Interrupt | None = None,
 ) -> bool:
-    """Tell whether it is the run, and not its repeat, that is off: by a third one.
+    """Tell whether the run, and not its repeat, is wrong: by a third one.
 
     Two that are tighter agree better by far where the run has passed over something; by
     as much as their tolerances differ where motions part exponentially.
@@ -471,7 +471,7 @@ def is_outlier(
 
 
 def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
-    """Tell whether a repeat came as far, or to an end of its own."""
+    """Tell whether a repeat reached the end of the run, or an end of its own."""
     if repeated.outcome.complete:
         return True
     span = trajectory.end - trajectory.start
@@ -479,7 +479,7 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
 
 
 def _spaced(other: Repeat, checkpoints: Checkpoints) -> tuple[Repeat, Checkpoints]:
-    """Give other means with the rows of a repeat, and what keeps those to compare."""
+    """Return other means with output rows of a repeat, and the observer of these."""
     count, case = len(checkpoints.rows), other.session.case
     finer = -(-LEAST_ROWS // count) if checkpoints.stride == 1 else 1
     spacing = checkpoints.stride * case.settings.output_step / finer
@@ -495,7 +495,7 @@ def _compared(
     checkpoints: Checkpoints,
     again: Checkpoints,
 ) -> ErrorBar:
-    """Compare rows of the same numbers, as far as both go, and ends alike."""
+    """Return the error bar by rows of the same numbers, and by the ends."""
     equations, start = case.equations, case.start
     n = len(equations.q)
     rows, others = [], []
@@ -558,7 +558,7 @@ def _largest(values: Floats) -> Floats:
 
 
 def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:
-    """Say how two runs that came to their ends ended differently."""
+    """Return the text on two runs that ended differently, or ""."""
     if not (run.outcome.complete and repeated.outcome.complete):
         return ""
     return (

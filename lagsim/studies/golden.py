@@ -1,4 +1,4 @@
-"""What a motion is, and how well it is known: rows, bounds, horizon, invariants.
+"""The golden of a motion: rows, bounds of their errors, horizon, invariants.
 
 All that may make a run differ from the golden one does so here: up to a hundred times
 the tolerance, a tenth of it, start and parameters moved by rounding errors, other
@@ -19,7 +19,7 @@ from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.outputs.units import told
+from lagsim.outputs.units import stated_units
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import kind, moved, nearest, partners, scales
 from lagsim.tolerances import SAME_ROW, SAME_STEP, UNIT_ROUNDOFF, VALUE_ROUNDOFF
@@ -87,7 +87,10 @@ class Motion:
         place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
         same = np.abs(t[place] - times) <= near
         found[same] = self.rows[place[same]]
-        asked, first = np.flatnonzero(befores(times)), np.flatnonzero(befores(t))
+        asked, first = (
+            np.flatnonzero(before_impacts(times)),
+            np.flatnonzero(before_impacts(t)),
+        )
         if len(asked) and len(first):
             place = first[nearest(times[asked], t[first])]
             found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
@@ -110,7 +113,7 @@ class Sparse:
         rows = np.concatenate([*self._kept[-1:], rows])
         t = rows[:, 0]
         places = numbers(t, self._start, self._step)
-        wanted = (places >= 0) & (places % self._stride == 0) | paired(t)
+        wanted = (places >= 0) & (places % self._stride == 0) | at_impacts(t)
         late = t == t[-1]
         self._kept[-1:] = [rows[wanted & ~late], rows[late]]
 
@@ -120,15 +123,15 @@ class Sparse:
         return np.concatenate(self._kept)
 
 
-def befores(t: Floats) -> Flags:
-    """Tell which of some times have the next, and no other, as their twin (k,)."""
+def before_impacts(t: Floats) -> Flags:
+    """Tell which times (k,) equal the next, and no other: rows before an impact."""
     same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
     return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
 
 
-def paired(t: Floats) -> Flags:
-    """Tell which of some times have a twin (k,)."""
-    first = befores(t)
+def at_impacts(t: Floats) -> Flags:
+    """Tell which times (k,) are those of two rows: before and after an impact."""
+    first = before_impacts(t)
     return np.asarray(first | np.append([False], first)[: len(t)])
 
 
@@ -156,7 +159,7 @@ def perturbed(case: Case, seed: int) -> Case:
 
 
 def motion_of(case: Case, stride: int) -> Motion:
-    """Run it.
+    """Return the motion of a case, one row of each `stride`.
 
     Raises
     ------
@@ -174,7 +177,7 @@ def motion_of(case: Case, stride: int) -> Motion:
 
 
 def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
-    """Give runs that differ from the golden one as far as one may, with their kinds.
+    """Return variants of the golden run, with their kinds.
 
     The kinds are `looser`, `tighter`, `perturbed` and `method`. One that does not come
     to the end is left out.
@@ -224,7 +227,7 @@ ALONE = 4.0
 
 
 def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
-    """Give the rows that are clear of events, the first, the last, and impacts.
+    """Return the indices of rows away from events, with the ends and some impacts.
 
     Of these some, evenly: both rows of each. They have times of their own, which other
     runs move.
@@ -233,17 +236,17 @@ def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
     events = [e for e in base.trajectory.events if e.kind != "until"]
     times = np.unique([e.time for e in events])
     reach = np.full(len(times), NEAR_EVENT * spacing)
-    common = t[befores(t)]
+    common = t[before_impacts(t)]
     for other in others:
         pairs = moved(events, other.trajectory.events)
         late = np.minimum(TIMES_MOVED * np.abs(pairs[:, 1] - pairs[:, 0]), spacing)
         np.maximum.at(reach, np.searchsorted(times, pairs[:, 0]), late)
-        theirs = other.rows[befores(other.rows[:, 0]), 0]
+        theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
         common = partners(common, theirs)[:, 0]
     ends = np.isin(np.arange(len(t)), (0, len(t) - 1))
     reached = np.any(np.abs(t[:, None] - times) <= reach, axis=1)
-    kept = ends | ~(reached | paired(t))
-    first = np.flatnonzero(befores(t) & np.isin(t, common))
+    kept = ends | ~(reached | at_impacts(t))
+    first = np.flatnonzero(before_impacts(t) & np.isin(t, common))
     apart = SAME_STEP * spacing
     alone = [
         k
@@ -262,7 +265,7 @@ RESIDUAL = "residual_"
 
 
 def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
-    """Give what should be constant, in the rows of a motion (rows,).
+    """Return the conserved quantities in the rows of a motion (rows,).
 
     That is the energy (less the work), each residual, and the momentum of each
     coordinate that is in neither the Lagrangian nor a force nor a constraint. Of what
@@ -292,7 +295,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
 
 
 def _residuals(equations: Equations, column: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Give what is zero in every row; nothing of what may be out of force."""
+    """Return the residuals (rows,) of constraints that are always in force."""
     found = {}
     kinds = {law.row.name: law for law in equations.laws}
     for name, values in column.items():
@@ -327,7 +330,7 @@ LEAVE_OUT = (
 
 
 class Invariant(NamedTuple):
-    """What a motion keeps: its value, and how far from it any row may be."""
+    """A conserved quantity: its value, and the bound of deviations."""
 
     value: float
     bound: float
@@ -335,7 +338,7 @@ class Invariant(NamedTuple):
 
 @dataclass(frozen=True)
 class Golden:
-    """A motion as far as it is known.
+    """A motion with bounds of its error, up to its horizon.
 
     Attributes
     ----------
@@ -366,7 +369,7 @@ class Golden:
 
 
 def measure(case: Case) -> tuple[Golden, Motion]:
-    """Run a model and its variants; give its golden, and the run it was made from."""
+    """Return the golden of a case by its variants, and the motion it was made from."""
     spacing = case.settings.output_step
     span = case.settings.duration / spacing
     stride = _stride(int(span) + 2, case.ready().system.columns.table)
@@ -379,15 +382,15 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     near = SAME_ROW * spacing
     with np.errstate(invalid="ignore"):
         apart = _apart(rows, base, others, near) + _floors(case, base, rows)
-    sizes = scales(base.columns, rows.T, told(case.equations, base.columns))
+    sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
     moving = [
         base.columns.index(name)
         for name in (*case.equations.q, *case.equations.velocities)
     ]
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
-    other = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & paired(rows[:, 0])
-    first = befores(rows[:, 0])
+    other = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
+    first = before_impacts(rows[:, 0])
     other[1:] |= other[:-1] & first[:-1]
     other[:-1] |= other[1:] & first[:-1]
     rows, apart = rows[~other], apart[~other]
@@ -413,7 +416,7 @@ def _stride(rows: int, columns: int) -> int:
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
-    """Give the columns to keep: of a long table what the others follow from first."""
+    """Return the columns to store; of a long table derived ones are left out first."""
     if len(columns) <= MOST_COLUMNS:
         return tuple(columns)
     e = case.equations
@@ -433,9 +436,9 @@ def _some(names: Sequence[str], most: int) -> Sequence[str]:
 
 
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
-    """Give what no bound is below, (k, columns): the tolerance, and rounding errors."""
+    """Return the least bounds (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
-    of = told(case.equations, base.columns[1:])
+    of = stated_units(case.equations, base.columns[1:])
     sizes = scales(base.columns, rows.T, of)
     alone = sizes.copy()
     for k, name in enumerate(base.columns):
@@ -448,12 +451,12 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     t = base.columns.index("t")
     when, floors[t] = floors[t], 0.0
     floors = floors + _roundings(case, base, rows)
-    floors[paired(rows[:, 0]), t] = when  # of an impact that is a result
+    floors[at_impacts(rows[:, 0]), t] = when  # of an impact that is a result
     return np.asarray(floors)
 
 
 def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
-    """Refuse columns that no other run could be held against."""
+    """Refuse columns that are not finite, or have no finite bound."""
     problems = []
     for k, name in enumerate(names):
         # Where a row has no value, bounds may have none anywhere.
@@ -468,7 +471,7 @@ def _ask_finite(names: Sequence[str], rows: Floats, bounds: Floats) -> None:
 
 
 def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
-    """Give what rounding may change of the definitions in each row (k, columns)."""
+    """Return the rounding errors (k, columns) of the definitions in each row."""
     model = case.equations.model
     shown = [d for d in model.definitions if d.name in base.columns]
     found = np.zeros_like(rows)
@@ -486,7 +489,7 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
 
 
 def _apart(rows: Floats, base: Motion, others: Sequence[Motion], near: float) -> Floats:
-    """Give how far each value may be from what it is (k, columns)."""
+    """Return the largest deviation (k, columns) of variants, times a safety factor."""
     largest = np.zeros_like(rows)
     for other in others:
         if other.columns == base.columns:
@@ -496,7 +499,7 @@ def _apart(rows: Floats, base: Motion, others: Sequence[Motion], near: float) ->
 
 
 def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
-    """Give bounds that never fall as few steps."""
+    """Return nondecreasing bounds as few steps (time, bound)."""
     found: list[tuple[float, float]] = []
     for time, bound in zip(t.tolist(), bounds.tolist(), strict=True):
         if not found or bound > found[-1][1]:
@@ -515,7 +518,7 @@ def rounded_up(x: float) -> float:
 def _invariants(
     case: Case, base: Motion, others: Sequence[Motion]
 ) -> dict[str, Invariant]:
-    """Give what is kept, and how well the runs kept it."""
+    """Return the conserved quantities, with bounds by the variants."""
     found = {}
     rtol = base.plan.rtol or DEFAULT_RTOL
     kept = invariants(case.equations, base)

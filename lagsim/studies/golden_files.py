@@ -1,4 +1,4 @@
-"""Goldens in files, and runs judged by them.
+"""Files of goldens, and verdicts on runs by them.
 
 `<name>.csv` holds the rows of a golden, and `<name>.json` all else.
 """
@@ -23,9 +23,9 @@ from lagsim.studies.golden import (
     Golden,
     Invariant,
     Motion,
+    at_impacts,
     invariants,
     motion_of,
-    paired,
 )
 from lagsim.studies.tables import read_table
 from lagsim.tolerances import SAME_ROW
@@ -64,7 +64,7 @@ def names(model_name: str) -> tuple[str, str]:
 
 
 def table(golden: Golden) -> bytes:
-    """Give the rows, their digits cut to what is certain."""
+    """Return the CSV of the rows, with the digits that are certain."""
     lines = [",".join(golden.columns)]
     bounds = {name: golden.bounds(name) for name in golden.columns}
     for k, row in enumerate(golden.rows.tolist()):
@@ -77,7 +77,7 @@ def table(golden: Golden) -> bytes:
 
 
 def certain(value: float, bound: float) -> str:
-    """Give the shortest text of a value to a tenth of its bound, or better."""
+    """Return the shortest text of a value to a tenth of its bound, or better."""
     if not (bound > 0.0 and math.isfinite(value)):
         return repr(value)
     last = math.floor(math.log10(DIGITS * bound))
@@ -205,7 +205,7 @@ CONSTANT = " (constant)"
 
 
 def run(case: Case, stored: Stored) -> Motion:
-    """Run a model so that its rows lie at the golden's times."""
+    """Return the motion of a case with rows at the times of the golden."""
     spacing = float(stored.about["output_step"])
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
@@ -214,7 +214,7 @@ def run(case: Case, stored: Stored) -> Motion:
 
 
 def judge(case: Case, motion: Motion, stored: Stored) -> Verdict:
-    """Hold a motion against the golden of its model."""
+    """Return the verdict on a motion by the golden of its model."""
     golden, about, model = stored.golden, stored.about, case.equations.model
     pairs = dict(_columns(motion, stored)) | dict(_invariants(case, motion, golden))
     known = about.get("columns", golden.columns)
@@ -235,7 +235,7 @@ def judge(case: Case, motion: Motion, stored: Stored) -> Verdict:
 def _changed(
     model: Model, about: Mapping[str, Any]
 ) -> tuple[list[str] | None, list[Place]]:
-    """Give what is no longer as it was, None where the golden does not tell, and where.
+    """Return texts on changed inputs, None where not known, and their places.
 
     Start values that follow a parameter are not named beside it.
     """
@@ -264,7 +264,7 @@ def _changed(
 
 
 def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
-    """Give the places of what the columns that differ are named after."""
+    """Return the places of the inputs that columns which differ are named after."""
     places = dict(model.places)
     places |= {c.name: c.relation.place for c in model.constraints}
     found = []
@@ -287,7 +287,7 @@ def _columns(motion: Motion, stored: Stored) -> Iterator[tuple[str, Pair]]:
         if name in motion.columns:
             bounds = golden.bounds(name)
             if name == "t":  # the same times as far as they were looked for
-                bounds = bounds + np.where(paired(t), 0.0, near)
+                bounds = bounds + np.where(at_impacts(t), 0.0, near)
             new = rows[:, motion.columns.index(name)]
             yield name, Pair(t, golden.rows[:, k], new, bounds)
 
@@ -316,7 +316,7 @@ def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
 def _notes(
     case: Case, motion: Motion, about: Mapping[str, Any], changed: list[str] | None
 ) -> list[str]:
-    """Tell what has changed besides the motion."""
+    """Return notes on changes besides those of the motion."""
     notes = []
     model = case.equations.model
     if model.sha256 != about.get("model_sha256"):
@@ -354,7 +354,7 @@ def picture(case: Case, verdict: Verdict) -> bytes:
     model = case.equations.model
     columns = [d.column.partition(" ")[0] for d in verdict.worst]
     letters, units = letters_of(model), of_table(case.equations, columns)
-    subject = ", ".join(comparison_chart.told(verdict, letters))
+    subject = ", ".join(comparison_chart.summary(verdict, letters))
     title = f"{model.name} differs from its golden"
     return comparison_chart.picture(
         title, subject, verdict, letters, units, verdict.changed

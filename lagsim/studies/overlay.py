@@ -36,7 +36,7 @@ ROWS = 1 << 16
 
 
 class Shown(NamedTuple):
-    """One of the results: what it is called, its run.json, its table."""
+    """A result: its label, folder, run.json and table."""
 
     label: str
     folder: Path
@@ -137,7 +137,7 @@ def title(runs: Sequence[Shown]) -> str:
 
 
 def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
-    """Give what distinguishes runs and its value in each, for the colours of many.
+    """Return the quantity that distinguishes runs, and its values, for colours.
 
     That is the one parameter that differs, or a start value of what is drawn, or the
     place in which a run is given.
@@ -215,7 +215,7 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
 
 
 def motions(runs: Sequence[Shown]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Give what a page of all runs plays, and what there is to say of the others."""
+    """Return the records of a page of all runs, and notes on those without one."""
     found: list[dict[str, Any]] = []
     told: list[str] = []
     for run in runs:

@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.model.model import Settings
 from lagsim.model.reader import read
-from lagsim.studies.golden import Sparse, befores, measure, paired
+from lagsim.studies.golden import Sparse, at_impacts, before_impacts, measure
 from lagsim.studies.golden_files import Stored, judge, run
 from tests.golden.scenes import judged, scene_of, stored
 from tests.scenes.contact import scenes
@@ -27,7 +27,7 @@ def changed(name, old, new):
 @pytest.mark.parametrize("name", IMPACTS)
 def test_goldens_keep_both_rows_of_impacts(name):
     t = stored(name).golden.rows[:, 0]
-    assert 2 <= np.count_nonzero(paired(t)) <= 12
+    assert 2 <= np.count_nonzero(at_impacts(t)) <= 12
     assert stored(name).golden.horizon is None
 
 
@@ -63,7 +63,7 @@ def test_an_impact_that_moves_by_rounding_is_the_same():
 def shifted(motion, by):
     """Give the motion with each impact `by` later, and nothing else."""
     rows = motion.rows.copy()
-    rows[paired(rows[:, 0]), 0] += by
+    rows[at_impacts(rows[:, 0]), 0] += by
     return replace(motion, rows=rows)
 
 
@@ -81,7 +81,7 @@ def test_an_impact_that_is_gone_is_missed():
     name = "bouncing-ball"
     case = changed(name, "h: {value: 1.0,", "h: {value: 1.0,")
     motion = run(case, stored(name))
-    gone = replace(motion, rows=motion.rows[~paired(motion.rows[:, 0])])
+    gone = replace(motion, rows=motion.rows[~at_impacts(motion.rows[:, 0])])
     assert not judged(name, case, gone).passed
 
 
@@ -100,10 +100,10 @@ def test_laws_of_every_kind_are_the_same_again(text):
 
 def test_twins():
     t = np.array([0.0, 1, 1, 2, 2, 2, 3, 4, 4])
-    assert befores(t).tolist() == [k in (1, 7) for k in range(9)]
-    assert paired(t).tolist() == [k in (1, 2, 7, 8) for k in range(9)]
+    assert before_impacts(t).tolist() == [k in (1, 7) for k in range(9)]
+    assert at_impacts(t).tolist() == [k in (1, 2, 7, 8) for k in range(9)]
     for short in ([], [1.0]):
-        assert not paired(np.array(short)).any()
+        assert not at_impacts(np.array(short)).any()
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 20])
