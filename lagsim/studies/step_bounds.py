@@ -162,19 +162,18 @@ def about_steps(
     """Hold the step of a run against the eigenvalues of its model."""
     if trajectory.choices:
         return []  # another method went on
-    module = method(plan.method)
-    steps = trajectory.statistics.steps
     if len(equations.q) > MOST_COORDINATES:
         return []
+    module, steps = method(plan.method), trajectory.statistics.steps
     span = trajectory.end - trajectory.start
     h = span / steps if plan.step is None else plan.step
     if plan.formulation == "baumgarte":
         return _penalty(module, h, plan, _seen(equations, monitor, 1.0 / plan.gain))
-    seen = _seen(equations, monitor, h)
+    check = _Check(equations, module, h, span, _seen(equations, monitor, h))
     if plan.step is None and math.isfinite(module.IMAGINARY_LIMIT):
-        return _held(module, h, seen, equations) if steps > FEW else []
-    found = [] if plan.step is None else _unstable(module, h, span, seen, equations)
-    return found or _damping(module, h, span, seen, equations, monitor.energy_in_play)
+        return check.held() if steps > FEW else []
+    found = [] if plan.step is None else check.unstable()
+    return found or check.damping(monitor.energy_in_play)
 
 
 def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
@@ -231,130 +230,119 @@ def _penalty(
     return [Caution("step-at-stability-bound", text)]
 
 
-def _held(
-    module: ModuleType, h: float, seen: list[Seen], equations: Equations
-) -> list[Caution]:
-    """Say so where steps that a method chose are longer than accuracy would allow.
+class _Check(NamedTuple):
+    """Steps of a method over a run, and the model linearised along it.
 
-    What the fastest motion does then decides on them, though nothing is seen of it.
+    Attributes
+    ----------
+    h, span : float
+        The step, and the length of the run.
     """
-    sizes = [np.abs(there.eigenvalues) for there in seen]
-    reaches = [h * float(np.max(x, initial=0.0)) for x in sizes]
-    if not reaches or not np.median(reaches) > RESOLVED:
-        return []
-    there = seen[int(np.argmax(reaches))]
-    k = int(np.argmax(np.abs(there.eigenvalues)))
-    text = (
-        f"the steps (about {h:.3g}) are held at the stability bound of "
-        f"{module.NAME}, not by accuracy: fast motion of "
-        f"{_named(equations, there.shapes[:, k])} at about "
-        f"{abs(there.eigenvalues[k]):.3g} per unit of time; `--method radau` takes "
-        "longer steps where fast motion has died out"
-    )
-    return [Caution("step-at-stability-bound", text)]
 
+    equations: Equations
+    module: ModuleType
+    h: float
+    span: float
+    seen: list[Seen]
 
-def _unstable(
-    module: ModuleType, h: float, span: float, seen: list[Seen], equations: Equations
-) -> list[Caution]:
-    """Say so where a fixed step is past the bound of a mode, or close to it."""
-    best: tuple[float, Seen] | None = None
-    for there in seen:
-        bound = predicted(module.amplification, there.eigenvalues, span)
-        if bound is not None and (best is None or bound < best[0]):
-            best = bound, there
-    if best is None or not h > NEAR * best[0]:
-        return []
-    bound, there = best
-    k = _first(module, there.eigenvalues, span)
-    eigenvalue = complex(there.eigenvalues[k])
-    if bound == 0.0 and not _shows(module, h, span, eigenvalue):
-        return []
-    past = exceeds(module.amplification, h * eigenvalue)
-    what = "past" if past else "close to"
-    which = _named(equations, there.shapes[:, k])
-    text = (
-        f"at t = {there.t:.6g} the step ({h:.3g}) is {what} the stability bound of "
-        f"{module.NAME}: fast motion of {which} at about {abs(eigenvalue):.3g} per "
-        "unit of time"
-    )
-    if past:
-        text += " grows from step to step"
-    if bound == 0.0:
-        text += (
-            "; the method is unstable for undamped oscillation at every step, take "
-            "another method"
+    def held(self) -> list[Caution]:
+        """Say so where steps that a method chose are longer than accuracy would allow.
+
+        What the fastest motion does then decides on them, though nothing is seen of it.
+        """
+        sizes = [np.abs(there.eigenvalues) for there in self.seen]
+        reaches = [self.h * float(np.max(x, initial=0.0)) for x in sizes]
+        if not reaches or not np.median(reaches) > RESOLVED:
+            return []
+        there = self.seen[int(np.argmax(reaches))]
+        k = int(np.argmax(np.abs(there.eigenvalues)))
+        text = (
+            f"the steps (about {self.h:.3g}) are held at the stability bound of "
+            f"{self.module.NAME}, not by accuracy: fast motion of "
+            f"{self.named(there, k)} at about {abs(there.eigenvalues[k]):.3g} per unit "
+            "of time; `--method radau` takes longer steps where fast motion has died "
+            "out"
         )
-    else:
-        text += f"; take a step below {NEAR * bound:.2g}, or `--method auto`"
-    return [Caution("step-at-stability-bound", text)]
+        return [Caution("step-at-stability-bound", text)]
 
+    def unstable(self) -> list[Caution]:
+        """Say so where a fixed step is past the bound of a mode, or close to it."""
+        amplification, h = self.module.amplification, self.h
+        best: tuple[float, Seen] | None = None
+        for there in self.seen:
+            bound = predicted(amplification, there.eigenvalues, self.span)
+            if bound is not None and (best is None or bound < best[0]):
+                best = bound, there
+        if best is None or not h > NEAR * best[0]:
+            return []
+        bound, there = best
+        bounds = [predicted(amplification, [x], self.span) for x in there.eigenvalues]
+        k = int(np.argmin([math.inf if b is None else b for b in bounds]))
+        eigenvalue = complex(there.eigenvalues[k])
+        if bound == 0.0:  # an instability at every step may not be seen within the run
+            grown = math.log(amplification(h * eigenvalue)) - h * eigenvalue.real
+            if not 2.0 * grown * self.span / h > DAMPED:
+                return []
+        past = exceeds(amplification, h * eigenvalue)
+        what = "past" if past else "close to"
+        text = (
+            f"at t = {there.t:.6g} the step ({h:.3g}) is {what} the stability bound of "
+            f"{self.module.NAME}: fast motion of {self.named(there, k)} at about "
+            f"{abs(eigenvalue):.3g} per unit of time"
+        )
+        if past:
+            text += " grows from step to step"
+        if bound == 0.0:
+            text += (
+                "; the method is unstable for undamped oscillation at every step, take "
+                "another method"
+            )
+        else:
+            text += f"; take a step below {NEAR * bound:.2g}, or `--method auto`"
+        return [Caution("step-at-stability-bound", text)]
 
-def _first(module: ModuleType, eigenvalues: Complexes, span: float) -> int:
-    """Give the eigenvalue whose bound is the smallest."""
-    bounds = [predicted(module.amplification, [x], span) for x in eigenvalues]
-    return int(np.argmin([math.inf if b is None else b for b in bounds]))
+    def damping(self, in_play: float) -> list[Caution]:
+        """Say so where the method takes the energy of a mode that has some."""
+        h, module = self.h, self.module
+        worst, shown = EXCITED * in_play, None
+        for there in self.seen:
+            left = self.span - (there.t - self.seen[0].t)
+            for k in np.flatnonzero(there.energies > worst):
+                lost = self.lost(h, complex(there.eigenvalues[k]), left)
+                if lost > DAMPED:
+                    worst, shown = there.energies[k], (there, int(k), lost)
+        if shown is None:
+            return []
+        there, k, lost = shown
+        size = abs(there.eigenvalues[k])
+        # A step that keeps the oscillation for the run.
+        steps = [h * 0.5**n for n in range(1, 41)]
+        kept = (x for x in steps if self.lost(x, complex(0.0, size)) < DAMPED)
+        how = "a tighter rtol, for " if module.ADAPTIVE else ""
+        text = (
+            f"{module.NAME} damps the oscillation of {self.named(there, k)} at about "
+            f"{size:.3g} per unit of time: with steps of {h:.2g} it takes "
+            f"{100 * lost:.0f} % of that motion's energy within the run, and no force "
+            f"of the model does; {how}steps below {next(kept, steps[-1]):.1g}, or "
+            "`--method auto`, keep it"
+        )
+        return [Caution("fast-mode-damped", text)]
 
+    def lost(self, h: float, eigenvalue: complex, left: float | None = None) -> float:
+        """Give the part of a mode's energy that steps h take beside the motion.
 
-def _shows(module: ModuleType, h: float, span: float, eigenvalue: complex) -> bool:
-    """Tell whether an instability at every step is seen within the run."""
-    grown = math.log(module.amplification(h * eigenvalue)) - h * eigenvalue.real
-    return 2.0 * grown * span / h > DAMPED
+        Until the end of the run, or for a time that is `left`.
+        """
+        size = self.module.amplification(h * eigenvalue)
+        if size <= 0.0:
+            return 1.0
+        rate = math.log(size) / h - eigenvalue.real
+        span = self.span if left is None else left
+        return -math.expm1(min(0.0, 2.0 * rate * span))
 
-
-def _damping(
-    module: ModuleType,
-    h: float,
-    span: float,
-    seen: list[Seen],
-    equations: Equations,
-    in_play: float,
-) -> list[Caution]:
-    """Say so where the method takes the energy of a mode that has some."""
-    start = seen[0].t if seen else 0.0
-    worst, shown = EXCITED * in_play, None
-    for there in seen:
-        left = span - (there.t - start)
-        for k in np.flatnonzero(there.energies > worst):
-            eigenvalue = complex(there.eigenvalues[k])
-            lost = _lost(module, h, left, eigenvalue)
-            if lost > DAMPED:
-                worst, shown = there.energies[k], (there, k, lost)
-    if shown is None:
-        return []
-    there, k, lost = shown
-    size = abs(there.eigenvalues[k])
-    which = _named(equations, there.shapes[:, k])
-    how = "a tighter rtol, for " if module.ADAPTIVE else ""
-    text = (
-        f"{module.NAME} damps the oscillation of {which} at about {size:.3g} per "
-        f"unit of time: with steps of {h:.2g} it takes {100 * lost:.0f} % of that "
-        "motion's energy within the run, and no force of the model does; "
-        f"{how}steps below {_gentle(module, h, span, size):.1g}, or `--method "
-        "auto`, keep it"
-    )
-    return [Caution("fast-mode-damped", text)]
-
-
-def _lost(module: ModuleType, h: float, span: float, eigenvalue: complex) -> float:
-    """Give the part of a mode's energy that the method takes beside the motion."""
-    size = module.amplification(h * eigenvalue)
-    if size <= 0.0:
-        return 1.0
-    rate = math.log(size) / h - eigenvalue.real
-    return -math.expm1(min(0.0, 2.0 * rate * span))
-
-
-def _gentle(module: ModuleType, h: float, span: float, size: float) -> float:
-    """Give a step, h halved so often, that keeps an oscillation for the run."""
-    for _ in range(40):
-        h *= 0.5
-        if _lost(module, h, span, complex(0.0, size)) < DAMPED:
-            break
-    return h
-
-
-def _named(equations: Equations, shape: Floats) -> str:
-    names = [f"`{q}`" for q, x in zip(equations.q, shape, strict=True) if x > 0.5]
-    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
-    return ", ".join(names[:4]) + more
+    def named(self, there: Seen, k: int) -> str:
+        """Name the coordinates that have the most part in a mode."""
+        shapes = zip(self.equations.q, there.shapes[:, k], strict=True)
+        names = [f"`{q}`" for q, x in shapes if x > 0.5]
+        more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+        return ", ".join(names[:4]) + more

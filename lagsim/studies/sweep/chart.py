@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 # Inches: a panel of curves.
 CURVES = 1.5
-# Panels at most, or rows of maps: of coordinates first, then of definitions.
+# Panels at most, or rows of maps: coordinates first, then definitions.
 MOST = 6
 # Values that spread over so many times the least, and evenly so in their logarithms,
 # stand on an axis of powers of ten.
@@ -57,7 +57,9 @@ FEW = 60
 
 def chart(found: Found) -> bytes:
     """Draw what was found. Returns the picture."""
-    names = shown_columns(found)
+    model = found.model
+    names = [c.name for c in model.coordinates]
+    names += [d.name for d in model.definitions if d.name in found.columns]
     missing = not all(row.numbers.size and row.complete for row in found.rows.values())
     more: dict[str, Any] = {
         "subject": f"{found.grid.runs} runs", "notes": _notes(found, len(names))
@@ -65,13 +67,10 @@ def chart(found: Found) -> bytes:
     if len(found.grid.axes) == 1:
         return content(_curves(found, names[:MOST], more, missing=missing))
     more["legend"] = [("not complete", BAND | {"color": NO_RESULT})] if missing else []
-    runs = np.arange(found.grid.runs)
-    parts = ["end"] if found.work.ends else ["end", "max"]
+    parts = {"end": END} if found.work.ends else {"end": END, "max": HIGH}
     columns = {
-        f"{name}.{part}": values_of(found, name, runs)[
-            :, END if part == "end" else HIGH
-        ]
-        for name, part in product(names[:MOST], parts)
+        f"{name}.{part}": values_of(found, name)[:, k]
+        for name, (part, k) in product(names[:MOST], parts.items())
     }
     return content(_maps(found, columns, abreast=2, **more))
 
@@ -88,22 +87,13 @@ def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
     return drawing
 
 
-def shown_columns(found: Found) -> list[str]:
-    """Give the columns that are drawn: the coordinates, then the definitions."""
-    model = found.model
-    names = [c.name for c in model.coordinates]
-    names += [d.name for d in model.definitions if d.name in found.columns]
-    return names
-
-
-def values_of(found: Found, column: str, numbers: NDArray[np.int64]) -> Array:
-    """Give end, least and greatest of a column in runs (k, 3); nan without a result."""
+def values_of(found: Found, column: str) -> Array:
+    """Give end, least and greatest of a column (runs, 3); nan without a result."""
     place = found.columns.index(column)
-    cells = np.full((len(numbers), 3), np.nan)
-    for k, number in enumerate(numbers.tolist()):
-        row = found.rows.get(number)
-        if row is not None and row.complete:
-            cells[k] = row.numbers[:, place]
+    cells = np.full((found.grid.runs, 3), np.nan)
+    for number, row in found.rows.items():
+        if row.complete:
+            cells[number] = row.numbers[:, place]
     return cells
 
 
@@ -140,7 +130,7 @@ def _curves(
     drawing = Picture(height, found.model.name, legend=legend, **more)
     panels = stacked(drawing, len(names), CURVES)
     for axes, name in zip(panels, names, strict=True):
-        cells = values_of(found, name, order)
+        cells = values_of(found, name)[order]
         axes.fill_between(
             x.values, cells[:, LOW], cells[:, HIGH], color=BAND["color"], linewidth=0.0
         )
@@ -207,13 +197,13 @@ def borders(x: Array) -> Array:
 
 def _notes(found: Found, columns: int) -> list[str]:
     lines = []
-    others = found.grid.axes[2:]
-    if others:
-        fixed = ", ".join(
-            f"{_along(found, a)[1].name} = {a.texts[(len(a.texts) - 1) // 2]}"
-            for a in others
-        )
-        lines.append(f"Of the other names, the middle value is shown: {fixed}.")
+    fixed = [
+        f"{_along(found, a)[1].name} = {a.texts[(len(a.texts) - 1) // 2]}"
+        for a in found.grid.axes[2:]
+    ]
+    if fixed:
+        text = f"Of the other names, the middle value is shown: {', '.join(fixed)}."
+        lines.append(text)
     if columns > MOST:
         lines.append(f"The first {MOST} of {columns}; sweep.csv has all columns.")
     return lines

@@ -31,7 +31,7 @@ def found(text, *arguments, ends=False):
 def test_values_are_those_of_complete_runs():
     text = "parameters: {R: 1}\n" + FALL.replace("{r: 1}", "{r: R}")
     result = found(text, "R=1,5,0")  # it falls in; it does not; no start
-    cells = drawing.values_of(result, "r", np.arange(3))
+    cells = drawing.values_of(result, "r")
     assert np.isnan(cells[[0, 2]]).all()
     end, low, high = cells[1]
     assert high == 5.0
