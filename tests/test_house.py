@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
-LINES = 70_000
-LINES_OF_TESTS = 57_700
+LINES = 69_800
+LINES_OF_TESTS = 57_600
 
 
 def lines(folder):

@@ -307,10 +307,10 @@ class _Check(NamedTuple):
         worst, shown = EXCITED * in_play, None
         for there in self.seen:
             left = self.span - (there.t - self.seen[0].t)
-            for k in np.flatnonzero(there.energies > worst):
+            for k in np.flatnonzero(there.energies > worst).tolist():
                 lost = self.lost(h, complex(there.eigenvalues[k]), left)
                 if lost > DAMPED:
-                    worst, shown = there.energies[k], (there, int(k), lost)
+                    worst, shown = there.energies[k], (there, k, lost)
         if shown is None:
             return []
         there, k, lost = shown
