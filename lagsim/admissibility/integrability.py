@@ -34,9 +34,10 @@ INDEPENDENT = 1e-7
 # The bounds of rounding errors are to first order; this keeps them bounds.
 CAUTION = 10.0
 SPREAD = 0.3
-# Points are taken in pairs, and pairs at two sizes where the first does not settle it.
-PAIR = 2
+# So many of so many points must agree.
+AGREE = 2
 TRIALS = 8
+NONE_NEARBY = "no admissible states were found nearby"
 # Brackets swell; when they have taken this many nodes the question is left open.
 MOST_NODES = 40_000
 
@@ -108,40 +109,25 @@ def _switch(point: Point, rows: Sequence[Row]) -> str | None:
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
-    """Decide at random points, of which two must agree.
-
-    At special points less may be reached: the greatest dimension holds.
-    """
+    """Decide at random points, of which two must agree."""
     random = np.random.default_rng(2)  # the same points each time
     q, weights = point.q, point.sizes
-    found: list[Reach] = []
     spread = of_rows(point, rows).spread
     # Where no gradient depends on a coordinate, only its own size tells.
     own = np.where(np.abs(q) > 0.0, np.abs(q), 1.0 / weights)
     spread = np.where(spread > 0.0, spread, own)
-    for size in (spread, np.maximum(spread, 1.0 / weights)):
-        pair = 0
-        for _ in range(TRIALS):
-            later = point.t + SPREAD * abs(random.standard_normal())
-            near = q + SPREAD * size * random.standard_normal(len(q))
-            admissible = _admissible(point.at(near, t=later), rows)
-            if admissible is None:
-                continue
-            found.append(_Distribution(admissible, rows).reach())
-            pair += 1
-            if pair == PAIR:
-                break
-        if pair == PAIR and found[0] == found[1] and found[0].dimension is not None:
-            return found[0]
-    if not found:
-        return Reach(None, None, reason="no admissible states were found nearby")
-    open_ = next((f for f in found if f.dimension is None), None)
-    if open_ is not None:
-        return open_
-    best = max(found, key=lambda f: f.dimension or 0)
-    if found.count(best) < PAIR:
-        return Reach(None, None, reason="generic points disagree")
-    return best
+    found: list[Reach] = []
+    for _ in range(TRIALS):
+        later = point.t + SPREAD * abs(random.standard_normal())
+        near = q + SPREAD * spread * random.standard_normal(len(q))
+        admissible = _admissible(point.at(near, t=later), rows)
+        if admissible is None:
+            continue
+        found.append(_Distribution(admissible, rows).reach())
+        if found.count(found[-1]) == AGREE:
+            return found[-1]
+    reason = "generic points disagree" if found else NONE_NEARBY
+    return Reach(None, None, reason=reason)
 
 
 def _admissible(point: Point, rows: Sequence[Row]) -> Point | None:

@@ -113,6 +113,22 @@ class Error(ErrorBar):
         return found
 
 
+def data_frame(columns: Mapping[str, Any]) -> Any:
+    """Give columns, by their names, as a pandas DataFrame.
+
+    Raises
+    ------
+    ImportError
+        Where pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        text = "a DataFrame needs pandas: pip install pandas"
+        raise ImportError(text) from None
+    return pd.DataFrame(columns)
+
+
 # Pixels of an animation: tall enough for a scene, its panel and the controls.
 HEIGHT = 640
 
@@ -257,8 +273,6 @@ class Result:
         ValueError
             Where a time lies outside the run.
         """
-        import numpy as np
-
         times = np.asarray(t, dtype=float)
         rows = rows_at(self._made, times.ravel())
         columns = zip(self.columns, rows.T, strict=False)
@@ -274,12 +288,7 @@ class Result:
         ImportError
             Where pandas is not installed, which is no part of lagsim.
         """
-        try:
-            import pandas as pd
-        except ImportError:
-            text = "a DataFrame needs pandas: pip install pandas"
-            raise ImportError(text) from None
-        frame = pd.DataFrame(self.table, columns=list(self.columns))
+        frame = data_frame({name: self[name] for name in self.columns})
         frame.attrs["units"] = self.units
         return frame
 

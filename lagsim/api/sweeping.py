@@ -9,6 +9,7 @@ import numpy as np
 
 from lagsim.api.arguments import given, in_python, lists, one_of, with_settings
 from lagsim.api.models import model_of
+from lagsim.api.results import data_frame
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, heading, listed, picture, table
 from lagsim.outputs.results import open_results
@@ -69,12 +70,7 @@ class Sweep:
         ImportError
             Where pandas is not installed, which is no part of lagsim.
         """
-        try:
-            import pandas as pd
-        except ImportError:
-            text = "a DataFrame needs pandas: pip install pandas"
-            raise ImportError(text) from None
-        return pd.DataFrame({name: self[name] for name in self.columns})
+        return data_frame({name: self[name] for name in self.columns})
 
     def write(self, folder: str | Path, *, plots: bool = True) -> None:
         """Write what `lagsim sweep` writes: sweep.csv, sweep.png, sweep.json.
