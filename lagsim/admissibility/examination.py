@@ -480,10 +480,10 @@ class _Examiner:
         if e is not self.always:
             lasting = analyse(always)
         if classify and laws:
-            laws, sticking, told = contact_status(
+            laws, sticking, cautions = contact_status(
                 here, laws, judged.ranks.rank, sound=sound and satisfied
             )
-            warnings += told
+            warnings += cautions
         if e.laws:
             place = {c.name: k for k, c in enumerate(e.model.constraints)}
             whole = [*in_force(verdicts, e), *laws]
@@ -572,7 +572,7 @@ class _Examiner:
         point = self.solver.exact(point, velocities=False)
         judged = self._analysed(self.solver.exact(point, velocities=True), LEVELS)
         if judged.contradictions:
-            unsolved = f"{_told(judged.contradictions)}: no motion can begin here"
+            unsolved = f"{_text(judged.contradictions)}: no motion can begin here"
             return judged._replace(unsolved=unsolved)
         return judged
 
@@ -595,9 +595,9 @@ class _Examiner:
             near = relations.at(found.x)
             if not found.converged:
                 against = self._analysed(near, LEVELS[: k + 1]).contradictions
-                told = f"{_told(against)}; {found.least}" if against else found.reason
+                reason = f"{_text(against)}; {found.least}" if against else found.reason
                 judged = self._analysed(point, ())
-                return judged._replace(contradictions=against, unsolved=told)
+                return judged._replace(contradictions=against, unsolved=reason)
             if self._touch(near, velocities=velocities):
                 return self._repaired(point)
         changed = self._changes(self.stated, near)
@@ -641,5 +641,5 @@ class _Examiner:
         }
 
 
-def _told(against: tuple[Dependence, ...]) -> str:
+def _text(against: tuple[Dependence, ...]) -> str:
     return "; ".join(d.contradiction() for d in against)

@@ -56,11 +56,11 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
         laws = [law for law in e.laws if law.constraint not in off]
         held = {row.name: row for row in (*e.rows, *(law.row for law in laws))}
         named += [(f"constraint {name}", row.residual) for name, row in held.items()]
-        apart = _open(point)
+        are_open = _open(point)
         named += [
             (f"the rate of {name}", row.rate)
             for name, row in held.items()
-            if name not in apart
+            if name not in are_open
         ]
         named += [(f"the bound of {law.multiplier}", law.bound) for law in laws]
     named += [
@@ -183,8 +183,8 @@ def _problem(
     text = f"`{expression_text(g, inner)}`{where} {instead} at the start"
     args = [a for a in dict.fromkeys(g.args[inner]) if g.value(a) is None]
     values = zip(args, point.array(args), strict=True)
-    told = [f"{expression_text(g, a)} is {value:g}" for a, value in values]
-    text += f", where {' and '.join(told)}" if told else ""
+    texts = [f"{expression_text(g, a)} is {value:g}" for a, value in values]
+    text += f", where {' and '.join(texts)}" if texts else ""
     if source is None or names != [source.what.strip("`")]:
         text += f"; it makes {', '.join(names[:MOST_NAMES])}{more} not finite"
     return Problem("not-finite", text, place, _hint(point, inner))
@@ -236,7 +236,7 @@ def out_of_scale(model: Model) -> InputError:
     )
     if sizes:
         ends = [f(sizes, key=lambda name: sizes[name]) for f in (min, max)]
-        told = [f"`{name}` is {known[name]:.3g}" for name in dict.fromkeys(ends)]
-        text += f" ({', '.join(told)})"
+        texts = [f"`{name}` is {known[name]:.3g}" for name in dict.fromkeys(ends)]
+        text += f" ({', '.join(texts)})"
     hint = "choose units in which masses and lengths are nearer to 1"
     return InputError([Problem("out-of-scale", text, hint=hint)])
