@@ -53,8 +53,8 @@ DERIVED_OPERATIONS = 700_000
 WRITTEN_DEPTH = 150
 """Of what is written out: sympy recurses into it."""
 
-TIDYING_SECONDS = 10.0
-"""Of the processor, for making equations short; later they are written as they come."""
+TIDYING_PRODUCTS = 400_000
+"""Of terms, for making equations short; later they are written as they come."""
 
 DERIVING_SECONDS = 20.0
 """For all of a derivation; what is not done by then is refused."""

@@ -452,13 +452,8 @@ class _Derivation:
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "
-                f"cut after {x.tidy.budget} operations on each"
-            )
-        if x.tidy.late:
-            notes.append(
-                "expressions are not simplified further, because simplification "
-                f"has taken {limits.TIDYING_SECONDS:.3g} s; a second derivation "
-                "may write them differently"
+                f"cut after {x.tidy.most:,} products of terms in one, or "
+                f"{limits.TIDYING_PRODUCTS:,} in all"
             )
         return Content(
             translation=x,

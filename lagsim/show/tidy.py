@@ -8,9 +8,9 @@ form is taken, by the number of symbols and operations in it.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
-import time
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -32,39 +32,37 @@ ONE: Monomial = frozenset()
 _LARGEST_POWER = 6
 
 
-# Operations between two looks at the clock: some milliseconds.
-BETWEEN_LOOKS = 1000
-
-
 class CutError(Exception):
     """The budget is spent."""
 
 
 class Meter:
-    """Counts operations, so that what is cut is the same on every machine.
+    """Counts products of terms, so that what is cut is the same on every machine.
 
     Parameters
     ----------
-    budget
-        How many there may be.
-    until
-        The time at which all ends, of `time.process_time`: of what goes on for ever.
+    left
+        How many there may be in all.
     """
 
-    def __init__(self, budget: int, until: float = math.inf) -> None:
-        self.budget = budget
-        self.until = until
-        self.spent = self._look = 0
+    def __init__(self, left: int) -> None:
+        self.left = left
+        self._least = 0
 
-    def spend(self, operations: int = 1) -> None:
-        """Count; raise where that is more than there is, or where time is up."""
-        self.spent += operations
-        if self.spent > self.budget:
+    @contextlib.contextmanager
+    def within(self, most: int) -> Iterator[None]:
+        """Let one expression, with those inside it, take so many."""
+        outer, self._least = self._least, max(0, self.left - most)
+        try:
+            yield
+        finally:
+            self._least = outer
+
+    def spend(self, products: int = 1) -> None:
+        """Count; raise where that is more than there is."""
+        self.left -= products
+        if self.left < self._least:
             raise CutError
-        if self.spent >= self._look:  # the clock is slow to read
-            self._look = self.spent + BETWEEN_LOOKS
-            if time.process_time() > self.until:
-                raise CutError
 
 
 def times(a: Monomial, b: Monomial) -> Monomial:
@@ -331,7 +329,7 @@ def _merge(
 
 # Products of terms, and looks at pairs of them, for one form of one expression. An
 # equation of a ten-link chain takes some thousands.
-BUDGET = 200_000
+MOST_PRODUCTS = 60_000
 # A form in which sines and cosines were drawn together may be this much longer, in
 # parts, and still reads better: cos(a - b) says what its two products hide.
 DRAWN_TOGETHER = 0.6
@@ -361,19 +359,18 @@ class Tidier:
 
     Attributes
     ----------
+    meter : Meter
+        Of all expressions.
+    most : int
+        Products of terms for one form of one expression.
     cut : bool
         Some expression was left longer than it might have been: the budget was spent.
-    late : bool
-        So was every one from some time on: it was up.
     """
 
     roles: Roles
-    budget: int = BUDGET
+    meter: Meter = field(default_factory=lambda: Meter(limits.TIDYING_PRODUCTS))
+    most: int = MOST_PRODUCTS
     cut: bool = False
-    late: bool = False
-    _until: float = field(
-        default_factory=lambda: time.process_time() + limits.TIDYING_SECONDS
-    )
     _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
@@ -414,7 +411,7 @@ class Tidier:
     def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
         if isinstance(e, sp.Piecewise):
             return self._piecewise(e)
-        if e.is_Relational or e.is_Boolean or self._is_late():
+        if e.is_Relational or e.is_Boolean:
             return e
         forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
         for whole in (self._still, self._plain, lambda _: False):
@@ -431,10 +428,6 @@ class Tidier:
                 break  # the others are the same
         return min(forms, key=lambda form: form[0])[1]  # the first of equals
 
-    def _is_late(self) -> bool:
-        self.late = self.late or time.process_time() > self._until
-        return self.late
-
     def _piecewise(self, e: Any) -> Any:
         return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
 
@@ -442,12 +435,12 @@ class Tidier:
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Terms, bool, bool] | None:
         """Give a sum of products, whether it is contracted, whether a sum is whole."""
-        meter = Meter(self.budget, self._until)
         try:
-            terms, kept = written_out(e, whole, self._inner, meter)
-            contracted = contract(terms, meter)
+            with self.meter.within(self.most):
+                terms, kept = written_out(e, whole, self._inner, self.meter)
+                contracted = contract(terms, self.meter)
         except CutError:
-            self.cut = self.cut or not self._is_late()
+            self.cut = True
             return None
         return terms, contracted > 0, kept
 
