@@ -23,6 +23,9 @@ UNDERFLOW = 2.0**-1068
 TINY = 1e-300
 """What a divisor, or the argument of a logarithm, is at least: it has no zero then."""
 
+SHORTEST_RUN = 1e-290
+"""The length of a run from which on doubles tell its rows and its steps apart."""
+
 SQUARABLE = 1e140
 """The size up to which squares, and sums of some of them, are finite."""
 

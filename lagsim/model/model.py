@@ -40,7 +40,7 @@ class Settings(NamedTuple):
     Attributes
     ----------
     start, end : float
-        The same where nobody has said how long to run.
+        The same where no length of the run is given.
     output_step : float
         Spacing of the rows.
     step : float or None
@@ -69,7 +69,7 @@ class Settings(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """How long the run lasts; 0 where nobody has said so."""
+        """How long the run lasts; 0 where that is not given."""
         return self.end - self.start
 
     @property
@@ -142,16 +142,16 @@ class Force(NamedTuple):
 
 
 class Sense(Enum):
-    """Whether a relation must be met or only not be passed."""
+    """Whether a relation is an equality, or one-sided."""
 
     EQUAL = "="
     AT_LEAST = ">="
 
 
 class Relation(NamedTuple):
-    """`node` = 0, or the gap `node` >= 0; `text` is what the file says.
+    """`node` = 0, or the gap `node` >= 0; `text` is that of the file.
 
-    `multiple`: what the file says vanishes as a power of `node`, or as its size.
+    `multiple`: the relation of the file is a power of `node`, or its size.
     """
 
     node: int
@@ -282,7 +282,7 @@ class Separation(NamedTuple):
 
 
 class Stated(Protocol):
-    """The numbers of a file as it states them, and what was said instead."""
+    """The numbers that a file states, and what replaces them: see `reader.File`."""
 
     def bound(
         self, model: Model, parameters: Mapping[str, str], initial: Mapping[str, str]
@@ -307,7 +307,7 @@ class Stated(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What is simulated: everything the file says but how to integrate.
+    """What is simulated: all that the file holds but how to integrate.
 
     `kinetic` and `potential` are None where the file gives `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
@@ -363,7 +363,7 @@ class Model:
         Raises
         ------
         InputError
-            As where the file said so.
+            As where the file has these.
         """
         known = {p.name for p in self.parameters}
         own = {k: v for k, v in values.items() if k in known}
@@ -385,7 +385,7 @@ class Model:
         Raises
         ------
         InputError
-            As where the file said so.
+            As where the file has these.
         """
         return self.stated.settings(_texts(options or {}))
 

@@ -22,6 +22,7 @@ from lagsim.model.loading import STDIN, load, text_of, unusable
 from lagsim.model.model import Coordinate, Level, Model, Separation
 from lagsim.model.nodes import (
     Broken,
+    Entry,
     Mapping,
     Node,
     Scalar,
@@ -33,7 +34,14 @@ from lagsim.model.reader import drawing, equations, simulation, values
 from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
 from lagsim.model.reader.names import Kind, Names, check_columns
-from lagsim.model.reader.sections import SECTIONS, has_key, schema
+from lagsim.model.reader.sections import (
+    OUTPUT_KEYS,
+    SCENE,
+    SECTIONS,
+    SIMULATION,
+    has_key,
+    schema,
+)
 from lagsim.model.reader.values import TARGETS, Definitions
 
 if TYPE_CHECKING:
@@ -41,7 +49,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.model.model import InitialValue, Parameter, Settings
-    from lagsim.model.nodes import Entry
     from lagsim.model.reader.values import Value
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
@@ -140,8 +147,7 @@ class File:
         self.top = top = fields(node, "the file", SECTIONS, faults, node.place)
         if not top.sound:
             faults.raise_if_any()
-        energy = top.found.get("energy")
-        self.energy = equations.energy_fields(energy, faults, self.root)
+        self.energy = equations.energy_fields(top)
         self.names = names = Names("lagrangian" in self.energy)
         self.x = x = Expressions(graph, names, faults)
         self.options = options
@@ -157,9 +163,8 @@ class File:
         )
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()
-        names.reactions += drawing.asked_reactions(top.found.get("output"))
-        asked = top.found.get("simulation")
-        self.simulation = simulation.simulation_fields(asked, x, self.root)
+        names.reactions += drawing.asked_reactions(top.value("output"))
+        self.simulation = top.below("simulation", SIMULATION)
         self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
         self.instead = {k: t for k, t in overrides.items() if k not in self.starting}
 
@@ -182,9 +187,10 @@ class File:
         constraints = equations.read_constraints(self.constraints, x)
         initial = self.read_initial(known)
         simulation.read_settings(self.simulation, self.options, x)
-        until = simulation.read_until(self.simulation, x)
-        scene = drawing.read_scene(top.found.get("scene"), x)
-        output = drawing.read_output(top.found.get("output"), x)
+        until = self.simulation.value("until")
+        relation, _ = equations.read_relation(until, "`until`", x)
+        scene = drawing.read_scene(top.below("scene", SCENE), x)
+        output = drawing.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
@@ -207,7 +213,7 @@ class File:
             forces=forces,
             constraints=constraints,
             initial=initial,
-            until=until,
+            until=relation,
             scene=scene,
             output=output,
             stated=self,
@@ -302,19 +308,30 @@ class File:
         faults.raise_if_any()
         return found
 
-    # What expressions the file has
+    # The expressions that the file has
 
-    def _starts(self) -> list[Entry]:
-        """Give the entries of `initial`."""
+    def _numbers(self) -> dict[str, Node]:
+        """Give what parameters and start values are given by, or replaced by."""
         node = self.top.value("initial")
-        return list(node.entries) if isinstance(node, Mapping) else []
+        starts = node.entries if isinstance(node, Mapping) else ()
+        given = {key.text: node for key, node in (*self.parameters, *starts)}
+        instead = {**self.instead, **self.starting}
+        return given | {name: argument("", text) for name, text in instead.items()}
+
+    def numbers(self) -> list[str]:
+        """Give the expressions that parameters and start values are given by."""
+        found = []
+        for node in self._numbers().values():
+            below = node.entries if isinstance(node, Mapping) else ()
+            nodes = [node, *(v for k, v in below if k.text in ("value", "guess"))]
+            found += [n.text for n in nodes if isinstance(n, Scalar)]
+        return found
 
     def rests_on(self, names: Collection[str]) -> bool:
-        """Tell whether other numbers rest on these, see `Stated.rests_on`."""
-        given = {key.text: node for key, node in (*self.parameters, *self._starts())}
-        given |= {key: node for key, (_, node) in self.simulation.found.items()}
-        for instead in (self.instead, self.starting, self.options):
-            given |= {name: argument("", text) for name, text in instead.items()}
+        """Tell whether other numbers follow these, see `Model.rests_on`."""
+        asked = {key: node for key, (_, node) in self.simulation.found.items()}
+        asked |= {key: argument("", text) for key, text in self.options.items()}
+        given = {**self._numbers(), **asked}
         others = (node for name, node in given.items() if name not in names)
         return not words(*others).isdisjoint(names)
 
@@ -333,17 +350,6 @@ class File:
             for section, (key, node) in given
             for name, text in _leaves(f"{section}.{key.text}", node)
         }
-
-    def numbers(self) -> list[str]:
-        """Give the expressions that parameters and start values are given by."""
-        found = [*self.instead.values(), *self.starting.values()]
-        for key, node in (*self.parameters, *self._starts()):
-            if key.text in self.instead or key.text in self.starting:
-                continue
-            below = node.entries if isinstance(node, Mapping) else ()
-            nodes = [node, *(v for k, v in below if k.text in ("value", "guess"))]
-            found += [n.text for n in nodes if isinstance(n, Scalar)]
-        return found
 
     # The model read again with some of its definitions as coordinates of their own
     #

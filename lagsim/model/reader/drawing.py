@@ -9,35 +9,29 @@ from lagsim.model.model import Curve, Level, Output, Plot, Scene
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import OUTPUT, STATE
-from lagsim.model.reader.fields import entries, fields, items, kind_of, listed
+from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
 from lagsim.model.reader.names import Kind, check_name
 from lagsim.model.reader.sections import (
     AXES,
     MOST_CURVES,
-    OUTPUT_KEYS,
     PLOT,
     RESERVED,
-    SCENE,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from lagsim.errors import Place
-    from lagsim.model.nodes import Entry
     from lagsim.model.reader.expressions import Expressions
     from lagsim.model.reader.names import Names
 
 
-def read_scene(entry: Entry | None, x: Expressions) -> Scene:
+def read_scene(found: Fields, x: Expressions) -> Scene:
     """Give the points and the links between them."""
-    if entry is None:
-        return Scene({})
-    found = fields(entry[1], "`scene`", SCENE, x.faults, entry[0].place)
     points: dict[str, tuple[int, ...]] = {}
     named: list[str] = []
     section = found.value("points")
-    for key, node in entries(section, "`points`", x.faults) if section else ():
+    for key, node in entries(section, "`points`", x.faults):
         named.append(key.text)
         if check_name(key, "a point", x.faults):
             points[key.text] = _point(key.text, node, x)
@@ -113,12 +107,9 @@ def _link(
     return (names[0], names[1]) if len(names) == 2 else None
 
 
-def read_output(entry: Entry | None, x: Expressions) -> Output:
+def read_output(found: Fields, x: Expressions) -> Output:
     """Give the columns and the plots asked for."""
     columns = tuple(x.names.of(Kind.DEFINITION))
-    if entry is None:
-        return Output(columns)
-    found = fields(entry[1], "`output`", OUTPUT_KEYS, x.faults, entry[0].place)
     node = found.value("columns")
     if isinstance(node, Sequence):
         hint = "coordinates are columns in any case"
@@ -129,8 +120,7 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
         x.faults.add("not-a-list", text, node.place, hint)
     elif node is not None:
         items(node, "`columns`", x.faults)
-    section = found.value("plots")
-    given = items(section, "`plots`", x.faults) if section else ()
+    given = items(found.value("plots"), "`plots`", x.faults)
     plots = [_plot(plot, x) for plot in given]
     return Output(
         columns,
@@ -142,9 +132,8 @@ def read_output(entry: Entry | None, x: Expressions) -> Output:
     )
 
 
-def asked_reactions(entry: Entry | None) -> list[str]:
+def asked_reactions(section: Node | None) -> list[str]:
     """Give the names that `reactions` lists, sound or not: definitions may use them."""
-    section = entry[1] if entry else None
     for key, node in section.entries if isinstance(section, Mapping) else ():
         if key.text == "reactions" and isinstance(node, Sequence):
             return [item.text for item in node.items if isinstance(item, Scalar)]
@@ -153,7 +142,7 @@ def asked_reactions(entry: Entry | None) -> list[str]:
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
     """Give the definitions of positions and time that a list names."""
-    given = items(node, "`reactions`", x.faults) if node is not None else ()
+    given = items(node, "`reactions`", x.faults)
     hint = "what constraints do to a coordinate is Qc_<name>"
     found = []
     for name, place in _definitions(given, "reaction", hint, x).items():

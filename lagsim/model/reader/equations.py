@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation, Sense
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence
+from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader.expressions import NUMBERS, STATE
 from lagsim.model.reader.fields import Fields, entries, fields, listed
 from lagsim.model.reader.names import Kind, check_name
@@ -15,11 +15,8 @@ from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from lagsim.errors import Place
     from lagsim.language.parser import ParsedRelation
-    from lagsim.model.nodes import Entry
     from lagsim.model.reader.expressions import Expressions
-    from lagsim.model.reader.fields import Faults
 
 _SUM = "a sum of velocities times what depends on positions would do"
 
@@ -33,17 +30,16 @@ class Energies(NamedTuple):
     dissipation: int | None
 
 
-def energy_fields(entry: Entry | None, faults: Faults, root: Place) -> Fields:
+def energy_fields(top: Fields) -> Fields:
     """Give the section `energy`, its keys checked."""
-    if entry is None:
-        hint = "give `kinetic` and `potential`, or `lagrangian`"
-        faults.add("missing-key", "the file has no `energy`", root, hint)
-        return Fields({}, root, False, faults)
-    found = fields(entry[1], "`energy`", ENERGY, faults, entry[0].place)
+    found, faults = top.below("energy", ENERGY), top.faults
     given = [k for k in ("kinetic", "potential") if k in found]
-    if not found.sound:
-        return found
-    if "lagrangian" in found and given:
+    if "energy" not in top:
+        hint = "give `kinetic` and `potential`, or `lagrangian`"
+        faults.add("missing-key", "the file has no `energy`", top.place, hint)
+    elif not found.sound:
+        pass
+    elif "lagrangian" in found and given:
         text = (
             f"both {' and '.join(f'`{k}`' for k in given)} and `lagrangian` are given"
         )
@@ -63,10 +59,9 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
     """Build the energies."""
     nodes: dict[str, int | None] = {}
     for key in ENERGY:
-        node = found.value(key)
         called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
         what = called.get(key, f"the {key} energy")
-        compiled = x.compile(node, what, STATE) if node is not None else None
+        compiled = x.compile(found.value(key), what, STATE)
         nodes[key] = compiled[0] if compiled else None
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
@@ -78,7 +73,7 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     """Build the forces."""
     found = []
-    for key, value in entries(node, "`forces`", x.faults) if node is not None else ():
+    for key, value in entries(node, "`forces`", x.faults):
         direction = _direction(key, x)
         compiled = x.compile(value, f"the force on `{key.text}`", STATE)
         if direction is not None and compiled is not None:
@@ -137,14 +132,14 @@ def _is_affine(node: int, x: Expressions) -> bool:
 
 
 def read_relation(
-    node: Node, what: str, x: Expressions
+    node: Node | None, what: str, x: Expressions
 ) -> tuple[Relation | None, Sense | None]:
     """Build a relation.
 
     Returns
     -------
     relation : Relation or None
-        None where a fault was reported.
+        None where there is none, or a fault was reported.
     sense : Sense or None
         None where not even that is known.
     """
@@ -178,8 +173,7 @@ def _gap(parsed: ParsedRelation, x: Expressions) -> int:
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
     """Give the constraints whose names are good, and declare these."""
     found = []
-    given = entries(node, "`constraints`", x.faults) if node is not None else ()
-    for entry in given:
+    for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
             found.append(entry)
             x.names.constraints.append(entry[0].text)
@@ -242,11 +236,9 @@ class _Reader:
     def _when(self) -> int | None:
         """Build the condition under which it is in force, as 1 or 0."""
         node = self.below.value("when")
-        if node is None:
-            return None
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
         compiled = x.compile(node, of, STATE, condition=True)
-        if compiled is None:
+        if node is None or compiled is None:
             return None
         fixed = {"t", *x.names.of(Kind.PARAMETER)}
         moving = sorted(g.depends([compiled[0]]) - fixed)

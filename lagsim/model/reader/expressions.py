@@ -107,12 +107,14 @@ class Expressions:
 
     # Reading a text
 
-    def scalar(self, node: Node, what: str, *, beside: bool = False) -> Scalar | None:
-        """Give the scalar that an expression is expected to be.
+    def scalar(
+        self, node: Node | None, what: str, *, beside: bool = False
+    ) -> Scalar | None:
+        """Give the scalar that an expression is expected to be, if there is one.
 
         `beside`: a unit may stand beside it.
         """
-        if isinstance(node, Broken):
+        if node is None or isinstance(node, Broken):
             return None
         hint = "write a number or an expression, such as 0"
         if not isinstance(node, Scalar):
@@ -125,7 +127,7 @@ class Expressions:
 
     def text(
         self,
-        node: Node,
+        node: Node | None,
         what: str,
         parser: Callable[[str], _T],
         *,
@@ -169,7 +171,7 @@ class Expressions:
 
     def compile(
         self,
-        node: Node,
+        node: Node | None,
         what: str,
         allowed: frozenset[Kind],
         *,
@@ -180,7 +182,7 @@ class Expressions:
         Parameters
         ----------
         node, what
-            The expression, and how messages call it.
+            The expression, if there is one, and how messages call it.
         allowed
             The kinds of names that may stand in it.
         condition
@@ -197,10 +199,10 @@ class Expressions:
         """Give the node of an expression whose names were checked."""
         return parsed.build(self.graph, self._node)
 
-    def number(self, node: Node, what: str) -> float | None:
+    def number(self, node: Node | None, what: str) -> float | None:
         """Give the value of an expression of parameters, which must be finite."""
         found = self.compile(node, what, NUMBERS)
-        if found is None:
+        if node is None or found is None:
             return None
         value = evaluate(self.graph, [found[0]], self.values)[0]
         return value if self.is_finite(value, what, node.place) else None

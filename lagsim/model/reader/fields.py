@@ -164,9 +164,11 @@ def listed(names: Iterable[str]) -> str:
     return text + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
 
 
-def is_empty(node: Node) -> bool:
+def is_empty(node: Node | None) -> bool:
     """Tell whether the file gives nothing here, or what cannot be read."""
-    return isinstance(node, Broken) or (isinstance(node, Scalar) and node.empty)
+    if isinstance(node, Scalar):
+        return node.empty
+    return node is None or isinstance(node, Broken)
 
 
 def is_mapping(node: Node) -> bool:
@@ -174,21 +176,21 @@ def is_mapping(node: Node) -> bool:
     return isinstance(node, Mapping) or (isinstance(node, Scalar) and node.empty)
 
 
-def entries(node: Node, what: str, faults: Faults) -> list[Entry]:
+def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
     """Give the entries of a mapping without the `x-` ones; nothing counts as `{}`."""
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
-    if not is_empty(node):
+    if node is not None and not is_empty(node):
         text = f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}"
         faults.add("not-a-mapping", text, node.place, hints.of_lines(node, what))
     return []
 
 
-def items(node: Node, what: str, faults: Faults) -> list[Node]:
+def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
     """Give the items of a list; nothing counts as an empty one."""
     if isinstance(node, Sequence):
         return list(node.items)
-    if not is_empty(node):
+    if node is not None and not is_empty(node):
         text = f"{what} must be a list, found {kind_of(node)}"
         faults.add("not-a-list", text, node.place, hints.as_list(node, what))
     return []
@@ -214,6 +216,13 @@ class Fields:
     def place_of(self, key: str) -> Place:
         """Give the place of `key`, or that of the mapping."""
         return self.found[key][0].place if key in self.found else self.place
+
+    def below(self, key: str, known: Collection[str]) -> Fields:
+        """Give the mapping at `key`, see `fields`; an empty one where there is none."""
+        node = self.value(key)
+        if node is None:
+            return Fields({}, self.place, True, self.faults)
+        return fields(node, f"`{key}`", known, self.faults, self.place_of(key))
 
     def text(self, key: str) -> str:
         """Give the plain text of `key`; an empty one where there is none."""

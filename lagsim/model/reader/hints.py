@@ -36,26 +36,13 @@ RADIANS = "angles are in radians"
 
 # Functions, and their names elsewhere, in small letters.
 _NAMES = {
-    "log": "ln",
-    "log10": "lg",
-    "asin": "arcsin",
-    "acos": "arccos",
-    "atan": "arctan arctg",
-    "atan2": "arctan2",
-    "asinh": "arcsinh arsinh",
-    "acosh": "arccosh arcosh",
-    "atanh": "arctanh artanh",
-    "tan": "tg",
-    "sinh": "sh",
-    "cosh": "ch",
-    "tanh": "th",
-    "sign": "sgn signum",
-    "abs": "fabs",
-    "max": "maximum fmax",
-    "min": "minimum fmin",
-    "heaviside": "h step unitstep",
+    "log": "ln", "log10": "lg", "asin": "arcsin", "acos": "arccos",
+    "atan": "arctan arctg", "atan2": "arctan2", "asinh": "arcsinh arsinh",
+    "acosh": "arccosh arcosh", "atanh": "arctanh artanh", "tan": "tg", "sinh": "sh",
+    "cosh": "ch", "tanh": "th", "sign": "sgn signum", "abs": "fabs",
+    "max": "maximum fmax", "min": "minimum fmin", "heaviside": "h step unitstep",
     "ceil": "ceiling",
-}
+}  # fmt: skip
 _RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()}
 # Functions that are written with others: their arguments, and how.
 _REWRITTEN = _by_word(

@@ -19,7 +19,7 @@ _UNITS = (
     "sec|seconds?|minutes?|hours?|days?|met(?:re|er)s?|grams?|newtons?|joules?|watts?|"
     "radians?|degrees?|revs?|revolutions?|turns?|grad|gon|inches|Nms?|Ns|Ws|Js"
 )
-_UNIT = re.compile(rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf")
+_UNIT = rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf"
 
 
 # Units elsewhere: the unit of the SI, and the factors above and below the line.
@@ -47,9 +47,9 @@ _ELSEWHERE = {
     **{f"G{of}": (of, "1e9", "") for of in ("N", "J", "W", "Pa")},
 }
 _SCALES = {unit: row for units, row in _ELSEWHERE.items() for unit in units.split()}
-_PER_MINUTE = re.compile(r"(?:1|U|revs?)/min|min\^-1")
-_WORD = re.compile(r"[^\W\d_]\w*")
-_FACTOR = re.compile(r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?")
+_PER_MINUTE = r"(?:1|U|revs?)/min|min\^-1"
+_WORD = r"[^\W\d_]\w*"
+_FACTOR = r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?"
 _LIKE = {
     "rad": ": angles are in radians",
     "radians": ": angles are in radians",
@@ -59,13 +59,13 @@ _LIKE = {
 
 def words(text: str) -> list[str]:
     """Give the names in a text."""
-    return _WORD.findall(text)
+    return re.findall(_WORD, text)
 
 
 def is_unit(text: str) -> bool:
     """Tell whether a text looks like a unit: each word of it does."""
     found = words(unit(text))
-    return bool(found) and all(map(_UNIT.fullmatch, found))
+    return bool(found) and all(re.fullmatch(_UNIT, word) for word in found)
 
 
 def unit(text: str) -> str:
@@ -76,12 +76,12 @@ def unit(text: str) -> str:
     ):  # fmt: skip
         text = text.replace(letter, plain)
     plain = re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
-    return "rpm" if _PER_MINUTE.fullmatch(plain) else plain
+    return "rpm" if re.fullmatch(_PER_MINUTE, plain) else plain
 
 
 def _scaled(number: str, of: str) -> tuple[str, str]:
     """Give a number in units of the SI, and the unit; as it is where that is plain."""
-    found = _FACTOR.findall(of)
+    found = re.findall(_FACTOR, of)
     if "".join(a + b + (c and f"^{c}") for a, b, c in found) != of:
         return number, of
     above: Counter[str] = Counter()
@@ -128,14 +128,14 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
 
 
 _MARKS = r"[ ',.\u00a0\u202f]"
-_SEPARATED = re.compile(rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?")
+_SEPARATED = rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?"
 # So many digits are between two marks of thousands.
 _GROUP = 3
 
 
 def separated(text: str) -> str:
     """Say how a number with a decimal comma or marks of thousands is written."""
-    if not _SEPARATED.fullmatch(text):
+    if not re.fullmatch(_SEPARATED, text):
         return ""
     text, *power = re.split(r"(?=[eE])", text)
     parts, marks = re.split(_MARKS, text), re.findall(_MARKS, text)
@@ -153,7 +153,7 @@ def separated(text: str) -> str:
     return ""
 
 
-_SPAN = re.compile(
+_SPAN = (
     rf"(?:[\w.]*(?:range|linspace)\s*)?[\[(]?\s*({NUMBER})\s*(?:,|\.\.)"
     rf"\s*({NUMBER})\s*(?:,.*)?[\])]?"
 )
@@ -163,14 +163,14 @@ def span(node: Node) -> str:
     """Say how a run from one time to another is written, or give an empty text."""
     items = node.items if isinstance(node, Sequence) else (node,)
     text = ", ".join(item.text for item in items if isinstance(item, Scalar))
-    if separated(text) or not (ends := _SPAN.fullmatch(text)):
+    if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
     return f"write `start: {ends[1]}` and `end: {ends[2]}`"
 
 
 def separated_around(text: str, offset: int) -> str:
     """Say the same of the number in a text that stands around an offset."""
-    for found in _SEPARATED.finditer(text):
+    for found in re.finditer(_SEPARATED, text):
         if found.start() <= offset <= found.end():
             return separated(found[0])
     return ""

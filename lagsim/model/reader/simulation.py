@@ -9,42 +9,22 @@ from lagsim.methods import options
 from lagsim.model.model import DEFAULT_ROWS, Settings
 from lagsim.model.nodes import Scalar, argument
 from lagsim.model.reader import quantities
-from lagsim.model.reader.equations import read_relation
-from lagsim.model.reader.fields import Fields, fields, kind_of
-from lagsim.model.reader.sections import SIMULATION
+from lagsim.model.reader.fields import Fields, kind_of
+from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from lagsim.errors import Place
-    from lagsim.model.model import Relation
-    from lagsim.model.nodes import Entry
     from lagsim.model.reader.expressions import Expressions
 
 MAX_ROWS = 10**8
-# Shorter runs have rows and steps that doubles cannot tell apart.
-SHORTEST = 1e-290
-# The last output step may be this much shorter or longer than the others.
-ROW_TOLERANCE = 1e-9
-
-
-def simulation_fields(entry: Entry | None, x: Expressions, root: Place) -> Fields:
-    """Give the keys of the section; faults where it is missing are those of `root`."""
-    if entry is None:
-        return Fields({}, root, True, x.faults)
-    return fields(entry[1], "`simulation`", SIMULATION, x.faults, entry[0].place)
-
-
-def read_until(section: Fields, x: Expressions) -> Relation | None:
-    """Give the relation at which a run ends."""
-    node = section.value("until")
-    return None if node is None else read_relation(node, "`until`", x)[0]
 
 
 def read_settings(
     section: Fields, options: Mapping[str, str], x: Expressions
 ) -> Settings:
-    """Give the rest of the section, with what replaces its keys."""
+    """Give the section `simulation`, with what replaces its keys."""
     given = dict(section.found)
     if "duration" in options:
         given.pop("end", None)
@@ -135,8 +115,8 @@ class _Reader:
         length, text = end - start, ""
         if not (start < end < math.inf and math.isfinite(length)):
             text = f"the run from {start:g} to {end:g} has no positive, finite length"
-        elif length < SHORTEST:
-            text = f"the run is {length:g} long; at least {SHORTEST:g} is expected"
+        elif length < SHORTEST_RUN:
+            text = f"the run is {length:g} long; at least {SHORTEST_RUN:g} is expected"
         if text:
             self._fault("out-of-range", text, key)
         return None if text else end
@@ -149,13 +129,13 @@ class _Reader:
 
     def _check_rows(self, length: float, output_step: float) -> None:
         count = length / output_step
-        if count < 1 - ROW_TOLERANCE:
+        if count < 1 - SAME_STEP:
             text = f"`output_step` is {output_step:g}, longer than the run, {length:g}"
             self._fault("out-of-range", text, "output_step")
-        elif count == math.inf or math.ceil(count - ROW_TOLERANCE) + 1 > MAX_ROWS:
+        elif count == math.inf or math.ceil(count - SAME_STEP) + 1 > MAX_ROWS:
             rows = "infinitely many"
             if count < math.inf:
-                whole = math.ceil(count - ROW_TOLERANCE) + 1
+                whole = math.ceil(count - SAME_STEP) + 1
                 rows = str(whole) if whole < 10**15 else f"{count:.3g}"
             text = f"`output_step` {output_step:g} makes {rows} rows, more than 10^8"
             hint = f"{length / DEFAULT_ROWS:g} makes {DEFAULT_ROWS + 1}"

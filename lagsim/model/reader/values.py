@@ -22,6 +22,7 @@ from lagsim.model.model import (
 )
 from lagsim.model.nodes import (
     Broken,
+    Entry,
     Mapping,
     Node,
     Scalar,
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
-    from lagsim.model.nodes import Entry
     from lagsim.model.reader.expressions import Expressions, Refusal, Rule
     from lagsim.model.reader.names import Meaning
 
@@ -433,8 +433,8 @@ class Initial(_Numbers):
             hint = f"write `{name}: {scalar.text}`, and guess coordinates"
             self.x.faults.add("not-a-guess", about, key.place, hint)
             return None
-        said = " ".join(scalar.text.split())
-        return InitialValue(name, kind, *value, guess, said, scalar.place, direction)
+        stated = " ".join(scalar.text.split())
+        return InitialValue(name, kind, *value, guess, stated, scalar.place, direction)
 
     def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
         """Give the expression of a start value, and whether it is a guess."""
