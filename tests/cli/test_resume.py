@@ -95,14 +95,6 @@ def gone_on(lagsim, begun, model, after, kind, *more):
 
 
 @pytest.mark.slow
-def test_a_killed_run_goes_on(lagsim, begun):
-    found, whole = gone_on(
-        lagsim, begun, "bouncing-ball", 2, signal.SIGKILL, "--no-plots"
-    )
-    assert found == whole
-
-
-@pytest.mark.slow
 def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
     more = ("--no-plots", "--error-bar", "never")
     ended(line("stick-slip", "cut", *more), 4, signal.SIGINT)

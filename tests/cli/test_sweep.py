@@ -23,7 +23,7 @@ from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import manifest, names, table
 from tests.patience import PATIENCE, finished
-from tests.small_scenes import CONTACT, CURVE, FALL, ON_THE_CURVE, PENDULUM
+from tests.small_scenes import CURVE, FALL, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
 SPRING = """\
@@ -128,26 +128,6 @@ def test_fifty_runs_are_compiled_once(lagsim, write, monkeypatch):
     assert record("results/model/sweep")["compiled"] == 1
 
 
-@pytest.mark.parametrize(
-    ("text", "swept"),
-    [
-        (PENDULUM, "theta_dot=0,1"),
-        (PENDULUM.replace("{theta: 1}", "{theta: 0.5, theta_dot: 1}"), "theta=0.5,1"),
-    ],
-)
-def test_start_values_are_those_of_the_file(lagsim, write, text, swept):
-    name, values = swept.split("=")
-    lagsim("sweep", write(text), swept, *QUICK, "-o", "out")
-    start = f"{name}: {values.split(',')[1]}"
-    other = (
-        text.replace("{theta: 1}", f"{{theta: 1, {start}}}")
-        if name == "theta_dot"
-        else text.replace("theta: 0.5", start)
-    )
-    lagsim("run", write(other, "other.yaml"), *QUICK, "-o", "single")
-    assert_is_single(rows_of("out")[1], "single")
-
-
 def test_guesses_are_solved_for_each(lagsim, write):
     text = CURVE.replace("START", "{guess: 0.1}")
     lagsim("sweep", write(text), "theta=0.5,1", *QUICK, "-o", "out")
@@ -158,34 +138,15 @@ def test_guesses_are_solved_for_each(lagsim, write):
         assert float(row["energy.end"]) == pytest.approx(start, rel=1e-9)
 
 
-def test_restitution_follows_its_parameter(lagsim, write):
-    text = "parameters: {e: 0.5}\n" + CONTACT.replace(
-        "restitution: 0.5", "restitution: e"
-    )
-    model = write(text)
-    lagsim("sweep", model, "e=0,0.5,1", *QUICK, "-o", "out")
-    for k, e in enumerate((0, 0.5, 1)):
-        lagsim("run", model, "--set", f"e={e}", *QUICK, "-o", "single")
-        assert_is_single(rows_of("out")[k], "single")
-
-
-@pytest.mark.slow
 def test_what_changes_the_form_is_compiled_for_it(lagsim, write):
-    model = write(POWER)
-    called = lagsim("sweep", model, "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1)
+    called = lagsim("sweep", write(POWER), "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1)
     assert called.code == 0
     assert "forms were compiled" in called.err
     assert 2 <= record("out")["compiled"] <= 3
-    for k, n in enumerate((2, 8, 3, 8)):
-        lagsim("run", model, "--set", f"n={n}", *QUICK, "-o", "single")
-        assert_is_single(rows_of("out")[k], "single")
 
 
 def test_failures_are_rows_with_their_reasons(lagsim, write):
-    text = FALL.replace("{r: 1}", "{r: R}").replace(
-        "initial", "parameters: {R: 1}\ninitial"
-    )
-    called = lagsim("sweep", write(text), "R=1,0,5", "--duration", "2", *QUICK)
+    called = lagsim("sweep", write(FALL_FROM), "R=1,0,5", "--duration", "2", *QUICK)
     assert called.code == 3
     first, second, third = rows_of("results/model/sweep")
     assert (first["outcome"], first["complete"]) == ("failed", "false")
@@ -216,10 +177,7 @@ def test_inadmissible_starts_are_rows(lagsim, write):
 
 @pytest.mark.slow
 def test_two_processes_give_the_same_bytes(lagsim, write):
-    text = FALL.replace("{r: 1}", "{r: R}").replace(
-        "initial", "parameters: {R: 1}\ninitial"
-    )
-    model = write(text)
+    model = write(FALL_FROM)
     for jobs in (1, 2):
         values = ("R=0.5:3:6", "-o", f"by-{jobs}", "-j", jobs)
         assert lagsim("sweep", model, *values, *QUICK).code == 3

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from tests.small_scenes import CONTACT, PENDULUM
 from tests.support import MODELS
 
 # Derived parameters, a start that follows them, `if` in the time and in the state.
@@ -25,6 +26,17 @@ constraints: {rod: (x - a*sin(w*t))^2 + y^2 = l^2}
 initial: {x: l*sin(0.4), y: {guess: -l}, x_dot: 0.1, y_dot: {guess: 0}}
 simulation: {until: y >= 0}
 """
+# A power is a form: what is localized in it, and whether the motion is linear.
+POWER = """
+parameters: {n: 2}
+coordinates: {x: }
+energy: {kinetic: x_dot^2/2, potential: abs(x)^n/n}
+initial: {x: 1}
+simulation: {}
+"""
+BOUNCE = "parameters: {e: 0.5}\n" + CONTACT.replace(
+    "restitution: 0.5", "restitution: e"
+)
 # Integrated apart, sparse, with contacts, by impulses, with limits, held velocities.
 SCENES = [
     ("coupled-oscillators", {}),
@@ -40,6 +52,10 @@ SCENES = [
     ("forced-oscillator", {"error_bar": "always"}),
     *((SWITCHED, {"name": name, "duration": 2}) for name in ("k", "m", "w")),
     *((HELD, {"name": name, "duration": 2}) for name in ("l", "g")),
+    (POWER, {"values": (2, 8, 3, 8), "duration": 2}),
+    (BOUNCE, {"values": (0, 0.5, 1), "duration": 2}),
+    # Start values: one that the file gives, and one that it leaves at 0.
+    *((PENDULUM, {"name": x, "values": (0.5, 1)}) for x in ("theta", "theta_dot")),
 ]
 # Of last values alone, by kernels of all kinds, and with many blocks of rows.
 ENDS = [
@@ -57,7 +73,7 @@ def assert_those_of_runs_alone(scene, asked, *, ends=False):
     model = lagsim.load(source)
     usual = {p.name: p.value for p in model.parameters}
     name = asked.pop("name", next(iter(usual)))
-    values = [usual[name], 1.02 * usual[name]]
+    values = asked.pop("values", None) or [usual[name], 1.02 * usual[name]]
     swept = lagsim.sweep(model, {name: values}, jobs=1, ends=ends, **asked)
     for k, value in enumerate(values):
         single = {"error_bar": "never"} | asked
