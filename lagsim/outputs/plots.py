@@ -563,9 +563,8 @@ def _counted(subject: str, shown: int, total: int) -> str:
 def pictures(record: Record, model: Model) -> Iterator[Made]:
     """Give file name and content of every picture of a run, one after the other."""
     files = dict(_files(record, model))
-    if ahead.may_send():
-        # The one that takes as long as all others.
-        files[LONG] = ahead.bring(files[LONG])
+    # The one that takes as long as all others.
+    files[LONG] = ahead.bring(files[LONG])
     for key, file in files.items():
         name = f"{key}.{record.form}"
         yield name, attempted(name, file)

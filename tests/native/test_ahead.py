@@ -17,50 +17,50 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def test_it_is_there_when_it_is_waited_for(tmp_path):
-    made = tmp_path / "made"
+def number():
+    return str(os.getpid()).encode()
+
+
+def test_another_process_makes_it_where_others_may_be_sent():
+    first = number()
     with ahead.helped():
-        ahead.send("key", lambda: made.write_text(str(os.getpid())))
-        assert not ahead.wait("another")
-        assert ahead.wait("key")
-        assert int(made.read_text()) != os.getpid()
-        assert not ahead.wait("key")
-        ahead.send("again", lambda: made.write_text(str(os.getpid())))
-    # Nobody is left behind.
-    with pytest.raises(ChildProcessError):
-        os.waitpid(int(made.read_text()), os.WNOHANG)
+        assert ahead.bring(number)() != first
+    assert ahead.bring(number)() == first
 
 
-def test_nobody_is_sent_where_nobody_may_be(tmp_path):
-    ahead.send("key", (tmp_path / "made").touch)
-    assert not ahead.wait("key")
-    assert not (tmp_path / "made").exists()
+def test_nobody_is_left_behind(tmp_path):
+    first, made = os.getpid(), tmp_path / "made"
 
-
-def test_who_fails_says_nothing(capfd):
-    def fails():
-        raise RuntimeError
+    def make():
+        made.write_bytes(number())
+        if os.getpid() != first:
+            time.sleep(60)
+        return b"late"
 
     with ahead.helped():
-        ahead.send("key", fails)
-        assert ahead.wait("key")
-    assert capfd.readouterr() == ("", "")
+        late = ahead.bring(make)
+        while not made.exists() or not made.read_bytes():
+            time.sleep(1e-3)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(made.read_bytes()), 0)
+    assert late() == b"late"  # made by the first
 
 
-def test_signals_to_it_are_not_those_of_the_first(tmp_path):
+def test_signals_to_it_are_not_those_of_the_first():
+    first, heard = os.getpid(), []
+
     def killed():
-        os.kill(os.getpid(), signal.SIGTERM)
-        (tmp_path / "made").touch()
+        if os.getpid() != first:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return b"made"
 
-    heard = []
     before = signal.signal(signal.SIGTERM, lambda *_: heard.append(1))
     try:
         with ahead.helped():
-            ahead.send("key", killed)
+            assert ahead.bring(killed)() == b"made"
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == []
-    assert not (tmp_path / "made").exists()
 
 
 def test_what_it_brings_is_whole_or_made_by_the_first():

@@ -1,9 +1,8 @@
 """What a second process makes, while the first goes on: kernels, and pictures.
 
-LLVM works in one thread at a time, and so does matplotlib. Kernels are put into the
-cache, where the first finds them; pictures are drawn by a `Helper`, which has loaded
-matplotlib by then. What the second has not made, the first makes itself; so it does all
-where there is no second core or no `fork`.
+LLVM works in one thread at a time, and so does matplotlib. The second process hands
+its contents over by a pipe; what it has not made, the first makes itself; so it does
+all where there is no second core or no `fork`.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from typing import BinaryIO
 
-# By the key of what each of them makes; empty where nobody may be sent.
-_sent: list[dict[str, int]] = []
+# Those at work, within each `helped`; empty where nobody may be sent.
+_helpers: list[list[Helper]] = []
 _LENGTH = struct.Struct("<q")
 
 
@@ -34,13 +33,12 @@ def helped() -> Iterator[None]:
     if not is_possible():
         yield
         return
-    _sent.append({})
+    _helpers.append([])
     try:
         yield
     finally:
-        for key in list(_sent[-1]):
-            wait(key)
-        _sent.pop()
+        for helper in _helpers.pop():
+            helper.end()
 
 
 def is_possible() -> bool:
@@ -49,20 +47,12 @@ def is_possible() -> bool:
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
-def may_send() -> bool:
-    """Tell whether others may be sent."""
-    return bool(_sent)
-
-
-def send(key: str, make: Callable[[], None]) -> None:
-    """Have something made and kept, if others may be sent."""
-    if _sent:
-        _sent[-1][key] = _fork(make)
-
-
 def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
-    """Have something made, where others may be sent; give what waits and gives it."""
-    helper = Helper(_nothing, lambda _: iter([make()]))
+    """Have something made, if others may be sent; give what waits and gives it."""
+    if not _helpers:
+        return make
+    helper = Helper(lambda: None, lambda _: iter([make()]))
+    _helpers[-1].append(helper)
     contents = helper.give(b"")
 
     def brought() -> bytes:
@@ -122,6 +112,8 @@ class Helper:
         return self._contents()
 
     def _contents(self) -> Iterator[bytes]:
+        if self._brought < 0:  # it has been ended
+            return
         with os.fdopen(self._brought, "rb") as line:
             self._brought = -1
             while content := _next(line):
@@ -133,13 +125,13 @@ class Helper:
         for line in (self._orders, self._brought):
             if line >= 0:
                 os.close(line)
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(self._number, signal.SIGKILL)
-        _end(self._number)
-
-
-def _nothing() -> None:
-    """Be ready at once."""
+        self._orders = self._brought = -1
+        if self._number:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._number, signal.SIGKILL)
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(self._number, 0)
+        self._number = 0
 
 
 def _put(line: BinaryIO, content: bytes) -> None:
@@ -169,16 +161,3 @@ def _fork(work: Callable[[], None]) -> int:
         work()
     finally:
         os._exit(0)
-
-
-def wait(key: str) -> bool:
-    """Wait for whoever makes it; tell whether there was somebody."""
-    number = _sent[-1].pop(key, 0) if _sent else 0
-    if number:
-        _end(number)
-    return number > 0
-
-
-def _end(number: int) -> None:
-    with contextlib.suppress(ChildProcessError):
-        os.waitpid(number, 0)

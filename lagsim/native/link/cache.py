@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import signal
 import stat
 import struct
 import sys
@@ -27,7 +26,7 @@ from lagsim.native.kernels import keys
 from lagsim.native.link import ahead, engine
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from lagsim.native.graph.straight_line import Code
 
@@ -43,6 +42,9 @@ _SUFFIX = ".object"
 _SIZE = struct.Struct("<q")  # the length of p, before the object of a graph
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
+
+# What another process is making, by key.
+_coming: dict[str, Callable[[], bytes]] = {}
 
 
 def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, int]:
@@ -95,8 +97,8 @@ def begin_kernel_object(
 ) -> None:
     """Have a second process make the object code of kernels, where there may be one."""
     own = slot(["kernel", keys.fingerprint(functions, statics)])
-    if own.path is not None and not own.path.exists():
-        ahead.send(own.key, lambda: own.keep(_translated(functions, statics)))
+    if own.path is None or not own.path.exists():
+        _coming[own.key] = ahead.bring(lambda: _translated(functions, statics))
 
 
 def _translated(
@@ -190,11 +192,9 @@ def slot(made_from: Sequence[str]) -> Slot:
 
 def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
     own = slot(made_from)
-    code = own.content()
-    if code is None and ahead.wait(own.key):
-        code = own.content()
+    code, coming = own.content(), _coming.pop(own.key, make)
     if code is None:
-        code = make()
+        code = coming()
         own.keep(code)
     return code
 
@@ -233,7 +233,7 @@ def _write(path: Path, key: str, code: bytes) -> None:
     """Keep an object: written beside and renamed, so that readers find all or none."""
     beside = path.with_suffix(f".{os.getpid()}.{threading.get_ident()}")
     try:
-        with _unbroken(), os.fdopen(files.begin(beside, 0o600), "wb") as file:
+        with os.fdopen(files.begin(beside, 0o600), "wb") as file:
             file.write(_seal(key, code) + code)
             files.place(beside, path)
     except OSError:  # no room, or on Windows another process is reading the file
@@ -242,20 +242,6 @@ def _write(path: Path, key: str, code: bytes) -> None:
     # Keys are evenly spread: one new object in sixteen has the folder looked through.
     if path.name.startswith("0"):
         prune(path.parent)
-
-
-@contextlib.contextmanager
-def _unbroken() -> Iterator[None]:
-    """Keep signals back: those that make something ahead end by them at once."""
-    if sys.platform == "win32":
-        yield
-        return
-    kinds = signal.SIGINT, signal.SIGTERM
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, kinds)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def prune(where: Path, limit: int = LIMIT_BYTES) -> None:
