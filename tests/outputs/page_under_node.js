@@ -95,6 +95,7 @@ const seen = () => ({
   texts: Object.fromEntries(Object.entries(named).map(([id, node]) => [id, node.textContent])),
   hidden: Object.fromEntries(Object.entries(named).map(([id, node]) => [id, Boolean(node.hidden)])),
   pressed: Object.fromEntries(Object.entries(named).map(([id, node]) => [id, node.attributes["aria-pressed"]])),
+  labels: Object.fromEntries(Object.entries(named).map(([id, node]) => [id, node.attributes["aria-label"]])),
   bars: made.filter((n) => n.attributes.class === "bar").map(({children: [label, value, track]}) => ({
     label: label.textContent, value: value.textContent, colour: track.children[0].attributes.style,
     ...track.children[0].style.properties, zero: track.children[1].attributes.style,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 
 import numpy as np
@@ -91,32 +90,3 @@ def test_parquet_says_what_it_needs(monkeypatch):
     [problem] = told.value.problems
     assert problem.code == "missing-package"
     assert "pip install pyarrow" in problem.hint
-
-
-PEAK = """
-import sys
-import numpy as np
-from pathlib import Path
-from lagsim.outputs import Format
-from lagsim.outputs.table import table_writer
-names = dict.fromkeys(["t", *(f"c{k}" for k in range(14))], "")
-writer = table_writer(Format.NPZ, Path(sys.argv[2]), names, show_units=False)
-block = np.random.default_rng(1).standard_normal((2000, 15))
-for _ in range(int(sys.argv[1])):
-    writer.add(block)
-writer.finish()
-writer.close()
-# Of this program alone: ru_maxrss begins with what the parent had.
-print(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0])
-"""
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-@pytest.mark.slow
-def test_memory_does_not_grow_with_the_rows(tmp_path):
-    peaks = []
-    for blocks in (5, 500):  # 10^4 and 10^6 rows, 120 MB
-        command = [sys.executable, "-c", PEAK, str(blocks), str(tmp_path / "t.npz")]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        peaks.append(int(done.stdout) * 1024)
-    assert peaks[1] - peaks[0] < 50e6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
@@ -128,51 +127,6 @@ def test_in_space_and_at_the_ends(tmp_path):
     assert points["hub"] == [0, 0, 1]
     expected = [3 * math.cos(6), 3 * math.sin(6), 1]
     assert np.allclose(points["rim"], expected, rtol=ROUNDED, atol=1e-9)
-
-
-# Presses keys, one after the other, and notes what the page makes of each.
-KEYS = """
-<script>
-const heard = {}, of = (name) => document.getElementById(name);
-for (const [name, key, shiftKey] of KEYS) {
-  document.dispatchEvent(new KeyboardEvent("keydown", {key, shiftKey, bubbles: true}));
-  heard[name] = {
-    t: Number(document.body.dataset.t), speed: of("speed").textContent,
-    play: of("play").getAttribute("aria-label"), trails: of("trails").textContent,
-    names: of("names").getAttribute("aria-pressed"),
-  };
-}
-of("theme").click();
-heard.theme = document.documentElement.dataset.theme;
-document.body.dataset.heard = JSON.stringify(heard);
-</script></body>
-"""
-
-
-@pytest.mark.slow
-def test_keys(tmp_path):
-    page = written(BALL, tmp_path / "results")
-    pressed = {
-        "right": "ArrowRight", "far": ("ArrowRight", True), "back": "ArrowLeft",
-        "struck": "PageDown", "end": "End", "home": "Home", "faster": "+",
-        "slower": "-", "trails": "t", "names": "N", "play": " ", "pause": " ",
-    }  # fmt: skip
-    keys = [[name, *([k] if isinstance(k, str) else k)] for name, k in pressed.items()]
-    text = page.read_text("utf-8")
-    script = KEYS.replace("KEYS", json.dumps(keys))
-    page.write_text(text.replace("</body>", script), encoding="utf-8")
-    found = json.loads(said(page, tmp_path / "home", "#t=0")["heard"])
-    # A 200th of 1.9 s, and ten times that; the ball strikes after 1 s.
-    bit = 1.9 / 200
-    times = {"right": bit, "far": 11 * bit, "back": 10 * bit, "end": 1.9, "home": 0.0}
-    times["struck"] = 1.0
-    for name, t in times.items():
-        assert math.isclose(found[name]["t"], t, abs_tol=1e-9), name
-    assert (found["faster"]["speed"], found["slower"]["speed"]) == ("2×", "1×")
-    assert found["trails"]["trails"] == "Whole path"
-    assert (found["home"]["names"], found["names"]["names"]) == ("false", "true")
-    assert (found["play"]["play"], found["pause"]["play"]) == ("Pause", "Play")
-    assert found["theme"] == "dark"
 
 
 @pytest.mark.slow
