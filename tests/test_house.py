@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
 LINES = 69_800
-LINES_OF_TESTS = 57_600
+LINES_OF_TESTS = 57_500
 
 
 def lines(folder):
