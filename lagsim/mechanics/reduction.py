@@ -154,96 +154,37 @@ def minus(g: Graph, node: int, x: int, y: int) -> int:
 STEEPEST = 1e3
 
 
-class Pair(NamedTuple):
-    """A constraint and the coordinate it gives: indices, and the expression."""
-
-    row: int
-    coordinate: int
-    value: int
-
-
-def pairs(e: Equations, values: Mapping[str, float], sizes: Floats) -> list[Pair]:
-    """Eliminable coordinates with their constraints, sparse constraints first.
+def eliminable(
+    e: Equations, values: Mapping[str, float], sizes: Mapping[str, float]
+) -> tuple[int, int] | None:
+    """Row and coordinate whose elimination makes the least fill; None if there is none.
 
     Parameters
     ----------
     values
         Of all variables at the start. Whether a factor is zero depends on them.
-    sizes : (n,)
-        The square roots of the diagonal of M, or what stands in their place.
+    sizes
+        Of each coordinate the square root of its entry of M's diagonal, or what stands
+        in its place.
     """
-    return _Search(e, values, sizes).run()
-
-
-class _Search:
-    def __init__(
-        self, e: Equations, values: Mapping[str, float], sizes: Floats
-    ) -> None:
-        self.e, self.g, self.values, self.sizes = e, e.graph, values, sizes
-        self.flow = Flow(e.graph, e.q, e.velocities)
-        self.moving = frozenset((*e.q, *e.velocities, "t"))
-        self.mass = Counter(j for row in e.M for j in row.entries)
-        self.A = {k: row.A.entries for k, row in enumerate(e.rows)}
-        self.residuals = {
-            k: row.residual for k, row in enumerate(e.rows) if usable(e.graph, row)
-        }
-        self.slopes = {k: self._candidates(k) for k in self.residuals}
-
-    def run(self) -> list[Pair]:
-        found: list[Pair] = []
-        while len(found) < len(self.e.q) - 1:  # one coordinate is always left
-            best = self._best()
-            if best is None:
-                break
-            found.append(self._solve(*best))
-        return found
-
-    def _candidates(self, k: int) -> dict[int, float]:
-        """Give the coordinates that row k gives, and how steep it is in each."""
-        A = self.A[k]
-        numbers = evaluate(self.g, A.values(), self.values)
-        steep = {c: abs(x) / self.sizes[c] for c, x in zip(A, numbers, strict=True)}
+    g, moving = e.graph, frozenset(e.moving)
+    held = Counter(c for row in e.rows for c in row.A.entries)
+    mass = Counter(j for row in e.M for j in row.entries)
+    keys = []
+    for k, row in enumerate(e.rows):
+        A = row.A.entries if usable(g, row) else {}
+        numbers = evaluate(g, A.values(), values)
+        steep = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
         most = max(steep.values(), default=0.0)
-        return {
-            c: steepness / most
-            for c, steepness in steep.items()
-            if steepness * STEEPEST > most
+        # What stands in one relation only leaves the others as they are.
+        keys += [
+            (held[c], (len(A) - 1) * (held[c] + mass[c] - 2), -x / most, k, c)
+            for c, x in steep.items()
+            if x * STEEPEST > most
             and math.isfinite(most)
-            and not self.g.depends([A[c]]) & self.moving
-        }
-
-    def _best(self) -> tuple[int, int] | None:
-        """Give the row and the coordinate that make the least fill."""
-        held = Counter(c for A in self.A.values() for c in A)
-        keys = [
-            # What stands in one relation only leaves the others as they are.
-            (
-                held[c],
-                (len(self.A[k]) - 1) * (held[c] + self.mass[c] - 2),
-                -steepness,
-                k,
-                c,
-            )
-            for k, steep in self.slopes.items()
-            for c, steepness in steep.items()
+            and not g.depends([A[c]]) & moving
         ]
-        return min(keys)[3:] if keys else None
-
-    def _solve(self, k: int, c: int) -> Pair:
-        """Take row k for coordinate c, and c out of the other rows."""
-        g = self.g
-        q = g.variable(self.e.q[c])
-        rest = g.substitute([self.residuals.pop(k)], {q: g.zero})[0]
-        value = g.call("neg", g.call("div", rest, self.A[k][c]))
-        del self.A[k], self.slopes[k]
-        for other in [i for i, A in self.A.items() if c in A]:
-            if other not in self.residuals:
-                continue
-            [found] = g.substitute([self.residuals[other]], {q: value})
-            self.residuals[other] = found
-            self.A[other] = self.flow.gradient(g, found, by_rates=False).entries
-            self.slopes[other] = self._candidates(other)
-        return Pair(k, c, value)
+    return min(keys)[3:] if keys else None
 
 
 def usable(g: Graph, row: Row) -> bool:
@@ -256,20 +197,23 @@ def usable(g: Graph, row: Row) -> bool:
     return row.holonomic and not switches
 
 
-def eliminated(e: Equations, pair: Pair) -> tuple[Equations, dict[int, int]]:
-    """Equations without a pair, and expressions for the variables of both."""
-    g, c, flow = e.graph, pair.coordinate, Flow(e.graph, e.q, e.velocities)
-    [rate] = tangent(g, [pair.value], flow.forward)
+def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
+    """Equations without row k and coordinate c, and expressions for their variables."""
+    g, flow = e.graph, Flow(e.graph, e.q, e.velocities)
+    q = g.variable(e.q[c])
+    [rest] = g.substitute([e.rows[k].residual], {q: g.zero})
+    value = g.call("neg", g.call("div", rest, e.rows[k].A[c]))
+    [rate] = tangent(g, [value], flow.forward)
     [bend] = tangent(g, [rate], flow.forward)
-    J = flow.gradient(g, pair.value, by_rates=False).entries
-    given = {g.variable(e.q[c]): pair.value, g.variable(e.velocities[c]): rate}
+    J = flow.gradient(g, value, by_rates=False).entries
+    given = {q: value, g.variable(e.velocities[c]): rate}
     full = substituted(e, given)
     moved = bend
     for j, slope in J.items():
         moved = plus(g, moved, slope, g.variable(f"{e.q[j]}_ddot"))
-    lam = g.variable(f"lambda_{e.rows[pair.row].name}")
+    lam = g.variable(f"lambda_{e.rows[k].name}")
     recovered = given | {
-        g.variable(f"{e.q[c]}_ddot"): moved, lam: _multiplier(full, pair, moved)
+        g.variable(f"{e.q[c]}_ddot"): moved, lam: _multiplier(full, k, c, moved)
     }  # fmt: skip
     powers = g.substitute(full.powers, recovered)
     works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
@@ -287,7 +231,7 @@ def eliminated(e: Equations, pair: Pair) -> tuple[Equations, dict[int, int]]:
         momenta[j] = plus(g, momenta[j], momenta[c], slope)
     _add_products(g, M, J, across)
     rows = []
-    for row in full.rows[: pair.row] + full.rows[pair.row + 1 :]:
+    for row in full.rows[:k] + full.rows[k + 1 :]:
         A = dict(row.A.entries)
         factor = A.pop(c, g.zero)
         for j, slope in J.items():
@@ -314,17 +258,17 @@ def _add_products(
                 M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
 
 
-def _multiplier(full: Equations, pair: Pair, moved: int) -> int:
-    """Multiplier of the row of a pair, from the equation of its coordinate."""
-    g, c = full.graph, pair.coordinate
+def _multiplier(full: Equations, k: int, c: int, moved: int) -> int:
+    """Multiplier of row k, from the equation of coordinate c; moved : q_c''."""
+    g = full.graph
     node = g.call("neg", full.f[c])
     for j, entry in full.M[c].entries.items():
         acceleration = moved if j == c else g.variable(f"{full.q[j]}_ddot")
         node = plus(g, node, entry, acceleration)
-    for k, row in enumerate(full.rows):
-        if k != pair.row:
+    for i, row in enumerate(full.rows):
+        if i != k:
             node = minus(g, node, row.A[c], g.variable(f"lambda_{row.name}"))
-    return g.call("div", node, full.rows[pair.row].A[c])
+    return g.call("div", node, full.rows[k].A[c])
 
 
 # The momentum of a coordinate becomes a parameter, or a column, of this name.
@@ -440,15 +384,22 @@ class Reduction(NamedTuple):
     ignored: tuple[str, ...] = ()
     momenta: Mapping[str, int] = {}
 
-    def eliminate(self, found: Sequence[Pair]) -> Reduction:
-        """Express coordinates by the others, one after the other; of `pairs`."""
-        e, reduction = self.equations, self
-        names = [(e.q[pair.coordinate], e.rows[pair.row].name) for pair in found]
-        for (q, name), pair in zip(names, found, strict=True):
-            now = reduction.equations
-            row = [row.name for row in now.rows].index(name)
-            one = Pair(row, now.q.index(q), pair.value)
-            reduction = reduction._followed_by(*eliminated(now, one))
+    def eliminate(
+        self, values: Mapping[str, float], sizes: Mapping[str, float]
+    ) -> Reduction:
+        """Express coordinates by the others, as long as there are `eliminable` ones.
+
+        One coordinate is always left.
+        """
+        reduction, names = self, []
+        while len(reduction.equations.q) > 1:
+            e = reduction.equations
+            best = eliminable(e, values, sizes)
+            if best is None:
+                break
+            k, c = best
+            names.append((e.q[c], e.rows[k].name))
+            reduction = reduction._followed_by(*eliminated(e, k, c))
         return reduction._replace(eliminated=tuple(names))
 
     def ignore(

@@ -29,7 +29,7 @@ from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.reduction import Reduction, ignorable, pairs
+from lagsim.mechanics.reduction import Reduction, ignorable
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
 
@@ -323,9 +323,11 @@ def _eliminated(
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
     point = Point(e, Instant(start.t, q, v))
-    found = pairs(e, point.values, point.sizes)
-    if found:
-        return reduction.eliminate(found), ""
+    reduced = reduction.eliminate(
+        point.values, dict(zip(e.q, point.sizes, strict=True))
+    )
+    if reduced.eliminated:
+        return reduced, ""
     names = ", ".join(f"`{row.name}`" for row in equations.rows)
     why = f"no coordinate has in {names} a factor that is constant and not 0"
     return reduction, why
