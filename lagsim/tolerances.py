@@ -146,6 +146,10 @@ constraints."""
 SAFELY_INDEPENDENT = 1e-5
 """Such a value above which it is not zero, known by inverse iteration to 1e-6."""
 
+LOST_RANK = 1e-8
+"""Such a value, against its largest on the way, below which rank is lost in passing:
+what would be divided by it is rounding."""
+
 NEARLY_DEPENDENT_ROWS = 1e-2
 """The smallest singular value of scaled rows below which they are solved by QR: normal
 equations square their condition, and lambda loses half of its digits."""

@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
 from lagsim.run.system.functions import held_together
-from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, SURFACE_ROUNDOFF
+from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, SAME_STEP, SURFACE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -90,8 +90,6 @@ def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
     return new
 
 
-# The last row within this part of a row's spacing is the end's.
-SAME_ROW = 1e-9
 # A loss of rank is one where the rows' independence falls below this part of what it is
 # in general.
 LOST = 1e-5
@@ -279,7 +277,8 @@ class Arc(NamedTuple):
         if self.system.laws:
             state.linked[:] = held_together(self.system)
         state.end = ahead = min(end, ahead)
-        last = settings.end - SAME_ROW * settings.output_step
+        # A row within rounding of the end is the end's.
+        last = settings.end - SAME_STEP * settings.output_step
         state.row_limit = min(ahead, last)
         state.fresh = 1.0
         state.arc_start = self.t

@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.native.kernels.words import at, external
+from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -121,14 +122,6 @@ def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
             x[j] -= L[i * n + j] * value
 
 
-# A pivoted column counts as zero past the rank that the rows have in general (away from
-# the constraints, at the stages of a step, dependent rows are not quite so), and below
-# PASSING of REFERENCE: where rank is lost on the way, what would be divided by it is
-# rounding.
-RANK = 1e-10
-PASSING = 1e-8
-
-
 def spread(p: Parameters) -> None:
     """Make the rows of Y: L^-1 A_i, scaled, and the scales.
 
@@ -167,6 +160,9 @@ def keep_lengths(p: Parameters) -> None:
 def reflect(p: Parameters) -> int:
     """Triangularise Y^T by reflections with pivoting; give the rank.
 
+    A pivoted column counts as zero past the rank that the rows have in general: away
+    from the constraints, at the stages of a step, dependent rows are not quite so.
+
     Leaves the size of the last column that is independent in general as sigma. Row k
     of Y then holds R[0:k, k] and the k-th reflection's vector after its first
     component, which is 1. Past the rank that is so, too, as far as anything is left.
@@ -177,7 +173,7 @@ def reflect(p: Parameters) -> int:
     kept = set_aside(p)
     for k in range(n):
         places[k] = k
-    cutoff = max(RANK, PASSING * p.reference)
+    cutoff = max(DEPENDENT_ROWS, LOST_RANK * p.reference)
     expected = min(n, kept, int(p.expected))
     p.sigma = 1.0
     rank = expected

@@ -13,8 +13,8 @@ from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import at
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
-from lagsim.solve import dense
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
+from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 from tests.kernels import bind
 
 if TYPE_CHECKING:
@@ -293,8 +293,8 @@ def nearly_parallel(angle: float) -> System:
 def test_rank_lost_on_the_way_is_seen_against_what_it_was(call: Any) -> None:
     # In a model whose rows were far from parallel, it is noise that is left of their
     # independence; in one where they always were that close, it is digits.
-    angle = dense.PASSING / 10
-    assert angle > 2 * dense.RANK
+    angle = LOST_RANK / 10
+    assert angle > 2 * DEPENDENT_ROWS
     passing = replace(nearly_parallel(angle), reference=1.0)
     q_ddot, lam = passing.motion(call)
     expected, _ = least_norm(replace(passing, A=passing.A[:1], b=passing.b[:1]))
