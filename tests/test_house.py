@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
-LINES = 69_800
-LINES_OF_TESTS = 57_500
+LINES = 69_700
+LINES_OF_TESTS = 57_400
 
 
 def lines(folder):
