@@ -71,11 +71,24 @@ constraints: {rod: "(x - c)^2 + y^2 = 1"}
 initial: {c: 0, x: 0.8, y: -0.6, c_dot: 0, x_dot: 0, y_dot: 0}
 simulation: {duration: 4, output_step: 0.02}
 """,
+    # A sphere with spin that bounces, slips, rolls and comes to rest.
+    "bounces": """
+coordinates: {x: {}, y: {}, phi: {}}
+energy:
+  kinetic: (x_dot^2 + y_dot^2)/2 + 0.002*phi_dot^2
+  potential: 9.81*y
+constraints:
+  floor: {relation: y >= 0.1, restitution: 0.6, friction: 0.2, slip: x_dot + phi_dot/10}
+initial: {x: 0, y: 1, phi: 0, phi_dot: 50}
+simulation: {duration: 2, output_step: 0.02}
+""",
 }
 # What needs more than a name in common with the change.
 QUICK = [
     ("belt", "beside-a-planet"), ("two-blocks", "far"), ("crane", "beside-a-planet"),
     ("bang-bang", "boosted"), ("floor", "beside-two"), ("dead-zone", "later"),
+    ("bounces", "far"), ("bounces", "boosted"), ("bounces", "microseconds"),
+    ("bounces", "tonnes"), ("bounces", "later"),
 ]  # fmt: skip
 
 
