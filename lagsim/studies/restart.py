@@ -75,7 +75,7 @@ _DECLARED = {
     "run.arc": "Arc",
     "run.arcs": "Recorder Run",
     "run.events.contacts": "Contacts",
-    "run.events.modes": "Modes",
+    "run.events.filippov": "Modes",
     "run.events.sequence": "Flights Sequence",
     "run.events.singularities": "Dependence RankLosses",
     "run.events.switching": "Switching",

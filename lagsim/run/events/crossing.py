@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.run.events.modes import ABOVE, ALONG, BELOW, LEVEL, ON, Crossroads
+from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, ON, FilippovCone
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.run.events.modes import Modes, Rows
+    from lagsim.run.events.filippov import Modes, Rows
 
 
 # The first step is this part of the run, each next one so much longer, and so many.
@@ -417,22 +417,22 @@ class Crossing:
         """Decide the rest by what the forces do on each side."""
         several = list(self.open)
         held = {i: self.held[k] for i, k in enumerate(self.open) if k in self.held}
-        crossroads = self._crossroads(held)
+        cone = self._cone(held)
         if not (held or self.at_rest):
-            resting = self._let_rest(crossroads)
+            resting = self._let_rest(cone)
             if not self.open:
                 return
             if resting:
                 now = [
                     way for k, way in zip(several, now, strict=True) if k in self.open
                 ]
-                crossroads = self._crossroads(held)
-        found = crossroads.way(now)
-        if found is None or crossroads.is_fork(found):
+                cone = self._cone(held)
+        found = cone.way(now)
+        if found is None or cone.is_fork(found):
             self.undecided = self.open
         self._take(found or now)
 
-    def _let_rest(self, crossroads: Crossroads) -> list[int]:
+    def _let_rest(self, cone: FilippovCone) -> list[int]:
         """Put the motion on the level of the surfaces that it does not leave.
 
         With the values that are written there, sign(0) = 0, and whatever the others do.
@@ -442,19 +442,19 @@ class Crossing:
         modes = self.modes
         former = modes.value.copy(), modes.kind.copy()
         low = (BELOW,) * len(self.open)
-        base = crossroads.rates(low)
+        base = cone.rates(low)
         drawn = [
-            (crossroads.rates((*low[:i], ABOVE, *low[i + 1 :])) - base)[i]
+            (cone.rates((*low[:i], ABOVE, *low[i + 1 :])) - base)[i]
             for i in range(len(low))
         ]
-        free = -crossroads.tolerance <= np.array(drawn)
+        free = -cone.tolerance <= np.array(drawn)
         free &= np.array(self.open) != self.met
         near = [k for k in self.loose if k in self.levels and k != self.met]
         resting = [*(k for k, x in zip(self.open, free, strict=True) if x), *near]
         for k in (*self.open, *near):
             modes.put(k, self.levels[k], LEVEL)
         most = np.zeros(modes.count)
-        most[self.open] = crossroads.tolerance
+        most[self.open] = cone.tolerance
         resting = [k for k in resting if self._stays(k, most[k])]
         modes.restore(*former)
         for k in resting:
@@ -523,7 +523,7 @@ class Crossing:
             return list(product((BELOW, ABOVE), repeat=count))
         return [(BELOW,) * count, (ABOVE,) * count]
 
-    def _crossroads(self, held: dict[int, int]) -> Crossroads:
+    def _cone(self, held: dict[int, int]) -> FilippovCone:
         """Give what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
         levels = np.array([self.levels[k] for k in self.open])
@@ -560,4 +560,4 @@ class Crossing:
                 noise = np.fmax(noise, np.abs(rates(corner, aside) - rates(corner)))
         self.noise[self.open] = noise
         settled = self.settled or not np.all(scale > noise)
-        return Crossroads(rates, scale, held, stays, noise=noise, settled=settled)
+        return FilippovCone(rates, scale, held, stays, noise=noise, settled=settled)

@@ -9,7 +9,7 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
 from lagsim.run.arc import pulled
-from lagsim.run.events.modes import ON
+from lagsim.run.events.filippov import ON
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR, SERIES, most_pulled, pulled
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
-from lagsim.run.events.modes import ABOVE, BELOW, ON, Modes
+from lagsim.run.events.filippov import ABOVE, BELOW, ON, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
-    from lagsim.run.events.modes import Rows
+    from lagsim.run.events.filippov import Rows
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4

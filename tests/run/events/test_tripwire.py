@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from lagsim.model.reader import read
-from lagsim.run.events.touching import Touching
+from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.trajectory import Outcome
 from tests.run.events.test_dropped_boxes import box
 from tests.support import run
@@ -40,9 +40,9 @@ def test_a_corner_in_flight_that_is_closed_with_others_ends_the_run(monkeypatch,
     scene = read(box(k), "box.yaml", options={"rtol": "1e-10"})
     right = run(scene)
     assert right.trajectory.outcome.complete
-    all_closed = Touching.is_closed
+    all_closed = Kinematics.is_closed
     monkeypatch.setattr(
-        Touching, "is_closed",
+        Kinematics, "is_closed",
         lambda here, also=(): [True] * 4 if also else all_closed(here, also),
     )  # fmt: skip
     found = run(scene)
@@ -56,9 +56,9 @@ def test_a_corner_in_flight_that_is_closed_with_others_ends_the_run(monkeypatch,
 @pytest.mark.parametrize(("ground", "start"), [(0.0, 0.0), (5.0, 0.0), (0.0, 1e3)])
 def test_a_ball_in_flight_that_strikes_ends_the_run(monkeypatch, higher, ground, start):
     """The second ball, which is higher by that, is struck with the first."""
-    all_closed = Touching.is_closed
+    all_closed = Kinematics.is_closed
     monkeypatch.setattr(
-        Touching, "is_closed",
+        Kinematics, "is_closed",
         lambda here, also=(): [True, True] if also else all_closed(here, also),
     )  # fmt: skip
     found = run(balls(higher, ground, start))

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.run.events.modes import ABOVE, ALONG, BELOW, Crossroads
+from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, FilippovCone
 from lagsim.solve import sliding
 
 
-def crossroads(B, r, held=None):
+def cone(B, r, held=None):
     B, r = np.array(B, dtype=float), np.array(r, dtype=float)
     scale = np.abs(B).sum(axis=1) + np.abs(r)
-    return Crossroads(lambda corner: B @ np.array(corner) - r, scale, held)
+    return FilippovCone(lambda corner: B @ np.array(corner) - r, scale, held)
 
 
 @pytest.mark.parametrize(
@@ -28,13 +28,13 @@ def crossroads(B, r, held=None):
     ],
 )
 def test_one_surface(low, high, way):
-    here = crossroads([[high - low]], [-low])
+    here = cone([[high - low]], [-low])
     assert here.way([ABOVE]) == [way]
     assert here.is_fork([way]) == (low < 0 < high)
 
 
 def test_a_way_that_is_known_is_kept():
-    here = crossroads([[-2.0]], [-1.0], {0: ABOVE})
+    here = cone([[-2.0]], [-1.0], {0: ABOVE})
     assert here.way([BELOW]) == [ABOVE]
 
 
@@ -46,7 +46,7 @@ def test_friction_has_one_way_and_it_is_found(count):
         J = random.normal(size=(count, count + 1))
         B = -J @ J.T
         r = B @ random.uniform(-0.5, 1.5, count)
-        here = crossroads(B, r)
+        here = cone(B, r)
         way = here.way([BELOW] * count)
         # The conditions by their own words.
         w = np.array([1.0 if k == ABOVE else 0.0 for k in way])
@@ -60,13 +60,13 @@ def test_friction_has_one_way_and_it_is_found(count):
 
 
 def test_forces_of_which_only_the_sum_matters_share_it():
-    here = crossroads([[-1.0, -1.0], [-1.0, -1.0]], [-1.0, -1.0])
+    here = cone([[-1.0, -1.0], [-1.0, -1.0]], [-1.0, -1.0])
     assert here.way([BELOW, BELOW]) == [ALONG, ALONG]
 
 
 def test_no_way():
     # Each wants what the other does not let: only unstable ways are left.
-    here = crossroads([[0.0, -2.0], [2.0, 0.0]], [-1.0, 1.0])
+    here = cone([[0.0, -2.0], [2.0, 0.0]], [-1.0, 1.0])
     assert here.way([BELOW, BELOW]) is None
 
 
@@ -93,4 +93,4 @@ def test_no_way_where_a_rate_is_no_number(count):
         return np.where(np.array(corner) == ABOVE, np.nan, 1.0)
 
     with np.errstate(invalid="ignore"):
-        assert Crossroads(rates, np.ones(count)).way([BELOW] * count) is None
+        assert FilippovCone(rates, np.ones(count)).way([BELOW] * count) is None

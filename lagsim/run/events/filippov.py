@@ -43,7 +43,7 @@ ROUNDING = 1e-12
 TINY = 1e-300
 
 
-class Crossroads:
+class FilippovCone:
     """A point on `count` surfaces.
 
     Parameters

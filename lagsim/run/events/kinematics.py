@@ -61,7 +61,7 @@ class Shape:
         return delassus(self.M, self.equalities, self.rows)
 
 
-class Touching:
+class Kinematics:
     """The laws of a run at one state.
 
     Attributes
