@@ -193,3 +193,59 @@ that is growth or decay in a map of stability."""
 
 BROKEN_CONSTRAINT = 1e-3
 """The residual of a constraint, against its scale, that is no motion on it at all."""
+
+# --- contacts and surfaces of switches ------------------------------------------------
+
+ACCELERATION_ROUNDOFF = 512.0 * UNIT_ROUNDOFF
+"""The relative error of an acceleration against all that pushes: terms may cancel."""
+
+SHARE_ROUNDOFF = 1e-12
+"""How far past its bounds the share of a side may be, and the rate of a surface against
+its terms, that still counts as on it."""
+
+PARALLEL = 1e-9
+"""The difference of two rows of surfaces, against them, of one and the same surface."""
+
+DEPENDENT_SHARES = 1e-12
+"""The pivot against its column that is none: of the forces only the sum matters."""
+
+MISSED_SURFACE = 1e-9
+"""The rate, against its terms, with which shares no longer keep to their surface."""
+
+DECOUPLED = 1e-12
+"""The entry of the Delassus matrix, against its diagonal, of contacts that do not act
+on each other."""
+
+DEPENDENT_SQUARE = 1e-14
+"""The singular value of a Delassus matrix below which it is zero: it is a square, so
+that this is an angle of 1e-7 between rows."""
+
+DEPENDENT_SQUARED = 1e-7
+"""The same for rows of which only the Delassus matrix is known."""
+
+TABLEAU_ROUNDOFF = 1e-11
+"""What is no pivot in a tableau of entries near 1."""
+
+SAME_RATIO = 1e-12
+"""Ratios of a tableau that differ by less are tied: order decides, and no rounding."""
+
+SOLVED_LAWS = 1e-7
+"""The residual of contact laws, against their terms, up to which they are solved."""
+
+SLIP_CONVERGED = 1e-10
+"""The slip on a disc, against its terms, that Newton's method leaves of one that rests,
+where dependent rows slow it down."""
+
+TORN = 1e-6
+"""The residual, against its scale, of a constraint that is not satisfied when it comes
+into force, or that jumps."""
+
+LEAST_CLOSING = 1e-10
+"""The tolerance below which no contact closes: what a series of impacts leaves where it
+is taken to have ended."""
+
+NO_IMPULSE = 1e-12
+"""The impulse, against the largest of an impact, that is rounding."""
+
+IMPACT_GAIN = 1e-9
+"""The energy that an impact gives, as a part of what is exchanged, that is named."""

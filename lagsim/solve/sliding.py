@@ -18,17 +18,12 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
 from lagsim.native.kernels.words import at, external
+from lagsim.tolerances import DEPENDENT_SHARES, MISSED_SURFACE
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
 LAWS = True
-
-# A pivot this small against its column is none: forces that slide together and that
-# only their sum matters of.
-DEPENDENT = 1e-12
-# Shares that leave this part of a rate's terms do not keep the motion on the surface.
-MISSED = 1e-9
 
 
 @external
@@ -258,7 +253,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
         if slides[k] == FOLLOWED:
             size = B[i] + extent(k, p, forced)
             left = product(k, p, forced) - asked[k]
-            if not abs(left) <= MISSED * size + p.noise[k]:
+            if not abs(left) <= MISSED_SURFACE * size + p.noise[k]:
                 share[k] = -1.0
             i += 1
 
@@ -337,7 +332,7 @@ def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
             exchange(B, row * size + j, largest * size + j)
         for c in range(3):
             exchange(right, 3 * row + c, 3 * largest + c)
-    return 1 if abs(B[row * size + k]) > DEPENDENT * whole else 0
+    return 1 if abs(B[row * size + k]) > DEPENDENT_SHARES * whole else 0
 
 
 def exchange(a: Floats, i: int, j: int) -> None:

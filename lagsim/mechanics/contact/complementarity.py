@@ -43,6 +43,7 @@ import numpy as np
 
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.contact.pivoting import lemke
+from lagsim.tolerances import CONVERGED, DEPENDENT_SQUARE, SOLVED_LAWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -205,11 +206,6 @@ def residual(problem: Problem, p: Floats) -> float:
     return float(np.abs(off).max(initial=0.0) / (terms.max(initial=0.0) or 1.0))
 
 
-# Singular values that are smaller belong to dependent rows. D is a square, so that this
-# is an angle of 1e-7.
-DEPENDENT = 1e-14
-
-
 def expressed(
     problem: Problem, modes: list[Mode], ways: Floats
 ) -> tuple[Floats, Floats]:
@@ -250,7 +246,9 @@ def polished(
 
 
 def _by_square(B: Floats) -> Callable[[Floats], Floats]:
-    return lambda rhs: np.asarray(np.linalg.lstsq(B, rhs, rcond=DEPENDENT)[0], float)
+    return lambda rhs: np.asarray(
+        np.linalg.lstsq(B, rhs, rcond=DEPENDENT_SQUARE)[0], float
+    )
 
 
 def _by_factor(Y: Floats, E: Floats, held: list[int]) -> Callable[[Floats], Floats]:
@@ -258,7 +256,8 @@ def _by_factor(Y: Floats, E: Floats, held: list[int]) -> Callable[[Floats], Floa
     Q, R = np.linalg.qr(Y[:, held])
     forces = Q.T @ (Y @ E)[:, held]
     return lambda rhs: np.asarray(
-        np.linalg.lstsq(forces, np.linalg.solve(R.T, rhs), rcond=DEPENDENT)[0], float
+        np.linalg.lstsq(forces, np.linalg.solve(R.T, rhs), rcond=DEPENDENT_SQUARE)[0],
+        float,
     )
 
 
@@ -344,7 +343,9 @@ def with_corners(problem: Problem) -> Floats | None:
         return None
     N = facets.spread()
     a = np.zeros(len(q))
-    a[basis] = np.linalg.lstsq(M[np.ix_(basis, basis)], -q[basis], rcond=DEPENDENT)[0]
+    a[basis] = np.linalg.lstsq(
+        M[np.ix_(basis, basis)], -q[basis], rcond=DEPENDENT_SQUARE
+    )[0]
     p = np.zeros(len(problem.c))
     p[facets.signed + [k for g in facets.groups for k in g]] = N @ a[: N.shape[1]]
     return p
@@ -362,7 +363,7 @@ def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
     free = np.flatnonzero(problem.roles == Role.FREE).tolist()
     if free:
         B = np.column_stack([G[np.ix_(free, unknown)], h[free]])
-        X = np.linalg.lstsq(G[np.ix_(free, free)], B, rcond=DEPENDENT)[0]
+        X = np.linalg.lstsq(G[np.ix_(free, free)], B, rcond=DEPENDENT_SQUARE)[0]
         taken = G[np.ix_(unknown, free)] @ X
         return G[np.ix_(unknown, unknown)] - taken[:, :-1], h[unknown] - taken[:, -1]
     return G[np.ix_(unknown, unknown)], h[unknown]
@@ -379,7 +380,6 @@ STEPS = 30
 PARTS = (1.0, 0.5, 0.25, 0.0625)
 # Equations that are met to this part of their terms are met.
 MET = 1e-15
-GOOD = 1e-12
 # Steps longer than this, in parts of what they mend, are those of dependent rows.
 FAR = 1e8
 
@@ -392,7 +392,7 @@ def by_newton(problem: Problem) -> Floats:
         p, amiss = _descend(problem, attempt(problem))
         if amiss < least:
             best, least = p, amiss
-        if least <= GOOD * size:
+        if least <= CONVERGED * size:
             break
     return best
 
@@ -503,8 +503,6 @@ def _sweep(problem: Problem, p: Floats) -> None:
             p[rows] = z * min(1.0, bounds(problem, p)[k] / (np.linalg.norm(z) or 1.0))
 
 
-# What leaves a larger residual does not solve the problem.
-SOLVED = 1e-7
 # How much diagonal is added where pivoting fails, and how often.
 FIRM = 1e-6
 PROXIMAL = 2
@@ -727,4 +725,4 @@ def _judged(problem: Problem, p: Floats, modes: list[Mode], ways: Floats) -> Sol
     amiss = residual(problem, p)
     w = problem.D @ p + problem.c
     w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0
-    return Solution(p, w, modes, ways, amiss, amiss < SOLVED)
+    return Solution(p, w, modes, ways, amiss, amiss < SOLVED_LAWS)

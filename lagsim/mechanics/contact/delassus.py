@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.tolerances import DEPENDENT_ROWS
+
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
-
-# Rows that leave less than this part of themselves are spanned by the others.
-DEPENDENT = 1e-10
 
 
 class Delassus(NamedTuple):
@@ -48,7 +47,7 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
         Z = freedom(A * s)
         mass, seen = Z.T @ mass @ Z, scaled @ Z
         lengths = np.linalg.norm(scaled, axis=1)
-        seen[np.linalg.norm(seen, axis=1) <= DEPENDENT * lengths] = 0.0
+        seen[np.linalg.norm(seen, axis=1) <= DEPENDENT_ROWS * lengths] = 0.0
     else:
         Z, seen = None, scaled
     L = np.linalg.cholesky(mass)
@@ -82,4 +81,4 @@ def freedom(A: Floats) -> Floats:
     if not len(A):
         return np.eye(A.shape[1])
     _, sizes, V = np.linalg.svd(A)
-    return np.asarray(V[int((sizes > DEPENDENT * sizes[0]).sum()) :].T)
+    return np.asarray(V[int((sizes > DEPENDENT_ROWS * sizes[0]).sum()) :].T)

@@ -20,20 +20,18 @@ import numpy as np
 
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact.complementarity import (
-    SOLVED,
     Problem,
     Role,
     Solution,
     indices,
     solve,
 )
+from lagsim.tolerances import DECOUPLED, SOLVED_LAWS
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact.complementarity import Closed
 
-# Contacts whose Delassus entry is smaller than this part do not act on each other.
-APART = 1e-12
 
 _ROLES = {
     Kind.CONTACT: Role.SIGNED,
@@ -113,7 +111,7 @@ def _alone(closed: Closed, rate: float, noise: float) -> Impact:
     asked, missed = abs(before - target), max(target - after, 0.0)
     residual = missed / asked if asked > 0.0 else 0.0
     energy = p * (before + after) / 2.0
-    found = residual < SOLVED
+    found = residual < SOLVED_LAWS
     return Impact(np.array([p]), np.array([after]), residual, False, energy, found)
 
 
@@ -166,7 +164,7 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     for i, j in combinations(struck, 2):
         rows, others = _group(closed, i, p), _group(closed, j, p)
         D = closed.D[np.ix_(rows, others)]
-        if not (np.abs(D) > APART * np.outer(scale[rows], scale[others])).any():
+        if not (np.abs(D) > DECOUPLED * np.outer(scale[rows], scale[others])).any():
             continue
         plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
         if closed.restitutions[i] or closed.restitutions[j] or not plain:

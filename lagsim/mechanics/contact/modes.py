@@ -27,20 +27,16 @@ from lagsim.mechanics.contact.complementarity import (
     polished,
     solve,
 )
+from lagsim.tolerances import (
+    ACCELERATION_ROUNDOFF,
+    DEPENDENT_ROWS,
+    DEPENDENT_SQUARED,
+    SLIP_CONVERGED,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.contact.complementarity import Closed
-
-
-# Rows that leave less than this part of themselves are spanned by the others; where
-# all that is known is D, a square, half of the digits are.
-DEPENDENT = 1e-10
-DEPENDENT_SQUARED = 1e-7
-# Accelerations are known to this part of the terms in them, at best.
-ROUNDING = 256 * float(np.finfo(float).eps)
-# Slips on a disc that Newton's method leaves rest, where dependent rows slow it down.
-CONVERGED = 1e-10
 
 
 def columns(closed: Closed) -> Floats:
@@ -56,7 +52,7 @@ class Span:
 
     def __init__(self, closed: Closed) -> None:
         Y = columns(closed)
-        self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT
+        self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT_ROWS
         lengths = np.linalg.norm(Y, axis=0)
         self.units = Y / np.where(lengths > 0.0, lengths, 1.0)
         self.taken: list[Floats] = []
@@ -130,7 +126,9 @@ def known_to(
     """
     pushes = np.maximum(np.abs(solution.p), bounds(problem, solution.p))
     terms = np.abs(closed.D) @ pushes + np.abs(problem.c)
-    known: Floats = np.where(problem.pairs >= 0, CONVERGED, ROUNDING) * terms
+    known: Floats = (
+        np.where(problem.pairs >= 0, SLIP_CONVERGED, ACCELERATION_ROUNDOFF) * terms
+    )
     return np.maximum(noise, known)
 
 
@@ -306,7 +304,9 @@ def _decided(
     """Solve once more, for the rows that hold by themselves."""
     p = polished(problem, modes, ways, closed.factor)
     signed = problem.roles == Role.SIGNED
-    p[signed & (p < 0.0) & (p > -ROUNDING * np.abs(p).max(initial=0.0))] = 0.0
+    p[
+        signed & (p < 0.0) & (p > -ACCELERATION_ROUNDOFF * np.abs(p).max(initial=0.0))
+    ] = 0.0
     # Ways are parts of the bounds in force, here of those of the problem.
     implied = np.array([mode is Mode.IMPLIED for mode in modes], dtype=bool)
     known = np.where(implied, closed.statics, closed.bounds)
@@ -338,14 +338,14 @@ def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> 
         masses = masses - np.einsum("ij,ji->i", G[:, free], X)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     signed = [k for k in held if problem.roles[k] == Role.SIGNED]
-    if (masses[signed] <= ROUNDING * closed.D.diagonal()[signed]).any():
+    if (masses[signed] <= ACCELERATION_ROUNDOFF * closed.D.diagonal()[signed]).any():
         return True
     # Those that hold together: their mass against the one without friction.
     Y = columns(closed)
     Q, R = np.linalg.qr(Y[:, held])
     sign, size = np.linalg.slogdet(Q.T @ (Y @ E)[:, held])
     other, plain = np.linalg.slogdet(R)
-    return bool(sign * other * np.exp(size - plain) <= ROUNDING)
+    return bool(sign * other * np.exp(size - plain) <= ACCELERATION_ROUNDOFF)
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:

@@ -15,13 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.tolerances import SAME_RATIO, TABLEAU_ROUNDOFF
+
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
 
-# What is smaller than this in a tableau of entries near 1 is rounding: no pivot.
-SMALL = 1e-11
-# Ratios that differ by less are the same: rounding must not decide what order does.
-TIED = 1e-12
 # Pivots for each row; a few times the number of rows is what it needs in practice.
 PATIENCE = 50
 
@@ -61,7 +59,7 @@ class _Tableau:
         entries = [
             T[column[j]] if j in column else float(basic == j) for j in range(self.n)
         ]
-        return [round(x / scale / TIED) for x in entries]
+        return [round(x / scale / SAME_RATIO) for x in entries]
 
     def leaving_row(self, entering: int) -> int:
         """Give the row that blocks first, or -1 if none does."""
@@ -70,11 +68,11 @@ class _Tableau:
         ratios = {
             i: max(x, 0.0) / a
             for i, (a, x) in enumerate(zip(col, rhs, strict=True))
-            if a > SMALL
+            if a > TABLEAU_ROUNDOFF
         }
         if not ratios:
             return -1
-        most = min(ratios.values()) * (1.0 + TIED) + TIED
+        most = min(ratios.values()) * (1.0 + SAME_RATIO) + SAME_RATIO
         tied = [i for i, ratio in ratios.items() if ratio <= most]
         if len(tied) == 1:
             return tied[0]
@@ -105,7 +103,7 @@ def lemke(M: Floats, q: Floats) -> Flags | None:
     if not n or float(q.min()) >= 0.0:
         return np.zeros(n, dtype=bool)
     tableau = _Tableau(M, q / size)
-    least = np.flatnonzero(tableau.T[:, -1] <= tableau.T[:, -1].min() + TIED)
+    least = np.flatnonzero(tableau.T[:, -1] <= tableau.T[:, -1].min() + SAME_RATIO)
     leaving = tableau.exchange(int(least[-1]), 2 * n)
     for _ in range(PATIENCE * n):
         entering = leaving + n if leaving < n else leaving - n

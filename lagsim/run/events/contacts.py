@@ -23,6 +23,7 @@ from lagsim.notes import Caution, Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.tolerances import IMPACT_GAIN, LEAST_CLOSING, NO_IMPULSE, TORN
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -46,17 +47,9 @@ LONG = 100.0
 STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
 # What has bounced so often comes to rest by a series, not by one impact.
 SERIES = 3
-# An impact that raises the energy by more than this part of what impulses exchange is
-# told.
-RAISED = 1e-9
-# An impulse this small against the largest is rounding.
-NO_IMPULSE = 1e-12
-# A constraint that comes into force this far off, against its scale, is torn.
-TORN = 1e-6
 # A contact closes within so many tolerances of how far it has moved; no tolerance is
 # less here than what a series of impacts leaves where it is taken to have ended.
 CLOSING = 10.0
-LEAST_TOLERANCE = 1e-10
 
 
 @dataclass(slots=True)
@@ -197,7 +190,7 @@ class Contacts(Source):
         kind = self.laws[k].kind
         rtol = here.arc.plan.rtol
         if kind is Kind.CONTACT and rtol is not None:
-            return here.is_off(k, CLOSING * max(rtol, LEAST_TOLERANCE))
+            return here.is_off(k, CLOSING * max(rtol, LEAST_CLOSING))
         return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, TORN)
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
@@ -317,7 +310,7 @@ class Contacts(Source):
             )
         change, rates = result.energy, here.rates[some]
         exchanged = np.abs(result.impulses) @ (np.abs(rates) + np.abs(result.after))
-        if change > RAISED * exchanged:
+        if change > IMPACT_GAIN * exchanged:
             names = self._names(some)
             told += self._once(
                 "impact-energy",

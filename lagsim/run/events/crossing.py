@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, ON, FilippovCone
+from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, FilippovCone
+from lagsim.tolerances import ACCELERATION_ROUNDOFF, PARALLEL, RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -125,7 +126,7 @@ def _rests(
     if not square > 0.0 or modes.whole[k]:
         return False
     speed, moving = float(rows.rates[k]), modes.of_velocities[k]
-    aside = ON * size
+    aside = RESIDUAL_ROUNDOFF * size
     if moving:
         size = float(np.abs(J) @ arc.seen[:n])
         aside = SLOW * float(np.abs(J) @ arc.seen[n : 2 * n])
@@ -142,7 +143,9 @@ def _rests(
         modes.write()
         a = modes.rates(arc.t, beside)[n : 2 * n]
         back = -sign * float(J @ a - rows.b[k])
-        if not (back > 0.0 and speed * speed <= 2.0 * FEW * ON * size * back):
+        if not (
+            back > 0.0 and speed * speed <= 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
+        ):
             return False
         found[way] = modes.value.copy()
     modes.value[:] = found[BELOW]
@@ -162,8 +165,6 @@ USUAL = 1e-9  # of a method without a tolerance
 LOOKS = 12
 # How a root falls with its argument tells what velocity the forces can keep up.
 FARTHER = 16.0
-# What is this part of what cancels, or of what forces give, is their rounding.
-ROUNDED = 2.0**-44
 
 
 def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
@@ -210,11 +211,11 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of what cancels is no size.
-    least = ROUNDED * (slopes @ arc.seen[n : 2 * n])
+    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[n : 2 * n])
     moved = slopes @ arc.ranges[n : 2 * n]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
     # What has not left its floor has not been seen, nor has the rounding of forces.
-    least = np.maximum(modes.p.least_root, ROUNDED * pushed)
+    least = np.maximum(modes.p.least_root, ACCELERATION_ROUNDOFF * pushed)
     return np.where(found > least, found, 0.0)
 
 
@@ -255,8 +256,6 @@ def _jump(modes: Modes, k: int) -> float:
     return 0.5 * abs(found[1] - found[0])
 
 
-# Rows of J this close to parallel are those of one surface.
-PARALLEL = 1e-9
 # A motion that comes to rest in a time goes no farther by then than this many times
 # what its rate makes of it.
 REACH = 4.0
@@ -362,7 +361,7 @@ class Crossing:
         rate = float(rows.rates[k])
         terms = np.abs(rows.J[k]) @ modes.arc.seen[n : 2 * n]
         terms += abs(rate - float(rows.J[k] @ v))
-        return rate if abs(rate) > ON * terms else 0.0
+        return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
     def _follows(self, k: int) -> bool:
         """Tell whether a surface's side is known on each side of the open ones."""
@@ -399,7 +398,10 @@ class Crossing:
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
             level = modes.level(k, value)
-            if k not in self.levels and abs(value - level) > ON * self.sizes[k]:
+            if (
+                k not in self.levels
+                and abs(value - level) > RESIDUAL_ROUNDOFF * self.sizes[k]
+            ):
                 modes.put_clear(k, value)
                 continue
             rows = modes.rows()
@@ -491,7 +493,7 @@ class Crossing:
                 arc.t,
                 arc.y,
                 arc.settings.duration,
-                ON * self.sizes[[k]],
+                RESIDUAL_ROUNDOFF * self.sizes[[k]],
             )
             is None
         )
@@ -548,7 +550,7 @@ class Crossing:
                 arc.t,
                 arc.y,
                 arc.settings.duration,
-                ON * self.sizes[self.open],
+                RESIDUAL_ROUNDOFF * self.sizes[self.open],
             )
 
         scale, noise = np.zeros((2, len(self.open)))

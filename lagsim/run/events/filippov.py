@@ -21,6 +21,7 @@ import numpy as np
 
 from lagsim.methods.parts import parameters as kept
 from lagsim.run.system.functions import on_velocities
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SHARE_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -38,9 +39,6 @@ LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 # All ways are tried up to this many surfaces; beyond it they are exchanged one by one.
 FEW = 5
 MOST_EXCHANGES = 1000
-# A rate this small against its terms is rounding.
-ROUNDING = 1e-12
-TINY = 1e-300
 
 
 class FilippovCone:
@@ -73,7 +71,7 @@ class FilippovCone:
         settled: bool = False,
     ) -> None:
         self.count = len(scale)
-        self.tolerance = np.maximum(ROUNDING * scale, noise)
+        self.tolerance = np.maximum(SHARE_ROUNDOFF * scale, noise)
         self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
         self.settled = settled
@@ -173,7 +171,7 @@ class FilippovCone:
             if i in self.held:
                 continue
             if k == ALONG:
-                inside = -ROUNDING <= w[i] <= 1.0 + ROUNDING
+                inside = -SHARE_ROUNDOFF <= w[i] <= 1.0 + SHARE_ROUNDOFF
                 attracts = own[i] < 0.0 or not alone
                 if not (inside and attracts and abs(rho[i]) <= self.tolerance[i]):
                     return False
@@ -225,15 +223,13 @@ def _affine(rates: Rates, count: int) -> Rates:
 
 def _better(k: int, w: float, rho: float, tolerance: float) -> int:
     if k == ALONG:
-        if w > 1.0 + ROUNDING:
+        if w > 1.0 + SHARE_ROUNDOFF:
             return ABOVE
-        return BELOW if w < -ROUNDING else ALONG
+        return BELOW if w < -SHARE_ROUNDOFF else ALONG
     wrong = rho < -tolerance if k == ABOVE else rho > tolerance
     return 1 - k if wrong else k
 
 
-# A state this close to a surface, against the size of its terms, is on it.
-ON = 2.0**-47
 # Directions in which a state is moved to see what its rounding does to a surface.
 DIRECTIONS = 3
 # A state this far aside, against how far it has moved, is another one.
@@ -410,12 +406,16 @@ class Modes:
     def keeps(self, k: int) -> bool:
         """Tell whether an expression is constant hereabouts, not only level here."""
         seen, reach = self.arc.seen, self.arc.ranges
-        reach = np.where(reach > 0.0, np.maximum(reach, ON**0.5 * seen), seen)
+        reach = np.where(
+            reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
+        )
         parts = ASIDE + ASIDE**2 * np.arange(len(seen))
         aside = parts * np.where(reach > 0.0, reach, 1.0)
         here, there = self.rows(), self.rows(self.arc.y + aside)
         if self.of_velocities[k]:
-            still = abs(here.rates[k] - there.rates[k]) <= ON * abs(here.rates[k])
+            still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
+                here.rates[k]
+            )
         else:
             still = here.rates[k] == there.rates[k] == 0.0
         return bool(
@@ -453,7 +453,9 @@ class Modes:
         found = np.maximum(rows.scales, terms)
         here = self.values(arc.t, arc.y)
         for aside in self.asides():
-            found = np.fmax(found, np.abs(self.values(arc.t, aside) - here) / ON)
+            found = np.fmax(
+                found, np.abs(self.values(arc.t, aside) - here) / RESIDUAL_ROUNDOFF
+            )
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
@@ -461,7 +463,7 @@ class Modes:
 
         And that are no farther than `reach` (size,) besides.
         """
-        step = ON * self.arc.seen + reach
+        step = RESIDUAL_ROUNDOFF * self.arc.seen + reach
         i = np.arange(len(step))
         for k in range(DIRECTIONS):
             yield self.arc.y + np.where(i >> k & 1, -step, step)

@@ -9,15 +9,13 @@ import numpy as np
 from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
 from lagsim.run.arc import pulled
-from lagsim.run.events.filippov import ON
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, TORN
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
-# A moving constraint whose residual jumps by more than this, against its scale, tears.
-TORN = 1e-6
 # What the rounding of a state does to a rate, times this, is no jump.
 ROUNDING = 16.0
 # Units in the last place of the time by which a row stands before an impact.
@@ -103,11 +101,11 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     steps = arc.runner.function("velocity_step")
     noise = np.zeros(n)
     for sign in (1.0, -1.0):
-        moment = ON * max(abs(arc.t), arc.settings.duration)
+        moment = RESIDUAL_ROUNDOFF * max(abs(arc.t), arc.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
-        moved = steps(arc.t + moment, arc.y + ON * aside * seen)[:n]
+        moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - off - step))
-    noise += ON * seen[n : 2 * n]
+    noise += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
     most = TORN * 1e-3 * arc.ranges[n : 2 * n] + ROUNDING * noise
     return bool(np.any(np.abs(step) > most))
 

@@ -17,6 +17,7 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.run.arc import MOMENTS
+from lagsim.tolerances import DECOUPLED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -30,9 +31,6 @@ PROBE = 2.0**-26
 APART = 0.618033988749895
 # A flight this many times higher than rounding is one.
 HIGHER = 16.0
-# Laws whose impulses change each other's rates by no more than this part do not act on
-# each other.
-APART_FROM = 1e-12
 
 
 class Shape:
@@ -299,7 +297,7 @@ class Kinematics:
         """Tell whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
-        return bool(np.any(np.abs(D[k, some]) > APART_FROM * sizes[k] * sizes[some]))
+        return bool(np.any(np.abs(D[k, some]) > DECOUPLED * sizes[k] * sizes[some]))
 
     def problem(
         self, some: Sequence[int], restitutions: Floats

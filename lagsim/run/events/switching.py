@@ -16,11 +16,11 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import NEAR, SERIES, most_pulled, pulled
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
-from lagsim.run.events.filippov import ABOVE, BELOW, ON, Modes
+from lagsim.run.events.filippov import ABOVE, BELOW, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import TIME_ROUNDOFF
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SHARE_ROUNDOFF, TIME_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 # Errors of what hardly moves, in parts of rtol and of its speeds and what forces add.
 NOISE = 1e-4
-# A share this far past its bound still counts as within.
-SHARE_SLACK = 1e-12
 # One farther past it where it is located has not left by its bound: no share keeps to
 # the surface there.
 HELD = 1e-6
@@ -175,7 +173,7 @@ class Switching(Source):
             levels = {}
             for k, value in enumerate(values):
                 level = modes.level(k, value)
-                if k in on or abs(value - level) <= ON * sizes[k]:
+                if k in on or abs(value - level) <= RESIDUAL_ROUNDOFF * sizes[k]:
                     levels[k] = level
                 else:
                     modes.put_clear(k, value)
@@ -205,7 +203,7 @@ class Switching(Source):
         modes.tell(slack=slack)
         margins = arc.runner.margins(arc.t, arc.y)
         for k in levels:
-            least = SHARE_SLACK if slides[k] else ON * sizes[k]
+            least = SHARE_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
         # Within its floor a root is the same to either side.
         noise = np.maximum(self._noise(rows), 0.5 * modes.p.floor)
@@ -333,4 +331,4 @@ class Switching(Source):
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))
-        return bool(off <= 8.0 * ON * modes.sizes(modes.rows())[k])
+        return bool(off <= 8.0 * RESIDUAL_ROUNDOFF * modes.sizes(modes.rows())[k])

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.tolerances import SAME_STEP, TERM_ROUNDOFF
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
@@ -16,16 +18,13 @@ if TYPE_CHECKING:
 
 # Rows that are kept, at most.
 MOST_ROWS = 4096
-# A row this close to a time of the grid, as a part of the spacing, is that time's.
-SAME_TIME = 1e-9
-ROUNDING = 4.0 * 2.0**-52
 
 
 def numbers(t: Floats, start: float, step: float) -> Floats:
     """Give the numbers of times on the grid of output times, -1 between (k,)."""
     places = np.rint((t - start) / step)
     off = np.abs(t - (start + places * step))
-    near = SAME_TIME * step + ROUNDING * np.abs(t)
+    near = SAME_STEP * step + TERM_ROUNDOFF * np.abs(t)
     return np.where(off <= near, places, -1.0).astype(np.int64)
 
 
