@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.run.session import Case
 
+    Derivative = Callable[[float, Floats], Floats]
+
 # Solves are repeated while they last together less than this, but not more often than
 # that: a millisecond is measured well by the least of twenty, a second by itself.
 REPEATING_SECONDS = 0.2
@@ -231,38 +233,6 @@ def scipy_refusal(own: Own) -> str:
     return ""
 
 
-class Counted:
-    """The compiled right-hand side as scipy wants it.
-
-    Attributes
-    ----------
-    evaluations : int
-    """
-
-    def __init__(self, own: Own, look: Callable[[], None]) -> None:
-        runner = own.system.link(own.method)
-        runner.prepare()
-        self._call = runner.engine.function("derivative", *FUNCTION)
-        self._y = np.zeros(own.system.size)
-        self._out = np.zeros(own.system.size + 2)
-        self._pointers = [
-            ctypes.c_void_p(array.ctypes.data)
-            for array in (self._y, own.system.p.flat, self._out)
-        ]
-        self._size = own.system.size
-        self._look = look
-        self.evaluations = 0
-
-    def __call__(self, t: float, y: Floats) -> Floats:
-        """Give y'."""
-        self.evaluations += 1
-        if self.evaluations % LOOK == 0:
-            self._look()
-        self._y[:] = y
-        self._call(t, *self._pointers)
-        return self._out[: self._size].copy()
-
-
 class Scipy:
     """One of scipy's solvers.
 
@@ -285,14 +255,39 @@ class Scipy:
         self.formulation = "drift" if own.system.m else "none"
         self.names = own.names
 
+    def _derivative(
+        self, look: Callable[[], None]
+    ) -> Callable[[float, Floats], Floats]:
+        """Give the compiled right-hand side y'(t, y), which calls `look` at times."""
+        system, size = self.own.system, self.own.system.size
+        runner = system.link(self.own.method)
+        runner.prepare()
+        call = runner.engine.function("derivative", *FUNCTION)
+        state, rates = np.zeros(size), np.zeros(size + 2)
+        pointers = [
+            ctypes.c_void_p(array.ctypes.data)
+            for array in (state, system.p.flat, rates)
+        ]
+        self.evaluations = 0
+
+        def derivative(t: float, y: Floats) -> Floats:
+            self.evaluations += 1
+            if self.evaluations % LOOK == 0:
+                look()
+            state[:] = y
+            call(t, *pointers)
+            return rates[:size].copy()
+
+        return derivative
+
     def solve(self, value: float, patience: Patience) -> Solved:
         """Solve once with the tolerance `value`."""
         from scipy.integrate import solve_ivp
 
         start = self.own.case.start
-        work = np.zeros(self.own.system.works)
-        y = np.concatenate([start.q, start.v, work])
-        f = Counted(self.own, patience.check)
+        y = np.concatenate([start.q, start.v, np.zeros(self.own.system.works)])
+        f = self._derivative(patience.check)
+        rows, reason = None, ""
         patience.begin()
         # What becomes of values that are not finite is reported by the outcome.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -308,17 +303,15 @@ class Scipy:
                     rtol=max(value, LEAST_RTOL),
                     atol=value * self.sizes,
                 )
+                reason = result.message
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as fault:
-                seconds = time.perf_counter() - began
-                return Solved(None, seconds, f.evaluations, "failed", str(fault))
+                result, reason = None, str(fault)
             seconds = time.perf_counter() - began
-        rows = None
-        if result.status == 0:
+        if result is not None and result.status == 0:
             states = np.column_stack([result.t, result.y.T])
-            rows = self.own.system.link(self.own.method).tabulate(states)
+            rows, reason = self.own.system.link(self.own.method).tabulate(states), ""
         outcome = "failed" if rows is None else "done"
-        reason = result.message if rows is None else ""
-        return Solved(rows, seconds, f.evaluations, outcome, reason)
+        return Solved(rows, seconds, self.evaluations, outcome, reason)
 
 
 Solver: TypeAlias = Own | Scipy
