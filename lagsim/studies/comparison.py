@@ -107,6 +107,13 @@ def kind(column: str, columns: Collection[str]) -> str:
     return "definition"
 
 
+def range_or_size(
+    ranges: Floats, sizes: Floats | float, least: float = FLAT_RANGE
+) -> Floats:
+    """Return the ranges; the size where a range is less than this part of it."""
+    return np.where(ranges > least * sizes, ranges, sizes)
+
+
 def scales(
     columns: Sequence[str], data: Floats, units: Mapping[str, str] | None = None
 ) -> Floats:
@@ -125,7 +132,7 @@ def scales(
     low, high = _extremes(data)
     size = np.maximum(np.abs(low), np.abs(high))
     ranges = high - low
-    wide = np.where(ranges > FLAT_RANGE * size, ranges, size)
+    wide = range_or_size(ranges, size)
     present = frozenset(columns)
     kinds = [kind(column, present) for column in columns]
     groups = [

@@ -25,7 +25,7 @@ from lagsim.studies.bench.solving import (
     Solver,
     scipy_refusal,
 )
-from lagsim.studies.comparison import IMPACT, moved, within
+from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
 from lagsim.tolerances import RANGE_BESIDE, SAME_STEP
 
 if TYPE_CHECKING:
@@ -407,9 +407,8 @@ def _scales(
     units = np.array([c.unit for c in e.model.coordinates])
     alike = [of[units == unit] for of in (q, v) for unit in set(units)]
     for columns in (*alike, *([column] for column in multipliers)):
-        largest = np.max(sizes[columns])
-        own = ranges[columns]
-        scales[columns] = np.where(own > RANGE_BESIDE * largest, own, largest or np.inf)
+        largest = np.max(sizes[columns]) or np.inf
+        scales[columns] = range_or_size(ranges[columns], largest, RANGE_BESIDE)
     duration = float(np.ptp(rows[:, 0])) or 1.0
     at, rates = scales[q], scales[v]
     scales[q] = np.where(np.isinf(at), rates * duration, at)
