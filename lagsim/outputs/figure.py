@@ -216,14 +216,12 @@ def legend(
     of: Figure | Axes, entries: Sequence[tuple[str, Pen]], room: float, **more: Any
 ) -> Legend:
     """Name lines side by side, cut to their shares of the room where it is short."""
-    abreast = more.setdefault("ncols", len(entries))
     wanted = sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
-    share = math.inf if wanted <= room else room / abreast - SAMPLE
-    share -= GAP if abreast > 1 else 0.0
+    share = math.inf if wanted <= room else room / len(entries) - SAMPLE - GAP
     names = [mathtext(fitted(name, share, SMALL)) for name, _ in entries]
     # Where there is no pen there is no line.
     lines = [Line2D([], [], **(pen or {"linestyle": "none"})) for _, pen in entries]
-    return of.legend(lines, names, **more)
+    return of.legend(lines, names, ncols=len(names), **more)
 
 
 def legend_above(axes: Axes, entries: Sequence[tuple[str, Pen]]) -> None:
@@ -286,8 +284,9 @@ class Picture(Figure):
         self._small_print(high - under + 0.5 * LINE, below)
 
     def _small_print(self, top: float, lines: Sequence[str]) -> None:
+        look: Pen = {"size": SMALL, "color": DIM, "room": self.width - 2 * EDGE}
         for k, text in enumerate(lines):
-            self.write(EDGE, top + (k + 0.6) * LINE, text, size=SMALL, color=DIM)
+            self.write(EDGE, top + (k + 0.6) * LINE, text, **look)
 
     @property
     def width(self) -> float:
@@ -308,19 +307,14 @@ class Picture(Figure):
         self.text(x, self.height - y, shown, transform=self.dpi_scale_trans, **look)
 
     def name(
-        self,
-        x: float,
-        y: float,
-        entries: Sequence[tuple[str, Pen]],
-        room: float,
-        **more: Any,
+        self, x: float, y: float, entries: Sequence[tuple[str, Pen]], room: float
     ) -> None:
-        """Name lines from here on to the right; with `ncols=1` below each other."""
+        """Name lines from here on to the right."""
         if entries:
             place = x, self.height - y + ASCENT * SMALL / 72
             legend(
                 self, entries, room, loc="upper left", bbox_to_anchor=place,
-                bbox_transform=self.dpi_scale_trans, **more,
+                bbox_transform=self.dpi_scale_trans,
             ).set_in_layout(False)  # fmt: skip
 
     def panels(
