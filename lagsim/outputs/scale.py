@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from matplotlib.ticker import (
+    FixedLocator,
     Formatter,
     FuncFormatter,
     Locator,
@@ -114,10 +115,20 @@ class Scale(NamedTuple):
         if not most:
             return NullLocator(), ScalarFormatter()
         if self.linear:
-            locator = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
-            locator.set_params(numticks=most)
-            return locator, FuncFormatter(_as_read)
+            return self._beyond(most), FuncFormatter(_as_read)
         return self._powers(most) if self.log else self._round(most)
+
+    def _beyond(self, most: int) -> Locator:
+        """Give ticks of both parts: 0, the ends of the linear one, powers beyond."""
+        powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
+        powers.set_params(numticks=most)
+        ends = self.low, self.high
+        decades = math.log10(max(map(abs, ends)) / self.linear)
+        # As far from the linear part as from each other.
+        least = self.linear * 10.0 ** max(0.6, decades / most)
+        found = [x for x in powers.tick_values(*ends) if abs(x) >= least]
+        found += [-self.linear, 0.0, self.linear]
+        return FixedLocator(sorted(x for x in found if self.low <= x <= self.high))
 
     def _round(self, most: int) -> tuple[Locator, Formatter]:
         steps = [1, 2, 2.5, 5, 10]
