@@ -8,7 +8,8 @@ import pytest
 import lagsim
 from lagsim.errors import InputError
 from lagsim.outputs.figure import content
-from lagsim.studies.spectrum import EVEN, LEAST_ROWS, spectrum
+from lagsim.studies.spectrum import LEAST_ROWS, spectrum
+from lagsim.tolerances import SAME_ROW
 from tests.outputs.drawn import noted
 
 STEP = 0.02
@@ -101,7 +102,7 @@ def test_rounding_of_times_is_no_fault():
 
 def moved(t):
     t = t.copy()
-    t[50] += 10 * EVEN * STEP
+    t[50] += 10 * SAME_ROW * STEP
     return t
 
 
