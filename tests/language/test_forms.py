@@ -1,14 +1,17 @@
-"""Sines and cosines in fewer terms: known identities, and equal values everywhere."""
+"""Sums of products: known identities, what cancels, and small differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from benchmarks.link_chain import chain
 from lagsim.language.evaluate import evaluate
-from lagsim.language.forms import fewer_terms
+from lagsim.language.forms import Collected, fewer_terms
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
+from lagsim.mechanics.equations import derive
+from lagsim.model.reader import read
 from tests.support import case_of
 
 MOVING = ("a", "b", "c", "x")
@@ -37,6 +40,10 @@ def build(g: Graph, text: str) -> int:
             "cos(a + b + c)",
         ),
         ("(cos(a)*x + sin(a))^2 + (sin(a)*x - cos(a))^2", "x*x + 1"),
+        ("cos(a)*cos(b)/3 + sin(a)*sin(b)/3", "cos(a - b)/3"),
+        ("2*cos(a - b) + cos(a)*cos(b) + sin(a)*sin(b)", "3*cos(a - b)"),
+        ("x*a + sin(b)*cos(a) - cos(b)*sin(a)", "x*a - sin(a - b)"),
+        ("cos(a - b)*cos(c) + sin(a - b)*sin(c)", "cos(a - b - c)"),
     ],
 )
 def test_identities(long, short):
@@ -58,30 +65,45 @@ def test_what_would_be_long_stays():
     assert fewer_terms(g, [node], MOVING) == [node]
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_values_are_the_same(seed):
-    random = np.random.default_rng(seed)
-    leaves = ["sin(a)", "cos(a)", "sin(b)", "cos(b)", "cos(a - c)", "sin(c)", "x", "k"]
-
-    def some(depth):
-        if depth == 0:
-            return str(random.choice(leaves))
-        one, other = some(depth - 1), some(depth - 1)
-        return f"({one}){random.choice(['+', '-', '*', '*'])}({other})"
-
-    pairs = ((some(2), some(2)) for _ in range(3))
-    text = " + ".join(
-        f"(({p})*sin(a) + ({q})*cos(b))^2 + (({p})*cos(a) - ({q})*sin(b))^2"
-        for p, q in pairs
-    )
+def test_what_cancels_is_not_computed():
     g = Graph()
-    node = build(g, text)
-    [found] = fewer_terms(g, [node], MOVING)
-    for _ in range(5):
-        state = dict(zip("abcxk", random.uniform(-2.0, 2.0, 5), strict=True))
-        old, new = evaluate(g, [node, found], state)
-        # Some hundred terms of size 4^4 at most, each off by some roundings.
-        assert new == pytest.approx(old, rel=1e-12, abs=1e-11)
+    x, y, m, gravity = map(g.variable, ("x", "c", "m", "k"))
+    collected = Collected(g, MOVING)
+    over = g.call("div", g.one, m)
+    weight = g.call("mul", m, gravity)
+    difference, opposite = g.call("sub", x, y), g.call("sub", y, x)
+    assert collected.sum([(weight, over)]) == gravity
+    assert collected.sum([(weight, over, x)]) == g.call("mul", gravity, x)
+    both = [(weight, over, difference), (weight, over, opposite)]
+    assert collected.sum(both) == g.zero
+
+
+def test_small_differences_stay_whole():
+    g = Graph()
+    x, y, z = map(g.variable, "abc")
+    difference = g.call("sub", x, y)
+    node = g.call("add", g.call("mul", z, z), difference)
+    collected = Collected(g, MOVING)
+    assert difference in {n for _, n in collected.addends(node)}
+    product = collected.sum([(g.variable("k"), difference, z)])
+    values = {"a": 1e6 + 2.0**-20, "b": 1e6, "c": 3.0, "k": 0.5}
+    assert evaluate(g, [product], values) == [1.5 * 2.0**-20]
+
+
+@pytest.mark.parametrize("n", [2, 3, 6])
+def test_chains_have_their_closed_form(n):
+    # Of 6 angles there are 15 differences, which are written by sines and cosines.
+    e = derive(read(chain(n, 1.0), "model.yaml"), chained=False)
+    a, v = np.random.default_rng(n).uniform(-2.0, 2.0, (2, n))
+    state = dict(zip((*e.q, *e.velocities), (*a, *v), strict=True))
+    at = state | {"m": 1.3, "l": 0.7, "g": 9.81, "t": 0.0}
+    hung = n - np.maximum.outer(range(n), range(n))
+    apart = np.subtract.outer(a, a)
+    M = 1.3 * 0.7**2 * hung * np.cos(apart)
+    f = -1.3 * 0.7**2 * (hung * np.sin(apart)) @ v**2
+    f -= 1.3 * 9.81 * 0.7 * (n - np.arange(n)) * np.sin(a)
+    found = [evaluate(e.graph, row, at) for row in (*e.M, e.f)]
+    np.testing.assert_allclose(found, [*M, f], rtol=0, atol=1e-12 * n**2)
 
 
 def test_a_double_pendulum_is_as_short_as_in_textbooks():
