@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 257
 LINES = 69_700
-LINES_OF_TESTS = 57_400
+LINES_OF_TESTS = 57_200
 
 
 def lines(folder):
