@@ -109,3 +109,13 @@ def test_a_box_rests_on_four_legs(pull):
             n = body.normals[k]
             bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
             assert found.multipliers[k] == pytest.approx(found.way[k] * bound)
+
+
+@pytest.mark.parametrize("seed", [55, 193, 197, 381])
+def test_where_sweeps_end_nowhere_discs_with_corners_show_where_to_begin(seed):
+    random = np.random.default_rng(seed)
+    count, n = int(random.integers(1, 7)), int(random.integers(2, 10))
+    mu = random.choice([0.1, 0.5, 1.0, 2.0, 5.0])
+    rows = random.normal(size=(3 * count, n))
+    found = impact(with_discs(rows, mu), rows @ random.normal(size=n), none(3 * count))
+    assert found.found
