@@ -322,10 +322,10 @@ class _Reader:
             return None
         return OneSided(restitution, dynamic, slips, static)
 
-    def _not_negative(self, node: Node, what: str) -> float | None:
+    def _not_negative(self, node: Node | None, what: str) -> float | None:
         """Give the value of an expression of parameters; a negative one is a fault."""
         value = self.x.number(node, what)
-        if value is not None and value < 0:
+        if node is not None and value is not None and value < 0:
             text = f"{what} is {value:g}, which is negative"
             self.x.faults.add("out-of-range", text, node.place)
         return value
@@ -339,17 +339,15 @@ class _Reader:
             return self._coefficient(node, f"the friction of {what}")[0], None
         place = self.below.place_of("friction")
         given = fields(node, f"the friction of {what}", FRICTION, faults, place)
-        found: list[tuple[int | None, float | None]] = []
+        found: dict[str, tuple[int | None, float | None]] = {}
         for key in FRICTION:
             part = given.value(key)
+            found[key] = self._coefficient(part, f"the {key} friction of {what}")
             if part is None:
                 text = f"the friction of {what} has no `{key}`"
                 hint = "{static: ..., dynamic: ...}, or one number for both"
                 faults.add("missing-key", text, place, hint)
-                found.append((None, None))
-            else:
-                found.append(self._coefficient(part, f"the {key} friction of {what}"))
-        (sticking, most), (sliding, least) = found
+        (sticking, most), (sliding, least) = found.values()
         if most is not None and least is not None and most < least:
             text = f"the static friction of {what} is {most:g}, less than the dynamic "
             hint = "what sticks holds at least what sliding does"
@@ -357,7 +355,9 @@ class _Reader:
             faults.add("out-of-range", f"{text}one, {least:g}", place, hint)
         return sliding, sticking
 
-    def _coefficient(self, node: Node, what: str) -> tuple[int | None, float | None]:
+    def _coefficient(
+        self, node: Node | None, what: str
+    ) -> tuple[int | None, float | None]:
         """Give the node of a coefficient, and its value."""
         value = self._not_negative(node, what)
         compiled = None if value is None else self.x.compile(node, what, NUMBERS)

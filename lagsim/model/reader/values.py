@@ -140,32 +140,28 @@ class Definitions:
         return order
 
     def _report_cycles(self) -> None:
-        left = self._given.keys() - set(self._order)
+        cyclic = self._given.keys() - set(self._order)
+        position = {name: k for k, name in enumerate(self._given)}
         seen: set[str] = set()
         for start in self._given:
-            path: list[str] = []
-            name = start
-            while name in left and name not in seen:
+            name, path = start, list[str]()
+            while name in cyclic and name not in seen:
                 seen.add(name)
                 path.append(name)
-                name = next(used for used in self._uses[name] if used in left)
+                name = next(used for used in self._uses[name] if used in cyclic)
             if name in path:
-                self._report_cycle(path[path.index(name) :])
+                cycle = path[path.index(name) :]
+                at = cycle.index(min(cycle, key=position.__getitem__))
+                self._report_cycle(cycle[at:] + cycle[:at])
 
     def _report_cycle(self, cycle: list[str]) -> None:
-        place = {name: i for i, name in enumerate(self._given)}
-        first = cycle.index(min(cycle, key=place.__getitem__))
-        cycle = cycle[first:] + cycle[:first]
-        text = self._given[cycle[0]].text
+        text, at = self._given[cycle[0]].text, self._uses[cycle[0]][[*cycle, *cycle][1]]
         assert text is not None
-        at = self._uses[cycle[0]][cycle[1] if len(cycle) > 1 else cycle[0]]
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
-        self.x.faults.add(
-            "cycle",
-            f"the definition `{cycle[0]}` depends on itself: "
-            + " -> ".join([*shown, cycle[0]]),
-            text[0].place_of(at.offset, len(at.text)),
-        )
+        about = f"the definition `{cycle[0]}` depends on itself: "
+        about += " -> ".join([*shown, cycle[0]])
+        place = text[0].place_of(at.offset, len(at.text))
+        self.x.faults.add("cycle", about, place)
 
     def _find_levels(self) -> None:
         """Enter what each definition depends on, by the names in it."""
