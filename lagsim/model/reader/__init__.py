@@ -514,8 +514,9 @@ def _put_below(entries: list[Entry], section: str, more: list[Entry]) -> bool:
     if any(key.text in taken for key, _ in more):
         return False
     new = head, old._replace(entries=(*old.entries, *more))
-    kept = [e for e in entries if e not in more]
-    entries[:] = [new if e[0] is head else e for e in kept]
+    moved = {id(key) for key, _ in more}
+    kept = [entry for entry in entries if id(entry[0]) not in moved]
+    entries[:] = [new if entry[0] is head else entry for entry in kept]
     if value is None:
         entries.append(new)
     return True
