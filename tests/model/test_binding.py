@@ -147,6 +147,7 @@ def test_start_values():
     ("initial", "code"),
     [
         ({"l": 1}, "not-a-start-value"), ({"z": 1}, "unknown-name"),
+        ({"duration": 1}, "unknown-name"),
         ({"x": "y"}, "later-initial"), ({"x": "1/0"}, "not-finite"),
         ({"x": float("nan")}, "unknown-name"), ({"x": "1 +"}, "expression-syntax"),
     ],
@@ -156,6 +157,7 @@ def test_faults_of_start_values(initial, code):
     with pytest.raises(InputError) as error:
         model(STARTS).bind({}, initial)
     assert [p.code for p in error.value.problems] == [code]
+    assert "belongs below" not in str(error.value)  # as a key of the file would
 
 
 LAWS = """

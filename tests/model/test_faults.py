@@ -441,7 +441,8 @@ expression-syntax | initial: {x: 2*, y: x}
 yaml-syntax | initial: {x: a: 1, y: x}
 yaml-syntax | simulation: {duration: a: b}
 unknown-name | scene: {points: {p: [x, zz]}, links: [[p, p]]}
-yaml-syntax | scene: {points: a: b, links: [[p, p]]}
+yaml-syntax | scene:¶  points: a: b¶  links: [[p, p]]
+name-clash | parameters: {x: 1}¶coordinates: {x: , y: }¶definitions: {x: 1}
 expression-syntax | constraints: {c: {relation: 'if(x, 1, 2) >= 0', restitution: 1}}
 unknown-name | constraints: {c: x_dot >= zz_dot}
 unknown-name | constraints: {c: {relation: x_dot = zz, limit: 1}}
