@@ -54,6 +54,20 @@ def test_who_dies_is_told_and_the_others_are_done():
     assert found == {0: 1, 2: 4, 3: 9}
 
 
+def first_dies(path, _interrupt):
+    if not path.exists():
+        path.touch()
+        os._exit(1)
+    return path.name
+
+
+@pytest.mark.slow
+def test_what_a_process_that_died_had_is_done_again(tmp_path):
+    pieces = [tmp_path / name for name in "abc"]
+    found = dict(spread(first_dies, pieces, 2, Interrupt()))
+    assert found == {0: "a", 1: "b", 2: "c"}
+
+
 @pytest.mark.slow
 def test_an_interrupt_ends_what_is_under_way_and_begins_nothing():
     interrupt, found = Interrupt(), {}

@@ -30,6 +30,7 @@ from lagsim.studies.bench.work_precision import (
     decades,
     front,
     halvings,
+    is_answer,
     measure,
     pareto,
 )
@@ -135,6 +136,8 @@ def test_constraints_have_their_own_errors():
     for row in (ours, theirs):
         assert 0 < row["error_lambda"] < 1e3 * 1e-5
     # What drifts is no answer to compare with.
+    assert is_answer(ours)
+    assert not is_answer(theirs)
     assert not theirs["front_seconds"]
 
 
