@@ -1,4 +1,4 @@
-"""What goes wrong, where, and what to do about it."""
+"""Faults of the input, each with its code, place and hint, and their exceptions."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Problem(NamedTuple):
 
 
 class LagsimError(Exception):
-    """What the user can mend; `exit_code` is the command's, `code` a stable word."""
+    """A failure that the user can mend; `exit_code` is the command's, `code` stable."""
 
     exit_code = 2
     code = "failed"
@@ -142,7 +142,7 @@ class InputError(LagsimError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problem.whole for problem in problems)
         self.code = self.problems[0].code
-        super().__init__(self.problems)  # another process makes it anew from these
+        super().__init__(self.problems)  # pickling restores it from these
 
     def __repr__(self) -> str:
         first, more = self.problems[0], len(self.problems) - 1

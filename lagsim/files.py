@@ -1,8 +1,7 @@
-"""Files as strangers may have left them: a pipe in their place, a link, no end.
+"""Reading and writing of regular files alone, whatever stands in their place.
 
-Read is what is a regular file, and nothing else: a pipe or a device would keep a
-program waiting for ever. What is made anew is made where nothing is, so that no link
-leads elsewhere.
+A pipe or a device is not read: it would keep a program waiting for ever. A new file is
+made where nothing is, so that no link leads elsewhere.
 
 Files on their way to their places are known before they are made, so that whatever ends
 this process, between any two instructions, can remove them.

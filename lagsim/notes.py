@@ -1,4 +1,4 @@
-"""What a run has to say: what it chose, what happened on the way, what to beware of."""
+"""Choices, events and warnings of a run, as its documents list them."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import Any, NamedTuple
 
 
 class Choice(NamedTuple):
-    """One thing chosen, and why."""
+    """One choice, and its reason."""
 
     choice: str
     reason: str
 
 
 class Event(NamedTuple):
-    """Something that happened at a time, to a constraint or to the run.
+    """An event of a run, of a constraint or of none, at its time.
 
     `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
     is the switch in the state, roughly as it was written. With an impact go the rates
@@ -31,12 +31,12 @@ class Event(NamedTuple):
     energy: float | None = None
 
     def __repr__(self) -> str:
-        said = ((k, v) for k, v in self._asdict().items() if v is not None)
-        return f"Event({', '.join(f'{name}={value!r}' for name, value in said)})"
+        given = ((k, v) for k, v in self._asdict().items() if v is not None)
+        return f"Event({', '.join(f'{name}={value!r}' for name, value in given)})"
 
 
 class Caution(NamedTuple):
-    """Something the user should know; `code` is stable."""
+    """A warning; `code` is stable."""
 
     code: str
     text: str
@@ -50,5 +50,5 @@ class Caution(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """What documents say of it."""
+        """Its entry in documents."""
         return {"code": self.code, "number": self.number, "text": self.text}

@@ -339,6 +339,7 @@ def test_zero_within_the_rounding_of_its_expression():
     assert 0 < x.value < 1.3e-16
     assert x.error >= x.value
     assert 0.0 < abs(y.value) <= y.error < 1e-15
+    assert model("initial: {x: -0.1, y: 0}").initial[0].error == 0.0
     text = "parameters: {k: sin(pi), m: 0.1}\ninitial: {x: k, y: m}"
     x, y = model(text).initial[:2]  # the error of a parameter is inherited
     assert abs(x.value) <= x.error
