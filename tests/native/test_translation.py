@@ -161,8 +161,11 @@ def fill(n: int, y: Floats, out: Floats) -> None:
 def sums(n: int, y: Floats, out: Floats) -> None:
     for i in range(n - 2):
         for s in unrolled(3):
-            half = 0.5 * total(WEIGHTS[s][j] * y[i + j] for j in unrolled(3))
-            out[3 * i + s] = y[i] + half
+            if s == 1:
+                sum_ = total(y[i + j] * WEIGHTS[s][j] for j in unrolled(3))
+            else:
+                sum_ = total(WEIGHTS[s][j] * y[i + j] for j in unrolled(3))
+            out[3 * i + s] = y[i] + 0.5 * sum_
 
 
 def side_by_side(n: int, y: Floats, out: Floats) -> None:
