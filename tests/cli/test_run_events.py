@@ -70,10 +70,7 @@ def test_every_event_is_in_both_files(lagsim, write):
     assert told == listed()
     times = [e["time"] for e in events]
     assert times == sorted(times)
-
-
-def test_what_strikes_at_one_time_is_a_line_each(lagsim, write):
-    lagsim("run", write(TWO), "--no-plots", "-o", "out")
+    # What strikes at one time is a line each.
     first, second = listed()[:2]
     assert [first[2], second[2]] == ["floor", "wall"]
     for line in (first, second):
@@ -100,13 +97,6 @@ def test_the_summary_counts_impacts_and_tells_of_rest(lagsim, write):
     assert lines[at + 1].strip() == rest
     assert max(len(line) for line in lines[at : at + 2]) <= 80
     assert "2 coordinates, 2 contacts" in called.out
-
-
-def test_the_summary_where_nothing_happens(lagsim, write):
-    text = CONTACT.replace("duration: 1", "duration: 0.1")
-    called = lagsim("run", write(text), "--no-plots", "-o", "out")
-    assert "  events        none\n" in called.out
-    assert listed() == []
 
 
 @pytest.mark.parametrize("most", [3, 5])
@@ -180,10 +170,15 @@ def test_friction_written_as_a_force_is_listed(lagsim, write, force, switch):
     assert f"  events        1 stick, 4 switches at `{switch}`\n" in called.out
 
 
-def test_friction_as_a_force_where_nothing_happens(lagsim, write):
-    text = BRAKED.format(force="friction", more="").replace(
-        "duration: 2", "duration: 0.3"
-    )
-    called = lagsim("run", write(text), "--no-plots", "-o", "out")
+@pytest.mark.parametrize(
+    ("text", "duration"),
+    [
+        (CONTACT, "duration: 1"),
+        (BRAKED.format(force="friction", more=""), "duration: 2"),
+    ],
+)
+def test_the_summary_where_nothing_happens(lagsim, write, text, duration):
+    short = text.replace(duration, "duration: 0.1")
+    called = lagsim("run", write(short), "--no-plots", "-o", "out")
     assert "  events        none\n" in called.out
     assert listed() == []
