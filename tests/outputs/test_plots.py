@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lagsim.model.model import Scene
+from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.curves import BAND, ink
 from lagsim.outputs.figure import DPI, content, fitted, text_width
@@ -373,6 +373,26 @@ def test_long_text_is_cut_in_the_middle():
     assert name.endswith(tail)
     assert 1.8 < text_width(cut) <= 2.0
     assert fitted("a\nb\tc", 2.0) == "a b c"
+
+
+def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
+    t = np.linspace(0, 1, 9)
+    names = ["near", "far", "wide", "high", "distancefromtheotherendofthelongerrod"]
+    run = record({"t": t} | {n: (k + 1) * t for k, n in enumerate(names)}, units={})
+    labels = [p.labels for p in drawn(plots.trajectory, run, names, Scene({})).panels]
+    assert [side for _, side, _ in labels] == [*names[:-1], ""]
+    assert labels[-1][2] == names[-1]
+
+
+def test_long_names_share_a_legend():
+    texts = ["+".join([letter] * 90) for letter in "uv"]
+    t = np.linspace(0, 1, 9)
+    run = record({"t": t, "plot.0.x": t, "plot.0.y.1": t, "plot.0.y.2": 2 * t})
+    wanted = Plot(Curve(0, "t"), tuple(Curve(0, text) for text in texts))
+    found = drawn(plots.plot, run, 0, wanted, Scene({}))
+    one, other = [x for x in found.texts if x.said[0] in "uv" and x.said[-1] in "uv"
+                  and len({*x.said} & {*"uv"}) == 1]  # fmt: skip
+    assert one.box.x1 < other.box.x0 < other.box.x1 < 7 * DPI
 
 
 def test_paths_are_pale_past_the_horizon():
