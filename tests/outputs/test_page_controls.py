@@ -43,28 +43,17 @@ def test_steps_far_and_near():
 
 
 def test_speeds_by_keys_and_clicks():
-    steps = [
-        ("key", "="),
-        ("key", "_"),
-        ("key", "_"),
-        ("click", "faster"),
-        ("click", "faster"),
-    ]
-    steps += [("click", "slower"), ("key", "+"), ("key", "-")]
+    steps = [("key", "="), ("key", "_"), ("key", "_"), ("click", "faster")]
+    steps += [("click", name) for name in ("faster", "slower")]
+    steps += [("key", "+"), ("key", "-")]
     seen = page.played([run()], [*QUIET, *steps])
     texts = [one["texts"]["speed"] for one in seen[2:]]
     assert texts == ["2×", "1×", "0.5×", "1×", "2×", "1×", "2×", "1×"]
 
 
 def test_letters_large_and_small_and_clicks_do_the_same():
-    steps = [
-        ("key", "L"),
-        ("click", "loop"),
-        ("key", "T"),
-        ("click", "names"),
-        ("key", "N"),
-    ]
-    steps += [("key", "F"), ("click", "forces")]
+    steps = [("key", "L"), ("click", "loop"), ("key", "T"), ("click", "names")]
+    steps += [("key", "N"), ("key", "F"), ("click", "forces")]
     push = [Push("rod", "bob", np.ones((81, 2)))]
     seen = page.played([run(pushes=push)], [*QUIET, *steps])[2:]
     for name, values in {

@@ -31,6 +31,10 @@ def put(folder, **files):
         results.commit(json.dumps({"files": listed}).encode())
 
 
+def full(*_):
+    raise OSError(28, "No space left on device")
+
+
 @pytest.fixture
 def folder(tmp_path):
     return tmp_path / "a" / "b"
@@ -129,9 +133,6 @@ def test_one_file_is_put_whole_or_not_at_all(folder, monkeypatch):
     (folder / "a.xml").symlink_to(outside)
     module.put(folder / "a.xml", b"1")
     assert (outside.read_text(), (folder / "a.xml").read_bytes()) == ("mine", b"1")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
 
     for call in ("write", "fsync", "replace"):
         with monkeypatch.context() as patch:
@@ -235,9 +236,6 @@ def test_room_is_kept_for_the_manifest(folder):
 
 
 def test_a_write_that_fails_leaves_no_part_of_a_file(folder, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
     with open_results(folder) as results:
         results.write("a", b"1")
         monkeypatch.setattr(os, "write", full)
@@ -251,9 +249,6 @@ def test_a_write_that_fails_leaves_no_part_of_a_file(folder, monkeypatch):
 
 def test_a_commit_that_cannot_be_written_leaves_the_old_results(folder, monkeypatch):
     put(folder, a=b"1")
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
 
     with open_results(folder) as results:
         results.write("a", b"2")
