@@ -48,10 +48,6 @@ RATE_ROUNDOFF = 32.0 * UNIT_ROUNDOFF
 RESIDUAL_ROUNDOFF = 64.0 * UNIT_ROUNDOFF
 """The residual of a constraint after a Newton step, as a part of its terms."""
 
-STEP_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
-"""A Newton step onto constraints, as a part of the coordinates that it moves: rows all
-of whose terms vanish have no other scale."""
-
 SURFACE_ROUNDOFF = 512.0 * UNIT_ROUNDOFF
 """How far off a surface rounding leaves a state, as a part of its size."""
 
@@ -59,8 +55,8 @@ VALUE_ROUNDOFF = 32.0 * UNIT_ROUNDOFF
 """The relative error of a column that was computed from others of its size."""
 
 MOTION_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
-"""The range of a coordinate, as a part of its values or of the motion that it is linked
-with, below which it is at rest but for rounding."""
+"""The change of a coordinate that is rounding, as a part of its values or of the motion
+that it is linked with: a Newton step onto constraints, or the range of what rests."""
 
 PROBE = 2.0**-36
 """The relative change of a state that shows what its rounding does to y': large enough
@@ -69,21 +65,15 @@ that the difference has digits, small enough that nothing bends."""
 # --- rows of a run --------------------------------------------------------------------
 
 SAME_ROW = 1e-6
-"""Times of rows that differ by this part of their spacing are the same: an event is
-located to the tolerance of the run."""
-
-SAME_END = 1e-6
-"""Times that differ by this part of a run are both its end."""
+"""Times of rows that differ by this part of their spacing, or of the run, are the same:
+an event is located to the tolerance of the run."""
 
 FLAT_RANGE = 1e-9
-"""The range of a series, as a part of its size, that is rounding: it is constant."""
+"""The range of a series, as a part of its size or of the motion beside it, that is
+rounding: it is constant."""
 
 ZERO_BESIDE = 1e-14
 """The size of a column, against others of its unit, that is rounding: it is zero."""
-
-RANGE_BESIDE = 1e-9
-"""The range of a coordinate, as a part of the motion beside it, whose rounding moves
-what should rest: none counts as less."""
 
 PLACE_BESIDE = 1e-12
 """A place is known no better than to this part of the motion beside it."""
@@ -92,8 +82,8 @@ NO_MOTION = 1e-6
 """What moves by less than this part of what moves beside it has no motion to lose."""
 
 SATISFIED = 1e-6
-"""The residual of a constraint against its scale up to which rows satisfy it: steps
-leave rounding, and a million times more is no rounding."""
+"""The residual of a constraint, against its scale, up to which it is satisfied in rows,
+or where it comes into force: steps leave rounding, a million times more is none."""
 
 ENERGY_DRIFT = 1e-6
 """The drift of the energy, as a part of that in play, that is named: the default
@@ -154,9 +144,6 @@ NEARLY_DEPENDENT_ROWS = 1e-2
 """The smallest singular value of scaled rows below which they are solved by QR: normal
 equations square their condition, and lambda loses half of its digits."""
 
-NEUTRAL_STIFFNESS = 1e-9
-"""The stiffness, against the largest, that counts as none."""
-
 NEUTRAL_EIGENVALUE = 1e-6
 """The eigenvalue, against the largest, of a neutral direction: rounding sets its two
 zeros apart by the root of its size."""
@@ -177,8 +164,8 @@ UNCOUPLED = 2.0**-100
 # --- stability of methods -------------------------------------------------------------
 
 COMPUTED_ZERO = 1e-9
-"""What is reported as 0 beside 1, or beside the largest of its kind: the rounding of an
-eigenvalue, of a mode, of an equilibrium."""
+"""What counts as 0 beside 1, or beside the largest of its kind: the rounding of an
+eigenvalue, of a mode, of a stiffness, of an equilibrium."""
 
 NEGLIGIBLE_RATE = 1e-2
 """The size of an eigenvalue times the length of a run below which it does nothing."""
@@ -235,10 +222,6 @@ SOLVED_LAWS = 1e-7
 SLIP_CONVERGED = 1e-10
 """The slip on a disc, against its terms, that Newton's method leaves of one that rests,
 where dependent rows slow it down."""
-
-TORN = 1e-6
-"""The residual, against its scale, of a constraint that is not satisfied when it comes
-into force, or that jumps."""
 
 LEAST_CLOSING = 1e-10
 """The tolerance below which no contact closes: what a series of impacts leaves where it

@@ -18,8 +18,8 @@ from lagsim.mechanics.linearisation import eigenmodes
 from lagsim.mechanics.structure import structure
 from lagsim.tolerances import (
     ASYMMETRY,
+    COMPUTED_ZERO,
     NEUTRAL_EIGENVALUE,
-    NEUTRAL_STIFFNESS,
     RESIDUAL_FORCE,
     SETTLED_POSITION,
 )
@@ -127,7 +127,7 @@ class _Search:
         """Give the change of a."""
         K, force = linear.stiffness, linear.force
         if not downhill:
-            found = np.linalg.lstsq(K, force, rcond=NEUTRAL_STIFFNESS)[0]
+            found = np.linalg.lstsq(K, force, rcond=COMPUTED_ZERO)[0]
             length = float(np.linalg.norm(found))
             return np.asarray(found * min(1.0, REACH * self.size / (length or 1.0)))
         w, U = np.linalg.eigh(0.5 * (K + K.T))
@@ -183,7 +183,7 @@ class _Search:
             return False
         U, s, _ = np.linalg.svd(K, full_matrices=True)
         stiffest = float(s[0]) if len(s) else 0.0
-        firm = int(np.sum(s > NEUTRAL_STIFFNESS * stiffest))
+        firm = int(np.sum(s > COMPUTED_ZERO * stiffest))
         along = U.T @ force
         change = along[:firm] / s[:firm]
         loose = np.linalg.norm(along[firm:])

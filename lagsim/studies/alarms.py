@@ -36,7 +36,6 @@ from lagsim.studies.error_bar import beside
 from lagsim.tolerances import (
     ENERGY_DRIFT,
     PLACE_BESIDE,
-    SAME_END,
     SAME_ROW,
     SATISFIED,
     UNIT_ROUNDOFF,
@@ -242,7 +241,7 @@ def about_constraints(run: Evidence) -> list[Caution]:
     if trajectory.outcome is Outcome.CONSTRAINT_JUMPS:
         since = run.residuals.constraint_since(name, SATISFIED)
         length = trajectory.end - trajectory.start
-        if since is not None and trajectory.end - since <= SAME_END * length:
+        if since is not None and trajectory.end - since <= SAME_ROW * length:
             return []  # the last row shows the jump that has ended the run
     why = "the constraints do not determine this motion, and the rows are not valid"
     if not plan.projected and not plan.reduction.eliminated:

@@ -34,10 +34,10 @@ from lagsim.run.system.functions import in_groups, joined, largest_beside
 from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import (
+    FLAT_RANGE,
     MOTION_ROUNDOFF,
     NO_MOTION,
-    RANGE_BESIDE,
-    SAME_END,
+    SAME_ROW,
     UNIT_ROUNDOFF,
 )
 
@@ -128,7 +128,7 @@ def scales_of(
         Of each coordinate the range, the motion beside it, that of what it is linked
         with, the largest value, and how far it would move if nothing held it.
     """
-    scales = np.fmax(found, RANGE_BESIDE * moving)
+    scales = np.fmax(found, FLAT_RANGE * moving)
     at_rest = found <= BALANCED * held
     for size in (largest, linked):
         scales = np.where(found > MOTION_ROUNDOFF * size, scales, np.fmax(scales, size))
@@ -475,7 +475,7 @@ def _is_comparable(trajectory: Trajectory, repeated: Trajectory) -> bool:
     if repeated.outcome.complete:
         return True
     span = trajectory.end - trajectory.start
-    return repeated.end >= trajectory.end - SAME_END * span
+    return repeated.end >= trajectory.end - SAME_ROW * span
 
 
 def _spaced(other: Repeat, checkpoints: Checkpoints) -> tuple[Repeat, Checkpoints]:

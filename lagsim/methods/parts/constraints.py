@@ -21,10 +21,10 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import (
+    MOTION_ROUNDOFF,
     OVERFLOW,
     RESIDUAL_ROUNDOFF,
     STALLED_RESIDUAL,
-    STEP_ROUNDOFF,
     TERM_ROUNDOFF,
     UNIT_ROUNDOFF,
 )
@@ -142,7 +142,7 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
         share = masses[i] * step[i] * step[i] / moved
         largest = max(abs(x[i]), sizes[i], moment * parts[i])
         whole += share * masses[i] * largest * largest
-    return 1 if moved <= STEP_ROUNDOFF * STEP_ROUNDOFF * whole else 0
+    return 1 if moved <= MOTION_ROUNDOFF * MOTION_ROUNDOFF * whole else 0
 
 
 def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:

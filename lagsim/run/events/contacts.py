@@ -23,7 +23,7 @@ from lagsim.notes import Caution, Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import IMPACT_GAIN, LEAST_CLOSING, NO_IMPULSE, TORN
+from lagsim.tolerances import IMPACT_GAIN, LEAST_CLOSING, NO_IMPULSE, SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -191,7 +191,7 @@ class Contacts(Source):
         rtol = here.arc.plan.rtol
         if kind is Kind.CONTACT and rtol is not None:
             return here.is_off(k, CLOSING * max(rtol, LEAST_CLOSING))
-        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, TORN)
+        return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, SATISFIED)
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Give which series of bounces end with an impact, and when each would.

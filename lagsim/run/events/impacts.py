@@ -10,7 +10,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
 from lagsim.run.arc import pulled
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, TORN
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SATISFIED
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -79,7 +79,7 @@ def impact(arc: Arc, before: Before) -> Decision:
         at = names.index(f"residual_{constraint.name}")
         g = now[at] - before.row[0, at]
         scale = now[names.index(f"scale.{constraint.name}")]
-        if constraint.holonomic and abs(g) > TORN * scale and _is_far(arc):
+        if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):
             return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, constraint.name))
     n = arc.system.n
     step = arc.runner.function("velocity_step")(arc.t, arc.y)[:n] - before.off
@@ -106,7 +106,7 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
         moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - off - step))
     noise += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
-    most = TORN * 1e-3 * arc.ranges[n : 2 * n] + ROUNDING * noise
+    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + ROUNDING * noise
     return bool(np.any(np.abs(step) > most))
 
 
@@ -122,4 +122,4 @@ def _is_far(arc: Arc) -> bool:
         for name in ("position", "velocity")
     )
     step = np.maximum(step - BEFORE * np.spacing(abs(arc.t)) * rates, 0.0)
-    return pulled(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > TORN
+    return pulled(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED
