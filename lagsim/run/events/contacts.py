@@ -50,6 +50,8 @@ SERIES = 3
 # A contact closes within so many tolerances of how far it has moved; no tolerance is
 # less here than what a series of impacts leaves where it is taken to have ended.
 CLOSING = 10.0
+# What turns at its ground is so near to turning, in parts of the time of its flight.
+TURNING = 0.05
 
 
 @dataclass(slots=True)
@@ -148,7 +150,9 @@ class Contacts(Source):
         """Go through impacts, then choose the modes."""
         here, found = Kinematics(arc, arc.y, known=self.shape), Found(arc.y.copy())
         also = {met} if met is not None else set()
-        here.grazing = _grazing(here, here.is_closed(also))
+        recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
+        flown = arc.t - next(recent, arc.settings.start)
+        here.grazing = _grazing(here, here.is_closed(also), flown)
         also.difference_update(here.grazing)
         closed = here.is_closed(also)
         ends = self._ends(here, closed)
@@ -326,7 +330,7 @@ class Contacts(Source):
         return [Caution(code, text)]
 
 
-def _grazing(here: Kinematics, closed: list[bool]) -> dict[int, float]:
+def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
     """Give the contacts in flight that turn back at their ground -> the depth.
 
     A depth within the errors of a gap is no impact: its speed, the root of that, would
@@ -338,7 +342,12 @@ def _grazing(here: Kinematics, closed: list[bool]) -> dict[int, float]:
         return {}
     struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
     depths = {k: here.depth(k) for k in struck}
-    found = {k: depth for k, depth in depths.items() if depth <= here.least(k, CLOSING)}
+    found = {
+        k: depth
+        for k, depth in depths.items()
+        if depth <= here.least(k, CLOSING)
+        and -here.rates[k] <= TURNING * flown * here.present[k]
+    }
     others = struck.difference(found)
     return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
 

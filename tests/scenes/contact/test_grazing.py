@@ -77,3 +77,18 @@ def test_it_turns_at_its_ground(steps, name, place):
         assert np.max(np.abs(u - exact(t))) < known
         kinds = [event.kind for event in found.trajectory.events]
         assert kinds == ["impact"] * impacts
+
+
+def test_what_bounces_hardly_faster_than_it_turns_comes_to_rest():
+    """A ball on one that bounces without loss: a push parts them slowly, by turns."""
+    found = run("""
+coordinates: {x: {}, z: {}}
+energy: {kinetic: 0.814*x_dot^2 + 1.265*z_dot^2, potential: 3.256*x + 5.06*z}
+forces: {x: "2.643*sin(4.42*t)"}
+constraints:
+  floor: {relation: x >= 0.25, restitution: 1}
+  between: {relation: z - x >= 0.5, restitution: 0}
+initial: {x: 0.516, z: 1.341, x_dot: -1.112, z_dot: -0.063}
+simulation: {duration: 2, output_step: 0.1}
+""")
+    assert found.trajectory.event_counts["impact"] < 100
