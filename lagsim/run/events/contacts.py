@@ -334,18 +334,20 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     """Give the contacts in flight that turn back at their ground -> the depth.
 
     A depth within the errors of a gap is no impact: its speed, the root of that, would
-    be a jump a thousand times the tolerance. What turns it back has to act before the
-    ground: none is told on the surface of a switch, past which forces are others.
+    be a jump a thousand times the tolerance. However loose that is, the rows satisfy
+    the contact. What turns it back has to act before the ground: none is told on the
+    surface of a switch, past which forces are others.
     """
     system = here.arc.system
     if np.any(system.p.slack[: system.surfaces] > 0.0):
         return {}
     struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
     depths = {k: here.depth(k) for k in struck}
+    part = min(CLOSING * here.arc.plan.tolerance, SATISFIED)
     found = {
         k: depth
         for k, depth in depths.items()
-        if depth <= here.least(k, CLOSING)
+        if depth <= here.least(k, part)
         and -here.rates[k] <= TURNING * flown * here.present[k]
     }
     others = struck.difference(found)

@@ -273,12 +273,13 @@ class Kinematics:
         left = 2.0 * speed / fall
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
-    def least(self, k: int, tolerances: float = 1.0) -> float:
+    def least(self, k: int, part: float | None = None) -> float:
         """Give the height of a flight that is none: of the tolerance, or rounding.
 
-        That of the time is part of it: a place is known no better.
+        Another `part` of how far the contact has moved may stand for the tolerance. The
+        rounding of the time is in it: a place is known no better.
         """
-        told = tolerances * self.arc.plan.tolerance * self.reach[0][k]
+        told = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
         return float(max(told, HIGHER * rounded))
 
