@@ -98,8 +98,8 @@ def indices(numbers: tuple[int, ...]) -> Ints:
     return np.array(numbers, dtype=np.intp)
 
 
-class Role(IntEnum):
-    """The law of a row."""
+class Role:
+    """The law of a row: numbers, which arrays are compared with."""
 
     ABSENT = 0  # no multiplier
     SIGNED = 1  # a multiplier >= 0
@@ -116,7 +116,8 @@ class Problem:
     ----------
     D : ndarray, shape (r, r)
     c, limits, mus, ways : ndarray, shape (r,)
-    roles : ndarray of Role, shape (r,)
+    roles : ndarray of int, shape (r,)
+        A `Role` each.
     normals, pairs : ndarray of int, shape (r,)
         The row of the contact; that of the other of two slips; or -1.
     """

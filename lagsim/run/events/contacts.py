@@ -152,9 +152,11 @@ class Contacts(Source):
         also = {met} if met is not None else set()
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
-        here.grazing = _grazing(here, here.is_closed(also), flown)
-        also.difference_update(here.grazing)
         closed = here.is_closed(also)
+        here.grazing = _grazing(here, closed, flown)
+        if here.grazing:
+            also.difference_update(here.grazing)
+            closed = here.is_closed(also)
         ends = self._ends(here, closed)
         for k, law in enumerate(self.laws):
             if closed[k] and self._jumps(here, k):
@@ -339,9 +341,9 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     surface of a switch, past which forces are others.
     """
     system = here.arc.system
-    if np.any(system.p.slack[: system.surfaces] > 0.0):
-        return {}
     struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
+    if not struck or np.any(system.p.slack[: system.surfaces] > 0.0):
+        return {}
     depths = {k: here.depth(k) for k in struck}
     part = min(CLOSING * here.arc.plan.tolerance, SATISFIED)
     found = {
