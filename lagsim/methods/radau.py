@@ -66,7 +66,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at, total, unrolled
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, SAME_STEP, UNIT_ROUNDOFF
+from lagsim.tolerances import OVERFLOW, SAME_STEP, TINY, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -462,7 +462,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
                     slower = max(1e-4, min(20.0, coming))
                     s.h = 0.8 * h * slower ** (-1.0 / (4.0 + ahead))
                 return 0
-        previous = max(size, 1e-300)
+        previous = max(size, TINY)
         apply_step(s)
         if left_over * size <= limit:
             s.rate = rate

@@ -60,7 +60,7 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.kernels.words import at, fused
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, SQUARABLE
+from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -98,7 +98,7 @@ SHORTEST = 0.2
 
 def order_for(rtol: float) -> int:
     """Give the order for a tolerance (Jorba and Zou, (3-5))."""
-    order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, 1e-300)))
+    order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
     most = TIGHT_ORDER if rtol < TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
 

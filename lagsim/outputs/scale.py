@@ -22,8 +22,8 @@ from matplotlib.ticker import (
 )
 
 from lagsim.outputs.letters import SUPERSCRIPTS
-from lagsim.run.observers.thinning import HUGE, TINY
-from lagsim.tolerances import FLAT_RANGE, ZERO_BESIDE
+from lagsim.run.observers.thinning import FAINT
+from lagsim.tolerances import FLAT_RANGE, OVERFLOW, ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -216,7 +216,7 @@ def power_of_ten(exponent: int) -> str:
 
 def extent(*series: Array) -> tuple[float, float] | None:
     """Return the least and the greatest finite value; None if there is none."""
-    usable = [s[np.abs(s) < HUGE] for s in series]
+    usable = [s[np.abs(s) < OVERFLOW] for s in series]
     usable = [s for s in usable if len(s)]
     if not usable:
         return None
@@ -234,7 +234,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
         low = high = 0.0
     else:
         size = max(abs(low), abs(high))
-    if size < TINY:
+    if size < FAINT:
         return Scale(-1.0, 1.0)
     if high - low <= FLAT_RANGE * size:
         # A tenth to both sides: enough to see that it is level, and at which value.
@@ -259,7 +259,7 @@ def with_one_power(scales: Sequence[Scale]) -> list[Scale]:
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
     low, high = extent(t) or (0.0, 1.0)
-    if high - low <= TINY + 1e-14 * abs(high):
+    if high - low <= FAINT + 1e-14 * abs(high):
         half = 0.5 * abs(low) or 0.5
         low, high = low - half, high + half
     return Scale(low, high, PLAIN_TIMES)
@@ -269,8 +269,8 @@ def noise_scale(values: Array, size: float) -> Scale:
     """Return a scale for what should be zero; `size` is that of what it comes from."""
     low, high = extent(values) or (0.0, 0.0)
     low, high = min(low, 0.0), max(high, 0.0)
-    if high - low < TINY:
-        high = max(abs(size) * np.finfo(float).eps, TINY)
+    if high - low < FAINT:
+        high = max(abs(size) * np.finfo(float).eps, FAINT)
         low = -high
     free = 0.08 * (high - low)
     return Scale(low - free, high + free)
@@ -279,7 +279,7 @@ def noise_scale(values: Array, size: float) -> Scale:
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
     """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
     low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
-    low = max(low, TINY)
+    low = max(low, FAINT)
     high = max(low, high)
     free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)
     # Past the largest and the smallest double there is no axis.

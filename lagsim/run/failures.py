@@ -24,6 +24,7 @@ from lagsim.notes import Caution, Choice
 from lagsim.plan.plan import ANY
 from lagsim.run.arc import SERIES
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source
+from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -140,7 +141,7 @@ def _fastest(arc: Arc) -> str:
     moving = 2 * arc.system.n  # work follows what moves
     rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))
     size = arc.system.size
-    sizes = np.maximum(np.abs(arc.y), 1e-300)
+    sizes = np.maximum(np.abs(arc.y), TINY)
     ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
     # A component near zero changes fast for its size without any singularity.
     large = np.abs(arc.y) > 1e-3 * np.max(np.abs(arc.y[:moving]))

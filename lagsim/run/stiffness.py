@@ -28,6 +28,7 @@ from lagsim.run.arc import LONG, SERIES
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.system import System
 from lagsim.run.trajectory import GO_ON, Decision, Source
+from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
@@ -186,7 +187,7 @@ class Stiffness(Source):
         if fast is None:
             return GO_ON
         enough = CHEAPER * _cost(arc, before, state)
-        shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, 1e-300)
+        shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, TINY)
         if arc.system.operations * STAGES / shortest > enough:
             return GO_ON
         plan = replace(arc.plan, method=EXPLICIT)

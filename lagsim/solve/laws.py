@@ -52,6 +52,7 @@ from lagsim.solve.dense import (
     loads,
     quadratures,
 )
+from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -221,7 +222,7 @@ def put(p: Parameters, count: int, x: Floats, out: Floats) -> float:
         left_out[first + pulls] = 1.0
         return 0.0
     for k in range(p.laws):
-        if touches(p, k) > 0.0 and abs(total[0]) < 1e300:
+        if touches(p, k) > 0.0 and abs(total[0]) < OVERFLOW:
             out[first + k] = takes_part(p, k) * inner(p, at(A, (first + k) * n), total)
     return 1.0
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, Problem
-from lagsim.tolerances import SAME_ROW
+from lagsim.tolerances import SAME_ROW, TINY
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -214,7 +214,7 @@ def _peaks(frequency: Floats, amplitude: Floats, apart: float) -> tuple[Peak, ..
 
 def _between(frequency: Floats, amplitude: Floats, k: int) -> Peak:
     """Give the top of the parabola through the logarithms of three amplitudes."""
-    a, b, c = np.log(np.maximum(amplitude[k - 1 : k + 2], 1e-300))
+    a, b, c = np.log(np.maximum(amplitude[k - 1 : k + 2], TINY))
     off = 0.5 * (a - c) / (a - 2 * b + c)
     top = b - 0.25 * (a - c) * off
     return Peak(

@@ -51,7 +51,7 @@ def take_finite(count: int, slopes: Floats) -> None:
     for the iteration lead to a state at which it has a value.
     """
     for k in range(count):
-        if not abs(slopes[k]) < 1e300:
+        if not abs(slopes[k]) < OVERFLOW:
             slopes[k] = 0.0
 
 

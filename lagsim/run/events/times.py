@@ -28,6 +28,7 @@ from lagsim.notes import Caution, Event
 from lagsim.run.events.breaks import Values, break_times
 from lagsim.run.system.localized import indicators_in_time, motion_nodes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
+from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -298,7 +299,7 @@ class _Line:
             return -power * u
         if kind == NEAR_ZERO:
             return 2.0 * power * abs(u)
-        size = math.log(max(abs(u), 1e-300))
+        size = math.log(max(abs(u), TINY))
         return -power * size if kind == LARGE else power * size
 
     def _at(self, time: float) -> Feature | None:

@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from lagsim.tolerances import OVERFLOW
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
@@ -32,9 +34,9 @@ DRIFT = "energy - work"
 BUCKETS = 4096
 POINTS = 16384
 
-# Past these, squares and differences leave the range of a double, or of an Axes: what
-# is larger is a gap in a picture, and what is smaller is 0 there.
-HUGE, TINY = 1e300, 1e-285
+# What overflows is a gap in a picture; what is smaller than this is 0 there, since its
+# differences leave the range of an Axes.
+FAINT = 1e-285
 
 # Multiples of the golden section fill the unit interval evenly and resonate with
 # nothing: rows at a fixed stride would turn a periodic orbit into a few dots.
@@ -340,7 +342,7 @@ class Thinning:
 def _drawable(values: Array) -> Array:
     """Return a copy that can be drawn: what is not finite, or huge, is NaN."""
     sizes = np.abs(values)
-    return np.where(sizes < HUGE, np.where(sizes < TINY, 0.0, values), np.nan)
+    return np.where(sizes < OVERFLOW, np.where(sizes < FAINT, 0.0, values), np.nan)
 
 
 def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
