@@ -19,6 +19,7 @@ and that is all.)
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,10 +29,10 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
-from lagsim.run.observers.monitors import EnergyMonitor
-from lagsim.run.observers.monitors import gained as grown
+from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor, gained
+from lagsim.run.overflow import Gaps
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.balances import energy_error, jumps, label_of, without_jumps
+from lagsim.studies.balances import balances, energy_error, jumps, without_jumps
 from lagsim.studies.error_bar import beside
 from lagsim.tolerances import (
     ENERGY_DRIFT,
@@ -47,44 +48,60 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Settings
-    from lagsim.plan.plan import Plan
     from lagsim.run.error import ErrorBar
-    from lagsim.run.observers.monitors import ResidualMonitor
     from lagsim.run.overflow import Gap
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
-    from lagsim.studies.balances import Balance, Whole
+    from lagsim.studies.balances import Balance
 
 
-class Evidence(NamedTuple):
-    """A run, its monitors, energy balances, and estimated error, or why there is none.
+class Evidence:
+    """What a run is judged by: monitors of its rows, then its end and its error bar.
 
-    `balances` are those of each group of coordinates, then that of the whole.
+    A repeat has it as well: rows that are not valid themselves accuse no run.
+
+    Attributes
+    ----------
+    gaps, residuals, monitor
+        Values that are not finite, residuals with their scales, energy and states.
+    trajectory, bar
+        Known at the end; of the error bar, or the reason why there is none.
     """
 
-    session: Session
     trajectory: Trajectory
-    residuals: ResidualMonitor
-    monitor: EnergyMonitor
-    balances: Sequence[Balance | Whole]
     bar: ErrorBar | str
 
-    @property
-    def equations(self) -> Equations:
-        """Of the model."""
-        return self.session.case.equations
+    def __init__(self, session: Session) -> None:
+        columns = session.system.columns
+        self.session, self.plan = session, session.plan
+        self.equations = session.case.equations
+        self.gaps = Gaps(columns.names[: columns.table])
+        self.residuals = ResidualMonitor(columns.names)
+        self.monitor = EnergyMonitor(columns.names, len(self.equations.q))
 
-    @property
-    def plan(self) -> Plan:
-        """Of the run."""
-        return self.session.plan
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        self.gaps.add(rows)
+        self.residuals.add(rows)
+        self.monitor.add(rows)
+
+    def end(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
+        """Take the end of the run, and what steps have shown between rows."""
+        self.monitor.between_rows = trajectory.largest_energy
+        self.monitor.extents = trajectory.extents
+        self.trajectory, self.bar = trajectory, bar
+        return self
+
+    @cached_property
+    def balances(self) -> Sequence[Balance]:
+        """Of each group of coordinates and of the whole, when all rows are there."""
+        return balances(self.equations, self.plan, self.residuals, self.monitor)
 
 
 def about_inputs(run: Evidence) -> list[Caution]:
     """Return warnings on inputs that have no effect, and on a changed start."""
     case, plan = run.session.case, run.plan
-    examined, settings = case.examined, case.settings
+    examined, settings, name = case.examined, case.settings, plan.method
     found = []
     if examined.changes:
         moved = ", ".join(
@@ -94,14 +111,14 @@ def about_inputs(run: Evidence) -> list[Caution]:
         text = f"the run starts from the nearest exact state: {moved}"
         found.append(Caution("start-changed", text))
     if plan.step is None and settings.step is not None:
-        text = f"`step` has no effect: {plan.method} chooses its steps"
+        text = f"`step` has no effect: {name} chooses its steps"
         found.append(Caution("step-unused", text))
     for key, _ in settings.options:
-        if key not in options_of(plan.method):
-            text = f"`{key}` has no effect: {plan.method} has no such parameter"
+        if key not in options_of(name):
+            text = f"`{key}` has no effect: {name} has no such parameter"
             found.append(Caution("option-unused", text))
     if plan.rtol is None and (settings.rtol, settings.atol) != (None, None):
-        text = f"tolerances have no effect: {plan.method} takes fixed steps"
+        text = f"tolerances have no effect: {name} takes fixed steps"
         found.append(Caution("tolerance-unused", text))
     if plan.formulation != "baumgarte" and settings.gain is not None:
         text = f"`gain` has no effect: the formulation is {plan.formulation}"
@@ -115,15 +132,14 @@ MOST = 12
 
 def about_gaps(found: Mapping[str, Gap]) -> Caution:
     """Return the warning on columns that are not finite, with the first values."""
-    named = list(found.items())
     told = [
         f"`{name}` is {gap.value} at t = {gap.time:.9g}"
         + (f", the first of {gap.rows} rows" if gap.rows > 1 else "")
-        for name, gap in named[:MOST]
+        for name, gap in found.items()
     ]
-    text = f"not all values of the table are finite: {'; '.join(told)}"
-    if len(named) > MOST:
-        text += f"; and {len(named) - MOST} more columns"
+    text = f"not all values of the table are finite: {'; '.join(told[:MOST])}"
+    if len(told) > MOST:
+        text += f"; and {len(told) - MOST} more columns"
     if "energy" in found or "work" in found:
         text += "; so the energy drift is not known"
     return Caution("column-not-finite", text)
@@ -147,16 +163,6 @@ BOTH = 4.0
 HIGHER = 16.0
 
 
-def _unknown(why: str, drift: str) -> list[Caution]:
-    """Return the warning on an unknown error, if there is a reason for one."""
-    if not drift and not isinstance(why, Failed):
-        return []
-    text = f"the error of the rows is not known: {why}"
-    if drift:
-        text += f"; {drift}"
-    return [Caution("error-unknown", text)]
-
-
 def _drift(run: Evidence) -> str:
     """Return the text on an energy drift beyond the tolerance, or "".
 
@@ -167,37 +173,31 @@ def _drift(run: Evidence) -> str:
     if plan.rtol is None and math.isfinite(method(plan.method).ORDER):
         return ""
     least = max(ENERGY_DRIFT, MANY * (plan.rtol or 0.0))
-    for balance in sorted(run.balances, key=_part, reverse=True):
-        part = _part(balance)
-        if not part > least:
+    for balance in sorted(run.balances, key=lambda x: x.part, reverse=True):
+        if not balance.part > least:
             break
-        row = balance.worst_row
-        if part > UNEXPLAINED or row is None:
+        if balance.part > UNEXPLAINED or balance.worst_row is None:
             continue
-        state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(equations.q)])
-        rounded = BOTH * energy_error(equations, balance.energy, row, state)
-        _, still = motion_of_rest(run, balance.coordinates)
-        since = balance.since(max(least * balance.in_play, rounded, still))
+        rounded = _rounded(run, balance, BOTH)
+        since = balance.since(max(least * balance.in_play, rounded))
         if since is not None and not jumps(equations, balance):
-            of = f"{label_of(balance)} is off by {part:.2g} of the energy in play"
+            of = f"{balance.label} is off by {balance.part:.2g} of the energy in play"
             return f"{of} from t = {since:.6g} on"
     return ""
 
 
-def _part(balance: Balance | Whole) -> float:
-    """Return the drift of a balance, as a part of the energy in play."""
-    return balance.drift / (balance.in_play or 1.0)
-
-
 def about_error(run: Evidence) -> list[Caution]:
-    """Return warnings on the horizon, on an uncertain end, and on energy drift.
+    """Return warnings on an unknown error, the horizon, an uncertain end, and drift.
 
-    And where their energy is off by more than the tolerance leaves, whatever the
-    estimated error says of it.
+    On energy that is off by more than the tolerance leaves, whatever the estimated
+    error says of it.
     """
     bar, plan, drift = run.bar, run.plan, _drift(run)
     if isinstance(bar, str):
-        return _unknown(bar, drift)
+        if not drift and not isinstance(bar, Failed):
+            return []
+        text = f"the error of the rows is not known: {bar}"
+        return [Caution("error-unknown", f"{text}; {drift}" if drift else text)]
     found = []
     if bar.parted:
         text = f"{bar.parted}: it is not known which is right"
@@ -268,17 +268,14 @@ def worst_residual(
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
+    names = ("t", *equations.q, *equations.velocities)
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
             return name, part
         row = equations.row(name)
         moved = ranges[1 : 1 + n] if row.holonomic else ranges[1 + n : 1 + 2 * n]
-        seed = PLACE_BESIDE * beside(equations, start, moved)
-        state = dict(zip(equations.q, values[1 : 1 + n].tolist(), strict=True))
-        rates = values[1 + n : 1 + 2 * n].tolist()
-        state |= dict(zip(equations.velocities, rates, strict=True))
-        state |= {p.name: p.value for p in equations.model.parameters}
-        state["t"] = float(values[0])
+        state = {p.name: p.value for p in equations.model.parameters}
+        state |= dict(zip(names, values.tolist(), strict=False))
         slopes = np.abs(evaluate(g, list(row.A), state))
         if coarse is not None:
             left = _changed(equations, row, state, values, coarse[0])
@@ -288,6 +285,7 @@ def worst_residual(
                 left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
             if residual <= left:
                 continue
+        seed = PLACE_BESIDE * beside(equations, start, moved)
         seed = seed + motion_of_rest(run, range(n))[0]
         if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
             return name, part
@@ -333,14 +331,17 @@ def motion_of_rest(run: Evidence, which: Sequence[int]) -> tuple[Floats, float]:
     return moved, float(moved @ found.forces)
 
 
-def rounding(run: Evidence, balance: Balance | Whole) -> float:
-    """Return the error of an energy that the rounding of the worst row makes."""
-    row, own = balance.worst_row, balance.coordinates
+def _rounded(run: Evidence, balance: Balance, times: float = FAR) -> float:
+    """Return the error of an energy that rounding makes at the worst row.
+
+    So many `times` that of the state, or that of what is at rest.
+    """
+    row = balance.worst_row
     if row is None:
         return 0.0
-    state = np.abs(row[1 : 1 + 2 * len(run.equations.q)])
-    far = FAR * energy_error(run.equations, balance.energy, row, UNIT_ROUNDOFF * state)
-    return max(far, motion_of_rest(run, own)[1])
+    state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(run.equations.q)])
+    own = times * energy_error(run.equations, balance.energy, row, state)
+    return max(own, motion_of_rest(run, balance.coordinates)[1])
 
 
 def about_energy(run: Evidence) -> list[Caution]:
@@ -357,54 +358,44 @@ def about_energy(run: Evidence) -> list[Caution]:
     return found
 
 
-def _gained(run: Evidence, balance: Balance | Whole) -> list[Caution]:
+def _gained(run: Evidence, balance: Balance) -> list[Caution]:
     plan, settings = run.plan, run.session.case.settings
-    in_play = balance.in_play
-    gained = balance.gained(farthest=plan.rtol is not None)
-    if not abs(gained) > UNEXPLAINED * in_play:
+    least, change = UNEXPLAINED * balance.in_play, balance.farthest
+    if plan.rtol is None or not math.isfinite(change):
+        change = gained(balance.kept)
+    if not abs(change) > least or abs(change) <= _rounded(run, balance):
         return []
-    if abs(gained) <= rounding(run, balance):
-        return []
-    since = balance.since(UNEXPLAINED * in_play)
+    since = balance.since(least)
     rest = without_jumps(run.equations, balance)
     if rest is not None:
         drifts = rest - rest[0]
-        gained = grown(rest)
+        change = gained(rest)
         if plan.rtol is not None:
-            gained = float(drifts[np.argmax(np.abs(drifts))])
-        if not abs(gained) > UNEXPLAINED * in_play:
+            change = float(drifts[np.argmax(np.abs(drifts))])
+        if not abs(change) > least:
             return []
-        off = np.abs(drifts) > UNEXPLAINED * in_play
-        since = float(balance.rows[np.argmax(off), 0])
+        since = float(balance.rows[np.argmax(np.abs(drifts) > least), 0])
     when = run.monitor.end if plan.rtol is None or since is None else since
-    way = "gained" if gained > 0.0 else "lost"
-    part = abs(gained) / in_play
-    reached = "by" if plan.rtol is None else "from"
+    way = "gained" if change > 0.0 else "lost"
+    reached, how = "from", "a tighter rtol"
+    if plan.rtol is None:
+        reached, how = "by", "a shorter step"
     of = f" of {', '.join(balance.names)}" if balance.names else ""
     text = (
-        f"the motion{of} has {way} energy that no force explains, {part:.2g} of the "
-        f"energy in play {reached} t = {when:.6g}"
+        f"the motion{of} has {way} energy that no force explains, "
+        f"{abs(change) / balance.in_play:.2g} of the energy in play {reached} t = "
+        f"{when:.6g}"
     )
     if rest is not None:
         text += ", besides jumps of its expression, which are no error"
     elif run.trajectory.outcome.complete:
-        text += f": that is an error of {_whose(plan)}; {_how(settings, plan)} it"
+        whose = plan.method
+        if plan.formulation == "drift":
+            whose += " and of the formulation drift"
+        # Advice that has not been tried yet.
+        how += " keeps" if settings.method == "auto" else ", or `--method auto`, keeps"
+        text += f": that is an error of {whose}; {how} it"
     return [Caution(f"energy-{way}", text)]
-
-
-def _whose(plan: Plan) -> str:
-    """Return the name of the method, or formulation, that changes the energy."""
-    if plan.formulation == "drift":
-        return f"{plan.method} and of the formulation drift"
-    return plan.method
-
-
-def _how(settings: Settings, plan: Plan) -> str:
-    """Return advice that has not been tried yet."""
-    how = "a shorter step" if plan.rtol is None else "a tighter rtol"
-    if settings.method != "auto":
-        return f"{how}, or `--method auto`, keeps"
-    return f"{how} keeps"
 
 
 # Whatever explains it: energy off by so many tolerances, and by what raises an alarm,
@@ -448,15 +439,19 @@ def audit(run: Evidence) -> Finding | None:
     judged = plan.rtol is not None or math.isinf(method(plan.method).ORDER)
     if not judged or not run.trajectory.outcome.complete or plan.formulation in LOOSE:
         return None
-    drifts = (_off(run, balance) for balance in run.balances)
-    return (
-        _about_constraints(run)
-        or next((found for found in drifts if found is not None), None)
-        or _about_repeat(run)
-    )
+    found = _unsatisfied(run)
+    for balance in run.balances:
+        found = found or _off(run, balance)
+    return found or _another_motion(run)
 
 
-def _about_constraints(run: Evidence) -> Finding | None:
+def fault(run: Evidence) -> str:
+    """Return the finding against a run in words; "" where there is none."""
+    found = audit(run)
+    return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"
+
+
+def _unsatisfied(run: Evidence) -> Finding | None:
     found = worst_residual(run)
     if found is None:
         return None
@@ -466,29 +461,28 @@ def _about_constraints(run: Evidence) -> Finding | None:
     return None if since is None else Finding(text, since, refutes=True, parts=True)
 
 
-def _off(run: Evidence, balance: Balance | Whole) -> Finding | None:
+def _off(run: Evidence, balance: Balance) -> Finding | None:
     """Compare an energy drift with the energy error that errors of the state explain.
 
     Of the whole, or of a group that touches no other.
     """
-    equations, plan = run.equations, run.plan
     drift, in_play, row = balance.drift, balance.in_play, balance.worst_row
     if not ENERGY_DRIFT * in_play < drift < math.inf or row is None:
         return None
-    text = f"{label_of(balance)} is off by {drift / in_play:.2g} of the energy in play"
+    text = f"{balance.label} is off by {drift / in_play:.2g} of the energy in play"
     explained = _explained(run, balance, row)
-    wrong = max(UNEXPLAINED, ACCURATE * (plan.rtol or EXACT_RTOL)) * in_play
-    rounded = rounding(run, balance)
-    bound = max(min(FAR * explained, wrong), rounded, ENERGY_DRIFT * in_play)
+    wrong = max(UNEXPLAINED, ACCURATE * (run.plan.rtol or EXACT_RTOL)) * in_play
+    bound = min(FAR * explained, wrong)
+    bound = max(bound, _rounded(run, balance), ENERGY_DRIFT * in_play)
     since = balance.since(bound)
-    if not drift > bound or since is None or jumps(equations, balance):
+    if not drift > bound or since is None or jumps(run.equations, balance):
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"
     return Finding(text, since, refutes=True)
 
 
-def _explained(run: Evidence, balance: Balance | Whole, row: Floats) -> float:
+def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
     """Return the error of energy - work by the errors of a row; inf where not known."""
     bar = run.bar
     if isinstance(bar, str) or bar.rates is None:
@@ -498,26 +492,22 @@ def _explained(run: Evidence, balance: Balance | Whole, row: Floats) -> float:
     errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
     part = float(np.max(bar.parts[:until], initial=0.0))
     part += FAR * (run.plan.rtol or EXACT_RTOL)
-    return (
-        energy_error(run.equations, balance.energy, row, errors)
-        + part * balance.work_range
-    )
+    error = energy_error(run.equations, balance.energy, row, errors)
+    return error + part * balance.work_range
 
 
-def _about_repeat(run: Evidence) -> Finding | None:
+def _another_motion(run: Evidence) -> Finding | None:
     """Return the finding where a repeat gives another motion, with its time."""
     bar = run.bar
     if isinstance(bar, str):
         return None
     if bar.parted:
         return Finding(bar.parted, float(bar.times[-1]), refutes=False)
-    rtol = run.plan.tolerance
-    lost = bar.lost
-    if not np.max(lost) > max(PARTED, TOLERANCES * rtol):
+    lost, most = bar.lost, TOLERANCES * run.plan.tolerance
+    if not np.max(lost) > max(PARTED, most):
         return None
-    off = int(np.argmax(lost > TOLERANCES * rtol))
     text = f"a repeat by {bar.method} gives another motion"
-    return Finding(text, float(bar.times[off]), refutes=False)
+    return Finding(text, float(bar.times[np.argmax(lost > most)]), refutes=False)
 
 
 # Methods with nothing to look for: they notice on the way, or are exact.
@@ -537,6 +527,7 @@ def alarms(run: Evidence) -> list[Caution]:
         *about_energy(run),
         *about_constraints(run),
         *about_error(run),
+        *([about_gaps(run.gaps.found)] if run.gaps.found else []),
     ]
 
 

@@ -11,31 +11,22 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 from enum import Enum
-from functools import cached_property, partial
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.notes import Choice
 from lagsim.outputs.manifest import manifest
 from lagsim.run.observers import Corners, Relay
-from lagsim.run.observers.monitors import Checkpoints, EnergyMonitor, ResidualMonitor
+from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.run.overflow import Gaps
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.alarms import Evidence, about_gaps, alarms, audit, up_to
-from lagsim.studies.balances import balances
-from lagsim.studies.error_bar import (
-    Allowance,
-    Repeat,
-    by_other_means,
-    is_outlier,
-    repeat,
-)
+from lagsim.studies.alarms import Evidence, alarms, audit, up_to
+from lagsim.studies.repeats import Allowance, Repeat, Repeats, by_other_means
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.notes import Caution
     from lagsim.run.error import ErrorBar
     from lagsim.run.interrupt import Interrupt
@@ -45,7 +36,6 @@ if TYPE_CHECKING:
     from lagsim.run.session import Clock, Session
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Finding
-    from lagsim.studies.balances import Balance, Whole
 
     # Takes a run, and by their names its `relay` and `session`.
     Joined: TypeAlias = Callable[..., None]
@@ -72,71 +62,34 @@ class ErrorBars(Enum):
     NEVER = "never"
 
 
-class Monitors:
-    """Observers that a run is judged by: gaps, residuals, energy and states.
-
-    A repeat has them as well: what is no answer itself accuses no run.
-    """
-
-    def __init__(self, session: Session) -> None:
-        names, shown = session.system.columns.names, session.system.columns.table
-        self.session = session
-        self.gaps = Gaps(names[:shown])
-        self.residuals = ResidualMonitor(names)
-        self.monitor = EnergyMonitor(names, len(session.case.equations.q))
-
-    @cached_property
-    def balances(self) -> Sequence[Balance | Whole]:
-        """Of each group of coordinates and of the whole, when all rows are there."""
-        equations, plan = self.session.case.equations, self.session.plan
-        return list(balances(equations, plan, self.residuals, self.monitor))
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-        self.gaps.add(rows)
-        self.residuals.add(rows)
-        self.monitor.add(rows)
-
-    def end(self, trajectory: Trajectory) -> None:
-        """Take what steps have shown between rows."""
-        self.monitor.between_rows = trajectory.largest_energy
-        self.monitor.extents = trajectory.extents
-
-    def audit(self, trajectory: Trajectory, bar: ErrorBar | str) -> Finding | None:
-        """Give why they are in doubt, if they are."""
-        return audit(self.evidence(trajectory, bar))
-
-    def evidence(self, trajectory: Trajectory, bar: ErrorBar | str) -> Evidence:
-        """Give all that a run is judged by."""
-        known = self.residuals, self.monitor, self.balances
-        return Evidence(self.session, trajectory, *known, bar)
-
-    def fault(self, trajectory: Trajectory) -> str:
-        """Give the reason why the rows are no answer; "" where they may be one."""
-        self.end(trajectory)
-        found = self.audit(trajectory, "a repeat has none")
-        return "" if found is None else f"from t = {found.time:.6g} on, {found.text}"
-
-
 class Attempt(NamedTuple):
     """The rows of a run; `fault` is why not all of them could be stored."""
 
-    session: Session
-    trajectory: Trajectory
-    monitors: Monitors
+    evidence: Evidence
     checkpoints: Checkpoints
     thin: Thinning | None
     corners: Corners | None
     frames: Frames | None
-    bar: ErrorBar | str
     fault: OSError | None
 
+    @property
+    def session(self) -> Session:
+        """The session that made them."""
+        return self.evidence.session
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """How the run went, and how it ended."""
+        return self.evidence.trajectory
+
+    @property
+    def bar(self) -> ErrorBar | str:
+        """The error bar, or why there is none."""
+        return self.evidence.bar
+
     def cautions(self) -> list[Caution]:
-        """Give all that there is to know about it."""
-        own = self.monitors
-        found = alarms(own.evidence(self.trajectory, self.bar))
-        if own.gaps.found:
-            found.append(about_gaps(own.gaps.found))
+        """Return all warnings on it."""
+        found = alarms(self.evidence)
         if self.frames is not None:
             from lagsim.outputs.animation import nothing_to_draw
 
@@ -149,9 +102,9 @@ class Attempt(NamedTuple):
         timings: Mapping[str, float],
         files: Sequence[str],
     ) -> dict[str, Any]:
-        """Give the content of run.json."""
+        """Return the content of run.json."""
         return manifest(
-            self.session, self.trajectory, self.monitors.residuals, self.bar, cautions,
+            self.session, self.trajectory, self.evidence.residuals, self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
@@ -208,7 +161,7 @@ class Attempts:
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
-        """Give an attempt after a verdict that nothing can change.
+        """Return an attempt after a verdict that nothing can change.
 
         Rows end where constraints part.
         """
@@ -225,7 +178,8 @@ class Attempts:
             outcome=outcome, reason=f"{reason}: {outcome.advice}"
         )
         # What a repeat says of a motion that is no answer is no error.
-        return attempt._replace(trajectory=trajectory, bar="the rows are not valid")
+        attempt.evidence.end(trajectory, "the rows are not valid")
+        return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
         """Make one attempt; the store and all that rows go to begin again.
@@ -233,11 +187,10 @@ class Attempts:
         `bar` is what a repeat says of it, where one has been made before.
         """
         case, names = session.case, session.system.columns.names
-        monitors = Monitors(session)
+        evidence = Evidence(session)
         checkpoints = Checkpoints(len(case.equations.q), case.settings)
-        frames = None
         corners = Corners() if self.cornered else None
-        thin = None
+        frames = thin = None
         if self.thinned:
             thin = picture_thinning(case.equations.model, names)
         if self.animated:
@@ -246,7 +199,7 @@ class Attempts:
             frames = frames_of(case.equations, names)
         if self.store.rows:
             self.store.begin_anew()
-        others: list[Observer] = [monitors]
+        others: list[Observer] = [evidence]
         others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)
@@ -263,27 +216,24 @@ class Attempts:
             if progress is not None and trajectory.outcome.complete:
                 progress(1.0)
             clock.lap("integrate")
-        monitors.end(trajectory)
         clock.timings["integrate"] -= relay.seconds
         clock.timings["output"] += relay.seconds
+        evidence.end(trajectory, "not asked for" if bar is None else bar)
+        attempt = Attempt(evidence, checkpoints, thin, corners, frames, relay.fault)
         if bar is None:
-            self._charge(session, trajectory)
-            bar = self._error_bar(session, trajectory, checkpoints)
-        return Attempt(
-            session, trajectory, monitors, checkpoints, thin, corners, frames, bar,
-            relay.fault,
-        )  # fmt: skip
+            # The first attempt sets the allowance, and what others cost is taken of it.
+            if self.allowance is None:
+                self.allowance = Allowance(session.system, trajectory)
+            else:
+                self.allowance.take(Repeat(session), trajectory)
+            evidence.bar = self._error_bar(attempt)
+        return attempt
 
-    def _charge(self, session: Session, trajectory: Trajectory) -> None:
-        """Let the first attempt set the allowance; take from it what others cost."""
-        if self.allowance is None:
-            self.allowance = Allowance(session.system, trajectory)
-        else:
-            self.allowance.take(Repeat(session), trajectory)
+    def _repeats(self, attempt: Attempt) -> Repeats:
+        evidence, checkpoints = attempt.evidence, attempt.checkpoints
+        return Repeats(evidence, checkpoints, self.allowance, self.interrupt)
 
-    def _error_bar(
-        self, session: Session, trajectory: Trajectory, checkpoints: Checkpoints
-    ) -> ErrorBar | str:
+    def _error_bar(self, attempt: Attempt) -> ErrorBar | str:
         """Estimate the error of the run, or say why not."""
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
@@ -292,33 +242,25 @@ class Attempts:
             return "the run was cut short"
         always = self.error_bars is ErrorBars.ALWAYS
         with self.progress("error bar") as progress:
-            bar = repeat(
-                session, trajectory, checkpoints, always=always, judge=Monitors,
-                allowance=self.allowance, interrupt=self.interrupt, progress=progress,
-            )  # fmt: skip
+            bar = self._repeats(attempt).error_bar(always=always, progress=progress)
             if progress is not None and not isinstance(bar, str):
                 progress(1.0)
         self.clock.lap("error_bar")
         return bar
 
     def _audited(self, attempt: Attempt) -> Finding | None:
-        if self.interrupt.asked:
-            return None
-        return attempt.monitors.audit(attempt.trajectory, attempt.bar)
+        return None if self.interrupt.asked else audit(attempt.evidence)
 
     def _is_outlier(self, attempt: Attempt) -> bool:
         """Ask a third run which of two is off."""
         bar = attempt.bar
         assert not isinstance(bar, str)
-        found = bool(bar.parted) or is_outlier(
-            attempt.session, attempt.trajectory, attempt.checkpoints, bar,
-            judge=Monitors, allowance=self.allowance, interrupt=self.interrupt,
-        )  # fmt: skip
+        found = bool(bar.parted) or self._repeats(attempt).is_outlier()
         self.clock.lap("error_bar")
         return found
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
-        """Give other means than those of an attempt that is in doubt."""
+        """Return other means than those of an attempt that is in doubt."""
         trajectory = first.trajectory
         other = next(by_other_means(first.session, trajectory), None)
         if other is None:
@@ -327,10 +269,10 @@ class Attempts:
         longest = SHORTER * way.longest_step
         least = (trajectory.end - trajectory.start) / longest
         worth = trajectory.statistics.evaluations / PER_STEP
-        most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
         second = Repeat(way, PER_STEP)
         assert self.allowance is not None
-        way = second.limited(max(1, self.allowance.most(second, most))).session
+        most = max(ENOUGH, int(MORE * worth + AT_LEAST * least))
+        way = second.limited(max(1, min(most, self.allowance.steps(second))))
         rtol = "" if way.plan.rtol is None else f" at rtol {way.plan.rtol:.2g}"
         choice = Choice(
             f"repeated: {way.plan.method}{rtol}, steps up to {longest:.3g}",

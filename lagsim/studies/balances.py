@@ -14,6 +14,7 @@ jumps is held against the same bounds as ever.
 from __future__ import annotations
 
 import math
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,11 +23,10 @@ import numpy as np
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.groups import groups, shares
-from lagsim.run.observers.monitors import gained
 from lagsim.tolerances import ENERGY_ROUNDOFF, FLAT_RANGE, SAME_ENERGY, SAME_JUMP
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
@@ -41,128 +41,69 @@ SHOWN = 0.5
 
 
 class Balance(NamedTuple):
-    """The energy balance, energy - work, of a decoupled group of coordinates.
+    """The energy balance, energy - work, of all coordinates, or of a decoupled group.
 
     Attributes
     ----------
-    coordinates : list of int
+    coordinates : sequence of int
     names : tuple of str
-        Of its coordinates.
+        Of the coordinates of a group; none of the whole.
     energy : int
-        Its share: a node.
+        The node of its energy.
     in_play : float
         Its largest kinetic energy, between rows too, or range of what else it has, or
         of the work.
     work_range : float
         Of the work that is done on it.
-    drifts : ndarray, shape (k,)
-        Of energy - work, from its first value.
-    rows : ndarray, shape (k, 1 + 2 n)
-        Time, coordinates and velocities of the whole.
+    drift : float
+        The largest size of energy - work less its first value.
+    farthest : float
+        The same with its sign.
+    worst_row : ndarray or None
+        The row of that: time, coordinates and velocities first.
+    kept, rows : ndarray, shapes (k,) and (k, 1 + 2 n)
+        Energy - work in some rows, and their time, coordinates and velocities.
+    since : callable
+        Gives the first time at which the drift is more than a bound, or None.
     """
 
-    coordinates: list[int]
+    coordinates: Sequence[int]
     names: tuple[str, ...]
     energy: int
     in_play: float
     work_range: float
-    drifts: Floats
+    drift: float
+    farthest: float
+    worst_row: Floats | None
+    kept: Floats
     rows: Floats
+    since: Callable[[float], float | None]
 
     @property
-    def kept(self) -> Floats:
-        """Energy - work (k,) of these rows, from its first value."""
-        return self.drifts
+    def label(self) -> str:
+        """Its name in messages."""
+        of = f" of {', '.join(self.names)}" if self.names else ""
+        return f"energy - work{of}"
 
     @property
-    def drift(self) -> float:
-        """The largest drift."""
-        return float(np.max(np.abs(self.drifts)))
-
-    @property
-    def worst_row(self) -> Floats:
-        """Where it is."""
-        return np.asarray(self.rows[np.argmax(np.abs(self.drifts))])
-
-    def since(self, bound: float) -> float | None:
-        """Give the first time at which energy - work is off by more than `bound`."""
-        off = np.flatnonzero(np.abs(self.drifts) > bound)
-        return float(self.rows[off[0], 0]) if len(off) else None
-
-    def gained(self, *, farthest: bool) -> float:
-        """Give what has been gained in the end, or the deviation that is `farthest`."""
-        if farthest:
-            return float(self.drifts[np.argmax(np.abs(self.drifts))])
-        return gained(self.drifts)
-
-
-class Whole(NamedTuple):
-    """The energy balance of all coordinates, over all rows."""
-
-    coordinates: list[int]
-    energy: int
-    residuals: ResidualMonitor
-    monitor: EnergyMonitor
-    names: tuple[str, ...] = ()
-
-    @property
-    def drift(self) -> float:
-        """The largest drift."""
-        return self.residuals.energy_drift
-
-    @property
-    def in_play(self) -> float:
-        """The energy in play."""
-        return self.monitor.energy_in_play
-
-    @property
-    def work_range(self) -> float:
-        """Of the work."""
-        return self.monitor.work_range
-
-    @property
-    def rows(self) -> Floats:
-        """Time, coordinates and velocities (k, 1 + 2 n) of what is kept."""
-        return self.monitor.passed
-
-    @property
-    def kept(self) -> Floats:
-        """Energy - work (k,) of these rows."""
-        return self.monitor.balance
-
-    @property
-    def worst_row(self) -> Floats | None:
-        """Where the drift is largest."""
-        return self.residuals.worst_row
-
-    def since(self, bound: float) -> float | None:
-        """Give the first time at which energy - work is off by more than `bound`."""
-        return self.residuals.drift_since(bound)
-
-    def gained(self, *, farthest: bool) -> float:
-        """Give what has been gained in the end, or the deviation that is `farthest`."""
-        if farthest and math.isfinite(self.residuals.energy_gained):
-            return self.residuals.energy_gained
-        return self.monitor.energy_gained
+    def part(self) -> float:
+        """The drift, as a part of the energy in play."""
+        return self.drift / (self.in_play or 1.0)
 
 
 def balances(
     equations: Equations, plan: Plan, residuals: ResidualMonitor, monitor: EnergyMonitor
-) -> Iterator[Balance | Whole]:
-    """Give the balance of each group, then of the whole.
+) -> list[Balance]:
+    """Return the balance of each group, then of the whole.
 
     A tolerance that a person gave in absolute numbers is no measure of small groups.
     """
-    if plan.atol is None:
-        yield from group_balances(equations, monitor)
-    everything = list(range(len(equations.q)))
-    yield Whole(everything, equations.energy, residuals, monitor)
-
-
-def label_of(balance: Balance | Whole) -> str:
-    """Return the name of a balance."""
-    of = f" of {', '.join(balance.names)}" if balance.names else ""
-    return f"energy - work{of}"
+    whole = Balance(
+        range(len(equations.q)), (), equations.energy, monitor.energy_in_play,
+        monitor.work_range, residuals.energy_drift, residuals.energy_gained,
+        residuals.worst_row, monitor.balance, monitor.passed, residuals.drift_since,
+    )  # fmt: skip
+    return [*(group_balances(equations, monitor) if plan.atol is None else ()), whole]
 
 
 def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance]:
@@ -175,7 +116,6 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
         return []
     energies, forms = (shares(e, found, x) for x in (e.energy, e.kinetic_form))
     nodes = [*energies, *forms]
-    names = [tuple(e.q[j] for j in group) for group in found]
     for group, *own in zip(found, energies, forms, strict=True):
         within = {x[j] for x in (e.q, e.velocities) for j in group}
         if g.depends(own) & {*e.q, *e.velocities} - within:
@@ -187,10 +127,10 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     fixed = {p.name: p.value for p in e.model.parameters}
     values = evaluate_rows(g, nodes, fixed | moving, len(rows))
     each, kinetic = values[: len(found)], values[len(found) :]
-    fastest = [np.max(np.abs(x)) for x in kinetic]
+    fastest = np.max(np.abs(kinetic), axis=1)
     for speeds in _between(e.velocities, moving, monitor.extents):
         more = evaluate_rows(g, forms, fixed | moving | speeds, len(rows))
-        fastest = [np.fmax(a, np.max(b)) for a, b in zip(fastest, more, strict=True)]
+        fastest = np.fmax(fastest, np.max(more, axis=1))
     rest = np.sum(each, axis=0) - np.sum(worked, axis=1) - monitor.balance[::stride]
     # What stands in no group depends on time alone, and is in `work` as it is.
     timed = [k for k, work in enumerate(e.works) if not work.coordinates]
@@ -199,18 +139,26 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
         return []
     made = []
     for i, group in enumerate(found):
-        own = [k for k, x in enumerate(e.works) if names[i][0] in x.coordinates]
+        names = tuple(e.q[j] for j in group)
+        own = [k for k, x in enumerate(e.works) if names[0] in x.coordinates]
         done = np.sum(worked[:, own], axis=1)
-        parts = each[i] - kinetic[i], done
-        in_play = max(fastest[i], *(np.ptp(x) for x in parts))
+        in_play = max(fastest[i], np.ptp(each[i] - kinetic[i]), np.ptp(done))
         drifts = each[i] - done - (each[i, 0] - done[0])
-        work_range = float(np.ptp(done))
+        k = int(np.argmax(np.abs(drifts)))
         made.append(
             Balance(
-                group, names[i], energies[i], float(in_play), work_range, drifts, rows
+                group, names, energies[i], float(in_play), float(np.ptp(done)),
+                float(abs(drifts[k])), float(drifts[k]), rows[k], drifts, rows,
+                partial(_since, rows[:, 0], np.abs(drifts)),
             )
-        )
+        )  # fmt: skip
     return made
+
+
+def _since(times: Floats, sizes: Floats, bound: float) -> float | None:
+    """Return the first of the times at which a size exceeds a bound."""
+    off = np.flatnonzero(sizes > bound)
+    return float(times[off[0]]) if len(off) else None
 
 
 def _between(
@@ -248,7 +196,7 @@ MOST_WAYS = 64
 MOST_ON_A_WAY = 8
 
 
-def jumps(equations: Equations, balance: Balance | Whole) -> bool:
+def jumps(equations: Equations, balance: Balance) -> bool:
     """Tell whether the energy of a balance jumps somewhere on the way."""
     energy = Energy(equations, balance.energy)
     if not energy.switches:
@@ -265,7 +213,7 @@ def jumps(equations: Equations, balance: Balance | Whole) -> bool:
     return any(energy.jump(states[k], states[k + 1], least) != 0.0 for k in chosen)
 
 
-def without_jumps(equations: Equations, balance: Balance | Whole) -> Floats | None:
+def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
     """Return energy - work (k,) of the rows, without the jumps of its expression.
 
     None where there are none.

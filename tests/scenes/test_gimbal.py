@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from lagsim.model.reader import read
-from tests.studies.error_bar.test_error_bar import barred
+from tests.studies.judged import barred
 from tests.support import run
 
 # Spun up at 3 about its axis, with the mass above the point of support: it rises past

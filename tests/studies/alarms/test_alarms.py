@@ -10,7 +10,7 @@ import pytest
 import lagsim
 import lagsim.codes
 from lagsim.run.observers.monitors import EnergyMonitor
-from tests.studies.alarms.alarmed import cautions, codes
+from tests.studies.judged import cautions, codes
 from tests.support import MODELS, ROOT, run
 
 BOUND, DAMPED = "step-at-stability-bound", "fast-mode-damped"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.studies.alarms.alarmed import cautions
+from tests.studies.judged import cautions
 from tests.support import run
 
 # A light body in units of energy `u`, each with a mistake of another kind.

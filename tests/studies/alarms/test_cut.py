@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.studies.balances import Energy
-from tests.studies.alarms.alarmed import cautions
+from tests.studies.judged import cautions
 from tests.support import run
 
 SCENE = """

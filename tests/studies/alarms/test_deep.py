@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor
-from lagsim.studies.alarms import Evidence, about_constraints
-from tests.studies.alarms.alarmed import codes
+from lagsim.studies.alarms import about_constraints
+from tests.studies.judged import codes, evidence
 from tests.support import run
 
 HELD = "constraint-not-held"
@@ -55,10 +54,6 @@ def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing)
         names=", x: {}", kinetic=" + x_dot^2", more=", x: 0, x_dot: 1e6", floor=floor
     )
     found = run(fast, method="moreau", step=0.02)
-    names = found.system.columns.names
-    residuals, monitor = ResidualMonitor(names), EnergyMonitor(names, 2)
-    residuals.add(found.rows)
-    monitor.add(found.rows)
     depth = -np.min(found["missed.floor"])
     assert depth > 1e-4
     extents = {"x_dot": (0.0, 1e6), "y_dot": (-speeds, 0.1)}
@@ -67,10 +62,8 @@ def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing)
     for part, told in ((0.9, [HELD]), (1.1, [])):
         plan = replace(found.plan, step=part * depth / closing / 2)
         session = found.session._replace(plan=plan)
-        cautions = about_constraints(
-            Evidence(session, trajectory, residuals, monitor, (), "none")
-        )
-        assert [c.code for c in cautions] == told
+        other = replace(found, session=session, trajectory=trajectory)
+        assert [c.code for c in about_constraints(evidence(other))] == told
 
 
 # Constraint, its start, and by how much it changes in a step h, from its closed form:
@@ -112,16 +105,10 @@ def test_equalities_may_be_off_by_what_they_change_in_a_step(row, unit, mass, st
 def test_what_is_off_by_more_is_told(row):
     start, change, of_places = EQUALITIES[row]
     found = run(held(row, start), method="moreau", step=0.01)
-    names = found.system.columns.names
-    residuals, monitor = ResidualMonitor(names), EnergyMonitor(names, 3)
     rows = found.rows.copy()
     # Ten times what a step may leave: the change in it, in places over the step.
-    rows[20, names.index("residual_row")] = (
+    rows[20, found.system.columns.names.index("residual_row")] = (
         10.0 * change * (1e-4 if of_places and "if" not in row else 1e-2)
     )
-    residuals.add(rows)
-    monitor.add(rows)
-    cautions = about_constraints(
-        Evidence(found.session, found.trajectory, residuals, monitor, (), "none")
-    )
+    cautions = about_constraints(evidence(replace(found, rows=rows)))
     assert [c.code for c in cautions] == [HELD]

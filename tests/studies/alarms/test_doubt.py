@@ -10,9 +10,8 @@ import pytest
 from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
 from lagsim.run.observers.monitors import Growth
-from lagsim.studies.attempts import Monitors
 from tests.small_scenes import held_pendulum
-from tests.studies.alarms.alarmed import codes
+from tests.studies.judged import codes, doubt
 from tests.support import run
 
 SWING = """
@@ -22,13 +21,6 @@ initial: {x: 1}
 simulation: {duration: 10, output_step: 0.01}
 """
 ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
-
-
-def doubt(found, bar="not estimated"):
-    own = Monitors(found.session)
-    for block in np.array_split(found.rows, 7):
-        own.add(block)
-    return own.audit(found.trajectory, bar)
 
 
 def spoilt(found, column, change):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lagsim
-from tests.studies.alarms.alarmed import codes
 from tests.studies.alarms.test_doubt import SWING, bar_of, bump, spoilt
+from tests.studies.judged import codes
 from tests.support import run
 
 # Two stars about each other, e = 0.28, far from the origin.

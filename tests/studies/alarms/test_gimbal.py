@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.studies.alarms.alarmed import cautions, codes
+from tests.studies.judged import cautions, codes
 from tests.support import run
 
 SINGULAR = "coordinate-singularity"
@@ -74,15 +74,16 @@ simulation: {{duration: 0.7, output_step: 0.01}}
 
 
 @pytest.mark.parametrize(
-    ("held", "turn", "expected"),
+    ("held", "turn", "told"),
     [
         # What is left is theta and, of spin and precession, their sum.
-        ("psi = 0", 0, []),
-        ("psi = phi", 0, []),
+        ("psi = 0", 0, False),
+        ("psi = phi", 0, False),
         # What holds neither leaves both.
-        ("x = theta - 0.5", 1e-3, [SINGULAR]),
+        ("x = theta - 0.5", 1e-3, True),
     ],
 )
-def test_angles_at_the_pole_are_one_where_a_constraint_leaves_one(held, turn, expected):
+def test_angles_at_the_pole_are_one_where_a_constraint_leaves_one(held, turn, told):
     found = run(TOP.format(held=held, turn=turn), formulation="projection")
-    assert codes(found) == expected
+    # At the pole itself psi'' is no number.
+    assert {*codes(found)} - {"column-not-finite"} == ({SINGULAR} if told else set())

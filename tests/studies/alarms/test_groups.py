@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.run.observers.monitors import EnergyMonitor
-from lagsim.studies.attempts import Monitors
 from lagsim.studies.balances import group_balances
-from tests.studies.alarms.test_doubt import bump, doubt, spoilt
+from tests.studies.alarms.test_doubt import bump, spoilt
+from tests.studies.judged import doubt, evidence
 from tests.support import run
 
 # A pendulum of 1 J, and beside it an oscillator of 50 kJ, or more.
@@ -52,9 +51,7 @@ def faster(found, name, speed, since):
 
 
 def shown(found):
-    names = found.system.columns.names
-    monitor = EnergyMonitor(names, len(found.equations.q))
-    monitor.add(found.rows)
+    monitor = evidence(found).monitor
     return {b.names: b for b in group_balances(found.equations, monitor)}
 
 
@@ -164,9 +161,6 @@ def test_rows_that_alias_a_group_are_no_fault(method, bar, options):
 @pytest.mark.parametrize("step", [0.01, 1.0])
 def test_the_energy_in_play_is_that_between_rows_too(step, more):
     found = run(aliased(step=step, more=more))
-    own = Monitors(found.session)
-    own.add(found.rows)
-    own.end(found.trajectory)
     greatest = 1 / (8 * np.pi**2)
     # Ends of steps may pass over the greatest rate by a part of a step.
-    assert own.balances[0].in_play == pytest.approx(greatest, rel=0.1)
+    assert evidence(found).balances[0].in_play == pytest.approx(greatest, rel=0.1)

@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from lagsim.studies.error_bar import Checkpoints, repeat
-from tests.studies.alarms.alarmed import cautions, codes
+from lagsim.run.observers.monitors import Checkpoints
+from tests.studies.judged import cautions, codes, repeated
 from tests.support import run
 
 ENERGIES = pytest.mark.parametrize("unit", ["1e-6", "1", "1e6"])
@@ -100,7 +100,7 @@ def barred(text, **options):
     found = run(text, **options)
     checkpoints = Checkpoints(len(found.equations.q))
     checkpoints.add(found.rows)
-    return found, repeat(found.session, found.trajectory, checkpoints)
+    return found, repeated(found.session, found.trajectory, checkpoints)
 
 
 @ENERGIES

@@ -9,8 +9,9 @@ from mpmath import mp, mpf
 from lagsim.model.reader import read
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.error_bar import Allowance, Repeat
-from tests.studies.error_bar.test_error_bar import PENDULUM, barred
+from lagsim.studies.repeats import Allowance, Repeat
+from tests.studies.error_bar.test_error_bar import PENDULUM
+from tests.studies.judged import barred
 from tests.support import run
 
 WAVE = """
@@ -44,7 +45,7 @@ def test_all_repeats_together_stay_within_the_allowance():
     allowance = Allowance(found.system, found.trajectory)
     before = allowance.left
     price = Repeat(found.session)
-    assert allowance.steps(price, found.system, found.trajectory) > 1000
+    assert allowance.steps(price) > 1000
     allowance.take(price, found.trajectory)
     assert before > allowance.left > 0.0
     allowance.left = 0.0

@@ -10,13 +10,11 @@ import pytest
 import lagsim
 from lagsim.cli.run import _error
 from lagsim.model.reader import read
-from lagsim.run.observers.monitors import Checkpoints, numbers
-from lagsim.run.session import open_case
-from lagsim.studies.error_bar import repeat
+from lagsim.run.observers.monitors import numbers
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
-from tests.studies.error_bar.test_error_bar import barred
 from tests.studies.error_bar.test_known import within
+from tests.studies.judged import barred, made, repeated
 
 
 def bounces(e, t):
@@ -163,12 +161,10 @@ def test_what_stands_on_legs_stays(corners, height):
         {"z": 1000 if "1000" in height else 0, "a": 0, "b": 0},
         duration=1, output_step=0.001,
     )  # fmt: skip
-    session = open_case(read(text, "m.yaml")).ready()
-    checkpoints = Checkpoints(3, session.case.settings)
-    trajectory = session.run([checkpoints])
+    session, trajectory, checkpoints = made(read(text, "m.yaml"))
     # Five steps without an error, which become ever longer; some more beside an end.
     assert trajectory.statistics.steps < 20
-    bar = repeat(session, trajectory, checkpoints)
+    bar = repeated(session, trajectory, checkpoints)
     assert not isinstance(bar, str), bar
     assert bar.rests
     assert bar.horizon is None

@@ -9,20 +9,12 @@ import pytest
 
 from lagsim.model.reader import read, read_file
 from lagsim.run.error import TIMES, ErrorBar
-from lagsim.run.observers.monitors import MOST_ROWS
-from lagsim.run.session import open_case
-from lagsim.studies.error_bar import LOOSER, Checkpoints, repeat
+from lagsim.run.observers.monitors import MOST_ROWS, Checkpoints
+from lagsim.studies.repeats import LOOSER
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import pendulum, swing
+from tests.studies.judged import barred
 from tests.support import MODELS
-
-
-def barred(model, **keywords):
-    """Run a model and its repeat; give the checkpoints and the bar."""
-    session = open_case(model).ready()
-    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
-    trajectory = session.run([checkpoints])
-    return checkpoints, repeat(session, trajectory, checkpoints, **keywords)
 
 
 def shipped(name, **options):
@@ -128,7 +120,7 @@ simulation: {duration: 200, output_step: 0.5}
 
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
-    monkeypatch.setattr("lagsim.studies.error_bar.BUDGET", 1e4)
+    monkeypatch.setattr("lagsim.studies.repeats.BUDGET", 1e4)
     _, refused = barred(model)
     assert "operations" in refused
     _, asked = barred(model, always=True)
@@ -166,25 +158,18 @@ def test_a_run_that_ends_by_itself_is_compared_as_far_as_both_go():
     assert math.isfinite(bar.relative)
 
 
-class Strict:
-    """Judges a repeat by its number alone."""
+def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
+    judged = []
 
-    def __init__(self, text, session):
-        self.text, self.plan, self.rows = text, session.plan, 0
+    def fault(run):
+        judged.append(run.plan.rtol)
+        assert run.monitor.end == run.trajectory.end == 60.0
+        return texts[len(judged) - 1]
 
-    def add(self, rows):
-        self.rows += len(rows)
-
-    def fault(self, trajectory):
-        assert self.plan.rtol < 1e-11
-        assert trajectory.outcome.complete
-        return self.text if self.rows else "no rows"
-
-
-def test_a_repeat_that_fails_by_its_own_ledger_says_nothing():
-    texts = iter(["it lost energy", ""])
-    bar = barred(read(PENDULUM, "m.yaml"), judge=lambda x: Strict(next(texts), x))[1]
-    assert bar.rtol == pytest.approx(1e-11 / LOOSER)  # the second one
-    assert bar.horizon is None
-    told = barred(read(PENDULUM, "m.yaml"), judge=lambda x: Strict("lost", x))[1]
-    assert "not valid itself: lost" in told
+    monkeypatch.setattr("lagsim.studies.repeats.fault", fault)
+    texts = ["it lost energy", ""]
+    bar = barred(read(PENDULUM, "m.yaml"))[1]
+    assert judged == pytest.approx([1e-13, 1e-11 / LOOSER])
+    assert (bar.rtol, bar.horizon) == (judged[1], None)
+    texts += 9 * ["lost"]
+    assert "not valid itself: lost" in barred(read(PENDULUM, "m.yaml"))[1]

@@ -8,7 +8,7 @@ import pytest
 from lagsim.errors import LagsimError
 from lagsim.model.reader import read
 from tests.studies.error_bar.known import CONSTRAINED, KNOWN
-from tests.studies.error_bar.test_error_bar import barred
+from tests.studies.judged import barred
 
 ALL = KNOWN | CONSTRAINED
 # Of the method that `auto` takes and of others, from loose to tight.

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lagsim.model.reader import read
-from lagsim.studies.error_bar import Checkpoints
+from lagsim.run.observers.monitors import Checkpoints
 from tests.small_scenes import oscillator
-from tests.studies.error_bar.test_error_bar import barred
+from tests.studies.judged import barred
 
 
 def test_a_short_last_row():

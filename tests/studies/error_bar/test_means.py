@@ -9,20 +9,14 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.run.error import ErrorBar, Failed
-from lagsim.run.session import open_case
-from lagsim.studies import error_bar
+from lagsim.studies import repeats
 from lagsim.studies.alarms import about_error
-from lagsim.studies.error_bar import LOOSER, Checkpoints, Repeat, by_other_means, repeat
+from lagsim.studies.repeats import LOOSER, Repeat, by_other_means
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.studies.error_bar.test_error_bar import PENDULUM, shipped
+from tests.studies.judged import barred, made, repeated
 
 TIGHT = ("1e-13", "2e-14", "1e-14", "5e-15", "2e-15")
-
-
-def made(model):
-    session = open_case(model).ready()
-    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
-    return session, session.run([checkpoints]), checkpoints
 
 
 @pytest.mark.parametrize("rtol", ["1e-4", "1e-6", "1e-9", "1e-11", *TIGHT])
@@ -47,8 +41,7 @@ def test_tolerances_of_repeats_differ(method, rtol):
 )
 def test_tight_tolerances_have_an_estimate_by_other_steps(name, rtol):
     model = shipped(name, rtol=rtol)
-    session, trajectory, kept = made(model)
-    bar = repeat(session, trajectory, kept)
+    bar = barred(model)[1]
     assert isinstance(bar, ErrorBar), bar
     # The errors of two motions by different steps differ by rounding, at least.
     assert 2.0**-52 < bar.relative < 1e-10
@@ -57,10 +50,7 @@ def test_tight_tolerances_have_an_estimate_by_other_steps(name, rtol):
 @pytest.mark.parametrize("rtol", TIGHT)
 def test_chaos_has_a_horizon_at_every_tolerance(rtol):
     """The Lyapunov exponent of about 1/s leaves no digit of rounding after 35 s."""
-    session, trajectory, kept = made(
-        shipped("double-pendulum", duration="40", rtol=rtol)
-    )
-    bar = repeat(session, trajectory, kept)
+    bar = barred(shipped("double-pendulum", duration="40", rtol=rtol))[1]
     assert isinstance(bar, ErrorBar)
     assert 20.0 < bar.horizon < 35.0
 
@@ -73,8 +63,8 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
     def itself(session, _trajectory):
         yield Repeat(session)
 
-    monkeypatch.setattr(error_bar, "by_other_means", itself)
-    bar = repeat(session, trajectory, kept)
+    monkeypatch.setattr(repeats, "by_other_means", itself)
+    bar = repeated(session, trajectory, kept)
     assert isinstance(bar, Failed)
     assert "same steps as the run" in bar
 
@@ -90,7 +80,7 @@ def test_fixed_steps_are_repeated_by_others(method):
 
 def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):  # noqa: F811
     """In run.json and on the terminal, with its code; other reasons are none."""
-    monkeypatch.setattr(error_bar.Allowance, "steps", lambda *_: 3)
+    monkeypatch.setattr(repeats.Allowance, "steps", lambda *_: 3)
     file = tmp_path / "m.yaml"
     file.write_text("name: swing\n" + PENDULUM)
     called = lagsim("run", file, "--no-plots", "-o", tmp_path / "r")
@@ -103,5 +93,5 @@ def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):  # noq
 
 def test_what_nobody_asked_for_is_no_warning():
     known = {"plan": SimpleNamespace(rtol=1e-11), "bar": "not asked for"}
-    balances = [SimpleNamespace(drift=1e-9, in_play=1)]
+    balances = [SimpleNamespace(part=1e-9)]
     assert about_error(SimpleNamespace(equations=0, balances=balances, **known)) == []

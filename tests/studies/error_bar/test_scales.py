@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.model.reader import read
-from tests.studies.error_bar.test_error_bar import barred
+from tests.studies.judged import barred
 
 LIGHT = """
 parameters: {m: 1e-3, M: 1e27, R: 1e9}

@@ -1,0 +1,51 @@
+"""Runs as `lagsim run` judges them: their evidence, alarms, finding and error bar."""
+
+from __future__ import annotations
+
+from lagsim.run.observers.monitors import Checkpoints
+from lagsim.run.session import open_case
+from lagsim.studies.alarms import Evidence, alarms, audit
+from lagsim.studies.repeats import Repeats
+
+
+def evidence(found, bar="not estimated"):
+    """Give the evidence of a finished run."""
+    own = Evidence(found.session)
+    own.add(found.rows)
+    return own.end(found.trajectory, bar)
+
+
+def cautions(found, bar="not estimated"):
+    """Give the cautions of a finished run."""
+    return alarms(evidence(found, bar))
+
+
+def codes(found, bar="not estimated"):
+    """Give their codes, sorted, without repetition."""
+    return sorted({caution.code for caution in cautions(found, bar)})
+
+
+def doubt(found, bar="not estimated"):
+    """Give the finding against a finished run, or None."""
+    return audit(evidence(found, bar))
+
+
+def made(model):
+    """Run a model; give its session, its trajectory and its checkpoints."""
+    session = open_case(model).ready()
+    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
+    return session, session.run([checkpoints]), checkpoints
+
+
+def repeated(session, trajectory, checkpoints, allowance=None, **keywords):
+    """Give the error bar of a run."""
+    own = Evidence(session).end(trajectory, "none")
+    return Repeats(own, checkpoints, allowance).error_bar(**keywords)
+
+
+def barred(model, allowance=None, **keywords):
+    """Run a model and its repeat; give the checkpoints and the bar."""
+    session, trajectory, checkpoints = made(model)
+    return checkpoints, repeated(
+        session, trajectory, checkpoints, allowance, **keywords
+    )
