@@ -26,8 +26,15 @@ from lagsim.model.reader import read_file
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as written
 from lagsim.run.session import open_case, wanted
-from lagsim.studies.golden import measure
-from lagsim.studies.golden_files import folder_of, judge, load, picture, run, store
+from lagsim.studies.golden import (
+    folder_of,
+    judge,
+    load,
+    measure,
+    picture,
+    run,
+    store,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -450,10 +450,8 @@ class _Keeping:
 
         def tick(run: Run | Apart) -> None:
             if at_once or time.monotonic() > due:
-                from lagsim.studies.restart import Kept
-
                 writer = cast("TableWriter", self.writer)
-                self.made().join(run, Kept(session, relay, writer))
+                self.made().join(run, session, relay, writer)
 
         if at_once:
             tick(run)
@@ -535,7 +533,7 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     drift = document["energy_drift"]
     drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
     kept = "energy - work" if "work" in document["columns"] else "energy"
-    energy = f"{made.monitors.residuals.first_energy:.7g} {unit}".rstrip()
+    energy = f"{made.evidence.residuals.first_energy:.7g} {unit}".rstrip()
     start = f"(energy {energy} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {kept} {start}"))

@@ -47,8 +47,7 @@ def encoded(what: Any, classes: Iterable[str], name: Callable[[Any], Any]) -> by
         If it holds an object of another class.
     """
     writer = _Encoder(frozenset(classes), name)
-    root = writer.value(what)
-    text = json.dumps([root, writer.nodes], separators=(",", ":"))
+    text = json.dumps([writer.value(what), writer.nodes], separators=(",", ":"))
     return b"".join([text.encode(), b"\n", *writer.blocks])
 
 
@@ -79,7 +78,6 @@ class _Encoder:
         self.nodes: list[Any] = []
         self.blocks: list[bytes] = []
         self._classes, self._name = classes, name
-        self._size = 0
         # With the objects, lest another gets the address of one that is gone.
         self._found: dict[int, tuple[int, Any]] = {}
 
@@ -90,28 +88,26 @@ class _Encoder:
         if name is not None:
             return {"given": name}
         if id(x) not in self._found:
-            self._found[id(x)] = len(self.nodes), x
+            k = len(self.nodes)
+            self._found[id(x)] = k, x
             self.nodes.append(None)
-            self.nodes[self._found[id(x)][0]] = self._node(x)
+            self.nodes[k] = self._node(x)
         return [self._found[id(x)][0]]
 
     def _node(self, x: Any) -> list[Any]:
         kind = type(x)
-        if kind.__name__ in _CONTAINERS and kind is _CONTAINERS[kind.__name__]:
+        if kind in _CONTAINERS.values():
             return [kind.__name__, *map(self.value, x)]
         if kind is dict:
             return ["dict", *([self.value(k), self.value(v)] for k, v in x.items())]
         if kind is deque:
             return ["deque", x.maxlen, *map(self.value, x)]
         if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in _NUMBERS:
-            block = np.ascontiguousarray(x).tobytes()
-            place, self._size = self._size, self._size + len(block)
-            self.blocks.append(block)
+            place = sum(map(len, self.blocks))
+            self.blocks.append(np.ascontiguousarray(x).tobytes())
             what = "array" if isinstance(x, np.ndarray) else "number"
             return [what, x.dtype.str, list(x.shape), place]
-        return self._object(x, f"{kind.__module__}:{kind.__qualname__}")
-
-    def _object(self, x: Any, name: str) -> list[Any]:
+        name = f"{kind.__module__}:{kind.__qualname__}"
         if name not in self._classes:
             raise UndeclaredError(f"{name} is not declared")
         if isinstance(x, Enum):
@@ -120,7 +116,8 @@ class _Encoder:
             return ["memory", name, self.value(x.flat)]
         if isinstance(x, tuple):
             return ["named tuple", name, *map(self.value, x)]
-        held = {s: getattr(x, s) for s in _slots(type(x)) if hasattr(x, s)}
+        slots = [s for base in kind.__mro__ for s in getattr(base, "__slots__", ())]
+        held = {slot: getattr(x, slot) for slot in slots if hasattr(x, slot)}
         held |= getattr(x, "__dict__", {})
         held |= dict.fromkeys(getattr(x, "DERIVED", ()))
         return ["object", name, *([k, self.value(v)] for k, v in held.items())]
@@ -147,20 +144,17 @@ class _Decoder:
             return self._given(x["given"])
         (k,) = x
         if k not in self._made:
-            self._make(k)
+            self._make(k, *self._nodes[k])
         return self._made[k]
 
-    def _make(self, k: int) -> None:
-        kind, *rest = self._nodes[k]
+    def _make(self, k: int, kind: str, *rest: Any) -> None:
         # What may hold itself is there before its content.
         if kind == "list":
-            found: list[Any] = []
-            self._made[k] = found
-            found.extend(map(self.value, rest))
+            self._made[k] = []
+            self._made[k].extend(map(self.value, rest))
         elif kind == "dict":
-            content: dict[Any, Any] = {}
-            self._made[k] = content
-            content.update((self.value(a), self.value(b)) for a, b in rest)
+            self._made[k] = {}
+            self._made[k].update((self.value(a), self.value(b)) for a, b in rest)
         elif kind == "object":
             cls = self._class(rest[0])
             self._made[k] = made = cls.__new__(cls)
@@ -175,30 +169,24 @@ class _Decoder:
         if kind == "deque":
             return deque(map(self.value, rest[1:]), rest[0])
         if kind in ("array", "number"):
-            return self._array(kind, *rest)
-        cls = self._class(rest[0])
+            code, shape, place = rest
+            dtype = np.dtype(code)
+            if dtype.kind not in _NUMBERS:
+                raise ValueError(f"{code} is no type of numbers")
+            count = int(np.prod(shape, dtype=np.int64))
+            flat = np.frombuffer(self._blocks, dtype, count, place)
+            return flat.reshape(shape).copy() if kind == "array" else flat[0]
+        cls, *content = self._class(rest[0]), *rest[1:]
         if kind == "member":
-            return cls[rest[1]]
+            return cls[content[0]]
         if kind == "memory":
-            return cls(self.value(rest[1]))
+            return cls(self.value(content[0]))
         if kind == "named tuple":
-            return tuple.__new__(cls, map(self.value, rest[1:]))
+            return tuple.__new__(cls, map(self.value, content))
         raise ValueError(f"{kind} is no kind of node")
-
-    def _array(self, kind: str, code: str, shape: Sequence[int], place: int) -> Any:
-        dtype = np.dtype(code)
-        if dtype.kind not in _NUMBERS:
-            raise ValueError(f"{code} is no type of numbers")
-        count = int(np.prod(shape, dtype=np.int64))
-        flat = np.frombuffer(self._blocks, dtype, count, place)
-        return flat.reshape(shape).copy() if kind == "array" else flat[0]
 
     def _class(self, name: str) -> Any:
         if name not in self._classes:
             raise UndeclaredError(f"{name} is not declared")
         module, _, word = name.partition(":")
         return getattr(importlib.import_module(module), word)
-
-
-def _slots(cls: type) -> list[str]:
-    return [slot for base in cls.__mro__ for slot in getattr(base, "__slots__", ())]

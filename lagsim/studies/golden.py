@@ -3,33 +3,55 @@
 All that may make a run differ from the golden one does so here: up to a hundred times
 the tolerance, a tenth of it, start and parameters moved by rounding errors, other
 methods. What these runs differ by is what a run elsewhere may differ by.
+
+`<name>.csv` holds the rows of a golden, and `<name>.json` all else.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import orjson
 
+from lagsim import files
 from lagsim.errors import InputError, Problem
-from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
+from lagsim.outputs.manifest import encode, versions
+from lagsim.outputs.results import open_results
 from lagsim.outputs.units import stated_units
+from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
-from lagsim.studies.comparison import kind, moved, nearest, partners, scales
+from lagsim.studies.comparison import (
+    Deviation,
+    Pair,
+    Verdict,
+    kind,
+    moved,
+    nearest,
+    ordered,
+    partners,
+    scales,
+)
+from lagsim.studies.tables import read_table
 from lagsim.tolerances import SAME_ROW, SAME_STEP, UNIT_ROUNDOFF, VALUE_ROUNDOFF
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Settings
+    from lagsim.model.model import Model
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
@@ -44,7 +66,7 @@ MOST_CELLS = 2400
 # tolerance is one draw of where the steps fall, which says little of others nearby: the
 # largest of a few says what they reach.
 LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
-# No tolerance below this means anything (see `error_bar`).
+# No tolerance below this means anything (see `repeats`).
 TIGHTEST = 1e-14
 SEEDS = 4
 METHODS = ("dop853", "taylor", "radau")
@@ -71,7 +93,7 @@ class Motion:
     plan: Plan
 
     def at(self, times: Floats, near: float, *, ends: bool) -> Floats:
-        """Give the rows (k, columns) at some times; nan where there is none.
+        """Return the rows (k, columns) at some times; nan where there is none.
 
         Parameters
         ----------
@@ -87,10 +109,7 @@ class Motion:
         place = np.minimum(np.searchsorted(t, times - near), len(t) - 1)
         same = np.abs(t[place] - times) <= near
         found[same] = self.rows[place[same]]
-        asked, first = (
-            np.flatnonzero(before_impacts(times)),
-            np.flatnonzero(before_impacts(t)),
-        )
+        asked, first = (np.flatnonzero(before_impacts(x)) for x in (times, t))
         if len(asked) and len(first):
             place = first[nearest(times[asked], t[first])]
             found[asked], found[asked + 1] = self.rows[place], self.rows[place + 1]
@@ -100,43 +119,20 @@ class Motion:
         return found
 
 
-class Sparse:
-    """Keeps one row of each `stride` output times, impacts, and the last row."""
-
-    def __init__(self, settings: Settings, stride: int) -> None:
-        self._start, self._step = settings.start, settings.output_step
-        self._stride = stride
-        self._kept: list[Floats] = []
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns); those of the last time wait for its others."""
-        rows = np.concatenate([*self._kept[-1:], rows])
-        t = rows[:, 0]
-        places = numbers(t, self._start, self._step)
-        wanted = (places >= 0) & (places % self._stride == 0) | at_impacts(t)
-        late = t == t[-1]
-        self._kept[-1:] = [rows[wanted & ~late], rows[late]]
-
-    @property
-    def table(self) -> Floats:
-        """What is kept (k, columns)."""
-        return np.concatenate(self._kept)
-
-
 def before_impacts(t: Floats) -> Flags:
-    """Tell which times (k,) equal the next, and no other: rows before an impact."""
+    """Return which times (k,) equal the next, and no other: rows before an impact."""
     same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
     return np.asarray(same[1:] & ~same[:-1] & ~np.append(same[2:], [False]))
 
 
 def at_impacts(t: Floats) -> Flags:
-    """Tell which times (k,) are those of two rows: before and after an impact."""
+    """Return which times (k,) are those of two rows: before and after an impact."""
     first = before_impacts(t)
     return np.asarray(first | np.append([False], first)[: len(t)])
 
 
 def perturbed(case: Case, seed: int) -> Case:
-    """Give the case with start and parameters moved by one unit in the last place.
+    """Return the case with start and parameters moved by one unit in the last place.
 
     What is zero stays, since its neighbours are no rounding errors.
     """
@@ -146,34 +142,35 @@ def perturbed(case: Case, seed: int) -> Case:
         other = np.nextafter(x, np.where(random.random(x.shape) < 0.5, -1, 1) * np.inf)
         return np.where(x == 0.0, 0.0, other)
 
-    model = case.equations.model
-    values = moved(np.array([p.value for p in model.parameters]))
+    model, start = case.equations.model, case.start
+    values = moved(np.array([p.value for p in model.parameters])).tolist()
     parameters = tuple(
-        p._replace(value=float(v))
-        for p, v in zip(model.parameters, values, strict=True)
+        p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
     )
     equations = case.equations.of(replace(model, parameters=parameters))
-    start = case.start
     state = Instant(start.t, moved(start.q), moved(start.v))
     return case._replace(equations=equations).at(state)
 
 
 def motion_of(case: Case, stride: int) -> Motion:
-    """Return the motion of a case, one row of each `stride`.
+    """Return the motion of a case: one row of each `stride`, impacts, the last row.
 
     Raises
     ------
     InputError
         Where the method cannot handle the case.
     """
-    session = case.ready()
-    names = session.system.columns.names
-    kept, residuals = Sparse(session.case.settings, stride), ResidualMonitor(names)
+    session, settings = case.ready(), case.settings
+    columns = session.system.columns
+    kept, residuals = Keep(columns=columns.table), ResidualMonitor(columns.names)
     trajectory = session.run([kept, residuals])
-    scales = {f"residual_{name}": scale for name, scale in residuals.scales.items()}
-    table = session.system.columns.table
-    rows = kept.table[:, :table]
-    return Motion(names[:table], rows, scales, trajectory, session.plan)
+    sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
+    rows = kept.table
+    t = rows[:, 0]
+    places = numbers(t, settings.start, settings.output_step)
+    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
+    names = columns.names[: columns.table]
+    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
 
 
 def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
@@ -243,20 +240,15 @@ def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
         np.maximum.at(reach, np.searchsorted(times, pairs[:, 0]), late)
         theirs = other.rows[before_impacts(other.rows[:, 0]), 0]
         common = partners(common, theirs)[:, 0]
-    ends = np.isin(np.arange(len(t)), (0, len(t) - 1))
-    reached = np.any(np.abs(t[:, None] - times) <= reach, axis=1)
-    kept = ends | ~(reached | at_impacts(t))
-    first = np.flatnonzero(before_impacts(t) & np.isin(t, common))
-    apart = SAME_STEP * spacing
-    alone = [
-        k
-        for k in first
-        if not np.any(
-            (np.abs(times - t[k]) > apart) & (np.abs(times - t[k]) <= ALONE * reach)
-        )
-    ]
-    for k in np.linspace(0, len(alone) - 1, min(MOST_IMPACTS, len(alone))):
-        kept[alone[round(k)] : alone[round(k)] + 2] = True
+    apart = np.abs(t[:, None] - times)
+    kept = ~(np.any(apart <= reach, axis=1) | at_impacts(t))
+    kept[[0, -1]] = True
+    near = (apart > SAME_STEP * spacing) & (apart <= ALONE * reach)
+    alone = before_impacts(t) & np.isin(t, common) & ~np.any(near, axis=1)
+    first = np.flatnonzero(alone)
+    some = np.linspace(0, len(first) - 1, min(MOST_IMPACTS, len(first)))
+    for k in first[np.rint(some).astype(int)]:
+        kept[k : k + 2] = True
     return [int(k) for k in np.flatnonzero(kept)]
 
 
@@ -267,45 +259,27 @@ RESIDUAL = "residual_"
 def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
     """Return the conserved quantities in the rows of a motion (rows,).
 
-    That is the energy (less the work), each residual, and the momentum of each
-    coordinate that is in neither the Lagrangian nor a force nor a constraint. Of what
-    stays >= 0 it is what lies below.
+    That is the energy (less the work), each residual of a constraint that is always in
+    force, and the momentum of each coordinate that is in neither the Lagrangian nor a
+    force nor a constraint. Of what stays >= 0 it is what lies below.
     """
-    column = {name: motion.rows[:, k] for k, name in enumerate(motion.columns)}
-    found = {}
+    column = dict(zip(motion.columns, motion.rows.T, strict=True))
+    found = {"energy": column["energy"]}
     if "work" in column:
-        found[BALANCE] = column["energy"] - column["work"]
-    else:
-        found["energy"] = column["energy"]
-    found |= _residuals(equations, column)
-    free = conserved(equations)
-    if free:
-        states = [
-            {"t": row[0]} | dict(zip(motion.columns[1:], row[1:], strict=True))
-            for row in motion.rows
-        ]
-        parameters = {p.name: p.value for p in equations.model.parameters}
-        nodes = [equations.momenta[k] for k in free]
-        values = np.array(
-            [evaluate(equations.graph, nodes, parameters | s) for s in states]
-        )
-        for place, k in enumerate(free):
-            found[momentum_of(equations.q[k])] = values[:, place]
-    return found
-
-
-def _residuals(equations: Equations, column: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Return the residuals (rows,) of constraints that are always in force."""
-    found = {}
-    kinds = {law.row.name: law for law in equations.laws}
+        found = {BALANCE: column["energy"] - column["work"]}
+    laws = {f"{RESIDUAL}{law.row.name}": law for law in equations.laws}
     for name, values in column.items():
-        law = kinds.get(name.removeprefix(RESIDUAL))
-        if not name.startswith(RESIDUAL):
-            continue
-        if law is None:
+        law = laws.get(name)
+        if name.startswith(RESIDUAL) and law is None:
             found[name] = values
-        elif law.kind in (Kind.CONTACT, Kind.FREEWHEEL) and law.when is None:
+        elif law and law.kind in (Kind.CONTACT, Kind.FREEWHEEL) and law.when is None:
             found[name] = np.minimum(values, 0.0)
+    if free := conserved(equations):
+        known = {p.name: p.value for p in equations.model.parameters} | column
+        nodes = [equations.momenta[k] for k in free]
+        values = evaluate_rows(equations.graph, nodes, known, len(motion.rows))
+        names = [momentum_of(equations.q[k]) for k in free]
+        found |= dict(zip(names, values, strict=True))
     return found
 
 
@@ -362,7 +336,7 @@ class Golden:
     stride: int
 
     def bounds(self, column: str) -> Floats:
-        """Give the bound of a column in each row (k,)."""
+        """Return the bound of a column in each row (k,)."""
         times, bounds = np.array(self.steps[column]).T
         place = np.searchsorted(times, self.rows[:, 0], side="right") - 1
         return np.asarray(bounds[np.maximum(place, 0)])
@@ -371,22 +345,21 @@ class Golden:
 def measure(case: Case) -> tuple[Golden, Motion]:
     """Return the golden of a case by its variants, and the motion it was made from."""
     spacing = case.settings.output_step
-    span = case.settings.duration / spacing
-    stride = _stride(int(span) + 2, case.ready().system.columns.table)
+    stride = _stride(
+        int(case.settings.duration / spacing) + 2, case.ready().system.columns.table
+    )
     base = motion_of(case, stride)
     if stride > 1 and len(base.rows) < LEAST_ROWS:  # it ended early
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = motion_of(case, stride)
     others = [other for _, other in variants(case, base, stride)]
     rows = base.rows[clear(base, others, spacing)]
-    near = SAME_ROW * spacing
     with np.errstate(invalid="ignore"):
-        apart = _apart(rows, base, others, near) + _floors(case, base, rows)
+        apart = _floors(case, base, rows)
+        apart += SAFETY * _apart(rows, base, others, SAME_ROW * spacing)
     sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
-    moving = [
-        base.columns.index(name)
-        for name in (*case.equations.q, *case.equations.velocities)
-    ]
+    state = *case.equations.q, *case.equations.velocities
+    moving = [base.columns.index(name) for name in state]
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
     other = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
@@ -401,13 +374,14 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         rows, envelope = rows[: lost[0]], envelope[: lost[0]]
     names = _kept(base.columns, case)
     chosen = [base.columns.index(name) for name in names]
-    _ask_finite(names, rows[:, chosen], envelope[:, chosen])
+    rows, envelope = rows[:, chosen], envelope[:, chosen]
+    _ask_finite(names, rows, envelope)
     steps = {
-        n: _steps(rows[:, 0], envelope[:, k])
-        for n, k in zip(names, chosen, strict=True)
+        name: _steps(rows[:, 0], bounds)
+        for name, bounds in zip(names, envelope.T, strict=True)
     }
-    kept = _invariants(case, base, others)
-    return Golden(names, rows[:, chosen], steps, horizon, kept, stride), base
+    kept = _bounded(case, base, others)
+    return Golden(names, rows, steps, horizon, kept, stride), base
 
 
 def _stride(rows: int, columns: int) -> int:
@@ -419,19 +393,15 @@ def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     """Return the columns to store; of a long table derived ones are left out first."""
     if len(columns) <= MOST_COLUMNS:
         return tuple(columns)
-    e = case.equations
-    derived = {
-        *e.accelerations,
-        *(n for n in columns if n.startswith(("Qc_", "resid"))),
-    }
-    first = [name for name in columns if name not in derived]
-    rest = [name for name in columns if name in derived]
+    rates = case.equations.accelerations
+    rest = [x for x in columns if x in rates or x.startswith(("Qc_", "resid"))]
+    first = [x for x in columns if x not in rest]
     wanted = {*_some(first, MOST_COLUMNS), *_some(rest, MOST_COLUMNS - len(first))}
     return tuple(name for name in columns if name in wanted)
 
 
 def _some(names: Sequence[str], most: int) -> Sequence[str]:
-    """Give at most so many, evenly, the first among them."""
+    """Return at most so many, evenly, the first among them."""
     return names[:: -(-len(names) // most)] if most > 0 and names else []
 
 
@@ -439,19 +409,18 @@ def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
     """Return the least bounds (k, columns): the tolerance, and rounding errors."""
     rtol = base.plan.rtol or DEFAULT_RTOL
     of = stated_units(case.equations, base.columns[1:])
-    sizes = scales(base.columns, rows.T, of)
-    alone = sizes.copy()
+    alone = scales(base.columns, rows.T, of)
+    sizes = alone.copy()
     for k, name in enumerate(base.columns):
         sizes[k] = base.scales.get(name, sizes[k])
         # A definition may be the difference of two others, and nothing but errors.
-        alike = [i for i, c in enumerate(base.columns) if of.get(c) == of.get(name)]
         if of.get(name) and kind(name, base.columns) == "definition":
+            alike = [i for i, c in enumerate(base.columns) if of.get(c) == of[name]]
             sizes[k] = np.max(alone[alike])
     floors = rtol * sizes + VALUE_ROUNDOFF * np.max(np.abs(rows), axis=0)
-    t = base.columns.index("t")
-    when, floors[t] = floors[t], 0.0
+    when, floors[0] = floors[0], 0.0
     floors = floors + _roundings(case, base, rows)
-    floors[at_impacts(rows[:, 0]), t] = when  # of an impact that is a result
+    floors[at_impacts(rows[:, 0]), 0] = when  # of an impact that is a result
     return np.asarray(floors)
 
 
@@ -475,13 +444,11 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     model = case.equations.model
     shown = [d for d in model.definitions if d.name in base.columns]
     found = np.zeros_like(rows)
-    if not shown:
-        return found
     places = [base.columns.index(d.name) for d in shown]
     eps = 2.0 * UNIT_ROUNDOFF
     parameters = {p.name: (p.value, eps * abs(p.value)) for p in model.parameters}
     nodes = [d.node for d in shown]
-    for k, row in enumerate(rows.tolist()):
+    for k, row in enumerate(rows.tolist() if shown else ()):
         values = {c: (x, eps * abs(x)) for c, x in zip(base.columns, row, strict=True)}
         errors = evaluate_with_error(model.graph, nodes, parameters | values)
         found[k, places] = [error for _, error in errors]
@@ -489,13 +456,13 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
 
 
 def _apart(rows: Floats, base: Motion, others: Sequence[Motion], near: float) -> Floats:
-    """Return the largest deviation (k, columns) of variants, times a safety factor."""
+    """Return the largest deviation (k, columns) of variants."""
     largest = np.zeros_like(rows)
     for other in others:
         if other.columns == base.columns:
             apart = np.abs(other.at(rows[:, 0], near, ends=True) - rows)
             np.fmax(largest, apart, out=largest)
-    return SAFETY * largest
+    return largest
 
 
 def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
@@ -508,25 +475,25 @@ def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
 
 
 def rounded_up(x: float) -> float:
-    """Give a number of two digits that is no smaller."""
+    """Return a number of two digits that is no smaller."""
     if not 0.0 < x < np.inf:
         return float(x)
     unit = 10.0 ** (np.floor(np.log10(x)) - 1)
     return float(f"{np.ceil(x / unit) * unit:.1e}")
 
 
-def _invariants(
+def _bounded(
     case: Case, base: Motion, others: Sequence[Motion]
 ) -> dict[str, Invariant]:
     """Return the conserved quantities, with bounds by the variants."""
     found = {}
     rtol = base.plan.rtol or DEFAULT_RTOL
-    kept = invariants(case.equations, base)
     apart = [
         invariants(case.equations, motion)
         for motion in (base, *others)
         if motion.columns == base.columns
     ]
+    kept = apart[0]
     momenta = [np.max(np.abs(v)) for n, v in kept.items() if n.startswith(MOMENTUM)]
     moving = scales(base.columns, base.rows.T)[base.columns.index("energy")]
     for name, values in kept.items():
@@ -534,7 +501,321 @@ def _invariants(
         size = base.scales.get(name, moving)
         if name.startswith(MOMENTUM):
             size = float(max(momenta))
-        reached = [float(np.max(np.abs(values[name] - value))) for values in apart]
-        bound = SAFETY * max(reached) + rtol * size + VALUE_ROUNDOFF * abs(value)
+        reached = max(float(np.max(np.abs(values[name] - value))) for values in apart)
+        bound = SAFETY * reached + rtol * size + VALUE_ROUNDOFF * abs(value)
         found[name] = Invariant(value, rounded_up(bound))
     return found
+
+
+# Files.
+
+FOLDER = "golden"
+# How long to wait for others who store in the folder; each takes some milliseconds.
+PATIENCE_SECONDS = 10.0
+# What a double holds, whatever its bound.
+MOST_DIGITS = 17
+
+
+class Stored(NamedTuple):
+    """A golden with what its JSON says of the run it was made from."""
+
+    golden: Golden
+    about: Mapping[str, Any]
+
+
+def folder_of(model_path: str) -> Path:
+    """Return the folder of a model's golden where none is named."""
+    return Path(model_path).parent / FOLDER
+
+
+def table(golden: Golden) -> bytes:
+    """Return the CSV of the rows, with the digits that are certain."""
+    columns = []
+    for name, values in zip(golden.columns, golden.rows.T.tolist(), strict=True):
+        bounds = golden.bounds(name).tolist()
+        cells = map(repr, values) if name == "t" else map(certain, values, bounds)
+        columns.append([name, *cells])
+    lines = map(",".join, zip(*columns, strict=True))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def certain(value: float, bound: float) -> str:
+    """Return the shortest text of a value to a tenth of its bound, or better."""
+    if not (bound > 0.0 and math.isfinite(value)):
+        return repr(value)
+    last = math.floor(math.log10(DIGITS * bound))
+    first = math.floor(math.log10(abs(value))) if value else last
+    digits = first - last + 1
+    if digits < 1:
+        return "0.0"
+    text = repr(float(f"{value:.{min(digits, MOST_DIGITS) - 1}e}"))
+    return text.removesuffix(".0") if len(text) > 3 else text
+
+
+def _inputs(model: Model) -> dict[str, dict[str, Any]]:
+    """Return the parameters, start values and expressions that a golden holds."""
+    return {
+        "parameters": {p.name: p.value for p in model.parameters},
+        "initial": {x.name: x.value for x in model.initial},
+        "expressions": {k: x.text for k, x in model.stated.texts().items()},
+    }
+
+
+def document(case: Case, golden: Golden, base: Motion) -> bytes:
+    """Return the JSON; keys are only ever added."""
+    model, plan = case.equations.model, base.plan
+    content = {
+        "lagsim": __version__,
+        "versions": versions(),
+        "model": model.name,
+        "model_sha256": model.sha256,
+        **_inputs(model),
+        "method": plan.method,
+        "formulation": plan.formulation,
+        "rtol": plan.rtol,
+        "atol": plan.atol,
+        "step": plan.step,
+        "start": case.settings.start,
+        "end": base.trajectory.end,
+        "outcome": base.trajectory.outcome.word,
+        "output_step": case.settings.output_step,
+        "stride": golden.stride,
+        "horizon": golden.horizon,
+        "invariants": {k: x._asdict() for k, x in golden.invariants.items()},
+        "columns": list(base.columns),
+    }
+    # A column's bounds on one line: one number to a line is not for people to read.
+    bounds = [
+        b"    %b: %b" % (orjson.dumps(name), orjson.dumps(golden.steps[name]))
+        for name in golden.columns
+    ]
+    head = encode(content).removesuffix(b"\n}\n")
+    return head + b',\n  "bounds": {\n' + b",\n".join(bounds) + b"\n  }\n}\n"
+
+
+def store(case: Case, golden: Golden, base: Motion, folder: Path) -> int:
+    """Put a golden in the place of the old one; return its size in bytes.
+
+    Raises
+    ------
+    InputError
+        Where the folder cannot be used.
+    OSError
+        Where there is no room; then the old one stays.
+    """
+    name = case.equations.model.name
+    rows, about = table(golden), document(case, golden, base)
+    # Others may store goldens of other models into the folder.
+    patience = PATIENCE_SECONDS
+    with open_results(folder, f"{name}.json", patience=patience) as results:
+        results.write(f"{name}.csv", rows)
+        results.commit(about)
+    return len(rows) + len(about)
+
+
+def load(folder: Path, model_name: str) -> Stored:
+    """Read a golden.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it cannot be read.
+    """
+    path = folder / f"{model_name}.json"
+    try:
+        about: Any = orjson.loads(files.content(path))
+    except FileNotFoundError:
+        text = f"there is no golden of {model_name} in {folder}"
+        hint = "`lagsim golden --update` stores one"
+        raise InputError([Problem("no-golden", text, hint=hint)]) from None
+    except OSError as error:
+        raise _broken(path, f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise _broken(path, "is not a JSON document") from None
+    rows = read_table(folder / f"{model_name}.csv")
+    try:
+        golden = _golden(about, rows.columns, rows.data.T)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise _broken(path, "is not a golden, or not the one of these rows") from None
+    return Stored(golden, about)
+
+
+def _golden(about: Any, columns: Sequence[str], rows: Floats) -> Golden:
+    steps = {
+        str(name): [(float(t), float(bound)) for t, bound in pairs]
+        for name, pairs in about["bounds"].items()
+    }
+    kept = {
+        str(name): Invariant(float(entry["value"]), float(entry["bound"]))
+        for name, entry in about["invariants"].items()
+    }
+    if list(steps) != list(columns) or not all(steps.values()):
+        raise ValueError
+    horizon = about["horizon"]
+    horizon = None if horizon is None else float(horizon)
+    for key in ("output_step", "end"):
+        float(about[key])
+    rows, stride = np.ascontiguousarray(rows), int(about["stride"])
+    return Golden(tuple(columns), rows, steps, horizon, kept, stride)
+
+
+def _broken(path: Path, why: str) -> InputError:
+    hint = "`lagsim golden --update` stores it again"
+    return InputError([Problem("bad-golden", f"{path} {why}", hint=hint)])
+
+
+# Verdicts.
+
+# What an invariant is called beside the column of its name.
+CONSTANT = " (constant)"
+
+
+def run(case: Case, stored: Stored) -> Motion:
+    """Return the motion of a case with rows at the times of the golden."""
+    spacing = float(stored.about["output_step"])
+    plan = case.plan()
+    step = None if method_named(plan.method).ADAPTIVE else plan.step
+    other = case.asking(output_step=spacing, step=step)
+    return motion_of(other, stored.golden.stride)
+
+
+def judge(case: Case, motion: Motion, stored: Stored) -> Verdict:
+    """Return the verdict on a motion by the golden of its model."""
+    golden, about, model = stored.golden, stored.about, case.equations.model
+    pairs = dict(_columns(motion, stored)) | dict(_constants(case, motion, golden))
+    known = about.get("columns", golden.columns)
+    changed, places = _changed(model, about)
+    worst = ordered(pair.deviation(name) for name, pair in pairs.items())
+    places += _about(model, worst)
+    return Verdict(
+        worst=worst,
+        missing=tuple(c for c in golden.columns if c not in motion.columns),
+        extra=tuple(c for c in motion.columns if c not in known),
+        faults=tuple(_faults(motion, about)),
+        of=pairs.__getitem__,
+        notes=tuple(_notes(case, motion, about, changed)),
+        changed=tuple(changed or ()),
+        place=places[0] if places else None,
+    )
+
+
+def _changed(
+    model: Model, about: Mapping[str, Any]
+) -> tuple[list[str] | None, list[Place]]:
+    """Return texts on changed inputs, None where not known, and their places.
+
+    Start values that follow a parameter are not named beside it.
+    """
+    found: list[str] | None = None
+    places: list[Place] = []
+    starts = {x.name: x.place for x in model.initial}
+    stated = {name: x.place for name, x in model.stated.texts().items()}
+    words = ("parameter", "start value", "expression")
+    lines = (model.places, starts, stated)
+    inputs = zip(_inputs(model).items(), words, lines, strict=True)
+    for (key, now), word, where in inputs:
+        was = about.get(key)
+        if not isinstance(was, dict) or (found and key == "initial"):
+            continue
+        found = found or []
+        for name in [n for n in now if now[n] != was.get(n)]:
+            other = f"in the golden {was[name]!r}" if name in was else "and is new"
+            found.append(f"{word} `{name}` is {now[name]!r}, {other}")
+            places += [where[name]] if name in where else []
+        found += [f"{word} `{n}` is no longer there" for n in was if n not in now]
+    return found, places
+
+
+def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
+    """Return the places of the inputs that columns which differ are named after."""
+    places = dict(model.places)
+    places |= {c.name: c.relation.place for c in model.constraints}
+    found = []
+    for deviation in worst:
+        if not deviation.passed:
+            base = deviation.column.removesuffix(CONSTANT)
+            for prefix in ("Qc_", "lambda_", RESIDUAL, "reaction."):
+                base = base.removeprefix(prefix)
+            names = (base, base.removesuffix("_dot"), base.removesuffix("_ddot"))
+            found += [places[name] for name in names if name in places]
+    return found
+
+
+def _columns(motion: Motion, stored: Stored) -> Iterator[tuple[str, Pair]]:
+    """Return each column of both, in the rows of the golden."""
+    golden, t = stored.golden, stored.golden.rows[:, 0]
+    near = SAME_ROW * float(stored.about["output_step"])
+    rows = motion.at(t, near, ends=golden.horizon is None)
+    for k, name in enumerate(golden.columns):
+        if name in motion.columns:
+            bounds = golden.bounds(name)
+            if name == "t":  # the same times as far as they were looked for
+                bounds = bounds + np.where(at_impacts(t), 0.0, near)
+            new = rows[:, motion.columns.index(name)]
+            yield name, Pair(t, golden.rows[:, k], new, bounds)
+
+
+def _constants(
+    case: Case, motion: Motion, golden: Golden
+) -> Iterator[tuple[str, Pair]]:
+    """Return each invariant of both, in all rows of the motion."""
+    now, t = invariants(case.equations, motion), motion.rows[:, 0]
+    for name, kept in golden.invariants.items():
+        if name in now:
+            value, bound = (np.full(len(t), x) for x in kept)
+            yield f"{name}{CONSTANT}", Pair(t, value, now[name], bound)
+
+
+def _faults(motion: Motion, about: Mapping[str, Any]) -> list[str]:
+    outcome = motion.trajectory.outcome
+    if not outcome.complete:
+        return [f"the run does not finish: {motion.trajectory.reason}"]
+    if outcome.word != about.get("outcome", outcome.word):
+        was = about["outcome"]
+        return [f"the run ends by `{outcome.word}`, the golden by `{was}`"]
+    return []
+
+
+def _notes(
+    case: Case, motion: Motion, about: Mapping[str, Any], changed: list[str] | None
+) -> list[str]:
+    """Return notes on changes besides those of the motion."""
+    notes = []
+    if case.equations.model.sha256 != about.get("model_sha256"):
+        text = "the model file has changed since its golden was stored"
+        if changed is not None:
+            what = "; ".join(changed) or "not in what the golden holds of it"
+            text = f"{text}: {what}"
+        notes.append(text)
+    for what in ("method", "formulation"):
+        now, was = getattr(motion.plan, what), about.get(what)
+        if now != was:
+            notes.append(f"{what} {now}, the golden's is {was}")
+    was, now = about.get("versions", {}), versions()
+    others = [f"lagsim {about.get('lagsim')}"] * (about.get("lagsim") != __version__)
+    others += [f"{k} {was[k]}" for k in now if k in was and was[k] != now[k]]
+    if others:
+        notes.append(f"the golden is from {', '.join(others)}")
+    spacing, end = float(about["output_step"]), float(about["end"])
+    if case.settings.output_step != spacing:
+        notes.append(f"rows every {about['output_step']!r}, as in the golden")
+    reached = motion.trajectory.end
+    if abs(reached - end) > SAME_ROW * spacing:
+        notes.append(f"the run ends at t = {reached!r}, the golden's at {end!r}")
+    return notes
+
+
+def picture(case: Case, verdict: Verdict) -> bytes:
+    """Draw the worst columns of a verdict on a run; return a PNG."""
+    from lagsim.outputs.letters import letters_of
+    from lagsim.outputs.units import of_table
+    from lagsim.studies import comparison_chart
+
+    model = case.equations.model
+    columns = [d.column.partition(" ")[0] for d in verdict.worst]
+    letters, units = letters_of(model), of_table(case.equations, columns)
+    subject = ", ".join(comparison_chart.summary(verdict, letters))
+    title = f"{model.name} differs from its golden"
+    return comparison_chart.picture(
+        title, subject, verdict, letters, units, verdict.changed
+    )

@@ -23,6 +23,7 @@ import platform
 import secrets
 import sys
 import time
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from lagsim import files
@@ -168,24 +169,26 @@ class Restart:
 
     # A run
 
-    def join(self, run: Run | Apart, kept: Kept) -> None:
+    def join(
+        self, run: Run | Apart, session: Session, relay: Relay, writer: TableWriter
+    ) -> None:
         """Go on with what was kept, if anything was; keep this run from now on."""
-        self._things = _made_anew(run, kept)
+        self._things = _regenerated(run, session, relay)
         self._names = {id(x): name for name, x in self._things.items()}
-        self._kept = kept
+        self._relay, self._writer = relay, writer
         run.tick = self.tick
         if self.stand is None:
             return
         with files.opened(self.folder / RESTART_ROWS) as file:
             rows = _blocks(file, self.stand.size)
-            kept.writer.go_on(rows, self.stand.rows, self.stand.last)
+            writer.go_on(rows, self.stand.rows, self.stand.last)
         states, memories, others = decoded(
             self.stand.kept, CLASSES, lambda name: _given(name, self._things)
         )
         run.__dict__.update(states)
         for name, memory in memories.items():
             self._things[name].p.flat[:] = memory
-        for other, state in zip(_observers(run, kept.relay), others, strict=True):
+        for other, state in zip(_observers(run, relay), others, strict=True):
             other.__dict__.update(state)
         self._due = time.monotonic() + EVERY_SECONDS
         self.stand = None
@@ -193,7 +196,7 @@ class Restart:
     def tick(self, run: Run | Apart) -> None:
         """Keep the run, where it is time to."""
         began = time.monotonic()
-        if began < self._due or self._key is None or self._kept.relay.fault is not None:
+        if began < self._due or self._key is None or self._relay.fault is not None:
             return
         # What is not kept now may be later; a full disk is reported by the table.
         with contextlib.suppress(UndeclaredError, OSError):
@@ -205,11 +208,11 @@ class Restart:
         systems = {k: x for k, x in self._things.items() if isinstance(x, System)}
         states = {k: x for k, x in run.__dict__.items() if k != "tick"}
         memories = {k: x.p.flat for k, x in systems.items()}
-        others = [x.__dict__ for x in _observers(run, self._kept.relay)]
+        others = [x.__dict__ for x in _observers(run, self._relay)]
         kept = encoded(
             [states, memories, others], CLASSES, lambda x: _name(x, self._names)
         )
-        writer = self._kept.writer
+        writer = self._writer
         size = writer.synced()
         with files.opened(self.folder / PART.format(self.table)) as file:
             file.seek(self._hashed)
@@ -221,14 +224,6 @@ class Restart:
         put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest)
         with contextlib.suppress(OSError):
             (self.folder / RESTART_ROWS).unlink()
-
-
-class Kept(NamedTuple):
-    """The session of a run, and the observers that take its rows."""
-
-    session: Session
-    relay: Relay
-    writer: TableWriter
 
 
 def _refused(path: Path, why: str) -> InputError:
@@ -347,42 +342,28 @@ def _observers(run: Run | Apart, relay: Relay) -> list[Any]:
     return [*relay.others, *([] if corners is None else [corners])]
 
 
-def _made_anew(run: Run | Apart, kept: Kept) -> dict[str, Any]:
-    """Give by name what is the same in each run of a session."""
-    found = {"session": kept.session, "relay": kept.relay, **_parts(run, "")}
-    case = kept.session.case
-    found |= {
-        "case": case,
-        "case.equations": case.equations,
-        "case.plan": kept.session.plan,
-    }
-    found |= {f"other {k}": x for k, x in enumerate(_observers(run, kept.relay))}
+# What is the same in each run of a session: of a run, of one that is integrated apart.
+_OF_RUN = (
+    "first", "first.equations", "first.equations.model", "first.equations.graph",
+    "first.start", "first.plan", "first.settings", "first.system",
+    "first.system.equations", "first.system.equations.model", "first.system.plan",
+    "first.runner", "pace", "interrupt", "progress",
+)  # fmt: skip
+_OF_APART = ("system", "settings", "runner", "progress")
+
+
+def _regenerated(run: Run | Apart, session: Session, relay: Relay) -> dict[str, Any]:
+    """Return by name what is the same in each run of a session."""
+    case = session.case
+    found = {"session": session, "relay": relay, **_parts(run, "")}
+    found |= {"case": case, "equations": case.equations, "plan": session.plan}
+    found |= {f"other {k}": x for k, x in enumerate(_observers(run, relay))}
     return {name: x for name, x in found.items() if x is not None}
 
 
 def _parts(run: Run | Apart, at: str) -> dict[str, Any]:
-    if isinstance(run, Apart):
-        found: dict[str, Any] = {"system": run.system, "settings": run.settings}
-        found |= {"runner": run.runner, "progress": run.progress}
-        for k, part in enumerate(run.parts):
-            found |= _parts(part.run, f"{k}.")
-        return found
-    arc = run.first
-    equations, system = arc.equations, arc.system
-    return {
-        f"{at}first": arc,
-        f"{at}equations": equations,
-        f"{at}model": equations.model,
-        f"{at}graph": equations.graph,
-        f"{at}start": arc.start,
-        f"{at}plan": arc.plan,
-        f"{at}settings": arc.settings,
-        f"{at}system": system,
-        f"{at}system.equations": system.equations,
-        f"{at}system.model": system.equations.model,
-        f"{at}system.plan": system.plan,
-        f"{at}runner": arc.runner,
-        f"{at}pace": run.pace,
-        f"{at}interrupt": run.interrupt,
-        f"{at}progress": run.progress,
-    }
+    names = _OF_APART if isinstance(run, Apart) else _OF_RUN
+    found = {f"{at}{name}": attrgetter(name)(run) for name in names}
+    for k, part in enumerate(run.parts if isinstance(run, Apart) else ()):
+        found |= _parts(part.run, f"{k}.")
+    return found

@@ -71,9 +71,9 @@ def begun(monkeypatch):
     times = []
     join = restart.Restart.join
 
-    def joined(self, run, kept):
+    def joined(self, run, *others):
         goes_on = self.stand is not None
-        join(self, run, kept)
+        join(self, run, *others)
         if goes_on:
             parts = getattr(run, "parts", None)
             times.append(min(p.run.t for p in parts) if parts else run.t)

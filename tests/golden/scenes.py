@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
-from lagsim.studies.golden_files import judge, load, run
+from lagsim.studies.golden import judge, load, run
 from tests.support import MODELS, ROOT
 
 GOLDENS = ROOT / "tests" / "golden"

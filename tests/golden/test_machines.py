@@ -10,8 +10,7 @@ import pytest
 
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
-from lagsim.studies.golden import measure, motion_of
-from lagsim.studies.golden_files import Stored, judge, run
+from lagsim.studies.golden import Stored, judge, measure, motion_of, run
 from tests.golden.scenes import SHIPPED, judged, scene, told
 
 # What a library of functions may round otherwise; roots, `floor` and the like are exact

@@ -13,13 +13,17 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.golden import (
+    Stored,
     _asked,
+    certain,
+    document,
+    judge,
+    load,
     measure,
     motion_of,
     perturbed,
     rounded_up,
 )
-from lagsim.studies.golden_files import Stored, certain, document, judge, load
 from tests.golden.scenes import replaced, scene, scene_of
 
 PENDULUM = """

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.studies.golden import METHODS, motion_of, perturbed
-from lagsim.studies.golden_files import run
+from lagsim.studies.golden import METHODS, motion_of, perturbed, run
 from tests.golden.scenes import SHIPPED, judged, replaced, scene, stored, told
 
 SEEN = 200

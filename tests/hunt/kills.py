@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from lagsim.cli import main
-from lagsim.studies.golden_files import load
+from lagsim.studies.golden import load
 from tests.small_scenes import PENDULUM
 
 TOUCHING = ("open", "write", "replace", "rename", "fsync", "unlink", "link", "mkdir")

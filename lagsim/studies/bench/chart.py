@@ -64,40 +64,30 @@ def shown(rows: Sequence[Row], worst: float) -> Shown:
     other formulations; of them first those that stay on the constraints. They are given
     cheapest first.
     """
-    known = [r for r in rows if r["error"] is not None and r["error"] <= worst]
-    found = curves(known)
+    found = curves(r for r in rows if r["error"] is not None and r["error"] <= worst)
     times = {key: _times(entries, rows) for key, entries in found.items()}
     ranked = sorted(times, key=lambda key: times[key])
-    taken = list(_in_turn(ranked, found))[:MOST]
+    held = sorted(ranked, key=lambda key: key[1] == DRIFT)
+    best = [key for key in ranked if any(row["chosen"] for row in found[key])]
+    best += [key for key in held if any(row["front_seconds"] for row in found[key])]
+    known, others = {method for method, _ in best}, []
+    for key in held:
+        if key[0] not in known:
+            known.add(key[0])
+            others.append(key)
+    scipy = [key for key in others if key[0].startswith(PREFIX)]
+    own = [key for key in others if key not in scipy]
+    later = [key for key in held if key not in scipy]
+    order = dict.fromkeys([*best, *scipy[:OF_SCIPY], *own, *later, *scipy])
+    taken = list(order)[:MOST]
     return Shown(
         {key: found[key] for key in ranked if key in taken},
         {key: times[key] for key in ranked if key not in taken},
     )
 
 
-def _in_turn(ranked: list[Key], curves: Mapping[Key, list[Row]]) -> Iterator[Key]:
-    """Give curves by how much a chart would miss them."""
-    best = [key for key in ranked if any(row["chosen"] for row in curves[key])]
-    ranked = sorted(ranked, key=lambda key: key[1] == DRIFT)
-    best += [
-        key
-        for key in ranked
-        if key not in best and any(row["front_seconds"] for row in curves[key])
-    ]
-    first: list[Key] = []
-    for key in ranked:
-        if key not in best and key[0] not in {method for method, _ in (*best, *first)}:
-            first.append(key)
-    scipy = [key for key in first if key[0].startswith(PREFIX)]
-    own = [key for key in first if key not in scipy]
-    room = max(0, MOST - len(best) - min(len(scipy), OF_SCIPY))
-    yield from (*best, *own[:room], *scipy[:OF_SCIPY], *own[room:])
-    later = [key for key in ranked if key not in {*best, *first}]
-    yield from (*later, *scipy[OF_SCIPY:])
-
-
 def _times(entries: Sequence[Row], rows: Sequence[Row]) -> float:
-    """Give how many times a curve costs what the front does, on the average."""
+    """Return how many times a curve costs what the front does, on the average."""
     front = [(row["error"], row["seconds"]) for row in rows if row["front_seconds"]]
     found = []
     for row in entries:
@@ -233,7 +223,9 @@ def figure(document: Mapping[str, Any]) -> Picture:
     floor = float(seen([document["reference"]["floor"]])[0])
     across = error_scale(_costs(found, COSTS[0]), floor)
     for axes, of in zip(panels, COSTS, strict=True):
-        front = _front(found, of)
+        rows = [r for own in found.curves.values() for r in own if r[f"front_{of}"]]
+        points = sorted((r["error"], r[of]) for r in rows)
+        front = seen(x for x, _ in points), seen(y for _, y in points)
         cost_panel(axes, across, _costs(found, of), of, floor=floor, front=front)
     panels[1].set_xlabel(ERROR)
     if beside := _costs(found, COSTS[0]):
@@ -260,14 +252,8 @@ def _costs(found: Shown, of: str) -> list[Cost]:
     ]
 
 
-def _front(found: Shown, of: str) -> tuple[Array, Array]:
-    rows = [row for own in found.curves.values() for row in own if row[f"front_{of}"]]
-    points = np.array(sorted((r["error"], r[of]) for r in rows), float).reshape(-1, 2)
-    return seen(points[:, 0]), seen(points[:, 1])
-
-
 def _name(key: Key, keys: Iterable[Key]) -> str:
-    """Give a method's name, with its formulation where there are several."""
+    """Return a method's name, with its formulation where there are several."""
     method, formulation = key
     alone = sum(name == method for name, _ in keys) == 1
     return method if alone else f"{method} {formulation}"
@@ -276,13 +262,11 @@ def _name(key: Key, keys: Iterable[Key]) -> str:
 def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
     lines = [f"Reference: {document['reference']['trust']}."]
     rows = curves(document["rows"])
-    keys = list(rows)
-    gaps = _gaps(rows, found)
-    if gaps:
+    if gaps := list(_gaps(rows, found)):
         lines.append(f"No result: {'; '.join(gaps)}.")
     if found.left_out:
         text = ", ".join(
-            f"{_name(key, keys)} ({_rounded(times)})"
+            f"{_name(key, rows)} ({_rounded(times)})"
             for key, times in found.left_out.items()
         )
         lines.append(f"Not drawn (time relative to the fastest): {text}.")
@@ -301,23 +285,18 @@ def _rounded(times: float) -> str:
     return f"{float(f'{times:.2g}'):g}" if np.isfinite(times) else "no digits"
 
 
-def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> list[str]:
-    """Give settings without an answer, with reasons, those next to each other joined.
+def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
+    """Return settings without an answer, with reasons, those next to each other joined.
 
     Of the curves that are shown, and of those that would have nothing to show.
     """
-    text = []
-    for key, own in rows.items():
-        if key in found.left_out:
-            continue
-        for outcome, group in groupby(own, _without_answer):
+    for key in (x for x in rows if x not in found.left_out):
+        for outcome, group in groupby(rows[key], _without_answer):
             if outcome is not None:
-                missing = list(group)
-                ends = (missing[0], missing[-1])
-                values = dict.fromkeys(f"{e['value']:.3g}" for e in ends)
-                where = f"{_name(key, rows)} at {missing[0]['setting']}"
-                text.append(f"{where} {' to '.join(values)}: {outcome}")
-    return text
+                gap = list(group)
+                values = dict.fromkeys(f"{x['value']:.3g}" for x in (gap[0], gap[-1]))
+                where = f"{_name(key, rows)} at {gap[0]['setting']}"
+                yield f"{where} {' to '.join(values)}: {outcome}"
 
 
 def _without_answer(row: Row) -> str | None:

@@ -7,9 +7,10 @@ exponentially that is soon nothing, and errors are those of the rows before.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -78,70 +79,16 @@ class Solution(NamedTuple):
     events: Sequence[Event] = ()
 
 
-def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
-    """Give solutions by methods that are there and can handle the model."""
-    for name in names:
-        try:
-            own = Own(case, name)
-        except InputError:
-            continue
-        yield from _solved(own, _values(own), patience)
-
-
-def _values(own: Own) -> Sequence[float]:
-    """Give tolerances, the tightest first, or steps, each half the one before."""
-    if own.setting == "rtol":
-        return TOLERANCES
-    return [own.case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
-
-
-def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    """Give solutions by other methods; where there are none, by its own."""
-    names = [name for name in SECOND if name != first.method]
-    found = itertools.chain(
-        _by_own(case, names, patience), _by_scipy(case, first, patience)
-    )
-    best = next(found, None)
-    if best is not None:
-        yield best
-        yield from found
-        return
-    looser = [x for x in TOLERANCES if x > first.value]
-    yield from _solved(Own(case, first.method), looser, patience)
-
-
-def _by_scipy(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
-    own = index_one(case)
-    if not scipy_refusal(own):
-        sizes = state_sizes(own, first.rows)
-        solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
-        yield from _solved(solver, (LEAST_RTOL,), patience)
-
-
-def index_one(case: Case) -> Own:
-    """Give what has the right-hand side with lambda solved away, and nothing else."""
-    return Own(case, "dop853", "drift" if case.equations.rows else "full")
-
-
-def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Give the largest size of each component of y, none of them 0."""
-    wanted = [*own.case.equations.q, *own.case.equations.velocities]
-    wanted += [x.name for x in own.system.equations.works]
-    sizes = [float(np.max(np.abs(rows[:, own.names.index(name)]))) for name in wanted]
-    whole = max(sizes) or 1.0
-    return np.array([size or whole for size in sizes])
-
-
 def _solved(
     solver: Solver, values: Sequence[float], patience: Patience
 ) -> Iterator[Solution]:
-    """Give the solution at the tightest possible tolerance, or for each step."""
-    left = iter(values)
+    """Return the solution at the tightest possible tolerance, or for each step."""
+    fixed, left = solver.setting == "step", iter(values)
     for value in left:
         try:
             solved = solver.solve(value, patience)
         except GivenUpError:
-            if solver.setting == "step":
+            if fixed:
                 return
             # A little looser takes as long.
             next(left, None)
@@ -150,16 +97,47 @@ def _solved(
             how = f"{solver.method} at {solver.setting} {value:.3g}"
             rows, events = solved.rows, solved.events
             yield Solution(how, solver.method, value, solver.names, rows, events)
-            if solver.setting == "rtol":
+            if not fixed:
                 return
 
 
-def _between_rows(case: Case, first: Solution, patience: Patience) -> Floats:
-    """Give rows between those asked for, too, for the ranges; they are as tight."""
-    own = Own(case.asking(output_step=case.settings.duration / MOMENTS), first.method)
-    for solution in _solved(own, (first.value,), patience):
-        return np.concatenate((first.rows, solution.rows))
-    return first.rows
+def _by_own(case: Case, names: Iterable[str], patience: Patience) -> Iterator[Solution]:
+    """Return solutions by methods that are there and can handle the model."""
+    steps = [case.settings.output_step / 4 / 2**k for k in range(HALVINGS)]
+    for name in names:
+        with contextlib.suppress(InputError):
+            own = Own(case, name)
+            values = TOLERANCES if own.setting == "rtol" else steps
+            yield from _solved(own, values, patience)
+
+
+def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solution]:
+    """Return solutions by other methods; where there are none, by its own."""
+    found = _by_own(case, (x for x in SECOND if x != first.method), patience)
+    own = index_one(case)
+    if not scipy_refusal(own):
+        sizes = state_sizes(own, first.rows)
+        solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
+        found = itertools.chain(found, _solved(solver, (LEAST_RTOL,), patience))
+    looser = [x for x in TOLERANCES if x > first.value]
+    best = next(found, None)
+    if best is None:
+        yield from _solved(Own(case, first.method), looser, patience)
+    else:
+        yield from (best, *found)
+
+
+def index_one(case: Case) -> Own:
+    """Return what has the right-hand side with lambda solved away, and nothing else."""
+    return Own(case, "dop853", "drift" if case.equations.rows else "full")
+
+
+def state_sizes(own: Own, rows: Floats) -> Floats:
+    """Return the largest size of each component of y, none of them 0."""
+    wanted = [*own.case.equations.q, *own.case.equations.velocities]
+    wanted += [x.name for x in own.system.equations.works]
+    sizes = np.max(np.abs(rows[:, [own.names.index(x) for x in wanted]]), axis=0)
+    return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
 
 
 @dataclass(frozen=True)
@@ -169,31 +147,33 @@ class Reference:
     Attributes
     ----------
     columns : tuple of str
-        What the rows are made of.
-    made, verified : str
-        How the rows, and those they are compared with, were made.
+        Of the rows.
+    made : str
+        How they were made.
     state, multipliers : list of int
         Their columns: q and q'; lambda.
     scales : (columns,)
         The range of each column.
+    events
+        What happened on the way, and when.
+    verified : str
+        How the rows that they are compared with were made.
     known : int
         So many rows are to be trusted.
     agreement : (columns,)
         Greatest difference of both over these rows, against the range.
-    events
-        What happened on the way, and when.
     """
 
     columns: tuple[str, ...]
     made: str
-    verified: str
     rows: Floats
     state: list[int]
     multipliers: list[int]
     scales: Floats
-    known: int
-    agreement: Floats
     events: Sequence[Event] = ()
+    verified: str = ""
+    known: int = 0
+    agreement: Floats = field(default_factory=lambda: np.zeros(0))
 
     @property
     def horizon(self) -> float | None:
@@ -205,11 +185,6 @@ class Reference:
     def floor(self) -> float:
         """Errors below this cannot be resolved."""
         return float(np.max(self.agreement[self.state]))
-
-    @property
-    def whole(self) -> bool:
-        """True where all rows are known."""
-        return self.horizon is None
 
     @property
     def trust(self) -> str:
@@ -231,33 +206,53 @@ class Reference:
     def rank(self) -> tuple[bool, int, float]:
         """A key that is larger for a better reference."""
         level = next((x for x in LEVELS if self.floor <= x), 1.0)
-        return self.whole and level in WHOLE, int(self.known / level), -self.floor
+        whole = self.horizon is None and level in WHOLE
+        return whole, int(self.known / level), -self.floor
+
+    def apart(self, rows: Floats, count: int, events: Sequence[Event]) -> Floats:
+        """Return how far off the first rows are (count, columns), as parts of ranges.
+
+        Velocities jump at impacts, multipliers at all events: between the times at
+        which both runs have one they are not off.
+        """
+        apart = np.abs(rows[:count] - self.rows[:count]) / self.scales
+        velocities = self.state[len(self.state) // 2 :]
+        for columns, only in ((velocities, (IMPACT,)), (self.multipliers, ())):
+            mine, theirs = (
+                [e for e in run if e.kind in only or not only]
+                for run in (self.events, events)
+            )
+            same = within(rows[:count, 0], moved(mine, theirs))
+            apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
+        return apart
+
+    def against(self, second: Solution) -> Reference:
+        """Return the reference that another solution verifies."""
+        count = min(len(self.rows), len(second.rows))
+        apart = self.apart(second.rows, count, second.events)
+        known = _known(np.max(apart[:, self.state], axis=1))
+        agreement = np.max(apart[:known], axis=0)
+        return replace(self, verified=second.how, known=known, agreement=agreement)
 
     def errors(
         self, rows: Floats, events: Sequence[Event] = ()
     ) -> tuple[float, float | None]:
-        """Give the error of the state, and that of lambda, of rows that are known.
+        """Return the error of the state, and that of lambda, of rows that are known.
 
         nan where the times of the rows are others. `events` are those of their run.
         """
         count = min(self.known, len(rows))
         spacing = float(self.rows[min(1, len(self.rows) - 1), 0] - self.rows[0, 0])
-        apart = np.abs(rows[:count, 0] - self.rows[:count, 0])
-        same = apart <= SAME_STEP * abs(spacing)
+        late = np.abs(rows[:count, 0] - self.rows[:count, 0])
+        same = late <= SAME_STEP * abs(spacing)
         if count < self.known - 1 or not np.all(same[:-1]):
             return float("nan"), None
-        velocities = self.state[len(self.state) // 2 :]
-        apart = differences(
-            rows[:count][same], self.rows[:count][same],
-            (velocities, self.multipliers), (events, self.events),
-        )  # fmt: skip
-        found = np.max(apart, axis=0) / self.scales
-        worst = float(np.max(found[self.state]))
-        lam = found[self.multipliers]
-        return worst, float(np.max(lam)) if len(lam) else None
+        found = np.max(self.apart(rows, count, events)[same], axis=0)
+        error, lam = float(np.max(found[self.state])), found[self.multipliers]
+        return error, float(np.max(lam)) if len(lam) else None
 
     def record(self) -> dict[str, Any]:
-        """Give what work_precision.json says of it."""
+        """Return what work_precision.json says of it."""
         named = {self.columns[c]: c for c in (*self.state, *self.multipliers)}
         scales = {name: float(self.scales[c]) for name, c in named.items()}
         return {
@@ -300,17 +295,19 @@ def make_reference(
         text += f"end at any tolerance in {patience.seconds:.3g} s"
         hint = "; `lagsim run` shows where it fails, --budget allows more time"
         raise NoReferenceError(text + hint)
-    now = time.perf_counter()
-    patience.until = max(began + seconds, now + LEAST_SECONDS)
-    motion = _between_rows(case, first, patience)
+    patience.until = max(began + seconds, time.perf_counter() + LEAST_SECONDS)
+    # Rows between those asked for, as tight, are for the ranges.
+    own = Own(case.asking(output_step=case.settings.duration / MOMENTS), first.method)
+    between = next(_solved(own, (first.value,), patience), first)
+    alone = unverified(case.equations, first, between.rows)
     best: Reference | None = None
     for second in _others(case, first, patience):
-        found = compared(case.equations, first, second, motion)
+        found = alone.against(second)
         if best is None or found.rank > best.rank:
             best = found
         if progress is not None:
             progress(min(1.0, (time.perf_counter() - began) / seconds))
-        if best.whole and best.floor <= GOOD:
+        if best.horizon is None and best.floor <= GOOD:
             break
         patience.until = began + seconds
     if best is None:
@@ -321,37 +318,18 @@ def make_reference(
     return best
 
 
-def compared(
-    e: Equations, first: Solution, second: Solution, motion: Floats | None = None
-) -> Reference:
-    """Give the first of two solutions as a reference; ranges are those of `motion`."""
-    columns = first.columns
-    state = [columns.index(name) for name in (*e.q, *e.velocities)]
-    multipliers = [columns.index(name) for name in e.multipliers]
-    count = min(len(first.rows), len(second.rows))
-    scales = _scales(e, first.rows if motion is None else motion, state, multipliers)
-    apart = differences(
-        first.rows[:count], second.rows[:count],
-        (state[len(e.q) :], multipliers), (first.events, second.events),
-    )  # fmt: skip
-    apart /= scales
-    known = _known(np.max(apart[:, state], axis=1))
+def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
+    """Return a solution as a reference, with ranges of its rows and those between."""
+    state = [first.columns.index(name) for name in (*e.q, *e.velocities)]
+    multipliers = [first.columns.index(name) for name in e.multipliers]
+    scales = _scales(e, np.concatenate((first.rows, between)), state, multipliers)
     return Reference(
-        columns=columns,
-        made=first.how,
-        verified=second.how,
-        rows=first.rows,
-        state=state,
-        multipliers=multipliers,
-        scales=scales,
-        known=known,
-        agreement=np.max(apart[:known], axis=0),
-        events=first.events,
+        first.columns, first.how, first.rows, state, multipliers, scales, first.events
     )
 
 
 def _known(apart: Floats) -> int:
-    """Give how many rows are known: all, where nothing better is known."""
+    """Return how many rows are known: all, where nothing better is known."""
     count = len(apart)
     known = {}
     for level in LEVELS:
@@ -365,37 +343,10 @@ def _known(apart: Floats) -> int:
     return next((k for k in known.values() if k >= enough), otherwise)
 
 
-def differences(
-    rows: Floats,
-    others: Floats,
-    jumping: tuple[list[int], list[int]],
-    events: tuple[Sequence[Event], Sequence[Event]],
-) -> Floats:
-    """Give how far apart each value is (k, columns); 0 where times alone are.
-
-    Parameters
-    ----------
-    jumping
-        The columns of velocities, which jump at impacts, and of multipliers, which jump
-        at other events, too.
-    events
-        Of both runs.
-    """
-    apart = np.abs(rows - others)
-    velocities, multipliers = jumping
-    for columns, only in ((velocities, (IMPACT,)), (multipliers, ())):
-        mine, theirs = (
-            [e for e in run if e.kind in only or not only] for run in events
-        )
-        same = within(rows[:, 0], moved(mine, theirs))
-        apart[np.ix_(np.flatnonzero(same), np.array(columns, int))] = 0.0
-    return apart
-
-
 def _scales(
     e: Equations, rows: Floats, state: list[int], multipliers: list[int]
 ) -> Floats:
-    """Give the range of each column; inf for what is not compared.
+    """Return the range of each column; inf for what is not compared.
 
     One that stays where it is, or only trembles, is measured by the largest of its
     unit, by its own size, or by that of its velocity or position.
@@ -403,7 +354,7 @@ def _scales(
     ranges = np.ptp(rows, axis=0)
     sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)
     scales = np.full(len(sizes), np.inf)
-    q, v = (np.array(x, int) for x in (state[: len(e.q)], state[len(e.q) :]))
+    q, v = np.array(state, int).reshape(2, -1)
     units = np.array([c.unit for c in e.model.coordinates])
     alike = [of[units == unit] for of in (q, v) for unit in set(units)]
     for columns in (*alike, *([column] for column in multipliers)):

@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.run.session import Case
 
-    Derivative = Callable[[float, Floats], Floats]
-
 # Solves are repeated while they last together less than this, but not more often than
 # that: a millisecond is measured well by the least of twenty, a second by itself.
 REPEATING_SECONDS = 0.2
@@ -146,31 +144,21 @@ class Own:
         ------
         GivenUpError
         """
-        fixed = self.setting == "step"
-        plan = replace(
-            self.plan,
-            rtol=None if fixed else value,
-            atol=None,
-            step=value if fixed else None,
-        )
+        rtol, step = (value, None) if self.setting == "rtol" else (None, value)
+        plan = replace(self.plan, rtol=rtol, atol=None, step=step)
         kept = Keep()
         patience.begin()
         began = time.perf_counter()
         trajectory = self.session.by(plan).run([kept], progress=patience.check)
         seconds = time.perf_counter() - began
-        rows = None
+        rows, reason = None, trajectory.reason
         if trajectory.outcome.complete:
-            rows = on_grid(kept.table, self.case.settings)
-        if rows is not None and not np.all(np.isfinite(rows)):
-            rows = None
-        return Solved(
-            rows,
-            seconds,
-            trajectory.statistics.evaluations,
-            trajectory.outcome.word,
-            "" if rows is not None else trajectory.reason,
-            trajectory.events,
-        )
+            found = on_grid(kept.table, self.case.settings)
+            if np.all(np.isfinite(found)):
+                rows, reason = found, ""
+        evaluations = trajectory.statistics.evaluations
+        outcome, events = trajectory.outcome.word, trajectory.events
+        return Solved(rows, seconds, evaluations, outcome, reason, events)
 
 
 def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:

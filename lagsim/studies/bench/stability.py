@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, LagsimError, Problem
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.equilibrium import (
     Mode,
@@ -48,7 +48,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
@@ -130,23 +130,31 @@ class Subject:
 
     def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
         self.case, self.interrupt = case, interrupt
-        self.equations = case.equations
-        endless = replace(self.equations.model, until=None)
-        self.endless = case._replace(equations=self.equations.of(endless))
+        self.equations = e = case.equations
+        self.endless = case._replace(equations=e.of(replace(e.model, until=None)))
         self.span = case.settings.duration
         self._systems: dict[str, System] = {}
-        self.motion = self._trusted()
-        self._measure()
+        motion = self._trusted()
+        some = motion[:: max(1, len(motion) // STATES)]
+        values: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
+        values |= dict(zip(("t", *e.q, *e.velocities), some.T, strict=True))
+        nodes = e.kinetic_form, e.energy
+        kinetic, energy = evaluate_rows(e.graph, nodes, values, len(some))
+        rest = energy - kinetic
+        self.highest = float(np.max(energy))
+        self.energy = max(float(np.max(kinetic)), float(np.ptp(rest)))
+        if self.energy <= CONVERGED * np.max(np.abs(rest)):
+            self.energy = 0.0
         self.unknown, self.size, self.states = "", 0.0, 0
         self.at_start = self.along = np.zeros(0, complex)
         self.linearisation: Linearisation | None = None
-        if len(self.equations.q) > MOST_COORDINATES:
+        if len(e.q) > MOST_COORDINATES:
             self.unknown = f"the model has more than {MOST_COORDINATES} coordinates"
         else:
-            self._linearise()
+            self._linearise(motion)
 
     def _trusted(self) -> Floats:
-        """Give rows (t, q, q') of the motion, by the method that `auto` takes."""
+        """Return rows (t, q, q') of the motion, by the method that `auto` takes."""
         trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
         session = trusted.ready()._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
@@ -156,44 +164,27 @@ class Subject:
         self.arcs = switched / self.span
         return np.asarray(kept.table[np.all(np.isfinite(kept.table), axis=1)])
 
-    def _measure(self) -> None:
-        e = self.equations
-        values = {p.name: p.value for p in e.model.parameters}
-        names = ("t", *e.q, *e.velocities)
-        found = []
-        for row in self.motion[:: max(1, len(self.motion) // STATES)]:
-            values |= dict(zip(names, map(float, row), strict=True))
-            found.append(evaluate(e.graph, [e.kinetic_form, e.energy], values))
-        kinetic, energy = np.array(found).T
-        rest = energy - kinetic
-        self.highest = float(np.max(energy))
-        self.energy = max(float(np.max(kinetic)), float(np.ptp(rest)))
-        if self.energy <= CONVERGED * np.max(np.abs(rest)):
-            self.energy = 0.0
-
-    def _linearise(self) -> None:
-        n = len(self.equations.q)
+    def _linearise(self, motion: Floats) -> None:
+        """Take eigenvalues along the motion; excite every mode at the start."""
+        n, start = len(self.equations.q), self.case.start
         self.linearisation = linearisation = Linearisation(self.equations)
         states = max(10, min(STATES, MOST_NODES // linearisation.nodes))
         found = []
-        for row in self.motion[:: max(1, len(self.motion) // states)]:
-            try:
+        for row in motion[:: max(1, len(motion) // states)]:
+            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
                 linear = linearisation.at(row[0], row[1 : 1 + n], row[1 + n :])
                 found.append(linear.eigenvalues())
-            except (ValueError, np.linalg.LinAlgError):
-                continue
         if not found:
             self.unknown = "its slopes at the start are not finite"
             return
         self.at_start, self.along = found[0], np.concatenate(found)
         self.states = len(found)
-        start = self.case.start
         linear = linearisation.at(start.t, start.q, start.v)
-        sizes = np.linalg.norm(linear.lengths @ self.motion[:, 1 : 1 + n].T, axis=0)
+        sizes = np.linalg.norm(linear.lengths @ motion[:, 1 : 1 + n].T, axis=0)
         self.size = float(np.max(sizes))
-        fastest = float(np.max(np.abs(self.along), initial=0.0)) or 1.0 / self.span
         kick = KICK * self.energy
         if self.energy == 0.0:
+            fastest = float(np.max(np.abs(self.along), initial=0.0)) or 1.0 / self.span
             kick = 0.5 * (SMALL * (self.size or 1.0) * fastest) ** 2
             self.energy = kick
         drawn = np.random.default_rng(SEED).standard_normal(linear.Z.shape[1])
@@ -209,8 +200,7 @@ class Subject:
         InputError
             Where the method cannot handle the model.
         """
-        case = self.endless.asking(method=name, step=step)
-        most = ADAPTIVE_STEPS
+        case, most = self.endless.asking(method=name, step=step), ADAPTIVE_STEPS
         if step is not None:
             end = case.settings.start + steps * step
             case = case.asking(output_step=step, end=end, rtol=None, atol=None)
@@ -232,7 +222,7 @@ class Subject:
         )  # fmt: skip
 
     def evaluation(self) -> int:
-        """Give about how many operations an evaluation of the equations takes."""
+        """Return about how many operations an evaluation of the equations takes."""
         e = self.equations
         nodes = [*e.mass_entries.values(), *e.f]
         nodes += [x for row in e.rows for x in (*row.A.entries.values(), row.b)]
@@ -298,31 +288,27 @@ def _rate(t: Floats, balance: Floats) -> float | None:
 
 
 def _trend(energy: Floats, balance: Floats, ceiling: float) -> str:
-    """Tell whether what is not explained has changed the energy.
+    """Return whether what is not explained has changed the energy.
 
     A change lifts or lowers the whole last part of a run past its first value. Where
-    something does work, the energy must also leave where the motion keeps it, and go
-    on: the work, summed up with the order of the method, explains no more than roughly.
+    something does work, the energy must also leave where the motion keeps it, and go on
+    in the second half: the work, summed up with the order of the method, explains no
+    more than roughly.
     """
-    last = balance[-max(1, int(len(balance) * LAST)) :]
-    low, high = float(np.min(last)), float(np.max(last))
+    last = max(1, int(len(balance) * LAST))
+    low, high = float(np.min(balance[-last:])), float(np.max(balance[-last:]))
     bound = ENERGY_CHANGE * (1.0 - LAST) + HIDDEN * (high - low)
-    level = float(np.mean(energy[-len(last) :]))
+    late, works = energy[-last:], ceiling > -math.inf
+    level = float(np.mean(late))
     if high < -bound:
-        explained = ceiling > -math.inf and level >= energy[0] - bound
-        return HOLDS if explained else DECAYS
+        return HOLDS if works and level >= energy[0] - bound else DECAYS
     if low <= bound or level <= ceiling + ENERGY_CHANGE:
         return HOLDS
-    return GROWS if ceiling == -math.inf or _rises(energy, len(last)) else HOLDS
-
-
-def _rises(energy: Floats, last: int) -> bool:
-    """Tell whether the energy still rises in the second half."""
     begin, end = (int(len(energy) * part) for part in MIDDLE)
-    late, before = energy[-last:], energy[begin : max(end, begin + 1)]
+    before = energy[begin : max(end, begin + 1)]
     varies = min(float(np.ptp(late)), float(np.ptp(before)))
-    rise = float(np.mean(late) - np.mean(before))
-    return rise > 0.25 * ENERGY_CHANGE + HIDDEN * varies
+    rises = level - np.mean(before) > 0.25 * ENERGY_CHANGE + HIDDEN * varies
+    return GROWS if rises or not works else HOLDS
 
 
 # Cells of a strip, and of a map: steps, values of the parameter.
@@ -489,30 +475,29 @@ class _Map:
         if wish.between is not None:
             self.values = [*spaced(wish.between, wish.map[1])]
         self.steps = self._steps()
-        runs = len(self.steps) + SEARCH
-        count = len(self.values) * len(self.fixed) * runs
+        each = len(self.fixed) * (len(self.steps) + SEARCH)
+        count = len(self.values) * each
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
-        self.rest = _equilibrium(self.subject)
         self.cells: list[dict[str, Any]] = []
         self.borders: list[dict[str, Any]] = []
-        each = len(self.fixed) * runs + len(self.adaptive)
-        self.total, self.done = max(1, len(self.values) * each), 0.0
+        self.total = max(1, len(self.values) * (each + len(self.adaptive)))
+        self.done = 0.0
 
     def _steps(self) -> list[float]:
-        """Give the steps of the cells: those asked for, or around the borders."""
+        """Return the steps of the cells: those asked for, or around the borders."""
         subjects = [self.subject]
         for value in (self.values[0], self.values[-1]):
             if value is not None:
                 with contextlib.suppress(LagsimError):
                     subjects.append(Subject(self.case_at(value), self.interrupt))
-        ranges = [_range(subject, self.fixed) for subject in subjects]
-        low, high = min(a for a, _ in ranges), max(b for _, b in ranges)
-        between = self.wish.steps or (max(low, high / WIDEST), high)
+        lows, highs = zip(*(_range(x, self.fixed) for x in subjects), strict=True)
+        high = max(highs)
+        between = self.wish.steps or (max(min(lows), high / WIDEST), high)
         count = self.wish.strip if self.wish.name is None else self.wish.map[0]
         return spaced(between, count) if self.fixed else []
 
     def _lengths(self, name: str, count: int) -> tuple[int, int]:
-        """Give the least and the largest number of steps that `count` runs have."""
+        """Return the least and the largest number of steps that `count` runs have."""
         subject, steps = self.subject, self.steps
         pilot = subject.run(name, steps[len(steps) // 2], PILOT)
         evaluations = (pilot.evaluations or PILOT) / PILOT
@@ -525,7 +510,7 @@ class _Map:
         return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
 
     def length(self, name: str, step: float) -> int:
-        """Give how many steps a run takes."""
+        """Return how many steps a run takes."""
         least, most = self.lengths[name]
         return min(most, max(least, math.ceil(self.subject.span / step)))
 
@@ -540,10 +525,7 @@ class _Map:
                 except LagsimError as error:
                     fault = _reason(error)
             for name in (*self.fixed, *self.adaptive):
-                if fault:
-                    trial = partial(_failed, fault)
-                else:
-                    trial = partial(self._trial, subject, name)
+                trial = partial(self._trial, subject, name, fault)
                 fixed = name in self.fixed
                 strip = {h: trial(h) for h in (self.steps if fixed else [None])}
                 self.cells += [
@@ -551,15 +533,20 @@ class _Map:
                     for h, found in strip.items()
                 ]
                 if fixed:
-                    border = self._border(subject, name, strip, trial, fault)
+                    stable = {h: x.stable for h, x in strip.items() if h is not None}
+                    border = self._border(subject, name, stable, trial, fault)
                     self.borders.append({"method": name, **varied, **border})
 
-    def _trial(self, subject: Subject, name: str, step: float | None) -> Trial:
+    def _trial(
+        self, subject: Subject, name: str, fault: str, step: float | None
+    ) -> Trial:
+        if fault:
+            return Trial(FAILS, reason=fault)
         steps = 0 if step is None else self.length(name, step)
         try:
             found = subject.run(name, step, steps)
-        except InputError as fault:
-            found = _failed(_reason(fault))
+        except InputError as error:
+            found = Trial(FAILS, reason=_reason(error))
         self._count(1)
         return found
 
@@ -573,48 +560,44 @@ class _Map:
         self,
         subject: Subject,
         name: str,
-        strip: Mapping[float | None, Trial],
+        stable: dict[float, bool],
         trial: Callable[[float], Trial],
         fault: str,
     ) -> dict[str, Any]:
-        """Give where a method ceases to hold: as found, and from the eigenvalues."""
+        """Return where a method ceases to hold: as found, and from the eigenvalues."""
         top = self.steps[-1]
         span = top * self.length(name, top)
-        at_start, along = (
+        predictions = [
             None if fault else predicted(method_named(name).amplification, x, span)
             for x in (subject.at_start, subject.along)
-        )
+        ]
         counted = self.done
         found, note = None, fault
         if not fault:
-            stable = {h: x.stable for h, x in strip.items() if h is not None}
-            found, note = _found(stable, trial, {at_start, along})
+            found, note = _found(stable, trial, predictions)
         self._count(max(0, counted + SEARCH - self.done))
-        known = [x for x in (at_start, along) if x is not None]
+        known = [x for x in predictions if x is not None]
         return {
             "found": None if found is None else float(f"{found:.4g}"),
             "predicted": min(known, default=None),
-            "predicted_at_start": at_start,
-            "predicted_along": along,
+            "predicted_at_start": predictions[0],
+            "predicted_along": predictions[1],
             "note": note,
         }
 
     def document(self, *, complete: bool) -> dict[str, Any]:
-        """Give the content of stability.json."""
+        """Return the content of stability.json."""
         subject, name = self.subject, self.wish.name
-        model = subject.equations.model
-        order = [*self.fixed, *self.adaptive]
-        vary = None
-        if name is not None:
-            units = {p.name: p.unit for p in model.parameters}
-            vary = {"name": name, "unit": units[name], "values": self.values}
+        model, order = subject.equations.model, [*self.fixed, *self.adaptive]
+        units = {p.name: p.unit for p in model.parameters}
+        vary = name and {"name": name, "unit": units[name], "values": self.values}
         borders: dict[str, Any] = {}
         for border in sorted(self.borders, key=lambda x: order.index(x["method"])):
-            own = {k: x for k, x in border.items() if k != "method"}
+            method = border.pop("method")
             if name is None:
-                borders[border["method"]] = own
+                borders[method] = border
             else:
-                borders.setdefault(border["method"], []).append(own)
+                borders.setdefault(method, []).append(border)
         return {
             **head(model),
             "complete": complete,
@@ -641,14 +624,14 @@ class _Map:
                 "states": subject.states,
                 "unknown": subject.unknown or None,
             },
-            **self.rest,
+            **_equilibrium(subject),
             "refused": self.refused,
             "cells": sorted(self.cells, key=lambda x: order.index(x["method"])),
         }
 
 
 def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
-    """Give the range of steps around the borders predicted."""
+    """Return the range of steps around the borders predicted."""
     span = 10.0 * subject.span
     borders = [
         border
@@ -660,27 +643,27 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
         high = ABOVE * max(borders)
         return max(BELOW * min(borders), high / WIDEST), high
     fastest = float(np.max(np.abs(subject.along), initial=0.0))
+    unit, parts = subject.span, OF_RUN
     if fastest * subject.span > 1.0:
-        low, high = (part * 2.0 * math.pi / fastest for part in OF_PERIOD)
-        return low, high
-    return OF_RUN[0] * subject.span, OF_RUN[1] * subject.span
+        unit, parts = 2.0 * math.pi / fastest, OF_PERIOD
+    return parts[0] * unit, parts[1] * unit
 
 
 def _found(
-    stable: Mapping[float, bool],
+    stable: dict[float, bool],
     trial: Callable[[float], Trial],
-    expected: set[float | None],
+    expected: Sequence[float | None],
 ) -> tuple[float | None, str]:
     """Bisect between the first step that does not hold and the one before it.
 
     Around a border that is expected steps are added: what lies past it may be narrower
-    than the cells of the map. Give the border, or None and why.
+    than the cells of the map. Return the border, or None and why.
     """
     first, last = min(stable), max(stable)
     if not stable[first]:
         return None, f"does not hold at {first:.3g} s either"
-    around = [part * step for step in expected if step for part in AROUND]
-    more = {h: trial(h).stable for h in around if first < h < last}
+    around = {part * step for step in expected if step for part in AROUND}
+    more = {h: trial(h).stable for h in sorted(around) if first < h < last}
     known = {**stable, **more}
     for before, after in pairwise(sorted(known)):
         if not known[after]:
@@ -693,10 +676,6 @@ def _found(
                     high = middle
             return high, ""
     return None, f"holds up to {last:.3g} s"
-
-
-def _failed(reason: str, _step: float | None = None) -> Trial:
-    return Trial(FAILS, reason=reason)
 
 
 def _reason(fault: LagsimError) -> str:

@@ -6,10 +6,11 @@ has them: a row for each solve.
 
 from __future__ import annotations
 
+import contextlib
 import math
-import sys
 import time
 from collections import defaultdict
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
     from lagsim.run.session import Case
     from lagsim.studies.bench.reference import Reference
-    from lagsim.studies.bench.solving import Solved, Solver
+    from lagsim.studies.bench.solving import Solver
 
     Point = tuple[float, float]
 
@@ -159,6 +160,7 @@ class Auto:
 
     def __init__(self, case: Case, tolerances: Sequence[float]) -> None:
         self.case = case
+        # By method and formulation, at each setting the tolerance that was asked for.
         self.chosen: dict[Key, dict[float, float]] = defaultdict(dict)
         for rtol in tolerances:
             plan = asking(case, rtol=rtol).plan()
@@ -168,24 +170,19 @@ class Auto:
         self._solvers: dict[Key, Own] = {}
 
     def solver(self, curve: Key, value: float) -> Own | None:
-        """Give what `auto` makes of the model, where that is this; None elsewhere."""
+        """Return what `auto` makes of the model, where that is this; None elsewhere."""
         rtol = self.chosen.get(curve, {}).get(value)
-        if rtol is None:
-            return None
-        if curve not in self._solvers:
+        if rtol is not None and curve not in self._solvers:
             self._solvers[curve] = Own(self.case, "auto", "auto", rtol)
-        return self._solvers[curve]
+        return None if rtol is None else self._solvers[curve]
 
     def longest(self) -> float:
-        """Give the seconds that a solve may last."""
+        """Return the seconds that a solve may last."""
         curve, values = next(reversed(self.chosen.items()))
-        own = self.solver(curve, min(values))
+        own, seconds = self.solver(curve, min(values)), PATIENCE_SECONDS
         assert own is not None
-        try:
-            patience = Patience(10 * PATIENCE_SECONDS)
-            seconds = own.solve(min(values), patience).seconds
-        except GivenUpError:
-            seconds = PATIENCE_SECONDS
+        with contextlib.suppress(GivenUpError):
+            seconds = own.solve(min(values), Patience(10 * PATIENCE_SECONDS)).seconds
         return max(PATIENCE_SECONDS, PATIENCE_TIMES * seconds)
 
 
@@ -209,18 +206,15 @@ def halvings(between: tuple[float, float]) -> list[float]:
 def _curves(
     case: Case, wish: Wish, reference: Reference, auto: Auto, refused: list[Row]
 ) -> Iterator[Curve]:
-    """Give all that applies, with its settings; what does not goes to `refused`."""
-    tolerances = decades(wish.tolerances)
-    largest = LARGEST_STEP * case.settings.output_step
-    largest = min(largest, case.settings.duration / 2)
+    """Return all that applies, with its settings; what does not goes to `refused`."""
+    tolerances, settings = decades(wish.tolerances), case.settings
+    largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
 
     def refuse(name: str, formulation: str, reason: str) -> None:
         refused.append({"method": name, "formulation": formulation, "reason": reason})
 
-    for name in names():
-        if not wish.wants(name):
-            continue
+    for name in filter(wish.wants, names()):
         solvers, reasons = formulations(case, name)
         for why in reasons.items():
             refuse(name, *why)
@@ -229,18 +223,16 @@ def _curves(
             more = auto.chosen.get((own.method, own.formulation), {})
             values = sorted({*values, *more}, reverse=True)
             yield Curve(own, values, auto, reference)
-    wanted = [name for name in SCIPY if wish.wants(name)]
+    wanted = list(filter(wish.wants, SCIPY))
     if not wanted:
         return
-    own = index_one(case)
-    if refusal := scipy_refusal(own):
-        for name in wanted:
-            refuse(name, "auto", refusal)
-        return
-    sizes = state_sizes(own, reference.rows)
+    own, rows = index_one(case), reference.rows
     for name in wanted:
-        solver = Scipy(own, name, reference.rows[:, 0], sizes)
-        yield Curve(solver, tolerances, auto, reference)
+        if refusal := scipy_refusal(own):
+            refuse(name, "auto", refusal)
+        else:
+            solver = Scipy(own, name, rows[:, 0], state_sizes(own, rows))
+            yield Curve(solver, tolerances, auto, reference)
 
 
 class Curve:
@@ -264,9 +256,8 @@ class Curve:
 
     def _is_over(self, patience: Patience) -> bool:
         """Tell whether tighter settings show nothing new, or take too long."""
-        if self._given_up and patience.over:
-            return True
-        if self._given_up >= (1 if self.errors else GIVE_UPS):
+        enough = 1 if self.errors or patience.over else GIVE_UPS
+        if self._given_up >= enough:
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
             return False
@@ -285,25 +276,20 @@ class Curve:
             solved = least(lambda: solver.solve(value, patience))
         except GivenUpError:
             self._given_up += 1
+            outcome, reason = TOO_SLOW, f"given up after {patience.seconds:.2g} s"
             if patience.over:
-                reason = "its share of the time was used up"
-                return row | {"outcome": OUT_OF_TIME, "reason": reason}
-            reason = f"given up after {patience.seconds:.2g} s"
-            return row | {"outcome": TOO_SLOW, "reason": reason}
+                outcome, reason = OUT_OF_TIME, "its share of the time was used up"
+            return row | {"outcome": outcome, "reason": reason}
         row |= {key: getattr(solved, key) for key in (*COSTS, "outcome", "reason")}
-        return row | self._measured(solved)
-
-    def _measured(self, solved: Solved) -> Row:
-        """Give what the rows of an answer are off by; nothing without one."""
         if solved.rows is None:
-            return {}
+            return row
         error, of_lambda = self.reference.errors(solved.rows, solved.events)
         if not math.isfinite(error):
-            return {}
+            return row
         self.errors.append(error)
         residuals = ResidualMonitor(self.reference.columns)
         residuals.add(solved.rows)
-        return {
+        return row | {
             "error": error,
             "error_lambda": of_lambda,
             "energy_drift": residuals.energy_drift,
@@ -351,9 +337,9 @@ def measure(
             now = time.perf_counter()
             share = (began + wish.budget - now) * shares[done] / sum(shares[done:])
             patience.until = now + max(share, LEAST_SECONDS)
-            own = rows[k] = []
+            rows[k] = []
             for part, row in found[k].rows(patience):
-                own.append(row)
+                rows[k].append(row)
                 so_far = (sum(shares[:done]) + part * shares[done]) / sum(shares)
                 report(OF_REFERENCE + (1.0 - OF_REFERENCE) * so_far)
                 with interrupt.raised():
@@ -361,10 +347,24 @@ def measure(
         report(1.0)
 
     complete = interrupt.cut(solve)
-    return _document(
-        case, reference, [row for k in sorted(rows) for row in rows[k]],
-        complete=complete, refused=refused,
-        curves=[
+    every = [row for k in sorted(rows) for row in rows[k]]
+    for cost in COSTS:
+        best = set(front(every, cost, reference.floor))
+        for k, row in enumerate(every):
+            row[f"front_{cost}"] = k in best
+    settings, first = case.settings, head(case.equations.model)
+    return {
+        **first,
+        "versions": first["versions"] | {"scipy": version("scipy")},
+        "machine": machine(),
+        "date": today(),
+        "start": settings.start,
+        "end": settings.end,
+        "output_step": settings.output_step,
+        "complete": complete,
+        "budget": {"seconds": wish.budget, "spent": time.perf_counter() - began},
+        "reference": reference.record(),
+        "curves": [
             {
                 "method": found[k].key[0],
                 "formulation": found[k].key[1],
@@ -372,42 +372,9 @@ def measure(
             }
             for k in sorted(rows)
         ],
-        budget={"seconds": wish.budget, "spent": time.perf_counter() - began},
-    )  # fmt: skip
-
-
-def _document(
-    case: Case, reference: Reference, rows: list[Row], **known: Any
-) -> dict[str, Any]:
-    """Give the content of work_precision.json."""
-    for cost in COSTS:
-        best = set(front(rows, cost, reference.floor))
-        for k, row in enumerate(rows):
-            row[f"front_{cost}"] = k in best
-    settings, first = case.settings, head(case.equations.model)
-    return {
-        **first,
-        "versions": first["versions"] | {"scipy": _scipy_version()},
-        "machine": machine(),
-        "date": today(),
-        "start": settings.start,
-        "end": settings.end,
-        "output_step": settings.output_step,
-        "complete": known["complete"],
-        "budget": known["budget"],
-        "reference": reference.record(),
-        "curves": known["curves"],
-        "refused": known["refused"],
-        "rows": rows,
+        "refused": refused,
+        "rows": every,
     }
-
-
-def _scipy_version() -> str:
-    if "scipy" in sys.modules:
-        return str(sys.modules["scipy"].__version__)
-    from importlib.metadata import version
-
-    return version("scipy")
 
 
 def read_document(path: str) -> dict[str, Any]:

@@ -82,13 +82,6 @@ class Work(NamedTuple):
     ends: bool
 
 
-class Piece(NamedTuple):
-    """Some runs of a sweep, by their numbers."""
-
-    work: Work
-    numbers: tuple[int, ...]
-
-
 class Row(NamedTuple):
     """The result of a run.
 
@@ -166,14 +159,18 @@ class Found:
         return [k for k in range(self.grid.runs) if k not in self.rows]
 
 
-def rows_of(piece: Piece, interrupt: Interrupt) -> list[tuple[int, Row]]:
-    """Make the rows of a piece; fewer where an end is asked for."""
-    return [row for rows in made(piece, interrupt) for row in rows]
+def rows_of(
+    work: Work, numbers: Sequence[int], interrupt: Interrupt
+) -> list[tuple[int, Row]]:
+    """Make the rows of some runs; fewer where an end is asked for."""
+    return [row for rows in made(work, numbers, interrupt) for row in rows]
 
 
-def made(piece: Piece, interrupt: Interrupt) -> Iterator[list[tuple[int, Row]]]:
+def made(
+    work: Work, numbers: Sequence[int], interrupt: Interrupt
+) -> Iterator[list[tuple[int, Row]]]:
     """Make them one by one; of ends alone some at a time."""
-    runs, left = runs_of(piece.work), piece.numbers
+    runs, left = runs_of(work), numbers
     while left and not interrupt.asked:
         # The first run shows how the others are made.
         size = AT_ONCE if runs.batch is not None else 1

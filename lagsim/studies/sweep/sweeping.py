@@ -26,7 +26,7 @@ from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.sweep.grid import COMPLETE, ERROR, OUTCOME, REASON
-from lagsim.studies.sweep.runs import Found, Piece, Row, made, rows_of, runs_of
+from lagsim.studies.sweep.runs import Found, Row, made, rows_of, runs_of
 from lagsim.studies.workers import Died, processes, spread
 from lagsim.version import __version__
 
@@ -187,7 +187,7 @@ def _made(
     missing = found.missing
     # What this process works, whatever others do beside it.
     done, began, lasted = 0, time.process_time(), 0.0
-    for rows in made(Piece(found.work, tuple(missing)), interrupt):
+    for rows in made(found.work, missing, interrupt):
         yield rows
         done += len(rows)
         lasted = max(time.process_time() - began, SHORTEST_SECONDS)
@@ -211,9 +211,9 @@ def _shared(
 ) -> Iterator[Sequence[tuple[int, Row]]]:
     """Give rows that others make, in pieces of a size."""
     parts = [tuple(numbers[k : k + size]) for k in range(0, len(numbers), size)]
-    pieces = [Piece(found.work, part) for part in parts]
     lost: list[int] = []
-    for k, rows in spread(rows_of, pieces, most, interrupt, hired):
+    work = partial(rows_of, found.work)
+    for k, rows in spread(work, parts, most, interrupt, hired):
         if isinstance(rows, Died):
             lost += parts[k]
         else:

@@ -20,8 +20,8 @@ from lagsim.run.session import open_case
 from lagsim.studies.bench.reference import (
     Reference,
     Solution,
-    compared,
     make_reference,
+    unverified,
 )
 from lagsim.studies.bench.solving import Own, Patience
 from lagsim.studies.bench.work_precision import (
@@ -197,7 +197,7 @@ def parting(size):
     other[:, 1] += size * np.exp(known[:, 0])
     first = Solution("a", "a", 1e-13, names, known)
     second = Solution("b", "b", 1e-13, names, other)
-    return known, compared(own.case.equations, first, second)
+    return known, unverified(own.case.equations, first, known).against(second)
 
 
 def test_what_only_one_solution_says_is_not_known():
@@ -332,9 +332,9 @@ def test_an_impact_that_moves_is_an_error_of_the_place_alone():
     t = np.linspace(0, 2, 21)
     v = np.where(t < 1, 1.0, -1.0)
     known = Reference(
-        ("t", "x", "x_dot", "lambda_c"), "", "",
+        ("t", "x", "x_dot", "lambda_c"), "",
         np.column_stack([t, -np.abs(t - 1), v, 0 * t]), [1, 2], [3], np.ones(4),
-        len(t), np.zeros(4), [Event(1.0, "impact", "c")],
+        [Event(1.0, "impact", "c")], known=len(t),
     )  # fmt: skip
     late = 0.3 - np.abs(t - 1.3), np.where(t < 1.3, 1.0, -1.0)
     other = np.column_stack([t, *late, 0 * t])
