@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import CONSTANT, VARIABLE, Graph
 from lagsim.language.parser import ExpressionError, parse
-from lagsim.model.model import Target
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.verdict import Residual, Verdict
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Definition, Model
+    from lagsim.model.model import Model
 
 
 # --- Angles in degrees where radians are expected: by their units, or their values
@@ -63,7 +62,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
     by: these are evaluated, and stand in no graph.
     """
     reported: set[str] = set()
-    defined = {d.node: d for d in model.definitions if d.unit}
+    defined = {d.node: (d.name, d.unit) for d in model.definitions if d.unit}
     for g, own in ((model.graph, defined), (_of_numbers(model), {})):
         functions = [n for n, op in enumerate(g.ops) if op in _OF_ANGLES]
         terms = _terms(g, [g.args[n][0] for n in functions], model, own)
@@ -78,58 +77,37 @@ def _terms(
     g: Graph,
     arguments: Sequence[int],
     model: Model,
-    defined: Mapping[int, Definition],
+    defined: Mapping[int, tuple[str, str]],
 ) -> dict[int, _Term]:
     """Give a term in degrees of each of these sums, and of each sum below, if any.
 
     A number that is added to a time or a length is none of degrees.
     """
-    cone = g.cone(arguments)  # each after what it is made of
-    terms, others = _leaves(g, cone, model)
-    for node in defined.keys() & set(cone):
-        if defined[node].unit in DEGREES:
-            terms[node] = _Term(defined[node].name, "", None, sure=True)
-        elif defined[node].unit not in RADIANS:
-            others.add(node)
-    for node in cone:
-        args = _summed(g, node)
-        found = [terms[a] for a in args if a in terms]
-        if found and node not in terms:
-            terms[node] = max(found, key=lambda x: (x.value is None, x.sure))
-        if not others.isdisjoint(args):
-            others.add(node)
-    return {n: term for n, term in terms.items() if term.sure or n not in others}
-
-
-def _leaves(
-    g: Graph, cone: Sequence[int], model: Model
-) -> tuple[dict[int, _Term], set[int]]:
-    """Give the leaves that seem to be in degrees, and those that are no angles."""
     units = {p.name: p.unit for p in model.parameters}
     units |= {q.name: q.unit for q in model.coordinates} | {"t": "s"}
-    values = {p.name: (p.value, "is") for p in model.parameters} | {
-        start.name: (start.value, "starts at")
-        for start in model.initial
-        if start.target is Target.COORDINATE
-    }
+    starts = model.initial[: len(model.coordinates)]
+    values = {p.name: (p.value, "is") for p in model.parameters}
+    values |= {start.name: (start.value, "starts at") for start in starts}
     terms: dict[int, _Term] = {}
-    others: set[int] = set()
-    for node in cone:
-        if g.ops[node] == CONSTANT:
-            value = g.value(node) or 0.0
-            if _is_of_degrees(value):
-                terms[node] = _Term(f"{value}", "a term is", value)
-        elif g.ops[node] == VARIABLE:
-            name = str(g.payload(node))
-            unit = units.get(name, "")
-            value, verb = values.get(name, (0.0, ""))
-            if unit in DEGREES:
-                terms[node] = _Term(name, "", None, sure=True)
-            elif unit not in RADIANS:
-                others.add(node)
-            elif _is_of_degrees(value):
-                terms[node] = _Term(name, f"`{name}` {verb}", value, sure=bool(unit))
-    return terms, others
+    others: set[int] = set()  # no angles
+    for node in g.cone(arguments):  # each after what it is made of
+        leaf = str(g.payload(node)) if g.ops[node] == VARIABLE else ""
+        own = leaf, units.get(leaf, "")
+        name, unit = own if own[1] in DEGREES else defined.get(node, own)
+        value, verb = values.get(leaf, (g.value(node) or 0.0, ""))
+        args = _summed(g, node)
+        found = [terms[a] for a in args if a in terms]
+        if unit in DEGREES:
+            terms[node] = _Term(name, "", None, sure=True)
+        elif unit not in RADIANS or not others.isdisjoint(args):
+            others.add(node)
+        elif leaf and _is_of_degrees(value):
+            terms[node] = _Term(name, f"`{name}` {verb}", value, sure=bool(unit))
+        elif g.ops[node] == CONSTANT and _is_of_degrees(value):
+            terms[node] = _Term(f"{value}", "a term is", value)
+        if found and node not in terms:
+            terms[node] = max(found, key=lambda x: (x.value is None, x.sure))
+    return {n: term for n, term in terms.items() if term.sure or n not in others}
 
 
 def _is_of_degrees(value: float) -> bool:
@@ -235,17 +213,18 @@ def suggestion(model: Model, relation: str) -> str:
     return ""
 
 
-def about_names(model: Model) -> Iterator[Caution]:
-    """Say which parameters nothing names, and which angles are not in radians."""
+def beyond_state(equations: Equations) -> Iterator[Caution]:
+    """Say what is odd about the model whatever the state.
+
+    Parameters that nothing names, angles in degrees, relations that are satisfied as
+    simple roots of what they are written as, and reactions that are 0.
+    """
+    model, g = equations.model, equations.graph
     for name in model.unused:
         text = f"the parameter `{name}` is given and used nowhere"
         yield Caution("unused-parameter", text)
     yield from about_angles(model)
-
-
-def multiple_roots(equations: Equations) -> Iterator[Caution]:
-    """Say which relations are satisfied as simple roots of what they are written as."""
-    for constraint in equations.model.constraints:
+    for constraint in model.constraints:
         if constraint.relation.multiple:
             name = constraint.name
             yield Caution(
@@ -254,19 +233,15 @@ def multiple_roots(equations: Equations) -> Iterator[Caution]:
                 f"holds: its simple root is taken in its place, and lambda_{name} "
                 f"and residual_{name} are those of the root",
             )
-
-
-def about_reactions(equations: Equations) -> Iterator[Caution]:
-    """Say which reactions are 0 because nothing is written with their definitions."""
-    if not equations.model.output.reactions:
+    if not model.output.reactions:
         return
     from lagsim.mechanics.equations import reactions
 
     for name, node in reactions(equations).items():
-        if node == equations.graph.zero:
+        if node == g.zero:
+            # Nothing is written with the definition.
             text = f"`reaction.{name}` is 0 throughout: no energy, no force and no "
-            text += f"constraint uses `{name}`"
-            yield Caution("reaction-zero", text)
+            yield Caution("reaction-zero", f"{text}constraint uses `{name}`")
 
 
 def about_ranks(

@@ -101,6 +101,16 @@ def cholesky(metric: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
+def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
+    """Give the rows of A (m, k) in the metric of (L L^T)^-1, to length 1 or 0.
+
+    And their lengths (m,).
+    """
+    Y = np.linalg.solve(L, A.T).T
+    lengths = np.linalg.norm(Y, axis=1)
+    return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
+
+
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
     """Give an orthonormal basis (k, k - rank) of what J (m, k) maps to zero.
 
@@ -132,11 +142,16 @@ class Span:
             left -= (self.basis @ left) @ self.basis
         return left
 
-    def add(self, rest: Floats) -> None:
-        """Extend the span by a vector that is orthogonal to it."""
+    def extend(self, vector: Floats, least: float) -> bool:
+        """Add what of a vector is outside, if it is longer than `least`; tell so."""
+        rest = self.outside(vector)
+        length = float(np.linalg.norm(rest))
+        if not length > least:
+            return False
         if self.size < len(self._basis):
-            self._basis[self.size] = rest / np.linalg.norm(rest)
+            self._basis[self.size] = rest / length
             self.size += 1
+        return True
 
 
 # --- Sparse matrices

@@ -15,30 +15,38 @@ import numpy as np
 
 from lagsim.admissibility import advice
 from lagsim.admissibility.algebra import least_change_metric
-from lagsim.admissibility.finite import out_of_scale, refuse_infinite
-from lagsim.admissibility.inertia import needs_constraints
-from lagsim.admissibility.lengths import Form, Lengths
 from lagsim.admissibility.newton import (
     Found,
     Relations,
     Trouble,
-    Wanted,
     nearest,
     nearest_sparse,
     reach,
 )
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import LEVELS, RankReport, analyse
-from lagsim.admissibility.thin import ThinSet, thin_set
-from lagsim.admissibility.unilateral import (
+from lagsim.admissibility.point import (
+    Condition,
+    Lengths,
+    Point,
+    conditions,
+    gradient_of,
+)
+from lagsim.admissibility.rank import LEVELS, RankReport, ThinSet, analyse, thin_set
+from lagsim.admissibility.refusal import (
+    needs_constraints,
+    out_of_scale,
+    refuse_infinite,
+)
+from lagsim.admissibility.verdict import (
+    Verdict,
     contact_status,
     in_force,
+    judge,
+    judge_laws,
+    judge_starts,
     one_sided,
     out_of_force,
     with_timed,
 )
-from lagsim.admissibility.verdict import Verdict, judge, judge_laws, judge_starts
-from lagsim.language.derivatives import slopes
 from lagsim.language.graph import TooMuchError
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
@@ -145,8 +153,11 @@ class StartReport(NamedTuple):
         return self.ranks.rank + self.sticking
 
 
-# --- Values of the start that are solved for: guesses, exact states, the nearest state
-
+# What differs from what was stated by less than so many rounding errors is not reported
+# as a change.
+REPORTED = 225.0
+FAR = "to find the nearest admissible start takes too many operations"
+SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
 AROUND = 1.0
@@ -156,230 +167,6 @@ TURN = 2.0 * math.pi
 DECOMPOSED = 2000.0
 # The rows that share in a least residual: their distances, against the largest.
 SHARES = 1e-6
-
-
-class Solver:
-    """Solves for values of the start, and keeps what there is to say about that.
-
-    Attributes
-    ----------
-    touching : dict
-        One-sided relations that are to be satisfied as equalities.
-    double : bool
-        Positions were found as a double root, and are known to half of the digits.
-    """
-
-    def __init__(self, stated: Point) -> None:
-        self.stated, self.e = stated, stated.e
-        self.warnings: list[Caution] = []
-        self.double = False
-        self.touching: dict[str, Row] = {}
-
-    def metric(self, free: Sequence[int]) -> Floats:
-        """Give the metric of least change on the values `free`: M as it was stated."""
-        self.stated.g.count(len(free) ** 3 / DECOMPOSED)
-        return least_change_metric(self.stated.mass(free))
-
-    def relations(
-        self,
-        point: Point,
-        free: Sequence[int],
-        *,
-        velocities: bool,
-        definitions: bool = True,
-    ) -> Relations:
-        """Give what is asked of the values `free`, positions or velocities."""
-        wanted, g = [], self.e.graph
-        for row in (*self.e.rows, *self.touching.values()):
-            if not velocities and row.holonomic:
-                wanted.append(Wanted(row.name, row.residual, row.residual_scale))
-            elif velocities and (not row.holonomic or row.name not in self.touching):
-                wanted.append(Wanted(row.name, row.rate, row.rate_scale))
-        names = frozenset(self.e.velocities)
-        for x in self.e.model.initial if definitions else ():
-            if x.node is not None and bool(g.depends([x.node]) & names) is velocities:
-                size = g.call("abs", x.node)
-                name = f"{x.name}: {x.text}"
-                wanted.append(Wanted(name, x.node, size, x.value, x.error))
-        return Relations(point, wanted, free, velocities=velocities)
-
-    def nearest(self, relations: Relations) -> Found:
-        """Solve for the values, from where they are."""
-        found = self._nearest(relations)
-        return self._noted(found, relations) if relations.wanted else found
-
-    def exact(self, point: Point, *, velocities: bool) -> Point:
-        """Give the nearest exact state; values that are exact to rounding stay."""
-        relations = self.relations(
-            point, range(point.n), velocities=velocities, definitions=False
-        )
-        found = self._nearest(relations, far=False)
-        return relations.at(found.x) if found.converged else point
-
-    def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Give the nearest values that satisfy the relations."""
-        free = relations.free
-        if not relations.wanted:
-            return Found(relations.x0, converged=True)
-        if len(free) >= Point.LARGE and self.stated.is_safely_positive:
-            M = self.stated.mass_entries(free).sparse(len(free), len(free))
-            found = nearest_sparse(relations, M)
-            if found is not None:
-                return found
-        return nearest(relations, self.metric(free), far=far)
-
-    def guesses(self, relations: Relations) -> Found:
-        """Solve for guesses: the nearest of several roots, and a hint that there are.
-
-        A guess that nothing determines stays as given.
-        """
-        found = self.nearest(relations)
-        if not found.converged:
-            return found
-        x0, names = relations.x0, relations.names
-        if not relations.wanted:
-            self._undetermined(names, "nothing determines")
-            return found
-        found = self._closest_root(relations, found)
-        named = {k for row in relations.slopes for k in row}
-        flat, still = (
-            np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
-        )
-        still = flat & still
-        stays = [k for k in named if still[k] and found.x[k] == x0[k]]
-        self._undetermined(
-            [x for k, x in enumerate(names) if k not in named], "nothing determines"
-        )
-        self._undetermined(
-            [names[k] for k in sorted(stays)], "to first order nothing determines"
-        )
-        moved = found.x != x0
-        if np.any(moved) and np.all(flat[moved]):
-            self._warn(
-                "other-roots",
-                "at the guess the relations have no slope: other solutions are as "
-                f"near, such as {_listed(names, found.x)}",
-            )
-        return found
-
-    def _undetermined(self, names: Sequence[str], what: str) -> None:
-        for name in names:
-            text = f"{what} the guess `{name}`: it stays as given"
-            self._warn("undetermined-guess", text)
-
-    def _closest_root(self, relations: Relations, found: Found) -> Found:
-        """Look for other roots around a guess; take the nearest, and say so."""
-        x0, k = relations.x0, len(relations.free)
-        J = relations(found.x)[1]
-        double = found.trouble is Trouble.DOUBLE_ROOT
-        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < k:
-            return found  # a family of roots: the nearest of them has been found
-        random = np.random.default_rng(3)  # the same starts each time
-        size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
-        size[size == 0] = 1.0
-        metric = self.metric(relations.free)
-        roots = [_unwound(relations, found.x)]
-        for _ in range(OTHER_STARTS):
-            start = x0 + AROUND * size * random.standard_normal(k)
-            other = reach(relations, start, metric, x0)
-            if not other.converged:
-                continue
-            x = _unwound(relations, other.x)
-            if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
-                roots.append(x)
-        if len(roots) == 1:
-            return found
-        roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
-        listed = "; ".join(_listed(relations.names, root) for root in roots[1:3])
-        self._warn(
-            "other-roots",
-            f"the guesses have other solutions too, such as {listed}; the nearest to "
-            "the guess is taken",
-        )
-        return Found(roots[0], converged=True)
-
-    def _noted(self, found: Found, relations: Relations) -> Found:
-        """Say what was odd about a root, or why there is none."""
-        where = _listed(relations.names, found.x)
-        residual, J = relations(found.x)
-        worst = int(np.argmax(np.abs(residual)))
-        name = relations.wanted[worst].name
-        if found.converged:
-            if found.trouble is Trouble.DOUBLE_ROOT:
-                self.double |= not relations.velocities
-                self._warn(
-                    "double-root",
-                    f"Newton's method converges only linearly, to {where}: a "
-                    f"double root of `{name}`, or a singular configuration; the "
-                    "multiplier there is not reliable",
-                )
-            return found
-        least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
-        if found.trouble is Trouble.MINIMUM:
-            lengths = np.linalg.norm(J, axis=1)
-            lengths[lengths == 0] = 1.0
-            far = np.abs(residual) / lengths
-            shared = zip(relations.wanted, far > SHARES * np.max(far), strict=True)
-            named = [f"`{x.name}`" for x, is_in in shared if is_in]
-            together = " together" if len(named) > 1 else ""
-            reason = f"{' and '.join(named)} cannot be satisfied{together} near there"
-            reason = f"{reason}: {least}"
-        elif found.trouble is Trouble.RUNS_AWAY:
-            reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
-        else:
-            reason = f"`{name}` has no finite value near {where}"
-        return found._replace(reason=reason, least=least)
-
-    def _warn(self, code: str, text: str) -> None:
-        self.warnings.append(Caution(code, text))
-
-
-def _spread(relations: Relations, x: Floats) -> Floats:
-    """Give how far around a root x, found from x0, others are looked for."""
-    if relations.velocities:  # 0 may be found as 1e-60
-        return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
-    point = relations.at(x)
-    g = point.g
-    places = {g.variable(name): j for j, name in enumerate(point.e.q)}
-    forms = []
-    for node in relations.nodes:
-        found = slopes(g, node, frozenset(places))
-        forms.append(Form(node, {places[x]: slope for x, slope in found.items()}))
-    return np.asarray(Lengths(point, forms).spread[relations.free])
-
-
-def _unwound(relations: Relations, x: Floats) -> Floats:
-    """Give a root without the whole turns of its angles that lead away from a guess.
-
-    An angle is a component whose turn changes no relation: at the root, and beside it.
-    """
-    if relations.velocities:
-        return x
-    near = relations.x0
-    turns = np.rint((x - near) / TURN)
-    for k in np.flatnonzero(turns):
-        turn = np.zeros(len(x))
-        turn[k] = TURN
-        for at in (x, near + 0.1 * (x - near)):
-            (r, J), (turned, slopes) = relations(at), relations(at + turn)
-            size = 1e-9 * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
-            same = np.all(np.abs(turned - r) <= size)
-            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
-                turns[k] = 0.0
-    return np.asarray(x - TURN * turns)
-
-
-def _listed(names: Sequence[str], values: Floats) -> str:
-    return ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, values, strict=True))
-
-
-# --- The examination
-
-# What differs from what was stated by less than so many rounding errors is not reported
-# as a change.
-REPORTED = 225.0
-FAR = "to find the nearest admissible start takes too many operations"
-SIMPLE = "write the equivalent simple relations, each with a gradient that is not 0"
 
 
 def examine(
@@ -430,11 +217,26 @@ class _Judged(NamedTuple):
 
 
 class _Examiner:
+    """Judges a start, and solves for values of it: guesses, exact ones, nearest ones.
+
+    Attributes
+    ----------
+    stated : Point
+        The state as the file gives it.
+    free : list of list of int
+        The positions, and the velocities, that are guesses.
+    errors : dict
+        Of the values as they are stated, or solved for where they are guesses.
+    touching : dict
+        One-sided relations that are to be satisfied as equalities.
+    double : bool
+        Positions were found as a double root, and are known to half of the digits.
+    """
+
     def __init__(self, equations: Equations, time: float) -> None:
         self.always, self.off = equations, out_of_force(equations, time)
         self.e = with_timed(equations, self.off)
         self.initial = {x.name: x for x in equations.model.initial}
-        # Of the values as they are stated, or solved for where they are guesses.
         self.errors = {x.name: x.error for x in equations.model.initial}
         own = [self.initial[x] for x in (*equations.q, *equations.velocities)]
         n = self.n = len(equations.q)
@@ -442,7 +244,9 @@ class _Examiner:
         self.origin = values[:n], values[n:]
         self.stated = Point(self.e, Instant(time, *self.origin), self.errors)
         self.free = [[j for j in range(n) if x[j].guess] for x in (own[:n], own[n:])]
-        self.solver = Solver(self.stated)
+        self.warnings: list[Caution] = []
+        self.touching: dict[str, Row] = {}
+        self.double = False
 
     def report(self, *, classify: bool) -> StartReport:
         e, guessed = self.e, any(self.free)
@@ -453,21 +257,22 @@ class _Examiner:
         verdicts, laws = judge(point), judge_laws(point, self.off)
         starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
-        warnings = self.solver.warnings
+        warnings = self.warnings
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
             warnings += advice.rough_starts(e, verdicts, starts)
             judged = self._exact(point, laws)
         else:
-            judged = self._nearby(point)
+            try:
+                judged = self._repaired(point)
+            except TooMuchError:
+                judged = self._analysed(point, ())._replace(unsolved=FAR)
         here = judged.point
         always = Point(self.always, here.state, here.errors)
         augmented = needs_constraints(always)
-        warnings += advice.about_names(e.model)
-        warnings += advice.multiple_roots(e)
-        warnings += advice.about_reactions(e)
         thin = judged.thin.names if judged.thin else ()
         sound = not judged.contradictions and not thin
+        warnings += advice.beyond_state(e)
         warnings += advice.about_ranks(e, judged.ranks, thin, sound=sound)
         reach: Reach | None = None
         dependent = {d.name for d in judged.ranks.dependences}
@@ -476,9 +281,8 @@ class _Examiner:
             from lagsim.admissibility.integrability import classified
 
             verdicts, reach = classified(here, verdicts)
-        lasting, sticking = judged.ranks, 0
-        if e is not self.always:
-            lasting = analyse(always)
+        lasting = judged.ranks if e is self.always else analyse(always)
+        sticking = 0
         if classify and laws:
             laws, sticking, cautions = contact_status(
                 here, laws, judged.ranks.rank, sound=sound and satisfied
@@ -504,16 +308,111 @@ class _Examiner:
             thin=judged.thin,
         )
 
+    def _warn(self, code: str, text: str) -> None:
+        self.warnings.append(Caution(code, text))
+
+    # Values of the start that are solved for
+
+    def _relations(
+        self,
+        point: Point,
+        free: Sequence[int],
+        *,
+        velocities: bool,
+        definitions: bool = True,
+    ) -> Relations:
+        """Give what is asked of the values `free`, positions or velocities."""
+        e, g, n = self.e, self.e.graph, self.n
+        # What is touched has no rate to keep: an impact decides that.
+        touching = self.touching.values()
+        rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
+        wanted = conditions(rows, velocities=velocities)
+        for x in e.model.initial if definitions else ():
+            if x.node is None:
+                continue
+            slopes = gradient_of(point, x.node)
+            if bool(g.depends([x.node]) & frozenset(e.velocities)) is velocities:
+                A = {
+                    j - n * velocities: s
+                    for j, s in slopes.items()
+                    if (j >= n) is velocities
+                }
+                size, name = g.call("abs", x.node), f"{x.name}: {x.text}"
+                wanted.append(Condition(name, x.node, A, size, x.value, x.error))
+        return Relations(point, wanted, free, velocities=velocities)
+
+    def _metric(self, free: Sequence[int]) -> Floats:
+        """Give the metric of least change on the values `free`: M as it was stated."""
+        self.stated.g.count(len(free) ** 3 / DECOMPOSED)
+        return least_change_metric(self.stated.mass(free))
+
+    def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
+        """Give the nearest values that satisfy the relations."""
+        free = relations.free
+        if not relations.wanted:
+            return Found(relations.x0, converged=True)
+        if len(free) >= Point.LARGE and self.stated.is_safely_positive:
+            M = self.stated.mass_entries(free).sparse(len(free), len(free))
+            found = nearest_sparse(relations, M)
+            if found is not None:
+                return found
+        return nearest(relations, self._metric(free), far=far)
+
+    def _solved(self, relations: Relations) -> Found:
+        """Solve for the values, from where they are; say what was odd about that."""
+        found = self._nearest(relations)
+        if not relations.wanted:
+            return found
+        where = _listed(relations.names, found.x)
+        residual, J = relations(found.x)
+        worst = int(np.argmax(np.abs(residual)))
+        name = relations.wanted[worst].name
+        if found.converged:
+            if found.trouble is Trouble.DOUBLE_ROOT:
+                self.double |= not relations.velocities
+                self._warn(
+                    "double-root",
+                    f"Newton's method converges only linearly, to {where}: a "
+                    f"double root of `{name}`, or a singular configuration; the "
+                    "multiplier there is not reliable",
+                )
+            return found
+        least = f"the least |residual| is {abs(residual[worst]):.6g}, at {where}"
+        if found.trouble is Trouble.MINIMUM:
+            lengths = np.linalg.norm(J, axis=1)
+            lengths[lengths == 0] = 1.0
+            far = np.abs(residual) / lengths
+            shared = zip(relations.wanted, far > SHARES * np.max(far), strict=True)
+            named = [f"`{x.name}`" for x, is_in in shared if is_in]
+            together = " together" if len(named) > 1 else ""
+            reason = f"{' and '.join(named)} cannot be satisfied{together} near there"
+            reason = f"{reason}: {least}"
+        elif found.trouble is Trouble.RUNS_AWAY:
+            reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
+        else:
+            reason = f"`{name}` has no finite value near {where}"
+        return found._replace(reason=reason, least=least)
+
+    def _exact_values(self, point: Point, *, velocities: bool) -> Point:
+        """Give the nearest exact state; values that are exact to rounding stay."""
+        relations = self._relations(
+            point, range(self.n), velocities=velocities, definitions=False
+        )
+        found = self._nearest(relations, far=False)
+        return relations.at(found.x) if found.converged else point
+
+    # Guesses
+
     def _guessed(self) -> tuple[Point, str]:
         """Solve the guesses, positions first, then velocities; say why they fail."""
-        point, warnings = self.stated, self.solver.warnings
+        point, warnings = self.stated, self.warnings
         for free, velocities in zip(self.free, (False, True), strict=True):
             if not free:
                 continue
             before = len(warnings)
             while True:
-                relations = self.solver.relations(point, free, velocities=velocities)
-                found = self.solver.guesses(relations)
+                relations = self._relations(point, free, velocities=velocities)
+                found = self._guesses(relations)
                 if not found.converged:
                     return point, found.reason
                 solved = relations.at(found.x)
@@ -526,6 +425,73 @@ class _Examiner:
                     self.errors[name] = errors[name]
             point = solved.at(errors=self.errors)
         return point, ""
+
+    def _guesses(self, relations: Relations) -> Found:
+        """Solve for guesses: the nearest of several roots, and a hint that there are.
+
+        A guess that nothing determines stays as given.
+        """
+        found = self._solved(relations)
+        if not found.converged:
+            return found
+        x0, names = relations.x0, relations.names
+        named = {k for row in relations.slopes for k in row}
+        unnamed = [x for k, x in enumerate(names) if k not in named]
+        self._undetermined(unnamed, "nothing determines")
+        if not relations.wanted:
+            return found
+        found = self._closest_root(relations, found)
+        flat, still = (
+            np.all(np.nan_to_num(relations(x)[1]) == 0.0, axis=0) for x in (x0, found.x)
+        )
+        moved = found.x != x0
+        stays = [names[k] for k in sorted(named) if flat[k] & still[k] & ~moved[k]]
+        self._undetermined(stays, "to first order nothing determines")
+        if np.any(moved) and np.all(flat[moved]):
+            self._warn(
+                "other-roots",
+                "at the guess the relations have no slope: other solutions are as "
+                f"near, such as {_listed(names, found.x)}",
+            )
+        return found
+
+    def _undetermined(self, names: Sequence[str], what: str) -> None:
+        for name in names:
+            text = f"{what} the guess `{name}`: it stays as given"
+            self._warn("undetermined-guess", text)
+
+    def _closest_root(self, relations: Relations, found: Found) -> Found:
+        """Look for other roots around a guess; take the nearest, and say so."""
+        x0, k = relations.x0, len(relations.free)
+        J = relations(found.x)[1]
+        double = found.trouble is Trouble.DOUBLE_ROOT
+        if double or not np.all(np.isfinite(J)) or np.linalg.matrix_rank(J) < k:
+            return found  # a family of roots: the nearest of them has been found
+        random = np.random.default_rng(3)  # the same starts each time
+        size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
+        size[size == 0] = 1.0
+        metric = self._metric(relations.free)
+        roots = [_unwound(relations, found.x)]
+        for _ in range(OTHER_STARTS):
+            start = x0 + AROUND * size * random.standard_normal(k)
+            other = reach(relations, start, metric, x0)
+            if not other.converged:
+                continue
+            x = _unwound(relations, other.x)
+            if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
+                roots.append(x)
+        if len(roots) == 1:
+            return found
+        roots.sort(key=lambda r: float((r - x0) @ metric @ (r - x0)))
+        listed = "; ".join(_listed(relations.names, root) for root in roots[1:3])
+        self._warn(
+            "other-roots",
+            f"the guesses have other solutions too, such as {listed}; the nearest to "
+            "the guess is taken",
+        )
+        return Found(roots[0], converged=True)
+
+    # The state that the rest of the report is about
 
     def _inexact(self, point: Point) -> Point:
         """Give a point with the errors of its values: as stated, or solved for."""
@@ -542,7 +508,7 @@ class _Examiner:
             np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes)
             for x, x0 in zip((point.q, point.v), self.origin, strict=True)
         ]
-        double = ways[0] if self.solver.double else None
+        double = ways[0] if self.double else None
         point = self._inexact(point)
         ranks, thin = analyse(point, levels, double=double), None
         if levels == LEVELS:
@@ -568,20 +534,13 @@ class _Examiner:
             for x in laws
             if x.judged and x.position.value < 0 and not x.position.exact
         }
-        self.solver.touching |= one_sided(self.e, passed)
-        point = self.solver.exact(point, velocities=False)
-        judged = self._analysed(self.solver.exact(point, velocities=True), LEVELS)
+        self.touching |= one_sided(self.e, passed)
+        point = self._exact_values(point, velocities=False)
+        judged = self._analysed(self._exact_values(point, velocities=True), LEVELS)
         if judged.contradictions:
             unsolved = f"{_text(judged.contradictions)}: no motion can begin here"
             return judged._replace(unsolved=unsolved)
         return judged
-
-    def _nearby(self, point: Point) -> _Judged:
-        """Give what `_repaired` does, or that it takes too much work to find."""
-        try:
-            return self._repaired(point)
-        except TooMuchError:
-            return self._analysed(point, ())._replace(unsolved=FAR)
 
     def _repaired(self, point: Point) -> _Judged:
         """Judge the nearest admissible state over all values; name those to change.
@@ -590,8 +549,8 @@ class _Examiner:
         """
         near, everything = self.stated.at(errors=self.errors), range(self.n)
         for k, velocities in enumerate((False, True)):
-            relations = self.solver.relations(near, everything, velocities=velocities)
-            found = self.solver.nearest(relations)
+            relations = self._relations(near, everything, velocities=velocities)
+            found = self._solved(relations)
             near = relations.at(found.x)
             if not found.converged:
                 against = self._analysed(near, LEVELS[: k + 1]).contradictions
@@ -620,11 +579,11 @@ class _Examiner:
         new = {
             name: row
             for name, row in one_sided(self.e, missed).items()
-            if name not in self.solver.touching
+            if name not in self.touching
             and row.holonomic is not velocities
             and (free is None or not row.A.entries.keys().isdisjoint(free))
         }
-        self.solver.touching |= new
+        self.touching |= new
         return bool(new)
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
@@ -639,6 +598,39 @@ class _Examiner:
             for name, (a, b) in pairs.items()
             if abs(b - a) > REPORTED * errors[name]
         }
+
+
+def _spread(relations: Relations, x: Floats) -> Floats:
+    """Give how far around a root x, found from x0, others are looked for."""
+    if relations.velocities:  # 0 may be found as 1e-60
+        return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
+    lengths = Lengths(relations.at(x), relations.wanted)
+    return np.asarray(lengths.spread[relations.free])
+
+
+def _unwound(relations: Relations, x: Floats) -> Floats:
+    """Give a root without the whole turns of its angles that lead away from a guess.
+
+    An angle is a component whose turn changes no relation: at the root, and beside it.
+    """
+    if relations.velocities:
+        return x
+    near = relations.x0
+    turns = np.rint((x - near) / TURN)
+    for k in np.flatnonzero(turns):
+        turn = np.zeros(len(x))
+        turn[k] = TURN
+        for at in (x, near + 0.1 * (x - near)):
+            (r, J), (turned, slopes) = relations(at), relations(at + turn)
+            size = 1e-9 * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
+            same = np.all(np.abs(turned - r) <= size)
+            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
+                turns[k] = 0.0
+    return np.asarray(x - TURN * turns)
+
+
+def _listed(names: Sequence[str], values: Floats) -> str:
+    return ", ".join(f"{n} = {x:.6g}" for n, x in zip(names, values, strict=True))
 
 
 def _text(against: tuple[Dependence, ...]) -> str:

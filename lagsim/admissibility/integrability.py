@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.algebra import Span, least_squares, null_space
-from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.newton import Relations, reach, wanted_of
+from lagsim.admissibility.newton import Relations, reach
+from lagsim.admissibility.point import conditions, of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.point import Point
     from lagsim.admissibility.verdict import Verdict
-    from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 
 # What has one form on one side of a switch and another on the other.
@@ -71,11 +70,9 @@ def classified(
     found = list(verdicts)
     for k, verdict in enumerate(verdicts):
         if verdict.pfaffian:
-            row = rows[verdict.name]
-            alone = whole if len(rows) == 1 else reach_of(point, [row])
-            decided = alone.hidden is not None
-            integrable = alone.hidden == 1 if decided else None
-            why = "" if decided else alone.reason
+            one = whole if len(rows) == 1 else reach_of(point, [rows[verdict.name]])
+            integrable = None if one.hidden is None else one.hidden == 1
+            why = one.reason if one.hidden is None else ""
             found[k] = verdict._replace(integrable=integrable, undecided=why)
     return found, whole
 
@@ -84,28 +81,17 @@ def reach_of(point: Point, rows: Sequence[Row]) -> Reach:
     """Decide what the motions that `rows` admit can reach from near the point."""
     if any(not row.holonomic and not row.pfaffian for row in rows):
         return Reach(None, None, reason="a relation is not linear in the velocities")
-    switched = _switch(point, rows)
-    if switched is not None:
-        return Reach(None, None, reason=switched)
+    # Brackets are those of one branch, and the motion may leave it.
+    free = all(row.holonomic for row in rows)
+    for row in () if free else rows:
+        moving = point.g.dependent([*row.A, row.rate], (*point.e.q, "t"))
+        ops = (point.g.ops[n] for n in sorted(moving))
+        if op := next((op for op in ops if op in BRANCHED), None):
+            reason = f"`{row.name}` has another form past the switch of its `{op}`"
+            return Reach(None, None, reason=reason)
     if point.is_large:
         return Reach(None, None, reason=f"{point.n} coordinates have too many brackets")
     return _at_generic_points(point.at(v=np.zeros(point.n), errors={}), rows)
-
-
-def _switch(point: Point, rows: Sequence[Row]) -> str | None:
-    """Give why brackets do not decide: relations have another form past a switch.
-
-    Brackets are those of one branch, and the motion may leave it.
-    """
-    g = point.g
-    if all(row.holonomic for row in rows):
-        return None
-    for row in rows:
-        moving = g.dependent([*row.A, row.rate], (*point.e.q, "t"))
-        op = next((g.ops[n] for n in sorted(moving) if g.ops[n] in BRANCHED), None)
-        if op is not None:
-            return f"`{row.name}` has another form past the switch of its `{op}`"
-    return None
 
 
 def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
@@ -132,7 +118,7 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
 
 def _admissible(point: Point, rows: Sequence[Row]) -> Point | None:
     """Give a state that the holonomic rows admit, near a point; None: not found."""
-    wanted = wanted_of(rows, velocities=False)
+    wanted = conditions(rows, velocities=False)
     if not wanted:
         return point
     relations = Relations(point, wanted, range(point.n), velocities=False)
@@ -187,14 +173,15 @@ class _Distribution:
 
     def _extends(self, span: Span, field: Sequence[int]) -> bool:
         """Add a field to the span if it leaves it by more than rounding."""
-        rest = _outside(span, self.point.array(field) * self.weights)
-        if rest is None:
+        vector = self.point.array(field) * self.weights
+        length = np.linalg.norm(vector)
+        if not np.isfinite(length) or length == 0:
             return False
-        rounding = self.point.rounding(field) * self.weights
-        if np.linalg.norm(rest) <= CAUTION * np.linalg.norm(rounding):
+        rest = span.outside(vector / length)
+        if np.linalg.norm(rest) <= INDEPENDENT:
             return False
-        span.add(rest)
-        return True
+        rounding = np.linalg.norm(self.point.rounding(field) * self.weights)
+        return span.extend(rest, CAUTION * float(rounding / length))
 
     def _fields(self) -> list[list[int]]:
         """Give fields that span the kernel of the forms around the point."""
@@ -219,9 +206,7 @@ class _Distribution:
                     ]
                     numbers[k] -= numbers[k, j] * numbers[i]
         fields = []
-        for free in range(len(self.names)):
-            if free in bound:
-                continue
+        for free in sorted(set(range(len(self.names))) - bound.keys()):
             field = [g.zero] * len(self.names)
             field[free] = g.one
             for j, i in bound.items():
@@ -243,9 +228,8 @@ class _Distribution:
         # holonomic rows are no news.
         known = Span(len(self.names))
         for row, form in zip(self.rows, self.scaled, strict=True):
-            rest = _outside(known, form) if row.holonomic else None
-            if rest is not None:
-                known.add(rest)
+            if row.holonomic:
+                known.extend(form, INDEPENDENT)
         blocked = null_space(np.vstack([span.basis, known.basis]), 1e-6)
         shares = least_squares(self.scaled.T, blocked, INDEPENDENT)
         names = tuple(
@@ -254,12 +238,3 @@ class _Distribution:
             if not row.holonomic and np.any(np.abs(share) > 1e-6)
         )
         return Reach(span.size - 1, blocked.shape[1], names)
-
-
-def _outside(span: Span, vector: Floats) -> Floats | None:
-    """Give the part of a vector outside the span; None if there is none."""
-    length = np.linalg.norm(vector)
-    if not np.isfinite(length) or length == 0:
-        return None
-    rest = span.outside(vector / length)
-    return None if np.linalg.norm(rest) <= INDEPENDENT else rest * length

@@ -22,16 +22,16 @@ from lagsim.admissibility.algebra import (
     kkt_factors,
     least_squares,
     null_space,
+    scaled,
 )
-from lagsim.language.derivatives import slopes, tangent
+from lagsim.language.derivatives import tangent
 from lagsim.tolerances import CONVERGED, STATE_ROUNDOFF, TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from lagsim.admissibility.point import Point
-    from lagsim.language.arrays import Floats
-    from lagsim.mechanics.constraints import Row
+    from lagsim.admissibility.point import Condition, Point
+    from lagsim.language.arrays import Flags, Floats
 
 
 # --- Relations: residuals as functions of some values of a state
@@ -40,40 +40,21 @@ if TYPE_CHECKING:
 STEP = 350.0
 
 
-class Wanted(NamedTuple):
-    """A node and the value that it should have, which may have an error.
-
-    scale : int
-        The size of its terms: a node.
-    """
-
-    name: str
-    node: int
-    scale: int
-    target: float = 0.0
-    error: float = 0.0
-
-
-def wanted_of(rows: Sequence[Row], *, velocities: bool) -> list[Wanted]:
-    """Give what rows ask of velocities, or those that are holonomic of positions."""
-    if velocities:
-        return [Wanted(r.name, r.rate, r.rate_scale) for r in rows]
-    return [Wanted(r.name, r.residual, r.residual_scale) for r in rows if r.holonomic]
-
-
 class Relations:
     """Residuals r (m,) as a function of values x (k,) of a state, the others given.
 
     Parameters
     ----------
+    wanted
+        What is asked of positions, or of `velocities`.
     free
-        The indices of these values, among the positions or the `velocities`.
+        The indices of these values among them.
     """
 
     def __init__(
         self,
         point: Point,
-        wanted: Sequence[Wanted],
+        wanted: Sequence[Condition],
         free: Sequence[int],
         *,
         velocities: bool,
@@ -84,7 +65,11 @@ class Relations:
         self.targets = np.array([x.target for x in wanted])
         names = point.e.velocities if velocities else point.e.q
         self.names = [names[j] for j in self.free]
-        self._place = {point.g.variable(x): k for k, x in enumerate(self.names)}
+        place = {j: k for k, j in enumerate(self.free)}
+        # Of each node by the values: index among these -> node.
+        self.slopes = [
+            {place[j]: s for j, s in x.A.items() if j in place} for x in wanted
+        ]
 
     @property
     def x0(self) -> Floats:
@@ -101,21 +86,15 @@ class Relations:
         return self.point.at(*state, {**self.point.errors, **own})
 
     @cached_property
-    def slopes(self) -> list[dict[int, int]]:
-        """The slopes of each node: index among the values -> node."""
-        g, unknowns = self.point.g, frozenset(self._place)
-        found = [slopes(g, node, unknowns) for node in self.nodes]
-        return [{self._place[x]: s for x, s in row.items()} for row in found]
-
-    @cached_property
     def _second(self) -> list[tuple[int, int, int, int]]:
         """The second derivatives that do not vanish: row, two values, node."""
         g, found = self.point.g, []
+        place = {g.variable(x): k for k, x in enumerate(self.names)}
         for i, row in enumerate(self.slopes):
             nodes = list(row.values())
-            for x in sorted(frozenset(g.cone(nodes)) & frozenset(self._place)):
+            for x in sorted(place.keys() & frozenset(g.cone(nodes))):
                 found += [
-                    (i, j, self._place[x], node)
+                    (i, j, place[x], node)
                     for j, node in zip(row, tangent(g, nodes, {x: g.one}), strict=True)
                     if node != g.zero
                 ]
@@ -133,16 +112,15 @@ class Relations:
         """Give r (m,) and dr/dx (m, k)."""
         m, k = len(self.targets), len(self.free)
         self.point.g.count(m * k * min(m, k) / STEP)
-        r, entries = self.with_entries(x)
+        r, entries = self._with_entries(x)
         return r, entries.dense(m, k)
 
     def sparse(self, x: Floats) -> tuple[Floats, Any]:
         """Give r (m,) and dr/dx (m, k) as a sparse matrix."""
-        r, entries = self.with_entries(x)
+        r, entries = self._with_entries(x)
         return r, entries.sparse(len(r), len(x))
 
-    def with_entries(self, x: Floats) -> tuple[Floats, Entries]:
-        """Give r (m,) and the entries of dr/dx that are not zero."""
+    def _with_entries(self, x: Floats) -> tuple[Floats, Entries]:
         own, slopes = self.nodes, self.slopes
         every = [*own, *(node for row in slopes for node in row.values())]
         found = self.at(x).array(every)
@@ -152,34 +130,34 @@ class Relations:
 
     def hold(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
-        point = self.at(x, errors)
-        residual, terms = self._against_terms(point)
+        point, residual, terms = self._against_terms(x, errors)
         far = np.flatnonzero(~(residual <= terms))
         # Bounds of rounding take long: of the row that misses most they mostly suffice.
         far = far[np.argsort((terms - residual)[far])].tolist()
         parts = (far[:1], far[1:])
         return all(np.all(residual[x] <= self._rounding(point, x)) for x in parts)
 
-    def violated(self, x: Floats, errors: Floats) -> Any:
-        """Tell of each of r whether it is more than that, (m,) of bool."""
-        point = self.at(x, errors)
-        residual, terms = self._against_terms(point)
-        found = ~(residual <= terms)
+    def violated(self, x: Floats, errors: Floats) -> Flags:
+        """Tell of each of r whether it is more than that, (m,)."""
+        point, residual, terms = self._against_terms(x, errors)
+        found: Flags = ~(residual <= terms)
         far = np.flatnonzero(found).tolist()
         found[far] = ~(residual[far] <= self._rounding(point, far))
         return found
 
     def exact(self, x: Floats) -> bool:
         """Tell whether r is within the rounding errors of x as it was stated."""
-        point = self.at(x)
-        residual = np.abs(point.array(self.nodes) - self.targets)
+        point, residual, _ = self._against_terms(x)
         return bool(np.all(residual <= self._rounding(point, range(len(residual)))))
 
-    def _against_terms(self, point: Point) -> tuple[Floats, Floats]:
-        """Give |r| (m,), and what of it is small against its terms, (m,)."""
+    def _against_terms(
+        self, x: Floats, errors: Floats | None = None
+    ) -> tuple[Point, Floats, Floats]:
+        """Give the point, |r| (m,), and what of it is small against its terms, (m,)."""
+        point = self.at(x, errors)
         scale = np.abs(point.array([x.scale for x in self.wanted]))
-        scale = np.maximum(scale, np.abs(self.targets))
-        return np.abs(point.array(self.nodes) - self.targets), CONVERGED * scale
+        small = CONVERGED * np.maximum(scale, np.abs(self.targets))
+        return point, np.abs(point.array(self.nodes) - self.targets), small
 
     def _rounding(self, point: Point, rows: Sequence[int]) -> Floats:
         found = point.rounding([self.nodes[i] for i in rows])
@@ -352,11 +330,10 @@ def _others(
     """Give other starts around x0, as far as the point found; the same each time."""
     random = np.random.default_rng(3)
     L = cholesky(metric)
+    near = far = float(np.sqrt(_square(x0 if best is None else best - x0, metric)))
     if best is None:
-        far = float(np.sqrt(_square(x0, metric))) or 1.0
+        far = far or 1.0
         near = _curved(relations, x0, L) or far
-    else:
-        near = far = float(np.sqrt(_square(best - x0, metric)))
     for k in range(OTHER_STARTS):
         kick = np.linalg.solve(L.T, random.standard_normal(len(x0)))
         size = near if k < OTHER_STARTS // 2 else far
@@ -404,7 +381,8 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return Found(x, converged=False, trouble=Trouble.NOT_FINITE)
-        step = least_change(J, r, L)
+        Y, lengths = _rows(J, L)
+        step = np.asarray(np.linalg.solve(L.T, least_squares(Y, -r / lengths)), float)
         length = float(np.sqrt(_square(step, metric)))
         part = length / (last or 1.0)
         steady = SLOW[0] < part < SLOW[1] and abs(part - before) < STEADY
@@ -416,7 +394,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         hold = relations.hold(x, STATE_ROUNDOFF * largest + way * ulp)
         jumped |= hold and not polished and k - jump <= ARRIVED
         polished += hold
-        damped = _damped(relations, x, r, _lengths(J, L), step, once=hold)
+        damped = _damped(relations, x, r, lengths, step, once=hold)
         if damped is None:
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
@@ -453,19 +431,11 @@ def _damped(
     return None
 
 
-def _lengths(J: Floats, L: Floats) -> Floats:
-    """Give the lengths of the rows of J in the metric L L^T; 1 where one vanishes."""
-    lengths = np.linalg.norm(np.linalg.solve(L, J.T), axis=0)
+def _rows(J: Floats, L: Floats) -> tuple[Floats, Floats]:
+    """Give the rows of J in the metric L L^T to length 1, and their lengths or 1."""
+    Y, lengths = scaled(J, L)
     lengths[lengths == 0] = 1.0
-    return np.asarray(lengths)
-
-
-def least_change(J: Floats, residual: Floats, L: Floats) -> Floats:
-    """Give the least dx in L L^T with J dx = -residual (in the least squares)."""
-    Y = np.linalg.solve(L, J.T).T
-    lengths = _lengths(J, L)
-    solution = least_squares(Y / lengths[:, None], -residual / lengths)
-    return np.asarray(np.linalg.solve(L.T, solution))
+    return Y, lengths
 
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
@@ -475,7 +445,7 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     from scipy.optimize import least_squares  # slow to load, and only failures need it
 
     L = cholesky(metric)
-    weights = _lengths(np.nan_to_num(relations(reached.x)[1]), L)
+    _, weights = _rows(np.nan_to_num(relations(reached.x)[1]), L)
 
     # In z = L^T x, so that units do not matter.
     def back(z: Floats) -> Floats:
@@ -506,10 +476,9 @@ class _Slope:
     def __init__(
         self, relations: Relations, x0: Floats, x: Floats, metric: Floats
     ) -> None:
-        self.relations, self.x, self.metric = relations, x, metric
+        self.relations, self.x0, self.x, self.metric = relations, x0, x, metric
         J, L = relations(x)[1], cholesky(metric)
-        lengths = _lengths(J, L)
-        Y = np.linalg.solve(L, J.T).T / lengths[:, None]
+        Y, lengths = _rows(J, L)
         gap = L.T @ (x - x0)
         self.multipliers = least_squares(Y.T, gap) / lengths
         self.kernel = np.linalg.solve(L.T, null_space(Y))
@@ -530,41 +499,39 @@ class _Slope:
         down = -along / np.maximum(np.abs(curvatures), 1e-3)
         return np.asarray(self.kernel @ (directions @ down))
 
+    def lower(self) -> _Slope | None:
+        """Take as much of a step as comes nearer; None where no part of it does."""
+        if not self.kernel.shape[1] or self.change == 0:
+            return None  # isolated: there is nothing to choose
+        step, damping = self.step(), 1.0
+        while np.any(step) and damping > SMALLEST_DAMPING:
+            trial = reach(self.relations, self.x + damping * step, self.metric)
+            if trial.converged:
+                there = _Slope(self.relations, self.x0, trial.x, self.metric)
+                if there.change < (1 - 1e-10) * self.change:
+                    return there
+                # Near the minimum only the gradient still tells nearer from farther.
+                level = there.change <= (1 + 1e-10) * self.change
+                if level and there.steepness < 0.5 * self.steepness:
+                    return there
+                if level and damping == 1.0 and self.steepness < 1e-6 * self.change:
+                    return None
+            damping /= 2
+        return None
+
 
 def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
     """Go along the relations from a point that satisfies them to the nearest one."""
     try:
         here = _Slope(relations, x0, x, metric)
         for _ in range(MOST_STEPS):
-            if not here.kernel.shape[1] or here.change == 0:
-                break  # isolated: there is nothing to choose
-            step = here.step()
-            there = _lower(here, x0, step) if np.any(step) else None
+            there = here.lower()
             if there is None:
                 break
             here = there
     except np.linalg.LinAlgError:
         return x
     return here.x
-
-
-def _lower(here: _Slope, x0: Floats, step: Floats) -> _Slope | None:
-    """Take as much of the step as comes nearer; None where no part of it does."""
-    damping = 1.0
-    while damping > SMALLEST_DAMPING:
-        trial = reach(here.relations, here.x + damping * step, here.metric)
-        if trial.converged:
-            there = _Slope(here.relations, x0, trial.x, here.metric)
-            if there.change < (1 - 1e-10) * here.change:
-                return there
-            # Near the minimum only the gradient still tells nearer from farther.
-            level = there.change <= (1 + 1e-10) * here.change
-            if level and there.steepness < 0.5 * here.steepness:
-                return there
-            if level and damping == 1.0 and here.steepness < 1e-6 * here.change:
-                return None
-        damping /= 2
-    return None
 
 
 def _square(x: Floats, metric: Floats) -> float:

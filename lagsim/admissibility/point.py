@@ -1,16 +1,23 @@
-"""The equations in numbers at a state, from the graph in plain Python.
+"""The equations in numbers at a state, from the graph in plain Python; lengths.
 
 One state is all that is asked, so nothing is compiled. From LARGE coordinates on
 matrices are sparse: what is decided then is decided as for small scenes, as long as M
 is safely positive and the rows are safely independent; where they are not, dense
 matrices are used, which take time proportional to the cube of the number of
 coordinates.
+
+A relation is as long as the way along a coordinate on which its gradient changes by as
+much as it is long: for a rod its length, for a curve its radius, for a sine one radian.
+Moved elsewhere, or measured in other units, it has the same length, while its terms and
+|q_i dg/dq_i| grow with the distance from the origin. A relation that is affine has no
+length of its own; its coordinates have those of the other relations in which they
+stand.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -19,14 +26,16 @@ from lagsim.admissibility.algebra import (
     factored,
     is_diagonal,
     largest_eigenvalue,
+    least_squares,
     sizes_of,
 )
+from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.mechanics.equations import Instant
 from lagsim.tolerances import SAFELY_INDEPENDENT, STATE_ROUNDOFF, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.chains import Chains
@@ -251,3 +260,242 @@ class Point:
         if not (np.all(np.isfinite(own)) and np.all(diagonal > 0)):
             return False
         return bool(np.min(own / diagonal) > SAFELY_INDEPENDENT)
+
+
+# --- Lengths
+
+# Through so many affine relations a length is handed on.
+LINKS = 3
+# The constant of an affine relation is rounding below this part of its terms.
+ROUNDED = 1e-13
+# Where states are varied, a length below this part of the longest is that of a gradient
+# that all but vanishes.
+TINY = 1e-8
+# A length is not handed on if it is more than so many of the form's shortest.
+LONG = 1e3
+# A least-squares problem takes rows * columns * rank / FITTED operations made.
+FITTED = 1000.0
+
+
+class Condition(NamedTuple):
+    """What is asked of positions, or of velocities: the value that a node should have.
+
+    Attributes
+    ----------
+    A : mapping of int to int
+        The gradient of the node: index of a coordinate, or of its velocity -> node.
+    scale : int
+        The size of its terms: a node.
+    target, error : float
+        The value, and a bound of its rounding error.
+    """
+
+    name: str
+    node: int
+    A: Mapping[int, int]
+    scale: int
+    target: float = 0.0
+    error: float = 0.0
+
+
+def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
+    """Give what rows ask of velocities, or those that are holonomic of positions."""
+    if velocities:
+        return [Condition(r.name, r.rate, r.A.entries, r.rate_scale) for r in rows]
+    return [
+        Condition(r.name, r.residual, r.A.entries, r.residual_scale)
+        for r in rows
+        if r.holonomic
+    ]
+
+
+def gradient_of(point: Point, node: int) -> dict[int, int]:
+    """Give the slopes of a node: index among positions, then velocities -> node."""
+    names = (*point.e.q, *point.e.velocities)
+    places = {point.g.variable(name): j for j, name in enumerate(names)}
+    found = slopes(point.g, node, frozenset(places))
+    return {places[x]: slope for x, slope in found.items()}
+
+
+class _Form(NamedTuple):
+    """A condition's gradient where coordinate j counts as sqrt(M_jj) q_j.
+
+    Attributes
+    ----------
+    table : (2 k + 1, columns)
+        The gradient, then its first and second derivative by each of the positions
+        that it depends on.
+    ways : dict of int to float
+        Each of these: the way along it on which the gradient changes by its own length;
+        0 where the gradient vanishes, inf where it does not change.
+    """
+
+    columns: list[int]
+    table: Floats
+    ways: dict[int, float]
+
+    @property
+    def shortest(self) -> float:
+        """The shortest of the ways; inf where the condition is affine."""
+        return min(self.ways.values(), default=np.inf)
+
+    def longest(self, lengths: Floats) -> float:
+        """Give the greatest slope * length of those that have one; -inf without."""
+        slopes, own = np.abs(self.table[0]), lengths[self.columns]
+        known = np.isfinite(own) & (slopes > 0.0)
+        return float(np.max(slopes[known] * own[known], initial=-np.inf))
+
+
+class Lengths:
+    """The lengths of conditions at a state."""
+
+    def __init__(self, point: Point, asked: Sequence[Condition]) -> None:
+        self.point, self.asked = point, asked
+        self.weights = point.sizes
+        self.u = self.weights * point.q
+        self.forms = self._measured()
+
+    def _measured(self) -> list[_Form]:
+        g, names = self.point.g, self.point.e.q
+        place = {g.variable(name): j for j, name in enumerate(names)}
+        wanted: list[int] = []
+        along: list[list[int]] = []
+        for asked in self.asked:
+            nodes = list(asked.A.values())
+            wanted += nodes
+            along.append(sorted(place[x] for x in g.cone(nodes) if x in place))
+            # Entries that a coordinate does not move are not looked through for it.
+            moved: dict[int, list[int]] = {k: [] for k in along[-1]}
+            for i, node in enumerate(nodes):
+                for x in g.cone([node]):
+                    if x in place:
+                        moved[place[x]].append(i)
+            for k, entries in moved.items():
+                seed = {g.variable(names[k]): g.one}
+                found = [nodes[i] for i in entries]
+                for _ in range(2):
+                    found = tangent(g, found, seed)
+                    row = dict(zip(entries, found, strict=True))
+                    wanted += [row.get(i, g.zero) for i in range(len(nodes))]
+        values, forms = self.point.array(wanted), []
+        for asked, ways in zip(self.asked, along, strict=True):
+            columns, rows = list(asked.A), 2 * len(ways) + 1
+            table, values = np.split(values, [rows * len(columns)])
+            scale = 1.0 / self.weights[np.repeat(ways, 2).astype(int)]
+            scale[1::2] *= scale[1::2]
+            table = table.reshape(rows, len(columns)) / self.weights[columns]
+            table[1:] *= scale[:, None]
+            size = np.linalg.norm(table, axis=1)
+            # A gradient that is only the rounding of where it is taken vanishes.
+            rounding = STATE_ROUNDOFF * float(size[1::2] @ np.abs(self.u[ways]))
+            size[0] = size[0] if size[0] > rounding else 0.0
+            pairs = zip(ways, size[1::2], size[2::2], strict=True)
+            own = {k: _way(size[0], first, second) for k, first, second in pairs}
+            forms.append(_Form(columns, table, own))
+        return forms
+
+    def _shortest(self, least: float, most: float) -> Floats:
+        """Give the shortest lengths (n,) that are more than `least`, handed on.
+
+        One that is more than `most` of a form's shortest is only that of a special
+        direction, as along a rod: the shortest stands for it. Affine forms hand
+        lengths on, from those of their coordinates that have one.
+        """
+        found = np.full(self.point.n, np.inf)
+        for form in self.forms:
+            for k, own in form.ways.items():
+                way = form.shortest if own > most * form.shortest else own
+                found[k] = min(found[k], way) if way > least else found[k]
+        for _ in range(LINKS):
+            before = found.copy()
+            for form in self.forms:
+                scale = form.longest(before) if np.isinf(form.shortest) else -np.inf
+                for k, slope in zip(form.columns, np.abs(form.table[0]), strict=True):
+                    if scale > 0.0 and slope > 0.0 and np.isinf(found[k]):
+                        found[k] = scale / slope
+            if np.array_equal(before, found):
+                break
+        return found
+
+    @cached_property
+    def spread(self) -> Floats:
+        """How far around the state each coordinate is varied, shape (n,).
+
+        Its length; 0 where no gradient depends on it. Where one does whose length
+        cannot be told here (at a double root) it is the others', in the metric of M;
+        without any it is the coordinate's own size.
+        """
+        ways = [(k, way) for form in self.forms for k, way in form.ways.items()]
+        known = [way for _, way in ways if 0.0 < way < np.inf]
+        size = max(known, default=0.0)
+        lengths = self._shortest(TINY * size, 1.0)
+        other = np.full(self.point.n, size)
+        if not known:
+            other[:] = float(np.linalg.norm(self.u)) or 1.0
+            other = np.where(self.u != 0.0, np.abs(self.u), other)
+        lengths = np.where(np.isinf(lengths), other, lengths)
+        moves = np.isin(np.arange(self.point.n), [k for k, _ in ways])
+        return np.asarray(np.where(moves, lengths / self.weights, 0.0))
+
+    def scales(self) -> Floats:
+        """Give the size of each form by its lengths, (m,); inf where it has none."""
+        values = self.point.array([x.node for x in self.asked])
+        missed = values - np.array([x.target for x in self.asked])
+        pairs = zip(self.forms, missed, strict=True)
+        return np.array([self._scale(form, x) for form, x in pairs])
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        """The shortest length at each coordinate, (n,); inf where there is none."""
+        return self._shortest(0.0, LONG)
+
+    def _scale(self, form: _Form, value: float) -> float:
+        slopes = form.table[0]
+        if not np.all(np.isfinite(slopes)):
+            return np.inf
+        if np.isfinite(form.shortest):
+            return float(np.linalg.norm(slopes)) * form.shortest
+        scale = form.longest(self._lengths)
+        if np.isfinite(scale):
+            return scale
+        own = slopes * self.u[form.columns]
+        moved = abs(float(np.sum(own)))
+        constant = abs(value - float(np.sum(own)))
+        terms = float(np.max(np.abs(own), initial=0.0))
+        return np.inf if constant <= ROUNDED * terms else max(constant, moved)
+
+    def motions(self) -> Floats:
+        """Give the size of the motion that each form sees, shape (m,); inf: not known.
+
+        That is |A| in the metric of M^-1 times |v| in that of M, of the coordinates
+        that stand in the form; velocities to which it is blind, here and nearby (both
+        ends of a rod alike), do not count.
+        """
+        return np.array([self._motion(form) for form in self.forms])
+
+    def _motion(self, form: _Form) -> float:
+        shortest, table = form.shortest, form.table
+        if np.isinf(shortest) or not np.all(np.isfinite(table)):
+            return np.inf
+        # Derivatives count as what they make of the gradient over the shortest length.
+        factors = [1.0, *[shortest, shortest**2] * len(form.ways)]
+        seen = table * np.array(factors)[:, None]
+        v = (self.weights * self.point.v)[form.columns]
+        self.point.g.count(seen.size * min(seen.shape) / FITTED)
+        along = seen.T @ least_squares(seen.T, v)
+        return float(np.linalg.norm(table[0]) * np.linalg.norm(along))
+
+
+def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
+    """Give the lengths of constraint rows."""
+    asked = [Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows]
+    return Lengths(point, asked)
+
+
+def _way(size: float, first: float, second: float) -> float:
+    """Give how far a gradient of this size and these derivatives stays what it is."""
+    if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
+        return np.inf
+    linear = size / first if first > 0.0 else np.inf
+    curved = np.sqrt(size / second) if second > 0.0 else np.inf
+    return float(min(linear, curved))

@@ -1,9 +1,17 @@
-"""Rank of the constraint Jacobian: dependent rows, by name, and what contradicts.
+"""Rank of the constraint Jacobian: dependent rows, contradictions, and thin sets.
 
 Rows are compared in the metric of M and scaled to length 1, so that neither units nor
 the scale of a relation count. A nearly parallel row is a real constraint: only what
 vanishes against DEPENDENT_ROWS is dependent. A gradient that is nothing but rounding is
 zero.
+
+A row that others span may be one relation too many: then all states that the others
+admit satisfy it, too. It may be dependent only at a singular configuration, where
+motions branch. Or it is dependent all over the set that it makes, as that of x^2 + y^2
+= 0, of two spheres that touch, or of a plane and a cylinder that touch along a line:
+the relation holds there as a multiple root. No multiplier keeps a motion on such a thin
+set. The first is tried on states that the other rows admit, the second on generic
+states nearby.
 """
 
 from __future__ import annotations
@@ -15,22 +23,25 @@ import numpy as np
 
 from lagsim.admissibility.algebra import (
     Span,
+    cholesky,
     kkt_factors,
     largest_eigenvalue,
     least_squares,
     lengths_in,
     rank_metric,
+    scaled,
     solving_metric,
 )
-from lagsim.admissibility.lengths import of_rows
-from lagsim.admissibility.newton import Relations, Trouble, reach, wanted_of
-from lagsim.tolerances import DEPENDENT_ROWS, SAFELY_INDEPENDENT
+from lagsim.admissibility.newton import Relations, Trouble, reach
+from lagsim.admissibility.point import conditions, of_rows
+from lagsim.tolerances import DEPENDENT_ROWS, SAFELY_INDEPENDENT, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.admissibility.point import Point
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Floats
+    from lagsim.mechanics.constraints import Row
 
 # What dependent rows ask for may differ by this part of its size: rounding, and starts
 # that were typed.
@@ -48,8 +59,6 @@ GENERIC_RANK = 1e-9
 TRACE = 1e-4
 # What vanishes at a double root is known to half of the digits.
 HALF = 1e-6
-# So many rows at a time are compared with all.
-BLOCK = 256
 
 
 class Dependence(NamedTuple):
@@ -146,7 +155,7 @@ def analyse(
         lengths = _without_traces(point, Y, lengths, double)
     flags = dependent_rows(Y, DEPENDENT_ROWS if double is None else HALF)
     rank = flags.count(False)
-    left, sizes, _ = np.linalg.svd(Y, full_matrices=False)
+    left, sizes, _ = np.linalg.svd(Y)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
@@ -160,8 +169,9 @@ def analyse(
         combination = tuple((rows[j].name, c) for j, c in coefficients.items())
         against = _contradictions(demands, i, coefficients)
         dependences.append(Dependence(rows[i].name, combination, everywhere, against))
-    shared = zip(rows, _in_dependences(left[:, :rank]), strict=True)
-    names = tuple(row.name for row, is_in in shared if is_in)
+    # The rows that are part of some combination that vanishes.
+    shared = np.any(np.abs(left[:, rank:]) > 1e-9, axis=1)
+    names = tuple(row.name for row, is_in in zip(rows, shared, strict=True) if is_in)
     # Rank can only be lost at a state, not won.
     if generic is None or generic.rank < rank:
         generic = _Generic(rank, smallest, tuple(flags))
@@ -181,9 +191,7 @@ def scaled_rows(
     With `rounded`, entries that are only rounding are zero.
     """
     A = np.nan_to_num(point.jacobian(point.e.rows, rounded=rounded))
-    Y = np.linalg.solve(np.linalg.cholesky(metric(point.mass_matrix, A)), A.T).T
-    lengths = np.linalg.norm(Y, axis=1)
-    return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
+    return scaled(A, cholesky(metric(point.mass_matrix, A)))
 
 
 def row_lengths(point: Point) -> Floats:
@@ -214,8 +222,9 @@ def weakest_rows(
             return weakest, smallest
     Y, lengths = scaled_rows(point, solving_metric)
     scale = np.maximum(lengths, usual)
-    Y = Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
-    left, sizes, _ = np.linalg.svd(Y)
+    left, sizes, _ = np.linalg.svd(
+        Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
+    )
     last = min(rank, len(sizes)) - 1
     return left[:, last], float(sizes[last])
 
@@ -243,9 +252,7 @@ def _smallest_of_sparse(
     M, A = _sparse(point, rounded=rounded)
     lengths = lengths_in(M, A)
     scale = lengths if usual is None else np.fmax(usual, lengths)
-    if not np.all(scale > 0):
-        return unknown
-    factors = kkt_factors(M, diags(1.0 / scale) @ A)
+    factors = kkt_factors(M, diags(1.0 / scale) @ A) if np.all(scale > 0) else None
     if factors is None:
         return unknown
 
@@ -259,27 +266,8 @@ def _smallest_of_sparse(
 
 def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
     """Tell of each scaled row whether the earlier ones already span it."""
-    span, flags = Span(Y.shape[1]), []
-    for row in Y:
-        rest = span.outside(row)
-        flags.append(float(np.linalg.norm(rest)) <= cutoff)
-        if not flags[-1]:
-            span.add(rest)
-    return flags
-
-
-def _in_dependences(range_: Floats) -> Flags:
-    """Tell which rows are part of some dependence, (m,).
-
-    Those whose unit vectors are not in the range of the columns of an orthogonal
-    matrix; by blocks, for m x m numbers take long and much memory.
-    """
-    found = np.zeros(len(range_), bool)
-    for k in range(0, len(range_), BLOCK):
-        part = range_[k : k + BLOCK] @ range_.T
-        part[np.arange(len(part)), k + np.arange(len(part))] -= 1.0
-        found[k : k + BLOCK] = np.any(np.abs(part) > 1e-9, axis=1)
-    return found
+    span = Span(Y.shape[1])
+    return [not span.extend(row, cutoff) for row in Y]
 
 
 def _combinations(
@@ -301,27 +289,23 @@ def _combinations(
 
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
     """Give what each row asks for on each level, and what of that is none (m,)."""
-    rows = point.e.rows
-    asked = {
-        "position": [r.residual if r.holonomic else point.g.zero for r in rows],
-        "velocity": [r.rate for r in rows],
-        "acceleration": [r.b for r in rows],
-    }
-    sizes = {
-        "position": [r.residual_scale for r in rows],
-        "velocity": [r.rate_scale for r in rows],
-        "acceleration": asked["acceleration"],
-    }
+    rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
     lengths = of_rows(point, rows)
-    own = {"position": lengths.scales, "velocity": lengths.motions}
+    asked = {
+        "position": ([r.residual if r.holonomic else zero for r in rows],
+                     [r.residual_scale for r in rows], lengths.scales),
+        "velocity": ([r.rate for r in rows], [r.rate_scale for r in rows],
+                     lengths.motions),
+        "acceleration": ([r.b for r in rows], [r.b for r in rows], None),
+    }  # fmt: skip
     found = {}
     for level in levels:
-        scales = abs(point.array(sizes[level]))
-        if level in own:
-            scales = np.fmin(scales, own[level]())
-        small = CONTRADICTION * scales + CAUTION * point.rounding(asked[level])
-        found[level] = point.array(asked[level]), small
+        nodes, sizes, own = asked[level]
+        scales = abs(point.array(sizes))
+        scales = np.fmin(scales, own()) if own else scales
+        small = CONTRADICTION * scales + CAUTION * point.rounding(nodes)
+        found[level] = point.array(nodes), small
     return found
 
 
@@ -382,6 +366,14 @@ class Neighbourhood:
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
         return np.asarray(x + size * self.spreads[velocities] * kick)
 
+    def relations(
+        self, rows: Sequence[Row], *, velocities: bool, near: Point | None = None
+    ) -> Relations:
+        """Give what `rows` ask of all positions, or of all velocities."""
+        wanted = conditions(rows, velocities=velocities)
+        every = range(self.point.n)
+        return Relations(near or self.point, wanted, every, velocities=velocities)
+
     def admissible(
         self, size: float, random: np.random.Generator
     ) -> tuple[Point, bool] | None:
@@ -397,16 +389,44 @@ class Neighbourhood:
         entries = [a for row in rows for a in row.A.entries.values()]
         moving = g.depends(entries) & frozenset(self.point.e.velocities)
         for velocities in (False, True) if moving else (False,):
-            wanted = wanted_of(rows, velocities=velocities)
-            if not wanted:
+            relations = self.relations(rows, velocities=velocities, near=near)
+            if not relations.wanted:
                 continue
-            relations = Relations(near, wanted, range(near.n), velocities=velocities)
             reached = reach(relations, relations.x0, self.metric)
             if not reached.converged:
                 return None
             near = relations.at(reached.x)
             double |= reached.trouble is Trouble.DOUBLE_ROOT
         return near, double
+
+    def states(
+        self, rows: Sequence[Row], count: int, *, velocities: bool
+    ) -> list[Floats]:
+        """Give of `count` positions, or velocities, around those that `rows` admit."""
+        random = np.random.default_rng(7)  # the same each time
+        relations = self.relations(rows, velocities=velocities)
+        found = []
+        for _ in range(count):
+            x = self.varied(FAINT, random, velocities=velocities)
+            if not rows:
+                found.append(x)
+            elif (reached := reach(relations, x, self.metric)).converged:
+                found.append(reached.x)
+        return found
+
+    def dimension(self, rows: Sequence[Row], *, velocities: bool) -> int | None:
+        """Give the dimension of the set that `rows` admit; None: not found."""
+        n, x = self.point.n, self.point.v if velocities else self.point.q
+        if n > MOST:
+            return None
+        spread, weights = self.spreads[velocities], np.sqrt(np.diag(self.metric))
+        size = np.max(spread * weights, initial=0.0) or 1.0
+        spread = self.spreads[velocities] = np.where(spread > 0, spread, size / weights)
+        states = self.states(rows, n + 2, velocities=velocities)
+        if len(states) < n + 1:
+            return None
+        ways = (np.array(states) - x) / (FAINT * spread)
+        return int(np.sum(np.linalg.svd(ways, compute_uv=False) > THIN))
 
 
 class _Generic(NamedTuple):
@@ -460,3 +480,127 @@ def _without_traces(point: Point, Y: Floats, lengths: Floats, way: Floats) -> Fl
     gone = lengths <= HALF * usual
     Y[gone] = 0.0
     return np.asarray(np.where(gone, 0.0, lengths))
+
+
+# --- Thin sets
+
+# How far, against their lengths, states are varied, and how often.
+FAINT = 1e-2
+THIN_SAMPLES = 8
+# What a state misses a row by is rounding below this part of what the way changes.
+MISSED = 1e-10
+# Coordinates up to which the dimension of a set is measured; points that lie apart by
+# less than this part of the way that they were sent do not span it.
+MOST = 60
+THIN = 0.05
+
+
+class ThinSet(NamedTuple):
+    """A set of admissible positions on which rows lose their rank all over.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The rows that are dependent there, and hold nowhere around it.
+    dimension : int or None
+        Of the set; None where it was not found.
+    degrees_of_freedom : int or None
+        The dimension less the independent relations between velocities.
+    """
+
+    names: tuple[str, ...]
+    dimension: int | None
+    degrees_of_freedom: int | None = None
+
+    def __str__(self) -> str:
+        named = " and ".join(f"`{name}`" for name in self.names)
+        text = (
+            f"{named} has only a multiple root: the constraints lose rank at every "
+            "admissible state, and no multiplier keeps a motion admissible"
+        )
+        if self.dimension is None:
+            return text
+        if self.dimension == 0:
+            return f"{text}; there is one admissible state, an isolated point"
+        return f"{text}; the admissible states have dimension {self.dimension}"
+
+
+def thin_set(
+    point: Point, dependences: Sequence[Dependence], ways: tuple[Floats, Floats]
+) -> tuple[ThinSet | None, tuple[str, ...]]:
+    """Find the rows that hold as multiple roots on the whole set through the point.
+
+    Parameters
+    ----------
+    ways
+        See `Neighbourhood`.
+
+    Returns
+    -------
+    thin : ThinSet or None
+    real : tuple of str
+        Dependent rows that states admitted by the others violate.
+    """
+    suspects = [d for d in dependences if d.everywhere is not False]
+    if not suspects or point.is_large:
+        return None, ()
+    dependent = {d.name for d in dependences}
+    rows = point.e.rows
+    held = [row for row in rows if row.holonomic]
+    around = Neighbourhood(point, ways)
+    thin, real = _thin_rows(around, held, suspects, dependent, velocities=False)
+    if thin:
+        dimension = around.dimension(held, velocities=False)
+        free = {row.name for row in rows if not row.holonomic} - dependent
+        freedom = None if dimension is None else dimension - len(free)
+        return ThinSet(thin, dimension, freedom), real
+    names = frozenset(point.e.velocities)
+    curved = {
+        row.name
+        for row in rows
+        if not row.holonomic and point.g.depends(row.A.entries.values()) & names
+    }
+    suspects = [d for d in suspects if d.name in curved]
+    thin, more = _thin_rows(around, rows, suspects, dependent, velocities=True)
+    if not thin:
+        return None, real + more
+    return ThinSet(thin, None, around.dimension(rows, velocities=True)), real + more
+
+
+def _thin_rows(
+    around: Neighbourhood,
+    rows: Sequence[Row],
+    dependences: Sequence[Dependence],
+    dependent: Collection[str],
+    *,
+    velocities: bool,
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Give the dependent rows that make the set thin, and those that others miss."""
+    known = {row.name: row for row in rows}
+    suspects = [d for d in dependences if d.name in known]
+    independent = [row for row in rows if row.name not in dependent]
+    # Where they leave no way but the state itself, no other state tells anything.
+    if not suspects or len(independent) >= around.point.n:
+        return (), ()
+    states = around.states(independent, THIN_SAMPLES, velocities=velocities)
+    if not states:
+        return (), ()
+    own = [known[d.name] for d in suspects]
+    relations = around.relations(own, velocities=velocities)
+    # What rounding may leave in the rows at these states.
+    L, x0 = cholesky(around.metric), relations.x0
+    slopes = np.linalg.norm(np.linalg.solve(L, relations(x0)[1].T), axis=0)
+    missed = np.any(
+        [
+            relations.violated(x, STATE_ROUNDOFF * np.abs(x))
+            & (
+                np.abs(relations(x)[0])
+                > MISSED * np.linalg.norm(L.T @ (x - x0)) * slopes
+            )
+            for x in states
+        ],
+        axis=0,
+    )
+    real = [d for d, is_missed in zip(suspects, missed, strict=True) if is_missed]
+    thin = tuple(d.name for d in real if d.everywhere)
+    return thin, tuple(d.name for d in real)

@@ -73,16 +73,15 @@ def test_a_ridge_is_left():
     # On the flat ellipse's short axis it is a minimum, on its long one from near the
     # centre it is not: (2, 0) is 1.9 away, (0, 1) only 1.
     found = repaired(scene(ELLIPSE, {"x": 0.1, "y": 0})).repair
-    x, y = found["x"], found["y"]
     # By Lagrange: x (1 - 1/4) ... = 0.1, y != 0.
-    assert x == pytest.approx(0.1 / (1 - 0.25), rel=1e-9)
-    assert abs(y) == pytest.approx(math.sqrt(1 - x * x / 4), rel=1e-9)
+    x = 0.1 / (1 - 0.25)
+    assert found["x"] == pytest.approx(x, rel=1e-9)
+    assert abs(found["y"]) == pytest.approx(math.sqrt(1 - x * x / 4), rel=1e-9)
 
 
 def test_repair_of_a_massless_coordinate():
     text = scene("y = x^2", {"x": 1, "y": 3}, kinetic="x_dot^2/2", potential="y")
-    found = repaired(text)
-    x, y = found.repair["x"], found.repair["y"]
+    x, y = (repaired(text).repair[name] for name in "xy")
     assert y == pytest.approx(x * x, rel=1e-12)
     # Euclid's metric, for M is singular.
     assert (x - 1) + 2 * x * (y - 3) == pytest.approx(0, abs=1e-9)
@@ -94,19 +93,15 @@ def test_repair_of_velocities():
         {"x": 0, "y": 0, "p": 0.2, "x_dot": 1, "y_dot": 1, "p_dot": 3},
         kinetic="(x_dot^2 + 4*y_dot^2 + p_dot^2)/2",
     )
-    found = repaired(text)
-    assert found.repair.keys() == {"x_dot", "y_dot"}
     row, weights = np.array([math.sin(0.2), -math.cos(0.2)]), np.array([1.0, 0.25])
     moved = -weights * row * (row.sum() / (row @ (weights * row)))
-    assert [found.repair["x_dot"], found.repair["y_dot"]] == pytest.approx(1 + moved)
-
-
-def test_repair_of_velocities_that_are_not_linear():
-    # Nearest to (3, 0.1) with x'^2 + y'^2 = 4: on the ray from the origin.
+    expected = dict(zip(("x_dot", "y_dot"), 1 + moved, strict=True))
+    assert repaired(text).repair == pytest.approx(expected)
+    # Nearest to (3, 0.4) with x'^2 + y'^2 = 4: on the ray from the origin.
     text = scene("x_dot^2 + y_dot^2 = 4", {"x": 0, "y": 0, "x_dot": 3, "y_dot": 0.4})
-    found = repaired(text).repair
     far = math.hypot(3, 0.4)
-    assert found == pytest.approx({"x_dot": 6 / far, "y_dot": 0.8 / far}, rel=1e-12)
+    expected = {"x_dot": 6 / far, "y_dot": 0.8 / far}
+    assert repaired(text).repair == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("far", [1e2, 1e4, 1e6])
@@ -114,40 +109,40 @@ def test_far_starts(far):
     found = repaired(scene(CIRCLE, {"x": far, "y": 2 * far})).repair
     expected = {"x": 1 / math.sqrt(5), "y": 2 / math.sqrt(5)}
     assert found == pytest.approx(expected, rel=1e-9)
-    found = repaired(scene("atan(x) = 0.3*y", {"x": far / 10, "y": 0.1}))
-    x, y = (found.repair | {}).get("x", far / 10), found.repair.get("y", 0.1)
-    assert math.atan(x) == pytest.approx(0.3 * y, rel=1e-9)
+    stated = {"x": far / 10, "y": 0.1}
+    found = stated | repaired(scene("atan(x) = 0.3*y", stated)).repair
+    assert math.atan(found["x"]) == pytest.approx(0.3 * found["y"], rel=1e-9)
 
 
-def test_what_cannot_be_satisfied_is_named_with_the_point_of_least_residual():
-    for initial in ({"x": 1, "y": 1}, {"x": "{guess: 1}", "y": "{guess: 1}"}):
-        start = judged(scene("x^2 + y^2 = -1", initial))
-        assert not start.admissible
-        assert start.repair is None
-        assert not start.contradictions
-        assert start.unsolved.startswith("`a` cannot be satisfied near there")
-        assert "the least |residual| is 1, at x = " in start.unsolved
-        assert start.degrees_of_freedom == 1
+# Relations that no state satisfies, starts, and what is said.
+UNSOLVED = [
+    ("x^2 + y^2 = -1", {"x": 1, "y": 1}, "`a` cannot be satisfied near there"),
+    ("x^2 + y^2 = -1", {"x": "{guess: 1}", "y": "{guess: 1}"},
+     "the least |residual| is 1, at x = "),
+    ({"a": CIRCLE, "b": "x = 3"}, {"x": 1, "y": 0.1},
+     "`a` and `b` cannot be satisfied together near there"),
+]  # fmt: skip
 
 
-def test_two_that_exclude_each_other():
-    start = judged(scene({"a": CIRCLE, "b": "x = 3"}, {"x": 1, "y": 0.1}))
+@pytest.mark.parametrize(("relations", "initial", "told"), UNSOLVED)
+def test_what_cannot_be_satisfied_is_named(relations, initial, told):
+    start = judged(scene(relations, initial))
+    assert not start.admissible
     assert start.repair is None
-    assert "`a` and `b` cannot be satisfied together near there" in start.unsolved
+    assert not start.contradictions
+    assert told in start.unsolved
+    assert start.degrees_of_freedom == 2 - len(start.verdicts)
 
 
 def test_a_penetrated_contact_is_touched():
-    floor = "\n  floor: {relation: y >= x/2, restitution: 0.5}"
-    text = scene({}, {"x": 1, "y": 0}).replace(
-        "initial:", f"constraints:{floor}\ninitial:"
-    )
+    floor = "constraints:\n  floor: {{relation: y >= {}, restitution: 0.5}}\ninitial:"
+    text = scene({}, {"x": 1, "y": 0}).replace("initial:", floor.format("x/2"))
     found = repaired(text).repair
     # The foot of the perpendicular from (1, 0).
     assert found == pytest.approx({"x": 0.8, "y": 0.4}, rel=1e-12)
     assert judged(replaced(text, found)).admissible
-    text = scene({"a": CIRCLE}, {"x": 0.6, "y": -0.8}).replace(
-        "initial:", "  floor: {relation: y >= 0, restitution: 0.5}\ninitial:"
-    )
+    below = floor.format(0).removeprefix("constraints:\n")
+    text = scene({"a": CIRCLE}, {"x": 0.6, "y": -0.8}).replace("initial:", below)
     assert repaired(text).repair == pytest.approx({"x": 1, "y": 0}, abs=1e-12)
 
 
@@ -169,20 +164,14 @@ def elbow(sign):
     return {"a": math.atan2(0.3, 0.7) - b / 2, "b": b}
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_start_values_of_definitions_are_met_through_guesses(sign):
-    text = (
-        ARM
-        if sign > 0
-        else ARM.replace("0.2", "0.9").replace("guess: 1}", "guess: -1}")
-    )
-    start = judged(text)
+@pytest.mark.parametrize(("sign", "a", "b"), [(1, 0.2, 1), (-1, 0.9, -1)])
+def test_start_values_of_definitions_are_reached_through_guesses(sign, a, b):
+    start = judged(ARM.replace("0.2", str(a)).replace("guess: 1}", f"guess: {b}}}"))
     assert start.admissible
     assert dict(zip("ab", start.state.q, strict=True)) == pytest.approx(elbow(sign))
     other = elbow(-sign)
-    assert f"a = {other['a']:.6g}, b = {other['b']:.6g}" in warning(
-        start, "other-roots"
-    )
+    told = warning(start, "other-roots")
+    assert f"a = {other['a']:.6g}, b = {other['b']:.6g}" in told
 
 
 @pytest.mark.parametrize("shift", [0, 1])
@@ -192,8 +181,7 @@ def test_an_assembly_is_named_once(shift):
     Where a relation counts turns, as that of a rack does, they are others.
     """
     text = ARM.replace("guess: 1}", f"guess: 1 + {2 * shift}*pi}}")
-    said = warning(judged(text), "other-roots")
-    assert said.count("a = ") == 1
+    assert warning(judged(text), "other-roots").count("a = ") == 1
     rack = scene("x = sin(y) + y/10", {"x": 0.3, "y": "{guess: 1}"})
     assert warning(judged(rack), "other-roots").count("y = ") == 2
 
@@ -205,18 +193,13 @@ def test_a_tip_out_of_reach():
     assert "cannot be satisfied" in start.unsolved
 
 
-def test_values_that_are_no_guess_stay():
-    start = judged(scene(CIRCLE, {"x": 0.6, "y": "{guess: 0.1}"}))
-    assert start.admissible
-    assert start.state.q[0] == 0.6
-    assert start.state.q[1] == pytest.approx(0.8, rel=1e-15)
-    assert not start.changes
-
-
 @pytest.mark.parametrize(("guess", "root"), [(0.1, 0.8), (-0.1, -0.8), (5, 0.8)])
 def test_the_nearest_root_is_taken(guess, root):
     start = judged(scene(CIRCLE, {"x": 0.6, "y": f"{{guess: {guess}}}"}))
+    assert start.admissible
+    assert start.state.q[0] == 0.6  # it is no guess
     assert start.state.q[1] == pytest.approx(root, rel=1e-15)
+    assert not start.changes
     assert f"y = {-root:g}" in warning(start, "other-roots")
 
 
@@ -280,8 +263,8 @@ def test_a_repaired_mechanism_pastes_back():
     lines = text.splitlines()
     first = lines.index("initial:") + 1
     lines[first] += " + 0.07"
-    found = repaired("\n".join(lines))
-    again = judged(replaced("\n".join(lines), found.repair))
+    text = "\n".join(lines)
+    again = judged(replaced(text, repaired(text).repair))
     assert again.admissible
     assert again.ranks.rank == 23
     assert set(codes(again)) == {"redundant", "multipliers-not-unique"}

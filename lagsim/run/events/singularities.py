@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.inertia import admitted_inertia
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
+from lagsim.admissibility.refusal import admitted_inertia
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at

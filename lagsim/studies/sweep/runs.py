@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.inertia import clear_starts, needs_no_solve
+from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
@@ -406,7 +406,7 @@ class Batch:
         if not needs_no_solve(equations):
             return "start values are solved for by the constraints"
         names = {axis.name for axis in self.grid.axes}
-        self._follow = equations.model.rests_on(names) or any(
+        self._follow = equations.model.stated.rests_on(names) or any(
             axis.says(names) for axis in self.grid.axes
         )
         powers = names_in_exponents(equations, ())

@@ -1,4 +1,7 @@
-"""Energies, forces, masses and constraints that must be finite at the start."""
+"""Starts that are refused: what is not finite there, and directions without inertia.
+
+Many starts at once are told apart from those that need a closer examination.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,25 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.algebra import null_space, sizes_of
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
+from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
+from lagsim.tolerances import DEPENDENT_ROWS, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.admissibility.point import Point
     from lagsim.errors import Place
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
+
+# --- Energies, forces, masses and constraints must be finite
 
 # So many of what is not finite by one expression are named.
 MOST_NAMES = 4
@@ -46,11 +55,8 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
     InputError
     """
     e = point.e
-    named: list[tuple[str, int | None]] = [
-        ("kinetic", e.model.kinetic),
-        ("potential", e.model.potential),
-        ("the energy function", e.energy),
-    ]
+    named = [("kinetic", e.model.kinetic), ("potential", e.model.potential)]
+    named += [("the energy function", e.energy)]
     named += [(f"the force on {q}", f) for q, f in zip(e.q, e.f, strict=True)]
     if rows:
         laws = [law for law in e.laws if law.constraint not in off]
@@ -240,3 +246,157 @@ def out_of_scale(model: Model) -> InputError:
         text += f" ({', '.join(texts)})"
     hint = "choose units in which masses and lengths are nearer to 1"
     return InputError([Problem("out-of-scale", text, hint=hint)])
+
+
+# --- Inertia of every direction, or a constraint that determines it
+
+# Inertia below this part of the largest is rounding, where M varies with the positions:
+# a motion passes it (angles near gimbal lock), and its rounding is seen in every step.
+# Of a constant M it would be the same in all steps, which no repeat sees.
+PASSING = 1e-13
+
+
+def needs_constraints(point: Point) -> bool:
+    """Tell whether M is singular alone but positive where the constraints let it move.
+
+    Raises
+    ------
+    InputError
+        Where a direction that the constraints admit has no inertia, or any direction a
+        negative one.
+    """
+    if (point.is_large or point.e.chains) and point.is_safely_positive:
+        return False
+    size, scaled, rows = _scaled(point)
+    inertia, directions = np.linalg.eigh(scaled)
+    varies = not point.g.depends(point.e.mass_nodes).isdisjoint(point.e.q)
+    least = PASSING if varies else DEPENDENT_ROWS
+    if inertia[0] > least:
+        return False
+    if inertia[0] < -DEPENDENT_ROWS:
+        direction = directions[:, 0] / size
+        raise InputError([_of_inertia(point, direction, negative=True)])
+    kernel = _admissible(rows)
+    if not kernel.shape[1]:
+        return True
+    inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
+    if inertia[0] > least:
+        return True
+    direction = (kernel @ directions[:, 0]) / size
+    always = " that always holds" if point.e.laws else ""
+    raise InputError([_of_inertia(point, direction, negative=False, which=always)])
+
+
+def admitted_inertia(point: Point, i: int) -> float:
+    """Give the inertia that a force on coordinate i acts on; inf: constraints hold it.
+
+    That is 1 over its acceleration by a unit force along the admissible directions.
+    """
+    size, scaled, rows = _scaled(point)
+    kernel = _admissible(rows)
+    inertia, directions = np.linalg.eigh(kernel.T @ scaled @ kernel)
+    along = (kernel[i] @ directions) ** 2
+    moved = float(np.sum(along / np.maximum(inertia, UNIT_ROUNDOFF)))
+    return float(size[i] ** 2 / moved) if moved > 0.0 else math.inf
+
+
+def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
+    """Give sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
+
+    What is only rounding in A is zero.
+    """
+    M, A = point.mass_matrix, point.jacobian(point.e.rows, rounded=True)
+    size = sizes_of(np.sqrt(np.abs(np.diag(M))), A)
+    return size, M / np.outer(size, size), A / size
+
+
+def _admissible(rows: Floats) -> Floats:
+    """Give the directions (n, k) that rows (m, n) leave."""
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    return null_space(rows / np.where(lengths > 0, lengths, 1.0))
+
+
+def _factor(c: float) -> str:
+    if abs(abs(c) - 1) < 1e-6:
+        return "-" if c < 0 else ""
+    return f"{c:.4g} "
+
+
+def _of_inertia(
+    point: Point, direction: Floats, *, negative: bool, which: str = ""
+) -> Problem:
+    names, places = point.e.q, point.e.model.places
+    place = places.get("kinetic", places.get("lagrangian"))
+    direction = direction / direction[np.argmax(np.abs(direction))]
+    parts = [
+        f"{_factor(c)}{name}"
+        for name, c in zip(names, direction, strict=True)
+        if abs(c) > 1e-6
+    ]
+    along = " + ".join(parts).replace("+ -", "- ")
+    what = "coordinate" if len(parts) == 1 else "combination of coordinates"
+    if negative:
+        return Problem(
+            "negative-inertia",
+            f"the kinetic energy falls with the speed of the {what} {along} at the "
+            "start: the mass matrix is indefinite",
+            place,
+            "look for a negative mass or a wrong sign in `kinetic`",
+        )
+    return Problem(
+        "no-inertia",
+        f"the {what} {along} has no inertia at the start, and no constraint"
+        f"{which} determines its acceleration",
+        place,
+        "give it a mass in `kinetic`, a constraint, or make it a definition",
+    )
+
+
+# --- Many starts of one scene at once: those that need no closer examination
+#
+# Of a scene without constraints a start is admissible where energies and forces are
+# finite there and every direction has inertia. What may fail that is left to `examine`,
+# which says why.
+
+# More than any bound asks for: what is closer to one is looked at by itself.
+CLEAR = 2.0 * max(DEPENDENT_ROWS, PASSING)
+
+
+def needs_no_solve(equations: Equations) -> bool:
+    """Tell whether a start is what it is stated to be, and has nothing to satisfy."""
+    values = equations.model.initial
+    return not (
+        equations.rows
+        or equations.laws
+        or any(x.guess or x.node is not None for x in values)
+    )
+
+
+def clear_starts(
+    equations: Equations, values: Mapping[str, float | Floats], count: int
+) -> Flags:
+    """Tell which of `count` starts are admissible, as far as that is clear (count,).
+
+    Parameters
+    ----------
+    values
+        t, parameters, coordinates and velocities: numbers, or arrays (count,).
+    """
+    e, model, n = equations, equations.model, len(equations.q)
+    energies = (model.kinetic, model.potential, e.energy)
+    named = [node for node in energies if node is not None]
+    named += [*e.f, *e.inertias]
+    M = [node for row in e.M for node in row]
+    found = evaluate_rows(e.graph, [*named, *M], values, count)
+    finite = np.all(np.isfinite(found), axis=0)
+    mass = found[len(named) :].T.reshape(count, n, n)
+    diagonal = np.diagonal(mass, axis1=1, axis2=2)
+    clear: Flags = finite & np.all(diagonal > 0.0, axis=1)
+    sizes = np.sqrt(diagonal[clear])
+    scaled = mass[clear] / (sizes[:, :, None] * sizes[:, None, :])
+    # LAPACK fails for what has overflowed on the way.
+    sound = np.all(np.isfinite(scaled), axis=(1, 2))
+    least = np.zeros(len(scaled))
+    least[sound] = np.linalg.eigvalsh(scaled[sound])[:, 0]
+    clear[clear] = least > CLEAR
+    return clear
