@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 256
-LINES = 69_700
-LINES_OF_TESTS = 57_300
+FILES = 250
+LINES = 69_400
+LINES_OF_TESTS = 57_200
 
 
 def lines(folder):

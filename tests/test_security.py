@@ -8,7 +8,7 @@ import pytest
 
 from lagsim import limits
 from lagsim.model.loading import MAX_DEPTH
-from lagsim.model.reader.simulation import MAX_ROWS
+from lagsim.model.reader.runs import MAX_ROWS
 from tests.support import ROOT
 
 # The row of the page's table, and the budgets in it in the order of the text.

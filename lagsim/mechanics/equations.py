@@ -489,7 +489,7 @@ def reactions(e: Equations) -> dict[str, int]:
     Each with nothing but itself separated, as nodes of the state, q'' and lambda.
     """
     g = e.graph
-    separated, expressions = e.model.separated()
+    separated, expressions = e.model.stated.separated(e.model)
     apart = derive(separated)
     own = dict(zip(apart.q, apart.motion_residuals(), strict=False))
     # All are separated at once: what is written with x through another definition

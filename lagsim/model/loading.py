@@ -2,12 +2,15 @@
 
 `load` builds the nodes from the parser's events, without recursion. What YAML would
 guess (types, anchors, merge keys, tags) is not guessed: a scalar is a text, and the
-rest are faults. Common mistakes with expressions are diagnosed; where the line
-can be set aside the rest of the file is still read, so that all faults come at once.
+rest are faults. Expressions meet YAML's own signs: a colon, a comma or a sign that
+begins a value. The diagnosis of a text that is not the YAML its author meant names the
+mistake; a repair sets the value aside, so that the rest of the file can still be read
+and all its faults be reported at once.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +20,7 @@ import yaml
 
 from lagsim import files, limits
 from lagsim.errors import InputError, Place, Problem
-from lagsim.model.diagnosis import bad_character, diagnose, unspaced
+from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import (
     Broken,
     Entry,
@@ -178,10 +181,10 @@ class _Builder:
         """Take the beginning of a node; give False where that goes too far."""
         hint = "quote the value if it is an expression"
         anchor, tag = event.anchor, getattr(event, "tag", None)
+        unused, start = "of YAML, which models do not use", _span(event)[0]
         if isinstance(event, yaml.AliasEvent):
-            text = f"`*{anchor}` is an alias of YAML, which models do not use"
-            self._fault("alias", text, event, hint)
-            self._attach(Broken(self.source.place(_span(event)[0])))
+            self._fault("alias", f"`*{anchor}` is an alias {unused}", event, hint)
+            self._attach(Broken(self.source.place(start)))
             return True
         self.nodes += 1
         if self.nodes > limits.NODES:
@@ -189,12 +192,10 @@ class _Builder:
             self._fault("too-many-values", text, event)
             return False
         if anchor is not None:
-            text = f"`&{anchor}` is an anchor of YAML, which models do not use"
-            self._fault("anchor", text, event, hint)
+            self._fault("anchor", f"`&{anchor}` is an anchor {unused}", event, hint)
         if tag is not None:
-            start = _span(event)[0]
             written = self.source.text[start : start + 40].split(maxsplit=1)[0]
-            text = f"`{written}` is a tag of YAML, which models do not use"
+            text = f"`{written}` is a tag {unused}"
             self._fault("tag", text, event, f"write `not` for a negation; {hint}")
         if isinstance(event, yaml.ScalarEvent):
             self._attach(self._scalar(event, sound=anchor is None and tag is None))
@@ -204,7 +205,7 @@ class _Builder:
             return False
         mapping = isinstance(event, yaml.MappingStartEvent)
         flow = bool(getattr(event, "flow_style", False))
-        self.open.append(_Open(mapping, flow, _span(event)[0], []))
+        self.open.append(_Open(mapping, flow, start, []))
         return True
 
     def _scalar(self, event: yaml.ScalarEvent, *, sound: bool) -> Node:
@@ -315,3 +316,311 @@ def _left_open(part: Node) -> int:
     if not isinstance(part, Scalar) or part.quoted:
         return 0
     return part.text.count("(") - part.text.count(")")
+
+
+# --- Diagnosis of what is not YAML, and its repair
+
+_FORBIDDEN = re.compile(
+    "[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
+)
+# Compiled where they are needed, which is where a file has a fault.
+_ENTRY = (
+    r"(?P<lead>\s*(?:-\s+)*)(?P<key>[^\s:#{}\[\],'\"|>@`%&*!?][^:{}\[\]]*?)\s*:\s+"
+    r"(?P<value>\S.*)"
+)
+_ITEM = r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)"
+_NO_SPACE = r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)"
+_EQUALS = r"\s*(?P<key>\w+)\s*=\s*(?P<value>[^:=]+)$"
+_BEGINS = {
+    "%": "`%` cannot begin a value in YAML",
+    "@": "`@` cannot begin a value in YAML",
+    "`": "a backquote cannot begin a value in YAML",
+    "|": "`|` begins a block of text in YAML",
+    ">": "`>` begins a block of text in YAML",
+    "*": "`*` begins an alias in YAML",
+    "&": "`&` begins an anchor in YAML",
+    "!": "`!` begins a tag in YAML",
+    "-": "`- ` begins an item of a list in YAML",
+    "?": "`? ` begins a key in YAML",
+    ",": "`,` cannot begin a value in YAML",
+}
+_ONE_COLUMN = "the keys of one section begin in the same column"
+
+# Line and column, both counted from 0.
+At = tuple[int, int]
+
+
+class Repair(NamedTuple):
+    """The text without the faulty value, and where something stands for it."""
+
+    text: str
+    spoilt: At
+
+
+class Diagnosis(NamedTuple):
+    """A fault that stopped the YAML parser; `line` counts from 0."""
+
+    problem: Problem
+    line: int
+    repair: Repair | None = None
+
+
+def bad_character(source: Source) -> Problem | None:
+    """Give the fault of the first character that YAML does not allow, if any."""
+    match = _FORBIDDEN.search(source.text)
+    if match is None:
+        return None
+    text = f"the character U+{ord(match.group()):04X} is not allowed in YAML"
+    shown = Source(source.file, _FORBIDDEN.sub("\ufffd", source.text))
+    return Problem("yaml-character", text, shown.place(match.start()))
+
+
+def diagnose(source: Source, error: Exception) -> Diagnosis:
+    """Say what a syntax error of the YAML parser means."""
+    case = _Case(source, error)
+    for rule in (
+        _tab, _missing_space, _no_colon, _open_quote, _open_bracket, _second_colon,
+        _indentation, _beginning, _after_quote, _in_brackets,
+    ):  # fmt: skip
+        found = rule(case)
+        if found is not None:
+            return found
+    return case.fault(f"this is not YAML: {case.problem}")
+
+
+class _Case:
+    """A syntax error: the parser's own words, and where it stopped."""
+
+    def __init__(self, source: Source, error: Exception) -> None:
+        self.source = source
+        self.problem = getattr(error, "problem", None) or str(error)
+        self.context = getattr(error, "context", None) or ""
+        self.at = self._inside(getattr(error, "problem_mark", None)) or (0, 0)
+        self.context_at = self._inside(getattr(error, "context_mark", None))
+        self.line = source.line(self.at[0])
+        self.character = self.line[self.at[1] : self.at[1] + 1]
+
+    def _inside(self, mark: yaml.Mark | None) -> At | None:
+        """Bring a place at the very end back to the last line that has something."""
+        if mark is None:
+            return None
+        line, column = min(mark.line, self.source.count - 1), mark.column
+        while line > 0 and not self.source.line(line).strip():
+            line -= 1
+            column = len(self.source.line(line))
+        return line, min(column, len(self.source.line(line)))
+
+    @property
+    def first_key(self) -> bool:
+        """Whether the parser stopped at the first colon of its line."""
+        return ":" not in self.line[: self.at[1]] and self.character == ":"
+
+    @property
+    def above(self) -> int:
+        """The line before, blank ones apart."""
+        line = self.at[0] - 1
+        while line > 0 and not self.source.line(line).strip():
+            line -= 1
+        return line
+
+    def entry(self) -> re.Match[str] | None:
+        """Give the entry or item in whose value the parser stopped."""
+        match = re.match(_ENTRY, self.line) or re.match(_ITEM, self.line)
+        return match if match and self.at[1] >= match.start("value") else None
+
+    def fault(
+        self,
+        text: str,
+        hint: str = "",
+        at: At | None = None,
+        *,
+        length: int = 1,
+        code: str = "yaml-syntax",
+        set_aside: bool = False,
+    ) -> Diagnosis:
+        """Give a fault where the parser stopped, or elsewhere."""
+        line, column = at or self.at
+        place = self.source.place(self.source.starts[line] + column, length)
+        repair = self._set_aside() if set_aside else None
+        return Diagnosis(Problem(code, text, place, hint), line, repair)
+
+    def lines(self) -> list[str]:
+        return [self.source.line(i) for i in range(self.source.count)]
+
+    def _set_aside(self) -> Repair | None:
+        entry = self.entry()
+        if entry is None:
+            return None
+        lines = self.lines()
+        first, column = self.at[0], entry.start("value")
+        dropped = [lines[first][column:]]
+        lines[first] = lines[first][:column] + "_"
+        indent = len(entry["lead"])
+        for i in range(first + 1, len(lines)):
+            inside = len(lines[i]) - len(lines[i].lstrip()) > indent
+            if lines[i].strip() and not inside:
+                break
+            dropped.append(lines[i])
+            lines[i] = ""
+        repair = Repair("\n".join(lines), (first, column))
+        return repair if _is_balanced("\n".join(dropped)) else None
+
+
+def _is_balanced(text: str) -> bool:
+    return all(text.count(a) == text.count(b) for a, b in ("{}", "[]"))
+
+
+def _tab(case: _Case) -> Diagnosis | None:
+    blank = case.line[: len(case.line) - len(case.line.lstrip())]
+    if "\t" not in blank and case.character != "\t":
+        return None
+    at = case.at[0], blank.index("\t") if "\t" in blank else case.at[1]
+    text = "a tab is used where YAML expects spaces"
+    return case.fault(text, "indent with spaces", at, code="yaml-tab")
+
+
+def _missing_space(case: _Case) -> Diagnosis | None:
+    number = case.at[0]
+    if "simple key" in case.context and case.context_at:
+        number = case.context_at[0]
+    elif "mapping values" in case.problem and case.first_key and number > 0:
+        number = case.above
+    else:
+        return None
+    line = case.source.line(number)
+    match = re.match(_NO_SPACE, line) or re.match(_EQUALS, line)
+    if match is None:
+        return None
+    key, value = match["key"], match["value"].rstrip()
+    found = line[match.start("key") : match.start("value") + len(value)]
+    text = f"a space is missing after the colon in `{found}`"
+    if "=" in found:
+        text = f"a colon is missing in `{found}`"
+    at, hint = (number, match.start("key")), f"write `{key}: {value}`"
+    fault = case.fault(text, hint, at, length=len(found), code="missing-space")
+    lines = case.lines()
+    lines[number] = line[: match.end("key")] + ": _"
+    spoilt = number, match.end("key") + 2
+    return fault._replace(repair=Repair("\n".join(lines), spoilt))
+
+
+def _no_colon(case: _Case) -> Diagnosis | None:
+    if "simple key" not in case.context or case.context_at is None:
+        return None
+    number, column = case.context_at
+    found = case.source.line(number)[column:].strip()
+    text = f"expected `key: value`, found `{found[:40]}`"
+    return case.fault(text, at=case.context_at, length=len(found))
+
+
+def _open_quote(case: _Case) -> Diagnosis | None:
+    if "quoted scalar" not in case.context or case.context_at is None:
+        return None
+    if "end of stream" in case.problem or "document" in case.problem:
+        return case.fault("this quote is never closed", at=case.context_at)
+    text = "this is no escape of YAML's double quotes"
+    return case.fault(text, "use single quotes", set_aside=True)
+
+
+def _open_bracket(case: _Case) -> Diagnosis | None:
+    if "parsing a flow" not in case.context or case.context_at is None:
+        return None
+    number, column = case.context_at
+    rest = case.source.line(number)[column:]
+    bracket = rest[:1]
+    if bracket not in ("{", "[") or (number == case.at[0] and _is_balanced(rest)):
+        return None
+    expected = "`,` or `}`" if bracket == "{" else "`,` or `]`"
+    hint = f"line {case.at[0] + 1} has something else where {expected} is expected"
+    return case.fault(f"this `{bracket}` is not closed", hint, case.context_at)
+
+
+def _second_colon(case: _Case) -> Diagnosis | None:
+    if case.character != ":" or case.entry() is None:
+        return None
+    hint = "give each entry its own line or comma; a text with a colon must be quoted"
+    return case.fault("a second `:` in one entry", hint, set_aside=True)
+
+
+def _indentation(case: _Case) -> Diagnosis | None:
+    indent = len(case.line) - len(case.line.lstrip())
+    if "mapping values" in case.problem and case.first_key and case.at[0] > 0:
+        line = case.source.line(case.above)
+        above = line.strip()
+        if ":" not in above:
+            text = f"a colon is missing after `{above[:40]}`"
+            hint = f"write `{above[:40]}:`"
+            at = case.above, line.index(above)
+            return case.fault(text, hint, at, length=len(above))
+        text = f"this line is indented as if it belonged to `{above[:40]}`, "
+        text += "which has a value already"
+        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
+    ended = ("expected key", "block end", "document start")
+    if case.at[1] <= indent and any(words in case.problem for words in ended):
+        text = "this line fits no section above it"
+        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
+    return None
+
+
+def _beginning(case: _Case) -> Diagnosis | None:
+    """Name a sign that YAML takes for its own where a value begins."""
+    entry = case.entry()
+    at = case.at[1]
+    if entry is not None and entry["value"][0] in "|>*&!":
+        at = entry.start("value")
+    text = _BEGINS.get(case.line[at : at + 1])
+    if text is None:
+        return None
+    hint = "quote the value"
+    if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
+        quoted = entry["value"].strip().replace('"', "'")
+        hint += f': "{quoted}"'
+        if quoted[:1] == "|" and quoted.count("|") % 2 == 0:
+            hint = "write " + re.sub(r"\|+([^|]+)\|+", r"abs(\1)", quoted)
+        elif not _is_expression(quoted):
+            hint += f" if it is a text; an expression begins without `{case.line[at]}`"
+    return case.fault(text, hint, (case.at[0], at), set_aside=True)
+
+
+def _is_expression(text: str) -> bool:
+    """Tell whether a text is one, or a relation, once it is quoted."""
+    for parser in (parse, parse_relation):
+        try:
+            parser(text)
+        except ExpressionError:
+            continue
+        return True
+    return False
+
+
+def _after_quote(case: _Case) -> Diagnosis | None:
+    entry = case.entry()
+    if entry is None or entry["value"][0] not in "'\"":
+        return None
+    text = "something follows the closing quote"
+    return case.fault(text, "quote the whole value", set_aside=True)
+
+
+def _in_brackets(case: _Case) -> Diagnosis | None:
+    if case.character and case.character in "}]":
+        return case.fault(f"`{case.character}` closes nothing", set_aside=True)
+    if "parsing a flow" not in case.context:
+        return None
+    closer = "]" if "sequence" in case.context else "}"
+    hint = "an expression in braces is best quoted"
+    return case.fault(f"expected `,` or `{closer}`", hint, set_aside=True)
+
+
+def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
+    """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
+    empty = isinstance(value, Scalar) and value.empty
+    if not isinstance(key, Scalar) or key.quoted or ":" not in key.text or not empty:
+        return key, value, None
+    match = re.match(_NO_SPACE, key.text)
+    if match is None:
+        return key, value, None
+    name, rest = match["key"], key.text[match.start("value") :]
+    text = f"a space is missing after the colon in `{key.text}`"
+    problem = Problem("missing-space", text, key.place, f"write `{name}: {rest}`")
+    place = key.place_of(0, len(name))
+    return Scalar(name, False, place, key.span), Broken(key.place), problem

@@ -141,21 +141,14 @@ class Force(NamedTuple):
     place: Place
 
 
-class Sense(Enum):
-    """Whether a relation is an equality, or one-sided."""
-
-    EQUAL = "="
-    AT_LEAST = ">="
-
-
 class Relation(NamedTuple):
-    """`node` = 0, or the gap `node` >= 0; `text` is that of the file.
+    """`node` = 0, an `equality`, or the gap `node` >= 0; `text` is that of the file.
 
     `multiple`: the relation of the file is a power of `node`, or its size.
     """
 
     node: int
-    sense: Sense
+    equality: bool
     text: str
     place: Place
     multiple: bool = False
@@ -195,24 +188,14 @@ class Constraint(NamedTuple):
         return self.law is None and self.limit is None and self.when is None
 
 
-class Target(Enum):
-    """What an entry of `initial` gives the start value of."""
-
-    COORDINATE = "coordinate"
-    VELOCITY = "velocity"
-    DEFINITION = "definition"
-    RATE = "rate of a definition"
-
-
 class InitialValue(NamedTuple):
     """A start value; `error` bounds the rounding of the expression that gave it.
 
-    `node` is the definition's expression (its total rate for a RATE) and None for
+    `node` is the expression of a definition, or its total rate, and None for
     coordinates and velocities.
     """
 
     name: str
-    target: Target
     value: float
     error: float
     guess: bool
@@ -293,7 +276,11 @@ class Stated(Protocol):
         """Give how the file wants to be run; see `Model.settings`."""
 
     def rests_on(self, names: Collection[str]) -> bool:
-        """Tell whether other numbers rest on these; see `Model.rests_on`."""
+        """Tell whether any other number of the file may follow these.
+
+        A parameter, a start value or a setting whose expression names one of these
+        parameters, or start values.
+        """
 
     def texts(self) -> dict[str, Scalar]:
         """Give the expressions of energies, forces and constraints, as `forces.x`."""
@@ -302,7 +289,15 @@ class Stated(Protocol):
         """Give the expressions that parameters and start values are given by."""
 
     def separated(self, model: Model) -> Separation:
-        """Give `model`, of this file, in other coordinates; see `Model.separated`."""
+        """Give `model`, of this file, with `output.reactions` as coordinates.
+
+        On the same graph; nothing holds these definitions to what defines them.
+
+        Raises
+        ------
+        InputError
+            Where a constraint is satisfied as the root of another relation then.
+        """
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,21 +383,6 @@ class Model:
             As where the file has these.
         """
         return self.stated.settings(_texts(options or {}))
-
-    def rests_on(self, names: Collection[str]) -> bool:
-        """Tell whether any other number of the file may follow these.
-
-        A parameter, a start value or a setting whose expression names one of these
-        parameters, or start values.
-        """
-        return self.stated.rests_on(names)
-
-    def separated(self) -> Separation:
-        """Give the model in which the definitions of `output.reactions` are apart.
-
-        On the same graph, as coordinates that nothing holds to what defines them.
-        """
-        return self.stated.separated(self)
 
 
 def _texts(values: Mapping[str, float | str]) -> dict[str, str]:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagsim.errors import Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -196,16 +199,24 @@ def argument(option: str, value: str) -> Scalar:
     return Scalar(value, quoted=True, place=place, span=span)
 
 
+def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
+    """Give the scalars of a node and below it, each by the keys that lead to it."""
+    if isinstance(node, Scalar):
+        yield name, node
+    elif isinstance(node, Mapping):
+        for key, value in node.entries:
+            yield from leaves(value, f"{name}.{key.text}")
+    elif isinstance(node, Sequence):
+        for k, item in enumerate(node.items, 1):
+            yield from leaves(item, f"{name}.{k}")
+
+
 def words(*roots: Node) -> set[str]:
     """Give the words of all expressions below some nodes."""
-    found: set[str] = set()
-    below = [*roots]
-    while below:
-        node = below.pop()
-        if isinstance(node, Mapping):
-            below += [v for k, v in node.entries if k.text not in _TEXTS]
-        elif isinstance(node, Sequence):
-            below += node.items
-        elif isinstance(node, Scalar):
-            found.update(_WORD.findall(node.text))
-    return found
+    return {
+        word
+        for root in roots
+        for name, scalar in leaves(root)
+        if name.rpartition(".")[2] not in _TEXTS
+        for word in _WORD.findall(scalar.text)
+    }

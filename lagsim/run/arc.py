@@ -323,7 +323,7 @@ def first_arc(
     _set_watch(state, plan)
     until = equations.model.until
     if until is not None:
-        state.equation = until.sense.value == "="
+        state.equation = until.equality
     state.y[:] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 

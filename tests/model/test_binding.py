@@ -223,14 +223,14 @@ simulation: {duration: 10, output_step: e/100}
     ],
 )  # fmt: skip
 def test_what_is_said_by_a_name(names, rests):
-    assert read(FOLLOWED, "m.yaml").rests_on(names) is rests
+    assert read(FOLLOWED, "m.yaml").stated.rests_on(names) is rests
 
 
 def test_what_was_said_instead_counts():
     model = read(FOLLOWED, "m.yaml").bind({"K": "g"}, {"x": "e"})
-    assert not model.rests_on({"K"})
-    assert model.bind({"K": 1.0, "w": 1.0}).rests_on({"g"}) is False
-    assert read(FOLLOWED, "m.yaml").bind(e="l").rests_on({"l"})
+    assert not model.stated.rests_on({"K"})
+    assert model.bind({"K": 1.0, "w": 1.0}).stated.rests_on({"g"}) is False
+    assert read(FOLLOWED, "m.yaml").bind(e="l").stated.rests_on({"l"})
 
 
 def test_expressions_are_found_by_the_keys_that_lead_to_them():

@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.model.model import Level, Sense, Target
+from lagsim.model.model import Level
 from lagsim.model.reader import read, read_file
 from tests.model._files import completed, model, problems
 from tests.model.test_faults import table
@@ -135,9 +135,9 @@ def test_names_and_texts(full):
         ("u", Level.POSITION), ("x", Level.POSITION), ("slide", Level.VELOCITY),
     ]  # fmt: skip
     assert full.forces[2].place.line == line_of("  slide: min")
-    assert [(c.name, c.relation.sense, c.description) for c in full.constraints] == [
-        ("path", Sense.EQUAL, ""), ("top", Sense.AT_LEAST, "the ceiling"),
-        ("floor", Sense.AT_LEAST, ""), ("roll", Sense.EQUAL, ""),
+    assert [(c.name, c.relation.equality, c.description) for c in full.constraints] == [
+        ("path", True, ""), ("top", False, "the ceiling"),
+        ("floor", False, ""), ("roll", True, ""),
     ]  # fmt: skip
     assert full.constraints[0].relation.text == "u = l - l*theta^2"
     laws = [c.law and (c.law.restitution, len(c.law.slips)) for c in full.constraints]
@@ -165,15 +165,14 @@ def test_expressions(full):
     assert u.direction == full.graph.variable("u")
     assert x.direction == full.definitions[2].node
     assert slide.direction == full.definitions[5].node
-    assert full.until.sense is Sense.AT_LEAST
+    assert full.until.equality is False
 
 
 def test_initial(full):
-    T, u = Target, line_of("  u: 5*theta")
-    assert [(v.name, v.target, v.guess) for v in full.initial] == [
-        ("theta", T.COORDINATE, False), ("u", T.COORDINATE, False),
-        ("theta_dot", T.VELOCITY, False), ("u_dot", T.VELOCITY, True),
-        ("x", T.DEFINITION, False), ("y_dot", T.RATE, False),
+    u = line_of("  u: 5*theta")
+    assert [(v.name, v.node is None, v.guess) for v in full.initial] == [
+        ("theta", True, False), ("u", True, False), ("theta_dot", True, False),
+        ("u_dot", True, True), ("x", False, False), ("y_dot", False, False),
     ]  # fmt: skip
     values = [v.value for v in full.initial]
     assert values == pytest.approx([0.1, 0.5, 0.0, 3.0, 0.7, 1.2])
@@ -181,14 +180,7 @@ def test_initial(full):
     assert full.initial[4].node == full.definitions[2].node
     assert at_state(full, [full.initial[5].node]) == [-5.0]
     # A number alone is exact, what is computed is not.
-    assert [v.error > 0 for v in full.initial] == [
-        True,
-        True,
-        False,
-        False,
-        False,
-        True,
-    ]
+    assert [v.error > 0 for v in full.initial] == [True, True, *3 * [False], True]
     assert full.initial[1].error < 1e-15
 
 
@@ -314,7 +306,7 @@ def test_expressions_of_constraints(text, of, at, value):
 )  # fmt: skip
 def test_constraints(text, one_sided, always):
     _, c = constrained(text)
-    assert c.relation.sense is (Sense.AT_LEAST if one_sided else Sense.EQUAL)
+    assert c.relation.equality is not one_sided
     assert (c.law is not None, c.always) == (one_sided, always)
     assert (c.limit is not None, c.when is not None) == (
         "limit" in text,
@@ -328,7 +320,6 @@ def test_constraints(text, one_sided, always):
 
 def test_a_start_of_velocity_level_is_a_definition():
     m = model("definitions: {v: x_dot + y}\ninitial: {x: 0, y: 0, v: 2}")
-    assert m.initial[-1].target is Target.DEFINITION
     assert m.graph.depends([m.initial[-1].node]) == {"x_dot", "y"}
 
 

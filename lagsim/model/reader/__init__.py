@@ -26,11 +26,11 @@ from lagsim.model.nodes import (
     Mapping,
     Node,
     Scalar,
-    Sequence,
     argument,
+    leaves,
     words,
 )
-from lagsim.model.reader import drawing, equations, simulation, values
+from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions
 from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
 from lagsim.model.reader.names import Kind, Names, check_columns
@@ -42,10 +42,10 @@ from lagsim.model.reader.sections import (
     has_key,
     schema,
 )
-from lagsim.model.reader.values import TARGETS, Definitions
+from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection
     from collections.abc import Mapping as MappingType
 
     from lagsim.model.model import InitialValue, Parameter, Settings
@@ -163,7 +163,7 @@ class File:
         )
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()
-        names.reactions += drawing.asked_reactions(top.value("output"))
+        names.reactions += runs.asked_reactions(top.value("output"))
         self.simulation = top.below("simulation", SIMULATION)
         self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
         self.instead = {k: t for k, t in overrides.items() if k not in self.starting}
@@ -186,11 +186,11 @@ class File:
         forces = equations.read_forces(top.value("forces"), x)
         constraints = equations.read_constraints(self.constraints, x)
         initial = self.read_initial(known)
-        simulation.read_settings(self.simulation, self.options, x)
+        runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
         relation, _ = equations.read_relation(until, "`until`", x)
-        scene = drawing.read_scene(top.below("scene", SCENE), x)
-        output = drawing.read_output(top.below("output", OUTPUT_KEYS), x)
+        scene = runs.read_scene(top.below("scene", SCENE), x)
+        output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
@@ -252,16 +252,17 @@ class File:
                 faults.add("bad-model-name", text, self.root, hint)
             return stem if stem not in _NO_FILE_NAMES else "model"
         name, fault = self.top.text("name"), ""
-        plain = isinstance(node, Scalar) and (node.empty or node.text.strip() == name)
+        if not isinstance(node, Scalar):
+            return name
         if unseen(name):
             fault = f"it has {_letter(name)}, which is not seen"
         elif re.search(r"[/\\]", name):
             fault = "it has a path separator"
         elif re.search(r"[\n\t]", name):
             fault = f"it has {_letter(name)}"
-        elif name in _NO_FILE_NAMES and plain:
+        elif name in _NO_FILE_NAMES and (node.empty or node.text.strip() == name):
             fault = "it is no name of a file"
-        if fault and isinstance(node, Scalar):
+        if fault:
             text = f"`{shortened(name)}` cannot be a name: {fault}"
             hint = "it is used for files: no path separators, such as elastic-pendulum"
             faults.add("bad-model-name", text, node.place, hint)
@@ -304,7 +305,7 @@ class File:
         faults = Faults(self.file)
         x = self.x.over(faults, self.x.values)
         asked = {**self.options, **options}
-        found = simulation.read_settings(self.simulation, asked, x)
+        found = runs.read_settings(self.simulation, asked, x)
         faults.raise_if_any()
         return found
 
@@ -320,12 +321,8 @@ class File:
 
     def numbers(self) -> list[str]:
         """Give the expressions that parameters and start values are given by."""
-        found = []
-        for node in self._numbers().values():
-            below = node.entries if isinstance(node, Mapping) else ()
-            nodes = [node, *(v for k, v in below if k.text in ("value", "guess"))]
-            found += [n.text for n in nodes if isinstance(n, Scalar)]
-        return found
+        found = (leaf for node in self._numbers().values() for leaf in leaves(node))
+        return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
     def rests_on(self, names: Collection[str]) -> bool:
         """Tell whether other numbers follow these, see `Model.rests_on`."""
@@ -344,11 +341,11 @@ class File:
             "forces": forces.entries if isinstance(forces, Mapping) else (),
             "constraints": self.constraints,
         }
-        given = ((k, entry) for k, found in below.items() for entry in found)
         return {
-            name: text
-            for section, (key, node) in given
-            for name, text in _leaves(f"{section}.{key.text}", node)
+            f"{section}.{key.text}{name}": text
+            for section, found in below.items()
+            for key, node in found
+            for name, text in leaves(node)
         }
 
     # The model read again with some of its definitions as coordinates of their own
@@ -357,13 +354,7 @@ class File:
     # model has `x`, and where it writes what `x` denotes, that.
 
     def separated(self, model: Model) -> Separation:
-        """Give `model` in other coordinates, see `Stated.separated`.
-
-        Raises
-        ------
-        InputError
-            Where a constraint is satisfied as the root of another relation then.
-        """
+        """Give `model` in other coordinates, see `Stated.separated`."""
         known = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
         names = replace(known.names, variables={**known.names.variables, **held})
@@ -376,8 +367,6 @@ class File:
         constraints = equations.read_constraints(self.constraints, x)
         faults.raise_if_any()
         units = {d.name: d.unit for d in model.definitions}
-        nodes = {name: x.definitions[name].node for name in held}
-        expressions = {name: node for name, node in nodes.items() if node is not None}
         assert energies.lagrangian is not None
         found = replace(
             model,
@@ -387,9 +376,8 @@ class File:
             **energies._asdict(),
         )
         _check_roots(model, found)
-        return Separation(
-            found, {k: n for k, n in expressions.items() if n is not None}
-        )
+        nodes = ((name, x.definitions[name].node) for name in held)
+        return Separation(found, {k: n for k, n in nodes if n is not None})
 
 
 def _letter(name: str) -> str:
@@ -402,19 +390,7 @@ def _letter(name: str) -> str:
 def _starts(name: str, names: Names) -> bool:
     """Tell whether a name has a start value, not a parameter's."""
     meaning = names.meaning(name)
-    return meaning is not None and meaning.kind in TARGETS
-
-
-def _leaves(name: str, node: Node) -> Iterator[tuple[str, Scalar]]:
-    """Give the scalars at a key and below it, each by the keys that lead to it."""
-    if isinstance(node, Scalar):
-        yield name, node
-    elif isinstance(node, Mapping):
-        for key, value in node.entries:
-            yield from _leaves(f"{name}.{key.text}", value)
-    elif isinstance(node, Sequence):
-        for k, item in enumerate(node.items, 1):
-            yield from _leaves(f"{name}.{k}", item)
+    return meaning is not None and meaning.kind in STARTED
 
 
 def _check_roots(model: Model, found: Model) -> None:
@@ -446,50 +422,42 @@ def _in_place(root: Node, faults: Faults) -> Node:
     """Give the file with what is misplaced where it belongs, each reported."""
     if not isinstance(root, Mapping):
         return root
-    entries = _taken_out(root, faults)
-    for entry in [*entries]:
-        key, value = entry
-        if not _is_stranger(key) or isinstance(value, Mapping):
-            continue
-        section = next((name for name in SECTIONS if has_key(name, key.text)), "")
-        if section and _put_below(entries, section, [entry]):
-            text = f"unknown key `{key.text}` in the file"
-            faults.add("unknown-key", text, key.place, belongs(key.text))
-    for section, lines in _unindented(entries, faults).items():
-        first = lines[0][0]
-        more = f", and {len(lines) - 1} more," if len(lines) > 1 else ""
+    top = {key.text: (key, value) for key, value in root.entries}
+    _take_out(top, faults)
+    for name in filter(_is_stranger, [*top]):
+        key, value = top[name]
+        section = next((section for section in SECTIONS if has_key(section, name)), "")
+        if section and not isinstance(value, Mapping) and _put(top, [name], section):
+            text = f"unknown key `{name}` in the file"
+            faults.add("unknown-key", text, key.place, belongs(name))
+    for section, names in _unindented(top, faults).items():
+        first = top[names[0]][0]
+        more = f", and {len(names) - 1} more," if len(names) > 1 else ""
         text = f"`{first.text}`{more} below `{section}:` must be indented"
         hint = f"two blanks before each line that belongs to `{section}`"
-        if _put_below(entries, section, lines):
+        if _put(top, names, section):
             faults.add("misplaced-key", text, first.place, hint)
-    return root._replace(entries=tuple(entries))
+    return root._replace(entries=tuple(top.values()))
 
 
-def _is_stranger(key: Scalar) -> bool:
-    return key.text not in SECTIONS and not key.text.startswith("x-")
+def _is_stranger(name: str) -> bool:
+    return name not in SECTIONS and not name.startswith("x-")
 
 
-def _taken_out(root: Mapping, faults: Faults) -> list[Entry]:
-    """Give the entries of the file with the sections that stood inside of sections."""
-    entries: list[Entry] = []
-    found: list[Entry] = []
-    present = {key.text for key, _ in root.entries}
-    for section, value in root.entries:
+def _take_out(top: dict[str, Entry], faults: Faults) -> None:
+    """Take sections that stand inside of sections out of these."""
+    for section, (head, value) in [*top.items()]:
         kept = []
         for entry in value.entries if isinstance(value, Mapping) else ():
-            name = entry[0].text
-            if name in present or not _is_nested(section.text, *entry):
+            key = entry[0]
+            if key.text in top or not _is_nested(section, *entry):
                 kept.append(entry)
                 continue
-            text = f"the section `{name}` is inside `{section.text}`"
-            faults.add("misplaced-key", text, entry[0].place, belongs(name))
-            present.add(name)
-            found.append(entry)
+            text = f"the section `{key.text}` is inside `{section}`"
+            faults.add("misplaced-key", text, key.place, belongs(key.text))
+            top[key.text] = entry
         if isinstance(value, Mapping):
-            entries.append((section, value._replace(entries=tuple(kept))))
-        else:
-            entries.append((section, value))
-    return entries + found
+            top[section] = head, value._replace(entries=tuple(kept))
 
 
 def _is_nested(section: str, key: Scalar, node: Node) -> bool:
@@ -500,40 +468,31 @@ def _is_nested(section: str, key: Scalar, node: Node) -> bool:
     return not own and not has_key(section, key.text)
 
 
-def _put_below(entries: list[Entry], section: str, more: list[Entry]) -> bool:
+def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
     """Move entries below a section, which may not be there; tell whether they fit."""
-    first = more[0][0]
-    head, value = next(
-        (entry for entry in entries if entry[0].text == section),
-        (Scalar(section, False, first.place, first.span), None),
-    )
-    old = value if isinstance(value, Mapping) else Mapping((), first.place)
-    taken = {name.text for name, _ in old.entries}
-    if value is not None and not is_mapping(value):
+    first = top[names[0]][0]
+    new = Scalar(section, False, first.place, first.span), Mapping((), first.place)
+    head, value = top.get(section, new)
+    old = value if isinstance(value, Mapping) else new[1]
+    if not is_mapping(value) or {key.text for key, _ in old.entries} & {*names}:
         return False
-    if any(key.text in taken for key, _ in more):
-        return False
-    new = head, old._replace(entries=(*old.entries, *more))
-    moved = {id(key) for key, _ in more}
-    kept = [entry for entry in entries if id(entry[0]) not in moved]
-    entries[:] = [new if entry[0] is head else entry for entry in kept]
-    if value is None:
-        entries.append(new)
+    moved = [top.pop(name) for name in names]
+    top[section] = head, old._replace(entries=(*old.entries, *moved))
     return True
 
 
-def _unindented(entries: list[Entry], faults: Faults) -> dict[str, list[Entry]]:
+def _unindented(top: dict[str, Entry], faults: Faults) -> dict[str, list[str]]:
     """Give lines that follow an empty section, and are none, by this section."""
     section = ""
-    found: dict[str, list[Entry]] = {}
-    for key, value in entries:
-        if key.text in SECTIONS:
+    found: dict[str, list[str]] = {}
+    for name, (_, value) in top.items():
+        if name in SECTIONS:
             empty = isinstance(value, Scalar) and value.empty
-            text = SECTIONS[key.text].get("type") == "string"
-            section = key.text if empty and not text else ""
-        elif section and _is_stranger(key):
-            if faults.guess(key.text, SECTIONS):
+            text = SECTIONS[name].get("type") == "string"
+            section = name if empty and not text else ""
+        elif section and _is_stranger(name):
+            if faults.guess(name, SECTIONS):
                 section = ""
             else:
-                found.setdefault(section, []).append((key, value))
+                found.setdefault(section, []).append(name)
     return found

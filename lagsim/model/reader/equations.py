@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
-from lagsim.model.model import Constraint, Force, Level, OneSided, Relation, Sense
+from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader.expressions import NUMBERS, STATE
 from lagsim.model.reader.fields import Fields, entries, fields, listed
@@ -15,7 +15,6 @@ from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from lagsim.language.parser import ParsedRelation
     from lagsim.model.reader.expressions import Expressions
 
 _SUM = "a sum of velocities times what depends on positions would do"
@@ -133,41 +132,31 @@ def _is_affine(node: int, x: Expressions) -> bool:
 
 def read_relation(
     node: Node | None, what: str, x: Expressions
-) -> tuple[Relation | None, Sense | None]:
-    """Build a relation.
+) -> tuple[Relation | None, bool | None]:
+    """Build a relation; None where there is none, or a fault was reported.
 
-    Returns
-    -------
-    relation : Relation or None
-        None where there is none, or a fault was reported.
-    sense : Sense or None
-        None where not even that is known.
+    And whether it is an equality; None where not even that is known.
     """
     found = x.text(node, what, parse_relation)
     if found is None:
         return None, None
     scalar, parsed = found
-    sense = Sense.EQUAL if parsed.sense == "=" else Sense.AT_LEAST
+    equality = parsed.sense == "="
     if x.check(parsed.names, scalar, what, STATE) is None:
-        return None, sense
-    gap = _gap(parsed, x)
+        return None, equality
+    gap = x.build(parsed.left)
+    if parsed.right is not None:
+        sides = (gap, x.build(parsed.right))
+        gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
     kinds = x.names.variables
     used = (kinds.get(n.removesuffix("_dot")) for n in x.graph.depends([gap]))
     if Kind.COORDINATE not in used:
         text = f"{what} depends on no coordinate and no velocity"
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else ""
         x.faults.add("no-coordinate", text, scalar.place, hint)
-        return None, sense
-    return Relation(gap, sense, " ".join(scalar.text.split()), scalar.place), sense
-
-
-def _gap(parsed: ParsedRelation, x: Expressions) -> int:
-    left = x.build(parsed.left)
-    if parsed.right is None:
-        return left
-    right = x.build(parsed.right)
-    sides = (right, left) if parsed.sense == "<=" else (left, right)
-    return x.graph.call("sub", *sides)
+        return None, equality
+    text = " ".join(scalar.text.split())
+    return Relation(gap, equality, text, scalar.place), equality
 
 
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
@@ -211,18 +200,18 @@ class _Reader:
         if expression is None:
             x.faults.add("missing-key", f"{what} has no `relation`", self.key.place)
             expression = Broken(self.key.place)
-        relation, sense = read_relation(expression, what, x)
+        relation, equality = read_relation(expression, what, x)
         about = below.text("description")
         law = limit = None
         when = self._when()
-        if sense is Sense.EQUAL:
+        if equality:
             hint = "a contact is one-sided: write its relation with `>=` or `<=`"
             self._refuse("not-one-sided", CONTACT, "is an equality", hint)
             relation = relation and _once(relation, x)
             limit = self._limit(relation)
-        elif mapping or sense is Sense.AT_LEAST:
+        elif mapping or equality is False:
             law = self._one_sided(expression, relation)
-        if relation is None or (law is None and sense is Sense.AT_LEAST):
+        if relation is None or not (equality or law):
             return None
         return Constraint(self.key.text, relation, law, about, limit, when)
 
@@ -307,14 +296,10 @@ class _Reader:
             faults.add("missing-key", text, below.place, hint)
         dynamic, static = self._friction()
         slips = self._slips()
+        opposed = "`slip` is the sliding velocity that friction opposes"
         for key, other, hint in (
-            (
-                "friction",
-                "slip",
-                "`slip` is the sliding velocity that friction opposes",
-            ),
-            ("slip", "friction", "give `friction: mu`"),
-        ):
+            ("friction", "slip", opposed), ("slip", "friction", "give `friction: mu`"),
+        ):  # fmt: skip
             if key in below and other not in below:
                 text = f"{what} has `{key}` but no `{other}`"
                 faults.add("missing-key", text, below.place_of(key), hint)

@@ -96,7 +96,8 @@ class Expressions:
         self.values: dict[str, float] = {}
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
-        self._rates: dict[Kind, dict[str, int]] = {}
+        # Nodes of the definitions of positions, their rates, their second rates.
+        self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
 
     def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
@@ -135,14 +136,7 @@ class Expressions:
     ) -> tuple[Scalar, _T] | None:
         """Give the scalar of an expression, and what a parser makes of it.
 
-        Parameters
-        ----------
-        node, what
-            The expression, and how messages call it.
-        parser
-            That of expressions, of conditions or of relations.
-        beside
-            A unit may stand beside it.
+        `what`: how messages call it; `beside`: a unit may stand beside it.
         """
         scalar = self.scalar(node, what, beside=beside)
         if scalar is None:
@@ -158,12 +152,11 @@ class Expressions:
         try:
             return scalar, parser(scalar.text)
         except ExpressionError as fault:
-            names = self.names
             token = scalar.text[fault.offset : fault.offset + fault.length]
-            relation = parser is parse_relation
-            if token not in names.faulty:
+            if token not in self.names.faulty:
+                known, relation = self.names.variables, parser is parse_relation
                 self.faults.add_expression(
-                    fault, scalar, names.variables, beside=beside, relation=relation
+                    fault, scalar, known, beside=beside, relation=relation
                 )
             return None
 
@@ -177,16 +170,10 @@ class Expressions:
         *,
         condition: bool = False,
     ) -> tuple[int, Level] | None:
-        """Give the graph node of an expression and what it depends on.
+        """Give the graph node of an expression, if there is one, and its level.
 
-        Parameters
-        ----------
-        node, what
-            The expression, if there is one, and how messages call it.
-        allowed
-            The kinds of names that may stand in it.
-        condition
-            It is one, as the first argument of `if`.
+        `allowed` are the kinds of names that may stand in it; a `condition` is one, as
+        the first argument of `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
@@ -217,12 +204,9 @@ class Expressions:
     def check(
         self, used: Iterable[Name], scalar: Scalar, what: str, allowed: frozenset[Kind]
     ) -> Level | None:
-        """Report names that must not stand here; give what the expression depends on.
+        """Report names that must not stand here; give the level of the expression.
 
-        Returns
-        -------
-        Level or None
-            None where any name is faulty.
+        None where any name is faulty.
         """
         return self.check_by(partial(self.rule, what, allowed), used, scalar)
 
@@ -231,8 +215,8 @@ class Expressions:
     ) -> Level | None:
         """Do the same by a rule for each name.
 
-        It gives what the name depends on, why it must not stand there, or None where
-        that is reported already.
+        It gives the level of the name, why it must not stand there, or None where that
+        is reported already.
         """
         first: dict[str, Name] = {}
         for one in used:
@@ -330,19 +314,14 @@ class Expressions:
         for a single definition does.
         """
         if not self._rates:
-            self._rates[Kind.DEFINITION] = {
-                name: d.node
-                for name, d in self.definitions.items()
-                if d.level is Level.POSITION and d.node is not None
-            }
-        below = Kind.DEFINITION
-        for kind in OF_DEFINITIONS[1 : 3 if second else 2]:
-            if kind not in self._rates:
-                nodes = self._rates[below]
-                rates = tangent(self.graph, nodes.values(), self._motion())
-                self._rates[kind] = dict(zip(nodes, rates, strict=True))
-            below = kind
-        return self._rates[below][definition]
+            known = self.definitions.items()
+            at_position = ((k, d.node) for k, d in known if d.level is Level.POSITION)
+            self._rates.append({k: n for k, n in at_position if n is not None})
+        while len(self._rates) < 2 + second:
+            nodes = self._rates[-1]
+            rates = tangent(self.graph, nodes.values(), self._motion())
+            self._rates.append(dict(zip(nodes, rates, strict=True)))
+        return self._rates[1 + second][definition]
 
     def _motion(self) -> dict[int, int]:
         """Give the rate of everything that moves: t, q and q_dot."""

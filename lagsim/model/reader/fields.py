@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
 
 from lagsim.errors import InputError, Problem
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
@@ -52,20 +52,9 @@ class Faults:
         beside: bool = False,
         relation: bool = False,
     ) -> None:
-        """Add a fault of the expression in `scalar`.
+        """Add a fault of the expression, or of the `relation`, in `scalar`.
 
-        Parameters
-        ----------
-        fault
-            The fault.
-        scalar
-            The text.
-        known
-            The variables of the file.
-        beside
-            A unit may stand beside this expression.
-        relation
-            It is a relation.
+        `known` are the variables of the file; `beside`: a unit may stand beside it.
         """
         text, hint = scalar.text, ""
         if relation:
@@ -84,7 +73,7 @@ class Faults:
         *,
         beside: bool = False,
     ) -> str:
-        """Give a hint from what stands around a fault; `known` are the variables."""
+        """Give a hint from what stands around a fault, see `add_expression`."""
         if not self._may_guess():
             return ""
         return hints.of_text(scalar.text, offset, known, beside=beside)
@@ -127,9 +116,7 @@ class Faults:
 
     def _order(self, problem: Problem) -> tuple[bool, int, int]:
         place = problem.place
-        if place is None:
-            return False, 0, 0
-        return place.file == self._file, place.line, place.column
+        return (place.file == self._file, *place[1:3]) if place else (False, 0, 0)
 
 
 def belongs(key: str) -> str:
@@ -164,11 +151,11 @@ def listed(names: Iterable[str]) -> str:
     return text + (f" and {len(names) - LISTED} more" if len(names) > LISTED else "")
 
 
-def is_empty(node: Node | None) -> bool:
-    """Tell whether the file gives nothing here, or what cannot be read."""
+def _is_given(node: Node | None) -> TypeGuard[Scalar | Mapping | Sequence]:
+    """Tell whether the file gives something here that can be read."""
     if isinstance(node, Scalar):
-        return node.empty
-    return node is None or isinstance(node, Broken)
+        return not node.empty
+    return node is not None and not isinstance(node, Broken)
 
 
 def is_mapping(node: Node) -> bool:
@@ -180,7 +167,7 @@ def entries(node: Node | None, what: str, faults: Faults) -> list[Entry]:
     """Give the entries of a mapping without the `x-` ones; nothing counts as `{}`."""
     if isinstance(node, Mapping):
         return [e for e in node.entries if not e[0].text.startswith("x-")]
-    if node is not None and not is_empty(node):
+    if _is_given(node):
         text = f"{what} must be a mapping (lines `key: value`), found {kind_of(node)}"
         faults.add("not-a-mapping", text, node.place, hints.of_lines(node, what))
     return []
@@ -190,7 +177,7 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
     """Give the items of a list; nothing counts as an empty one."""
     if isinstance(node, Sequence):
         return list(node.items)
-    if node is not None and not is_empty(node):
+    if _is_given(node):
         text = f"{what} must be a list, found {kind_of(node)}"
         faults.add("not-a-list", text, node.place, hints.as_list(node, what))
     return []
@@ -227,7 +214,7 @@ class Fields:
     def text(self, key: str) -> str:
         """Give the plain text of `key`; an empty one where there is none."""
         node = self.value(key)
-        if node is None or is_empty(node):
+        if not _is_given(node):
             return ""
         if not isinstance(node, Scalar):
             text = f"`{key}` must be a text, found {kind_of(node)}"
@@ -259,19 +246,9 @@ def fields(
 ) -> Fields:
     """Read a mapping whose keys are known; an unknown one is a fault.
 
-    An unknown key that looks like a known one is read as that, so that what it says
-    is not also reported as missing.
-
-    Parameters
-    ----------
-    node, what
-        The mapping, and how messages call it.
-    known
-        The keys it may have.
-    faults
-        Where faults go.
-    place
-        Where faults of the mapping as a whole are reported: its key.
+    An unknown key that looks like a known one is read as that, so that what it says is
+    not also reported as missing. Faults of the mapping as a whole, which messages call
+    `what`, are reported at `place`: its key.
     """
     given = entries(node, what, faults)
     found = {key.text: (key, value) for key, value in given if key.text in known}
@@ -279,14 +256,13 @@ def fields(
         name = key.text
         if name in known:
             continue
-        elsewhere = hints.KEYS.get(name.casefold(), ())
         near = _called(name, known, faults)
         hint = hints.of_key(key, value, given, known) or belongs(name)
         if near:
             hint = hint or f"did you mean `{near}`?"
             found.setdefault(near, (key, value))
-        hint = hint or next(filter(None, map(belongs, elsewhere)), "")
-        hint = hint or f"known are {listed(known)}"
+        elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
+        hint = hint or next(filter(None, elsewhere), f"known are {listed(known)}")
         text = f"unknown key `{shortened(name)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
     return Fields(found, place, is_mapping(node), faults)

@@ -120,7 +120,7 @@ COUNTS = (
 # Keys of two times.
 SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
 # What gives a rate, of its first argument.
-RATES = ("d", "D", "der", "deriv", "derivative", "Derivative", "diff", "Diff", "dot")
+_RATES_OF = "d|D|der|deriv|derivative|Derivative|diff|Diff|dot"
 # Every name that stands for a function somewhere, the longest first.
 CALLED = "|".join(
     sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
@@ -287,29 +287,19 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", _call),
     (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", _call),
     (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
-    (
-        rf"\b(?:{'|'.join(RATES)})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)",
-        _RATE,
-    ),
+    (rf"\b(?:{_RATES_OF})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)", _RATE),
     (_SECOND_QUOTIENT, _SECOND_RATE),
     (_QUOTIENT, _RATE),
+    (rf"\bd\s*/\s*dt\s*(?:\(\s*(?=\w+\s*\)))?{_NAME}(?:\s*\))?", _RATE),
     (
-        rf"\bd\s*/\s*dt\s*(?:\(\s*(?=\w+\s*\)))?{_NAME}(?:\s*\))?",
-        _RATE,
-    ),
-    (
-        rf"\b(?:d\s*/\s*dt|{'|'.join(RATES)})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
+        rf"\b(?:d\s*/\s*dt|{_RATES_OF})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
         "write r_dot, with `r: {0}` in `definitions`",
     ),
     (rf"\bdot\s+{_NAME}", _RATE),
-    (rf"{_NAME}\u0308", _SECOND_RATE),
-    (rf"{_NAME}\u0307", _RATE),
-    (rf"{_NAME}(?:''|″|′′|’’)", _SECOND_RATE),
-    (rf"{_NAME}['′’]", _RATE),
-    (rf"{_NAME}\s*[.\s-]\s*ddot\b", _SECOND_RATE),
+    (rf"{_NAME}(?:\u0308|''|″|′′|’’|\s*[.\s-]\s*ddot\b)", _SECOND_RATE),
     (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
     (
-        rf"{_NAME}(?:\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t\s*\))",
+        rf"{_NAME}(?:[\u0307'′’]|\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t\s*\))",
         _RATE,
     ),
     (rf"\b{_MADE_OF}\.{_NAME}", "write {0}, without the text before the dot"),
@@ -367,14 +357,6 @@ _OF_NUMBERS = 10
 def patterns() -> list[tuple[re.Pattern[str], Meant]]:
     """Give the table, its patterns compiled."""
     return [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
-
-
-@functools.cache
-def patterns_of_names() -> list[tuple[re.Pattern[str], Meant]]:
-    """Give the rows of what parses as an expression and is meant otherwise."""
-    return [
-        row for row in patterns() if row[1] is _exponential or row[0].pattern in _PARSED
-    ]
 
 
 # --- Hints for expressions, from what stands around a fault
@@ -510,7 +492,8 @@ def _matching(
 def of_unknown(text: str, offset: int) -> str:
     """Give a hint for a name at `offset` that has a meaning with what is around it."""
     first = max(0, offset - WINDOW)
-    return _matching(patterns_of_names(), text[first : offset + WINDOW], offset - first)
+    parsed = (r for r in patterns() if r[1] is _exponential or r[0].pattern in _PARSED)
+    return _matching(parsed, text[first : offset + WINDOW], offset - first)
 
 
 def _of_comparison(text: str, offset: int) -> str:
@@ -673,13 +656,9 @@ def rate_within(text: str, moving: Collection[str]) -> str:
 
 def spelt_out(name: str) -> str:
     """Give a name in small letters, with Greek ones by their names: theta for θ."""
-    letters = name if name.isascii() else "".join(map(_spelt_out, name))
-    return letters.casefold()
-
-
-def _spelt_out(letter: str) -> str:
-    full = unicodedata.name(letter, "")
-    return full.split()[-1] if full.startswith("GREEK ") else letter
+    full = {x: unicodedata.name(x, "") for x in name if x > "\x7f"}
+    greek = {x: n.split()[-1] for x, n in full.items() if n.startswith("GREEK ")}
+    return "".join(greek.get(x, x) for x in name).casefold()
 
 
 # --- Hints for keys, mappings and lists

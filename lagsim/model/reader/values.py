@@ -18,7 +18,6 @@ from lagsim.model.model import (
     InitialValue,
     Level,
     Parameter,
-    Target,
 )
 from lagsim.model.nodes import (
     Broken,
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
     from lagsim.model.reader.expressions import Expressions, Refusal, Rule
-    from lagsim.model.reader.names import Meaning
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
@@ -227,14 +225,8 @@ class Unfolded(Graph):
 def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
     """Give value and rounding error of an expression of numbers.
 
-    A number alone is exact: it is what the file states.
-
-    Parameters
-    ----------
-    parsed
-        The expression.
-    known
-        Value and error of each name in it but `pi`.
+    A number alone is exact: it is what the file states. `known`: value and error of
+    each name in it but `pi`.
     """
     (kind, number), *more = parsed.postfix
     if not more and kind == "number":
@@ -251,17 +243,8 @@ def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
 class _Numbers:
     """Reads numbers that may use those read before.
 
-    Parameters
-    ----------
-    x
-        The expressions of the file.
-    instead
-        Expressions that replace those of the file, by name.
-
-    Attributes
-    ----------
-    known
-        Value and rounding error of each number that is sound.
+    `instead` are expressions that replace those of the file, by name; `known` value
+    and rounding error of each number that is sound.
     """
 
     def __init__(
@@ -350,12 +333,7 @@ class Parameters(_Numbers):
 
 
 # What a start value may be given to.
-TARGETS = {
-    Kind.COORDINATE: Target.COORDINATE,
-    Kind.VELOCITY: Target.VELOCITY,
-    Kind.DEFINITION: Target.DEFINITION,
-    Kind.RATE: Target.RATE,
-}
+STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.DEFINITION, Kind.RATE)
 
 
 class Initial(_Numbers):
@@ -408,29 +386,27 @@ class Initial(_Numbers):
         rates = [f"{q}_dot" for q in coordinates]
         for rate in rates:
             if rate not in self._all:  # a velocity not named is stated to be 0
-                zero = (0.0, 0.0, False, "0", place)
-                found[rate] = InitialValue(rate, Target.VELOCITY, *zero)
+                found[rate] = InitialValue(rate, 0.0, 0.0, False, "0", place)
         order = dict.fromkeys([*coordinates, *rates, *found])
         return tuple(found[name] for name in order if name in found)
 
     def _start(self, key: Scalar, node: Node) -> InitialValue | None:
         name, what = key.text, f"the start value of `{key.text}`"
-        target = self._target(key)
+        sound, defined = self._defined(key)
         expression, guess = self._guess(key, node, what)
         expression = self._instead.get(name, expression)
         text = self._text(expression, what, self._rule)
-        value = self._value(text, what) if text and target else None
-        if text is None or target is None or value is None:
+        value = self._value(text, what) if text and sound else None
+        if text is None or value is None:
             return None
-        kind, direction = target
         scalar = text[0]
-        if guess and kind in (Target.DEFINITION, Target.RATE):
+        if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{name}: {scalar.text}`, and guess coordinates"
             self.x.faults.add("not-a-guess", about, key.place, hint)
             return None
         stated = " ".join(scalar.text.split())
-        return InitialValue(name, kind, *value, guess, stated, scalar.place, direction)
+        return InitialValue(name, *value, guess, stated, scalar.place, defined)
 
     def _guess(self, key: Scalar, node: Node, what: str) -> tuple[Node, bool]:
         """Give the expression of a start value, and whether it is a guess."""
@@ -462,24 +438,42 @@ class Initial(_Numbers):
         moving = name in self.x.names.of(Kind.COORDINATE)
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
-    def _target(self, key: Scalar) -> tuple[Target, int | None] | None:
-        """Give what a key of `initial` names, and the node of a definition."""
+    def _defined(self, key: Scalar) -> tuple[bool, int | None]:
+        """Tell whether a key has a start value; give the node of a definition."""
         name, names, faults = key.text, self.x.names, self.x.faults
         meaning = names.meaning(name)
         if meaning is None:
             if not names.is_faulty(name) and names.complete:
                 self._report_unknown(key)
-            return None
-        if meaning.kind in (Kind.COORDINATE, Kind.VELOCITY):
-            return TARGETS[meaning.kind], None
-        if meaning.kind in (Kind.DEFINITION, Kind.RATE):
-            return self._definition(key, meaning)
-        text = f"`{name}` is {meaning.kind.value} and has no start value"
-        hint = "its value belongs in `parameters`"
-        if meaning.kind is not Kind.PARAMETER:
-            hint = "start values are those of positions and velocities"
-        faults.add("not-a-start-value", text, key.place, hint)
-        return None
+            return False, None
+        kind, base = meaning
+        if kind in (Kind.COORDINATE, Kind.VELOCITY):
+            return True, None
+        hint = "start values are those of positions and velocities"
+        if kind not in STARTED:
+            text = f"`{name}` is {kind.value} and has no start value"
+            hint = (
+                "its value belongs in `parameters`" if kind is Kind.PARAMETER else hint
+            )
+            faults.add("not-a-start-value", text, key.place, hint)
+            return False, None
+        definition = self.x.definitions.get(base)
+        if definition is None:
+            return False, None
+        node, level = definition
+        if level is Level.OUTPUT:
+            text = f"`{base}` uses {level.value} and has no start value here"
+            faults.add("output-only", text, key.place, hint)
+            return False, None
+        if kind is Kind.RATE and level is not Level.POSITION:
+            text = (
+                f"`{name}` asks for the rate of `{base}`, which depends on velocities"
+            )
+            faults.add("no-rate", text, key.place)
+            return False, None
+        if kind is Kind.RATE and node is not None:
+            node = self.x.rate(base)
+        return node is not None, node
 
     def _report_unknown(self, key: Scalar) -> None:
         names, faults, name = self.x.names, self.x.faults, key.text
@@ -501,28 +495,6 @@ class Initial(_Numbers):
         hint = quantities.split_by_comma(key) or hint
         text = f"`{name}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
-
-    def _definition(
-        self, key: Scalar, meaning: Meaning
-    ) -> tuple[Target, int | None] | None:
-        base, faults = meaning.base, self.x.faults
-        definition = self.x.definitions.get(base)
-        if definition is None:
-            return None
-        if definition.level is Level.OUTPUT:
-            text = f"`{base}` uses {definition.level.value} and has no start value here"
-            hint = "start values are those of positions and velocities"
-            faults.add("output-only", text, key.place, hint)
-            return None
-        rate = meaning.kind is Kind.RATE
-        if rate and definition.level is not Level.POSITION:
-            text = f"`{key.text}` asks for the rate of `{base}`, which depends on "
-            faults.add("no-rate", text + "velocities", key.place)
-            return None
-        if definition.node is None:
-            return None
-        node = self.x.rate(base) if rate else definition.node
-        return TARGETS[meaning.kind], node
 
     def _rule(self, used: Name, scalar: Scalar) -> Level | Refusal | None:
         """Tell for `check_by` whether a start value may use a name."""
@@ -549,6 +521,6 @@ class Initial(_Numbers):
             text = f"the start value of `{name}` is not given above this line"
             return "later-initial", text, hint
         text = f"`{name}` is {meaning.kind.value} without a start value above this line"
-        if meaning.kind not in TARGETS:
+        if meaning.kind not in STARTED:
             text = f"a start value cannot use `{name}`, {meaning.kind.value}"
         return "not-a-start-value", text, hint

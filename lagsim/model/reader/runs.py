@@ -1,0 +1,385 @@
+"""How to run, what to draw and to write: sections `simulation`, `scene`, `output`."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+from lagsim.methods import options
+from lagsim.model.model import (
+    DEFAULT_ROWS,
+    Curve,
+    Level,
+    Output,
+    Plot,
+    Scene,
+    Settings,
+)
+from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
+from lagsim.model.reader import hints, quantities
+from lagsim.model.reader.expressions import OUTPUT, STATE
+from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
+from lagsim.model.reader.names import Kind, check_name
+from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED
+from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from collections.abc import Mapping as MappingType
+
+    from lagsim.errors import Place
+    from lagsim.model.reader.expressions import Expressions
+    from lagsim.model.reader.names import Names
+
+MAX_ROWS = 10**8
+
+# --- When to start and stop, how finely, and how to integrate
+
+
+def read_settings(
+    section: Fields, options: MappingType[str, str], x: Expressions
+) -> Settings:
+    """Give the section `simulation`, with what replaces its keys."""
+    given = dict(section.found)
+    if "duration" in options:
+        given.pop("end", None)
+    for key, text in options.items():
+        value = argument(f"--{key.replace('_', '-')} ", text)
+        given[key] = value, value
+    return _Simulation(Fields(given, section.place, section.sound, x.faults), x).read()
+
+
+class _Simulation:
+    def __init__(self, given: Fields, x: Expressions) -> None:
+        self.given, self.x = given, x
+
+    def read(self) -> Settings:
+        given = self.given
+        start = self._number("start") if "start" in given else 0.0
+        end = self._end(start)
+        output_step = self._positive("output_step")
+        method = self._name("method", "see `lagsim methods`")
+        formulation = self._name("formulation", "see docs/model-file.md")
+        rtol, atol = (self._within(key, 0.0, math.inf) for key in ("rtol", "atol"))
+        if rtol == 0 and "atol" not in given:
+            hint = "`atol` is rtol times a scale where it is not given"
+            self._fault("out-of-range", "`rtol` is 0 without an `atol`", "rtol", hint)
+        elif rtol == 0 and atol == 0:
+            self._fault("out-of-range", "`rtol` and `atol` are both 0", "atol")
+        step, gain = self._positive("step"), self._positive("gain")
+        own = ((k, self._within(k, o.least, o.most)) for k, (_, o) in options().items())
+        asked = Settings(
+            method=method, formulation=formulation, rtol=rtol, atol=atol, step=step,
+            gain=gain, options=tuple((k, v) for k, v in own if v is not None),
+            method_place=self._place("method"),
+            formulation_place=self._place("formulation"),
+        )  # fmt: skip
+        if start is None or end is None:
+            return asked._replace(start=start or 0.0, end=start or 0.0)
+        if output_step is None:
+            output_step = (end - start) / DEFAULT_ROWS
+        self._check_rows(end - start, output_step)
+        return asked._replace(start=start, end=end, output_step=output_step)
+
+    def _place(self, key: str) -> Place | None:
+        node = self.given.value(key)
+        return node.place if node else None
+
+    def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
+        self.x.faults.add(code, text, self._place(key) or self.given.place, hint)
+
+    def _number(self, key: str) -> float | None:
+        node = self.given.value(key)
+        if node and key in ("duration", "end") and (hint := quantities.span(node)):
+            text = f"`{key}` must be one time, found {kind_of(node)}"
+            self._fault("not-an-expression", text, key, hint)
+            return None
+        return self.x.number(node, f"`{key}`")
+
+    def _positive(self, key: str) -> float | None:
+        value = self._number(key)
+        if value is None or value > 0:
+            return value
+        self._fault("out-of-range", f"`{key}` is {value:g}; it must be positive", key)
+        return None
+
+    def _within(self, key: str, least: float, most: float) -> float | None:
+        value = self._number(key)
+        if value is None or least <= value <= most:
+            return value
+        rule = f"exceed {most:g}"
+        if value < least:
+            rule = f"be below {least:g}" if least else "be negative"
+        self._fault("out-of-range", f"`{key}` is {value:g}; it must not {rule}", key)
+        return None
+
+    def _end(self, start: float | None) -> float | None:
+        key = "duration" if "duration" in self.given else "end"
+        if key == "duration" and "end" in self.given:
+            text, place = "both `duration` and `end`", self.given.place_of("end")
+            self.x.faults.add(
+                "both-given", f"{text} are given", place, "give one of them"
+            )
+        end = self._positive(key) if key == "duration" else self._number(key)
+        if end is None or start is None:
+            return None
+        end += start if key == "duration" else 0.0
+        length, text = end - start, ""
+        if not (start < end < math.inf and math.isfinite(length)):
+            text = f"the run from {start:g} to {end:g} has no positive, finite length"
+        elif length < SHORTEST_RUN:
+            text = f"the run is {length:g} long; at least {SHORTEST_RUN:g} is expected"
+        if text:
+            self._fault("out-of-range", text, key)
+        return None if text else end
+
+    def _name(self, key: str, hint: str) -> str:
+        name = self.given.text(key)
+        if not name and isinstance(self.given.value(key), Scalar):
+            self._fault("empty", f"`{key}` must be a name, found nothing", key, hint)
+        return name or "auto"
+
+    def _check_rows(self, length: float, output_step: float) -> None:
+        count = length / output_step
+        if count < 1 - SAME_STEP:
+            text = f"`output_step` is {output_step:g}, longer than the run, {length:g}"
+            self._fault("out-of-range", text, "output_step")
+        elif count == math.inf or math.ceil(count - SAME_STEP) + 1 > MAX_ROWS:
+            rows = "infinitely many"
+            if count < math.inf:
+                whole = math.ceil(count - SAME_STEP) + 1
+                rows = str(whole) if whole < 10**15 else f"{count:.3g}"
+            text = f"`output_step` {output_step:g} makes {rows} rows, more than 10^8"
+            hint = f"{length / DEFAULT_ROWS:g} makes {DEFAULT_ROWS + 1}"
+            self._fault("too-many-rows", text, "output_step", hint)
+
+
+# --- What to draw
+
+
+def read_scene(found: Fields, x: Expressions) -> Scene:
+    """Give the points and the links between them."""
+    points: dict[str, tuple[int, ...]] = {}
+    named: list[str] = []
+    section = found.value("points")
+    for key, node in entries(section, "`points`", x.faults):
+        named.append(key.text)
+        if check_name(key, "a point", x.faults):
+            points[key.text] = _point(key.text, node, x)
+    whole = not isinstance(section, Broken)
+    section = found.value("links")
+    if section is not None and (pair := _pair(section, named)):
+        text = f"`links` is a list of links, each a list, found {kind_of(section)}"
+        hint = f"write [[{', '.join(pair)}]]"
+        x.faults.add("not-a-list", text, section.place, hint)
+        return Scene(points)
+    given = items(section, "`links`", x.faults)
+    links = [_link(node, named, x, whole=whole) for node in given]
+    return Scene(points, tuple(link for link in links if link))
+
+
+def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
+    what = f"the point `{name}`"
+    if isinstance(node, Broken):
+        return ()
+    if not isinstance(node, Sequence):
+        text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
+        hint = hints.as_list(node)
+        if isinstance(node, Mapping):
+            hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
+        x.faults.add("not-a-list", text, node.place, hint)
+        return ()
+    compiled = [x.compile(part, what, STATE) for part in node.items]
+    if len(node.items) not in (2, 3) and None not in compiled:
+        text = f"{what} must have 2 or 3 components, found {len(node.items)}"
+        hint = "a point in a plane is [x, y], one in space [x, y, z]"
+        x.faults.add("wrong-count", text, node.place, hint)
+    return tuple(c[0] for c in compiled if c is not None)
+
+
+def _pair(node: Node, named: list[str]) -> list[str]:
+    """Give the two points that a link names without brackets of its own, or none."""
+    given = node.items if isinstance(node, Sequence) else ()
+    found = [part.text for part in given if isinstance(part, Scalar)]
+    if isinstance(node, Scalar):
+        found = [part.strip() for part in re.split(r",|->?|–", node.text)]
+    return found if len(found) == 2 and set(found) <= set(named) else []
+
+
+def _link(
+    node: Node, named: list[str], x: Expressions, *, whole: bool
+) -> tuple[str, str] | None:
+    """Give the points that a link joins; `whole`: `named` are all that there are."""
+    if isinstance(node, Scalar) and not node.empty and (pair := _pair(node, named)):
+        text = f"a link must be a list, found {kind_of(node)}"
+        x.faults.add("not-a-list", text, node.place, f"write [{', '.join(pair)}]")
+        return None
+    ends = items(node, "a link", x.faults)
+    if isinstance(node, Sequence) and len(ends) != 2:
+        text = f"a link joins 2 points, found {len(ends)}"
+        x.faults.add("wrong-count", text, node.place, "such as [pivot, bob]")
+        return None
+    names = []
+    for end in _named(ends, "a link names points", x):
+        if end.text in named:
+            names.append(end.text)
+        elif whole:
+            hint = x.faults.did_you_mean(end.text, named)
+            hint = hint or f"the points are {listed(named)}"
+            if not named:
+                hint = f"give it a place: points: {{{end.text}: [0, 0]}}"
+            text = f"there is no point `{end.text}`"
+            x.faults.add("unknown-name", text, end.place, hint)
+    return (names[0], names[1]) if len(names) == 2 else None
+
+
+def _named(nodes: Iterable[Node], what: str, x: Expressions) -> Iterator[Scalar]:
+    """Give the items of a list that are texts; `what` says what they should be."""
+    for node in nodes:
+        if isinstance(node, Scalar):
+            yield node
+        elif not isinstance(node, Broken):
+            x.faults.add("not-a-text", f"{what}, found {kind_of(node)}", node.place)
+
+
+# --- What to write
+
+
+def read_output(found: Fields, x: Expressions) -> Output:
+    """Give the columns and the plots asked for."""
+    columns = tuple(x.names.of(Kind.DEFINITION))
+    node = found.value("columns")
+    if isinstance(node, Sequence):
+        hint = "coordinates are columns in any case"
+        columns = tuple(_definitions(node.items, "column", hint, x))
+    elif isinstance(node, Scalar) and node.empty:
+        text = "`columns` must be a list, found nothing"
+        hint = "[] means none; without the key there are all"
+        x.faults.add("not-a-list", text, node.place, hint)
+    else:
+        items(node, "`columns`", x.faults)
+    given = items(found.value("plots"), "`plots`", x.faults)
+    plots = [_plot(plot, x) for plot in given]
+    return Output(
+        columns,
+        tuple(plot for plot in plots if plot),
+        gauss=found.truth("gauss"),
+        action=found.truth("action"),
+        reactions=_reactions(found.value("reactions"), x),
+        event_marks=found.truth("event_marks", default=True),
+    )
+
+
+def asked_reactions(section: Node | None) -> list[str]:
+    """Give the names that `reactions` lists, sound or not: definitions may use them."""
+    for key, node in section.entries if isinstance(section, Mapping) else ():
+        if key.text == "reactions" and isinstance(node, Sequence):
+            return [item.text for item in node.items if isinstance(item, Scalar)]
+    return []
+
+
+def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
+    """Give the definitions of positions and time that a list names."""
+    given = items(node, "`reactions`", x.faults)
+    hint = "what constraints do to a coordinate is Qc_<name>"
+    found = []
+    for name, place in _definitions(given, "reaction", hint, x).items():
+        definition = x.definitions.get(name)
+        if definition is None or definition.node is None:
+            continue  # faulty itself, and reported
+        if definition.level is Level.POSITION:
+            found.append(name)
+            continue
+        text = f"`{name}` has no reaction: it depends on {definition.level.value}"
+        hint = "a reaction holds a definition of positions and time to what it is"
+        x.faults.add("no-reaction", text, place, hint)
+    return tuple(found)
+
+
+def _definitions(
+    given: Iterable[Node], what: str, hint: str, x: Expressions
+) -> dict[str, Place]:
+    """Give the definitions that items of a list name; `hint` is for coordinates."""
+    names, faults = x.names, x.faults
+    found: dict[str, Place] = {}
+    for item in _named(given, f"a {what} is the name of a definition", x):
+        name, place = item.text, item.place
+        kind = names.variables.get(name)
+        if name in found:
+            text = f"the {what} `{name}` is given twice"
+            faults.add(f"duplicate-{what}", text, place)
+        elif kind is Kind.DEFINITION:
+            found[name] = place
+        elif kind is not None or names.meaning(name) or name in RESERVED:
+            text, more = _no_definition(name, what, hint, names)
+            faults.add("not-a-definition", text, place, more)
+        elif name not in names.faulty and names.complete:
+            near = faults.did_you_mean(name, names.of(Kind.DEFINITION))
+            near = near or f"define it in `definitions`: {name}: ..."
+            faults.add("unknown-name", f"there is no definition `{name}`", place, near)
+    return found
+
+
+def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
+    """Say that a name of something else is none of a definition, with a hint."""
+    meaning = names.meaning(name)
+    text = f"`{name}` is {meaning.kind.value if meaning else 'a column of results'}"
+    columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
+    if meaning is None or meaning.kind in columns:
+        hint = "leave it out: it is a column in any case"
+    elif meaning.kind is not Kind.COORDINATE:
+        hint = f"define it: {name}_given: {name}, and name that"
+    return f"{text}; {what}s are definitions", hint
+
+
+def _plot(node: Node, x: Expressions) -> Plot | None:
+    if isinstance(node, Broken):
+        return None
+    found = fields(node, "a plot", PLOT, x.faults, node.place)
+    curves: dict[str, tuple[Curve, ...]] = {}
+    for axis in AXES:
+        value = found.value(axis)
+        if value is not None:
+            curves[axis] = _curves(value, axis, x)
+        elif axis != "y2" and found.sound:
+            hint = "such as {x: t, y: theta}"
+            x.faults.add("missing-key", f"the plot has no `{axis}`", node.place, hint)
+    title, log = found.text("title"), frozenset(_axes(found, x))
+    if not (curves.get("x") and curves.get("y")):
+        return None
+    return Plot(curves["x"][0], curves["y"], curves.get("y2", ()), log, title)
+
+
+def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
+    """Give the expressions of an axis; to the right there is one."""
+    nodes: Iterable[Node] = (node,)
+    if isinstance(node, Sequence) and axis != "x":
+        nodes, count = node.items, len(node.items)
+        if not 1 <= count <= MOST_CURVES:
+            text = f"`{axis}` of a plot has 1 to {MOST_CURVES} curves, found {count}"
+            x.faults.add("wrong-count", text, node.place, "make more plots of them")
+    found = []
+    for part in nodes:
+        compiled = x.compile(part, f"`{axis}` of the plot", OUTPUT)
+        if compiled is not None and isinstance(part, Scalar):
+            found.append(Curve(compiled[0], " ".join(part.text.split())))
+    return tuple(found)
+
+
+def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
+    """Give the axes that `log` names."""
+    node = plot.value("log") or Sequence((), plot.place)
+    for part in node.items if isinstance(node, Sequence) else (node,):
+        hint = "write y, or [x, y] for several"
+        if isinstance(part, Broken):
+            continue
+        if not isinstance(part, Scalar) or part.text not in AXES:
+            text = f"`log` names axes, {listed(AXES)}, found {kind_of(part)}"
+        elif part.text == "y2" and "y2" not in plot:
+            text = "`log` names `y2`, and the plot has none"
+            hint = "write y, or give `y2`"
+        else:
+            yield part.text
+            continue
+        x.faults.add("unknown-axis", text, part.place, hint)
