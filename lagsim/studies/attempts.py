@@ -124,6 +124,8 @@ class Attempts:
         Gives, for what is done, what is to be called with the fraction done.
     joined
         Gets the run of the first attempt before it begins.
+    followers
+        Get the rows of the attempt that is given, as far as the store could take them.
     """
 
     def __init__(
@@ -138,8 +140,10 @@ class Attempts:
         animated: bool = False,
         progress: Progress = lambda _label: contextlib.nullcontext(),
         joined: Joined | None = None,
+        followers: Sequence[Store] = (),
     ) -> None:
         self.store, self.interrupt, self.clock = store, interrupt, clock
+        self.followers = followers
         self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
         self.animated, self.cornered = animated, cornered or thinned
         self.joined = joined
@@ -197,9 +201,9 @@ class Attempts:
             from lagsim.outputs.animation import frames_of
 
             frames = frames_of(case.equations, names)
-        if self.store.rows:
-            self.store.begin_anew()
-        others: list[Observer] = [evidence]
+        for store in (self.store, *self.followers) if self.store.rows else ():
+            store.begin_anew()
+        others: list[Observer] = [evidence, *self.followers]
         others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
         others += [x for x in (thin, frames) if x is not None]
         relay = Relay(self.store, others, self.interrupt)

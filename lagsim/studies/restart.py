@@ -83,6 +83,7 @@ _DECLARED = {
     "run.events.times": "Feature Features TimeBreaks",
     "run.failures": "Fallback Unmet",
     "run.interrupt": "Horizon",
+    "run.observers": "Extremes",
     "run.observers.monitors": "EnergyMonitor Growth ResidualMonitor",
     "run.observers.thinning": "Thinning _Envelope _Sample",
     "run.overflow": "Gap Gaps",

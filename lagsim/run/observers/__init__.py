@@ -219,31 +219,3 @@ class Extremes:
         self.end = columns[:, -1].copy()
         self.last = float(self.end[0])
         self.rows += len(rows)
-
-
-class Followed:
-    """A store whose rows, as far as it takes them, go on to a follower.
-
-    Attributes
-    ----------
-    rows, last
-        Of the store.
-    """
-
-    def __init__(self, store: Store, follower: Extremes) -> None:
-        self._store, self._follower = store, follower
-        self.rows, self.last = store.rows, store.last
-
-    def begin_anew(self) -> None:
-        """Take all rows back."""
-        self._store.begin_anew()
-        self._follower.begin_anew()
-        self.rows, self.last = 0, None
-
-    def add(self, rows: Floats) -> None:
-        """Take rows; OSError where there is no room for all of them."""
-        try:
-            self._store.add(rows)
-        finally:
-            self._follower.add(rows[: self._store.rows - self.rows])
-            self.rows, self.last = self._store.rows, self._store.last

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.run.observers import Extremes
 from lagsim.tolerances import SAME_STEP, TERM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -39,51 +40,30 @@ class Checkpoints:
     count : int
         Of the coordinates, the columns after the time; their rates follow.
     settings
-        Whose grid it is; by default that of the first two times.
+        Whose grid it is.
     stride
         Of so many rows one is kept, to begin with.
     """
 
-    def __init__(
-        self, count: int, settings: Settings | None = None, stride: int = 1
-    ) -> None:
+    def __init__(self, count: int, settings: Settings, stride: int = 1) -> None:
         self._count = count
-        self._start: float | None = None
-        self._step = 0.0
-        if settings is not None:
-            self._start, self._step = settings.start, settings.output_step
+        self._grid = settings.start, settings.output_step
         self._kept: dict[int, Floats] = {}
-        self._last: Floats | None = None
+        self._extremes = Extremes(1 + 2 * count)
         self.stride = stride
-        self.low = np.full(count, np.inf)
-        self.high = np.full(count, -np.inf)
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
         if not len(rows):
             return
-        states = rows[:, : 1 + 2 * self._count]
-        q = states[:, 1 : 1 + self._count]
-        self.low = np.fmin(self.low, np.min(q, axis=0))
-        self.high = np.fmax(self.high, np.max(q, axis=0))
-        places = self._places(states[:, 0])
+        self._extremes.add(rows)
+        places = numbers(rows[:, 0], *self._grid)
         kept = (places >= 0) & (places % self.stride == 0)
-        self._kept.update(zip(places[kept].tolist(), states[kept], strict=True))
-        self._last = states[-1].copy()
+        states = rows[kept, : 1 + 2 * self._count]
+        self._kept.update(zip(places[kept].tolist(), states, strict=True))
         while len(self._kept) > MOST_ROWS:
             self.stride *= 2
             self._kept = {k: x for k, x in self._kept.items() if k % self.stride == 0}
-
-    def _places(self, t: Floats) -> Floats:
-        """Give the numbers of times on the grid, -1 between (k,)."""
-        if self._start is None:
-            self._start = float(t[0])
-        if not self._step:
-            later = t[t > self._start]
-            self._step = float(later[0] - self._start) if len(later) else 0.0
-        if not self._step:
-            return np.where(t == self._start, 0, -1).astype(np.int64)
-        return numbers(t, self._start, self._step)
 
     @property
     def states(self) -> dict[int, Floats]:
@@ -97,14 +77,24 @@ class Checkpoints:
 
     @property
     def last(self) -> Floats | None:
-        """The last row of all."""
-        return self._last
+        """The last row of all, (1 + 2 n,); None where there is none."""
+        return self._extremes.end if self._extremes.rows else None
+
+    @property
+    def low(self) -> Floats:
+        """The least values of the coordinates (n,)."""
+        return self._extremes.low[1 : 1 + self._count]
+
+    @property
+    def high(self) -> Floats:
+        """Their greatest values (n,)."""
+        return self._extremes.high[1 : 1 + self._count]
 
     @property
     def rows(self) -> Floats:
         """Time and coordinates (k, 1 + n); the last row, where all are kept."""
         found = list(self._kept.values())
-        last = self._last if self.stride == 1 else None
+        last = self.last if self.stride == 1 else None
         if last is not None and not (found and found[-1][0] == last[0]):
             found.append(last)
         return np.array(found).reshape(len(found), -1)[:, : 1 + self._count]
@@ -146,6 +136,14 @@ def gained(balance: Floats) -> float:
     return grown if abs(grown) > np.min(high - low) else 0.0
 
 
+def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
+    """Give energy - work (k,) from their columns; inf - inf is not known."""
+    if work is None:
+        return rows[:, energy]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(rows[:, energy] - rows[:, work])
+
+
 class EnergyMonitor:
     """Follows energy - work, and the states, as rows pass.
 
@@ -176,19 +174,14 @@ class EnergyMonitor:
         shown = ("kinetic", "potential", "lagrangian", "work")
         self._parts = {name: columns.index(name) for name in shown if name in columns}
         self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
-        self._low = np.full(len(columns), np.inf)
-        self._high = np.full(len(columns), -np.inf)
+        self._extremes = Extremes(len(columns))
         self._kept = np.empty((0, 3 + 3 * count + len(self._works)))
         self._seen, self._stride = 0, 1
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
         finite = np.isfinite(rows[:, self._energy])
-        known = rows if finite.all() else rows[finite]
-        if len(known):
-            columns = np.ascontiguousarray(known.T)  # looked through at a stretch
-            self._low = np.fmin(self._low, np.min(columns, axis=1))
-            self._high = np.fmax(self._high, np.max(columns, axis=1))
+        self._extremes.add(rows if finite.all() else rows[finite])
         seen = self._seen + len(rows)
         while seen > MOST_KEPT * self._stride:
             self._kept = self._kept[::2]
@@ -200,10 +193,7 @@ class EnergyMonitor:
 
     def _parts_of(self, rows: Floats) -> Floats:
         """Give energy - work, the kinetic energy, t, q, q', q'', works of each row."""
-        balance = rows[:, self._energy]
-        if self._work is not None:
-            with np.errstate(invalid="ignore"):
-                balance = balance - rows[:, self._work]
+        balance = _balance(rows, self._energy, self._work)
         moving = rows[:, self._parts.get("kinetic", self._energy)]
         state, works = rows[:, : 1 + 3 * self.count], rows[:, self._works]
         return np.column_stack([balance, moving, state, works])
@@ -248,7 +238,7 @@ class EnergyMonitor:
         Rows alone may show none of it: of a drive, say, that turns at each of them. Of
         a `lagrangian`, which tells neither, the range or the energy's size.
         """
-        low, high = self._low, self._high
+        low, high = self._extremes.low, self._extremes.high
         if not np.isfinite(low[self._energy]):
             return 0.0
         found = [high[k] - low[k] for k in self._parts.values()]
@@ -262,14 +252,15 @@ class EnergyMonitor:
     @property
     def ranges(self) -> Floats:
         """The range of each column."""
-        return np.asarray(self._high - self._low)
+        return np.asarray(self._extremes.high - self._extremes.low)
 
     @property
     def held(self) -> Floats:
         """The largest constraint force on each coordinate (n,)."""
         if not self._held:
             return np.zeros(self.count)
-        return np.asarray(np.fmax(np.abs(self._low), np.abs(self._high))[self._held])
+        sizes = np.abs([self._extremes.low, self._extremes.high])
+        return np.asarray(np.fmax(*sizes)[self._held])
 
     @property
     def work_range(self) -> float:
@@ -308,18 +299,37 @@ GROWN = 1.1
 
 
 class Growth:
-    """Notes when a value has grown how far."""
+    """The greatest size of a value, in which row, and when it had grown how far.
+
+    Attributes
+    ----------
+    size : float
+        nan where one is.
+    row : ndarray or None
+        That of the greatest size, or the first one that is nan.
+    """
 
     def __init__(self) -> None:
+        self.size = 0.0
+        self.row: Floats | None = None
         self._noted: list[tuple[float, float]] = []
         self._next = 0.0
 
-    def add(self, times: Floats, sizes: Floats) -> None:
-        """Take values that are not negative, and their times (k,)."""
-        top = np.maximum.accumulate(np.where(sizes > self._next, sizes, 0.0))
+    def add(self, rows: Floats, sizes: Floats, noted: Floats | None = None) -> None:
+        """Take rows (k, columns), the time first, and sizes in them (k,).
+
+        Of sizes in other units, `noted`, it is kept when they had grown.
+        """
+        k = int(np.argmax(sizes))  # of the first nan, if there is one
+        if not sizes[k] <= self.size:
+            self.row = rows[k].copy()
+        # np.maximum, and not max, which would lose a nan.
+        self.size = float(np.maximum(self.size, sizes[k]))
+        grown = sizes if noted is None else noted
+        top = np.maximum.accumulate(np.where(grown > self._next, grown, 0.0))
         for k in np.flatnonzero(np.diff(top, prepend=0.0)).tolist():
             if top[k] > self._next:
-                self._noted.append((float(times[k]), float(top[k])))
+                self._noted.append((float(rows[k, 0]), float(top[k])))
                 self._next = GROWN * float(top[k])
 
     def since(self, bound: float) -> float | None:
@@ -348,63 +358,57 @@ class ResidualMonitor:
 
     Attributes
     ----------
-    energy_drift : float
-        Greatest |energy - work - first value|; nan where one of them is.
     first_energy : float
-    worst_row : ndarray or None
-        Where energy - work is farthest from its first value.
+    scales : dict
+        The largest scale of each constraint.
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
         self._energy = columns.index("energy")
         self._work = columns.index("work") if "work" in columns else None
-        judged = judged_columns(columns)
-        self._names = list(judged)
-        self._constraints = list(judged.values())
-        self._residuals = np.zeros(len(self._constraints))
-        self._grown = [Growth() for _ in self._constraints]
-        self._worst_rows: list[Floats | None] = [None for _ in self._constraints]
-        self._drift = Growth()
-        self._signed = 0.0
-        self.worst_row: Floats | None = None
-        self._scales = np.zeros(len(self._constraints))
         self._start: float | None = None
         self.first_energy = 0.0
-        self.energy_drift = 0.0
+        self._drift = Growth()
+        self._judged = judged_columns(columns)
+        self._residuals = {name: Growth() for name in self._judged}
+        self.scales = dict.fromkeys(self._judged, 0.0)
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
-        balance = rows[:, self._energy]
-        if self._work is not None:
-            with np.errstate(invalid="ignore"):  # inf - inf: the drift is not known
-                balance = balance - rows[:, self._work]
+        balance = _balance(rows, self._energy, self._work)
         if self._start is None:
             self._start = float(balance[0])
             self.first_energy = float(rows[0, self._energy])
         with np.errstate(invalid="ignore"):
-            drifts = balance - self._start
-        sizes = np.abs(drifts)
-        k = int(np.argmax(sizes))  # of the first nan, if there is one
-        if not sizes[k] <= self.energy_drift:
-            self._signed, self.worst_row = float(drifts[k]), rows[k].copy()
-        # np.maximum, and not max, which would lose a nan.
-        self.energy_drift = float(np.maximum(self.energy_drift, sizes[k]))
-        self._drift.add(rows[:, 0], sizes)
-        for i, (residual, scale) in enumerate(self._constraints):
-            sizes = np.abs(rows[:, residual])
-            scales = np.fmax(np.fmax.accumulate(rows[:, scale]), self._scales[i])
-            parts = np.divide(sizes, scales, out=np.zeros_like(sizes), where=scales > 0)
-            self._grown[i].add(rows[:, 0], parts)
-            k = int(np.argmax(sizes))
-            if not sizes[k] <= self._residuals[i]:
-                self._worst_rows[i] = rows[k].copy()
-            self._residuals[i] = np.maximum(self._residuals[i], sizes[k])
-            self._scales[i] = np.maximum(self._scales[i], np.max(rows[:, scale]))
+            self._drift.add(rows, np.abs(balance - self._start))
+        for name, (residual, scale) in self._judged.items():
+            sizes, scales, known = (
+                np.abs(rows[:, residual]),
+                rows[:, scale],
+                self.scales,
+            )
+            so_far = np.fmax(np.fmax.accumulate(scales), known[name])
+            parts = np.divide(sizes, so_far, out=np.zeros_like(sizes), where=so_far > 0)
+            self._residuals[name].add(rows, sizes, parts)
+            self.scales[name] = float(np.maximum(self.scales[name], np.max(scales)))
+
+    @property
+    def energy_drift(self) -> float:
+        """Greatest |energy - work - first value|; nan where one of them is."""
+        return self._drift.size
+
+    @property
+    def worst_row(self) -> Floats | None:
+        """Where energy - work is farthest from its first value, if it changes."""
+        return self._drift.row
 
     @property
     def energy_gained(self) -> float:
         """The deviation that is the greatest, with its sign."""
-        return self._signed
+        if self.worst_row is None or self._start is None:
+            return 0.0
+        worst = _balance(self.worst_row[np.newaxis], self._energy, self._work)
+        return float(worst[0]) - self._start
 
     def drift_since(self, bound: float) -> float | None:
         """Give the first time at which energy - work is off by more than `bound`."""
@@ -412,43 +416,28 @@ class ResidualMonitor:
 
     def constraint_since(self, name: str, part: float) -> float | None:
         """Give when a residual first exceeds a part of its scale so far."""
-        return self._grown[self._names.index(name)].since(part)
+        return self._residuals[name].since(part)
 
     @property
     def constraint_residual(self) -> float:
         """Greatest |residual| over its scale; 0 without constraints."""
-        return self.worst_constraint[1]
-
-    @property
-    def worst_constraint(self) -> tuple[str, float]:
-        """The constraint of that residual, and the residual."""
-        if not self._names:
-            return "", 0.0
-        ratios = self._ratios()
-        k = int(np.argmax(ratios))
-        return self._names[k], float(ratios[k])
+        return float(np.max(list(self._parts().values()), initial=0.0))
 
     def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
         """Give the constraints with a residual of more than a part of its scale.
 
         Of each the name, the residual, that part, and its row; the worst first.
         """
-        ratios = self._ratios()
         found = []
-        for k in np.argsort(-ratios).tolist():
-            row = self._worst_rows[k]
-            if ratios[k] > part and row is not None:
-                own = float(self._residuals[k])
-                found.append((self._names[k], own, float(ratios[k]), row))
-        return found
+        for name, own in self._parts().items():
+            worst = self._residuals[name]
+            if own > part and worst.row is not None:
+                found.append((name, worst.size, own, worst.row))
+        return sorted(found, key=lambda row: -row[2])
 
-    @property
-    def scales(self) -> dict[str, float]:
-        """The largest scale of each constraint."""
-        return dict(zip(self._names, self._scales.tolist(), strict=True))
-
-    def _ratios(self) -> Floats:
-        some = ~(self._scales <= 0)
-        return np.divide(
-            self._residuals, self._scales, out=np.zeros(len(some)), where=some
-        )
+    def _parts(self) -> dict[str, float]:
+        """Give each residual as a part of its scale; 0 where that is 0."""
+        return {
+            name: 0.0 if self.scales[name] <= 0.0 else worst.size / self.scales[name]
+            for name, worst in self._residuals.items()
+        }

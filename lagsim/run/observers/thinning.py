@@ -20,7 +20,7 @@ import numpy as np
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -43,6 +43,10 @@ FAINT = 1e-285
 _GOLDEN = (5**0.5 - 1) / 2
 
 
+# What is kept of each bucket: its least and its greatest value, and their times.
+LOW, LOW_T, HIGH, HIGH_T = range(4)
+
+
 class _Envelope:
     """Least and greatest finite value of `width` columns in buckets of rows.
 
@@ -50,9 +54,7 @@ class _Envelope:
     """
 
     def __init__(self, width: int) -> None:
-        shape = (BUCKETS, width)
-        self._low, self._high = np.empty(shape), np.empty(shape)
-        self._low_t, self._high_t = np.empty(shape), np.empty(shape)
+        self._kept = np.empty((4, BUCKETS, width))
         self._rows = 0
         self.size = 1
 
@@ -60,95 +62,59 @@ class _Envelope:
         """Take the rows t : (k,) and values : (k, width)."""
         start = 0
         while start < len(t):
-            room = BUCKETS * self.size - self._rows
-            if room == 0:
+            if self._rows == BUCKETS * self.size:
                 self._halve()
-                continue
-            stop = min(len(t), start + room)
-            self._fill(t[start:stop], values[start:stop])
+            bucket, inside = divmod(self._rows, self.size)
+            room = min(len(t) - start, BUCKETS * self.size - self._rows)
+            # To the end of a bucket that has begun; by whole ones; or what is left.
+            most = self.size - inside
+            whole = not inside and room >= most
+            stop = start + (room - room % most if whole else min(room, most))
+            size = min(most, stop - start)
+            found = _extremes(t[start:stop], values[start:stop], size)
+            kept = self._kept[:, bucket : bucket + found.shape[1]]
+            kept[:] = _merged(kept, found) if inside else found
+            self._rows += stop - start
             start = stop
 
-    def _fill(self, t: Array, values: Array) -> None:
-        open_rows = self._rows % self.size
-        head = min(-open_rows % self.size, len(t))
-        body = head + (len(t) - head) // self.size * self.size
-        for start, stop, size in (
-            (0, head, head),
-            (head, body, self.size),
-            (body, len(t), len(t) - body),
-        ):
-            if start == stop:
-                continue
-            bucket, inside = divmod(self._rows, self.size)
-            found = _extremes(t[start:stop], values[start:stop], size)
-            if inside:
-                self._widen(bucket, *found)
-            else:
-                self._store(bucket, *found)
-            self._rows += stop - start
-
-    def _store(
-        self, bucket: int, low: Array, low_t: Array, high: Array, high_t: Array
-    ) -> None:
-        there = slice(bucket, bucket + len(low))
-        self._low[there], self._low_t[there] = low, low_t
-        self._high[there], self._high_t[there] = high, high_t
-
-    def _widen(
-        self, bucket: int, low: Array, low_t: Array, high: Array, high_t: Array
-    ) -> None:
-        lower = low[0] < self._low[bucket]
-        self._low[bucket, lower] = low[0, lower]
-        self._low_t[bucket, lower] = low_t[0, lower]
-        higher = high[0] > self._high[bucket]
-        self._high[bucket, higher] = high[0, higher]
-        self._high_t[bucket, higher] = high_t[0, higher]
-
     def _halve(self) -> None:
-        half = BUCKETS // 2
-        second = self._low[1::2] < self._low[::2]
-        self._low_t[:half] = np.where(second, self._low_t[1::2], self._low_t[::2])
-        self._low[:half] = np.where(second, self._low[1::2], self._low[::2])
-        second = self._high[1::2] > self._high[::2]
-        self._high_t[:half] = np.where(second, self._high_t[1::2], self._high_t[::2])
-        self._high[:half] = np.where(second, self._high[1::2], self._high[::2])
+        self._kept[:, : BUCKETS // 2] = _merged(self._kept[:, ::2], self._kept[:, 1::2])
         self.size *= 2
 
     def points(self, column: int) -> tuple[Array, Array]:
         """Return times and values, two a bucket in time order; NaN for an empty one."""
-        used = -(-self._rows // self.size)
-        low, low_t = self._low[:used, column], self._low_t[:used, column]
-        high, high_t = self._high[:used, column], self._high_t[:used, column]
-        empty = low > high
+        kept = self._kept[:, : -(-self._rows // self.size), column].copy()
+        values, times = kept[[LOW, HIGH]], kept[[LOW_T, HIGH_T]]
+        values[:, kept[LOW] > kept[HIGH]] = np.nan
         if self.size == 1:
-            return low_t.copy(), np.where(empty, np.nan, low)
-        rising = low_t <= high_t
-        t = np.stack((np.minimum(low_t, high_t), np.maximum(low_t, high_t)), axis=1)
-        values = np.stack(
-            (np.where(rising, low, high), np.where(rising, high, low)), axis=1
-        )
-        values[empty] = np.nan
+            return times[0], values[0]
+        order = times.argsort(axis=0, kind="stable")
+        t, values = (np.take_along_axis(x, order, 0).T for x in (times, values))
         return t.ravel(), values.ravel()
 
 
-def _extremes(t: Array, values: Array, size: int) -> tuple[Array, Array, Array, Array]:
-    """Return low, its time, high, its time of whole buckets, each (n, width)."""
+def _merged(first: Array, second: Array) -> Array:
+    """Join each bucket (4, n, width) with the one that follows it in time."""
+    lower, higher = second[LOW] < first[LOW], second[HIGH] > first[HIGH]
+    return np.where(np.stack((lower, lower, higher, higher)), second, first)
+
+
+def _extremes(t: Array, values: Array, size: int) -> Array:
+    """Return low, its time, high, its time of whole buckets: (4, n, width)."""
     # Contiguous along the rows, where argmin and argmax are vectorised.
-    v = np.ascontiguousarray(
-        values.reshape(-1, size, values.shape[1]).transpose(0, 2, 1)
-    )
-    times = t.reshape(-1, size)
-    low_at, high_at = v.argmin(axis=2), v.argmax(axis=2)
-    low, high = _pick(v, low_at), _pick(v, high_at)
-    # argmin and argmax stop at a NaN, so one that is anywhere shows up here.
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        finite = np.isfinite(v)
-        lows, highs = np.where(finite, v, np.inf), np.where(finite, v, -np.inf)
-        low_at, high_at = lows.argmin(axis=2), highs.argmax(axis=2)
-        low, high = _pick(lows, low_at), _pick(highs, high_at)
-    low_t = np.take_along_axis(times, low_at, axis=1)
-    high_t = np.take_along_axis(times, high_at, axis=1)
-    return low, low_t, high, high_t
+    buckets = values.reshape(-1, size, values.shape[1])
+    v = np.ascontiguousarray(buckets.transpose(0, 2, 1))
+    found = []
+    for place_of, nothing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
+        at = place_of(v, axis=2)
+        extreme = _pick(v, at)
+        # Both stop at a NaN, so one that is anywhere shows up here.
+        if not np.isfinite(extreme).all():
+            finite = np.where(np.isfinite(v), v, nothing)
+            at = place_of(finite, axis=2)
+            extreme = _pick(finite, at)
+        found += [extreme, np.take_along_axis(t.reshape(-1, size), at, axis=1)]
+    return np.stack(found)
 
 
 def _pick(v: Array, at: NDArray[np.intp]) -> Array:
@@ -216,20 +182,21 @@ class Thinning:
         self.row_count = 0
         self._place = {name: k for k, name in enumerate(self.columns)}
         drawn = [c for c in self.columns if series is None or c in series]
-        self._series_from = np.array([self._place[c] for c in drawn], dtype=np.intp)
         pairs = differences or {}
-        self._minuend = np.array([self._place[a] for a, _ in pairs.values()], np.intp)
-        self._subtrahend = np.array(
-            [self._place[b] for _, b in pairs.values()], np.intp
-        )
+        self._series_from = self._places(drawn)
+        self._minuend = self._places(a for a, _ in pairs.values())
+        self._subtrahend = self._places(b for _, b in pairs.values())
         self._series_at = {name: k for k, name in enumerate([*drawn, *pairs])}
         self._envelope = _Envelope(len(self._series_at))
         followed = [c for c in self.columns if paths is None or c in paths]
-        self._paths_from = np.array([self._place[c] for c in followed], dtype=np.intp)
+        self._paths_from = self._places(followed)
         self._paths_at = {name: k for k, name in enumerate(followed)}
         self._sample = _Sample(len(followed))
         self._first = self._last = np.full(len(self.columns), np.nan)
         self._corners = np.empty((0, 1, len(self.columns)))
+
+    def _places(self, names: Iterable[str]) -> NDArray[np.intp]:
+        return np.array([self._place[name] for name in names], dtype=np.intp)
 
     @property
     def stride(self) -> int:
@@ -254,8 +221,7 @@ class Thinning:
             self._first = block[0].copy()
         self._last = block[-1].copy()
         self.row_count += len(block)
-        with np.errstate(invalid="ignore", over="ignore"):
-            self._envelope.add(block[:, 0], self._series_of(block))
+        self._envelope.add(block[:, 0], self._series_of(block))
         self._sample.add(block, self._paths_from)
 
     def meet(self, corners: Array) -> None:
@@ -286,7 +252,8 @@ class Thinning:
         columns = rows[:, self._series_from]
         if not len(self._minuend):
             return columns
-        differences = rows[:, self._minuend] - rows[:, self._subtrahend]
+        with np.errstate(invalid="ignore", over="ignore"):
+            differences = rows[:, self._minuend] - rows[:, self._subtrahend]
         return np.concatenate((columns, differences), axis=1)
 
     def first(self, name: str) -> float:
@@ -308,15 +275,13 @@ class Thinning:
         t, values = self._envelope.points(column)
         if len(self._corners):
             k, ways, c = self._corners.shape
-            with np.errstate(invalid="ignore", over="ignore"):
-                met = self._series_of(self._corners.reshape(-1, c))[:, column]
+            met = self._series_of(self._corners.reshape(-1, c))[:, column]
             t, values = self._with_corners(t, values, met.reshape(k, ways))
         if self._envelope.size > 1:
-            ends = np.stack((self._first, self._last))
-            with np.errstate(invalid="ignore", over="ignore"):
-                first, last = self._series_of(ends)[:, column]
-            t = np.concatenate((ends[:1, 0], t, ends[1:, 0]))
-            values = np.concatenate(([first], values, [last]))
+            first, last = np.split(np.stack((self._first, self._last)), 2)
+            t = np.concatenate((first[:, 0], t, last[:, 0]))
+            ends = [self._series_of(row)[:, column] for row in (first, last)]
+            values = np.concatenate((ends[0], values, ends[1]))
         return _drawable(t), _drawable(values)
 
     def path(self, x: str, y: str) -> tuple[Array, Array]:

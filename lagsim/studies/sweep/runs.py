@@ -31,7 +31,7 @@ from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs.units import of_table
 from lagsim.run.ensemble import Ensemble, refusal
-from lagsim.run.observers import Extremes, Followed
+from lagsim.run.observers import Extremes
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
 from lagsim.run.system.functions import Columns
 from lagsim.run.system.localized import names_in_exponents
@@ -332,8 +332,8 @@ class Runs:
                 table_writer(Format.CSV, path, units, show_units=False)
             ) as writer:
                 found = Attempts(
-                    Followed(writer, extremes), interrupt, clock,
-                    error_bars=work.error_bars, thinned=work.plots,
+                    writer, interrupt, clock, error_bars=work.error_bars,
+                    thinned=work.plots, followers=[extremes],
                 ).best(session)  # fmt: skip
                 if found.fault is not None:
                     raise found.fault

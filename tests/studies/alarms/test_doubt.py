@@ -175,7 +175,7 @@ def test_when_a_value_has_grown():
     grown = Growth()
     t = np.arange(1000.0)
     for block in np.array_split(t, 11):
-        grown.add(block, 1e-6 * np.exp(block / 50))
+        grown.add(block[:, np.newaxis], 1e-6 * np.exp(block / 50))
     for bound in (1e-5, 1e-3, 0.1):
         exact = 50 * np.log(bound * 1e6)
         # Noted at steps of 10 %, which is 5 units of time.

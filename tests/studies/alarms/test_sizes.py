@@ -98,7 +98,7 @@ simulation: {{duration: {duration}, output_step: 0.05}}
 
 def barred(text, **options):
     found = run(text, **options)
-    checkpoints = Checkpoints(len(found.equations.q))
+    checkpoints = Checkpoints(len(found.equations.q), found.session.case.settings)
     checkpoints.add(found.rows)
     return found, repeated(found.session, found.trajectory, checkpoints)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -141,7 +142,7 @@ def test_units_do_not_matter():
 
 
 def test_checkpoints_are_few_and_evenly_spaced():
-    kept = Checkpoints(1)
+    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=1.0))
     rows = np.arange(100_000.0)[:, None] * [1.0, 2.0, 0.0]
     for block in np.array_split(rows, 77):
         kept.add(block)

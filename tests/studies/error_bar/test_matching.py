@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -53,7 +55,7 @@ def test_impacts(moment):
 
 
 def test_rows_between_the_grid_are_not_kept():
-    kept = Checkpoints(1)
+    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=0.1))
     t = np.array([0, 0.1, 0.2, 0.23, 0.23, 0.30000000000000004, 0.4, 0.43])
     kept.add(np.column_stack([t, 10 * t, 0 * t]))
     assert list(kept.states) == [0, 1, 2, 3, 4]
@@ -61,7 +63,7 @@ def test_rows_between_the_grid_are_not_kept():
 
 
 def test_numbers_stay_right_where_rows_are_thinned_after_an_impact():
-    kept = Checkpoints(1)
+    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=1.0))
     t = np.sort(np.concatenate([np.arange(20_000.0), [7.25, 7.25, 9.5, 9.5]]))
     for block in np.array_split(np.column_stack([t, t, 0 * t]), 13):
         kept.add(block)
