@@ -32,12 +32,10 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
@@ -56,9 +54,13 @@ from lagsim.mechanics.switches import prevailing
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.surfaces import Surface
+
+    Cells = NDArray[np.void]  # stretches of time: lo, hi, task, states of surfaces
 
 
 class Values:
@@ -107,32 +109,17 @@ def first_change(
     changed: Callable[[float], bool], guess: float, lo: float, hi: float
 ) -> float:
     """Give the first double after `lo` at which `changed`, which it has at `hi`."""
-    step = math.ulp(guess)
-    if lo < guess < hi:
-        if changed(guess):
-            hi = guess
-        else:
-            lo = guess
-    # Gallop away from the guess on both sides in turn until it is enclosed.
-    while (t := hi - step) > lo and hi == guess:
-        if not changed(t):
-            lo = t
+    # Beside the guess, ever farther from it, until it is enclosed; then halved.
+    beside = math.ulp(guess)
+    while True:
+        low, high = max(lo, guess - beside), min(hi, guess + beside)
+        if (low == lo or not changed(low)) and (high == hi or changed(high)):
             break
-        hi, guess, step = t, t, 8.0 * step
-    while (t := lo + step) < hi and lo == guess:
-        if changed(t):
-            hi = t
-            break
-        lo, guess, step = t, t, 8.0 * step
-    while lo < (t := lo + 0.5 * (hi - lo)) < hi:
-        if changed(t):
-            hi = t
-        else:
-            lo = t
-    return hi
+        beside *= 8.0
+    while low < (t := low + 0.5 * (high - low)) < high:
+        low, high = (low, t) if changed(t) else (t, high)
+    return high
 
-
-Codes = npt.NDArray[np.int8]
 
 PARTS = 8  # into which a cell is divided
 BATCH = 1024  # cells looked at together, at most
@@ -152,126 +139,110 @@ class Cell(NamedTuple):
 
     lo: float
     hi: float
-    states: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Cells:
-    lo: Floats
-    hi: Floats
-    task: Codes
-    states: Codes  # one row per cell
-
-    def __getitem__(self, which: Any) -> _Cells:
-        """Give some of the cells."""
-        return _Cells(
-            self.lo[which], self.hi[which], self.task[which], self.states[which]
-        )
-
-    def divided(self) -> _Cells:
-        """Divide the cells that want it, and keep the others."""
-        split = self.task == _SPLIT
-        edges = (self.hi - self.lo)[:, None] * (np.arange(PARTS + 1) / PARTS)
-        edges += self.lo[:, None]
-        edges[:, -1] = self.hi
-        edges[~split, 1:] = self.hi[~split, None]
-        parts = _Cells(
-            edges[:, :-1].ravel(),
-            edges[:, 1:].ravel(),
-            np.where(split, _NEW, self.task).astype(np.int8).repeat(PARTS),
-            self.states.repeat(PARTS, axis=0),
-        )
-        return parts[parts.lo < parts.hi]
+    states: Sequence[int]
 
 
 class Division:
-    """Divides time for one discrete function.
-
-    Attributes
-    ----------
-    finest
-        The width of cells that are not divided further near t = 0.
-    """
+    """The changes of one discrete function of t, where time is divided for it."""
 
     def __init__(
         self,
         g: Graph,
         discrete: int,
-        surfaces: Sequence[Surface],
         values: Mapping[str, float],
         start: float,
         end: float,
     ) -> None:
-        self.discrete = discrete
-        self.surfaces = surfaces
-        nodes = [s.node for s in surfaces]
+        self.start, self.end, self.discrete = start, end, discrete
+        timed = g.dependent([discrete], ("t",))
+        self.surfaces = [s for s in surfaces(g, discrete) if s.discrete in timed]
+        nodes = [s.node for s in self.surfaces]
         slopes = tangent(g, nodes, {g.variable("t"): g.one})
         self.enclose = Enclosures(g, [*nodes, *slopes], values)
+        self.locators = [
+            _Locator(g, s, slope, values, finest(start, end))
+            for s, slope in zip(self.surfaces, slopes, strict=True)
+        ]
         joined = joined_conditions(g, discrete)
-        timed = g.dependent([discrete], ("t",))
         fixed = [a for n in joined for a in g.args[n] if a not in timed]
         self.known = {
             n: point(float(x))
             for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
         }
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
-        self.start, self.end = start, end
-        self.finest = 2.0**-106 * max(abs(start), abs(end))
 
-    def cells(self) -> Iterator[Cell]:
+    def times(self) -> Iterator[tuple[float, bool]]:
+        """Give times at which it may change, and whether each is a pause."""
+        last = self.start
+        for cell in self._cells():
+            states: Sequence[int | None] = cell.states or [None] * len(self.locators)
+            pairs = zip(self.locators, states, strict=True)
+            found = [time for x, state in pairs for time in x.times(cell, state)]
+            # A doubtful stretch is known to step only when it ends. Where in it, nobody
+            # can tell: no earlier than what has been reported.
+            for time in sorted(found):
+                last = max(last, time)
+                yield last, False
+            if not cell.states:
+                last = max(last, cell.lo)
+                yield last, True
+        for time in sorted(time for x in self.locators for time in x.flush()):
+            yield max(last, time), False
+
+    def _cells(self) -> Iterator[Cell]:
         """Give the cells in which the function may change, in order."""
-        whole = _Cells(
-            np.array([self.start]),
-            np.array([self.end]),
-            np.array([_NEW], np.int8),
-            np.zeros((1, len(self.surfaces)), np.int8),
-        )
+        states = ("states", np.int8, (len(self.surfaces),))
+        whole = np.zeros(1, [("lo", float), ("hi", float), ("task", np.int8), states])
+        whole["lo"], whole["hi"] = self.start, self.end
         stack = [whole]
         rough = (math.nan, math.nan)  # the last stretch that was given up
         effort = 0
         while stack:
             cells = stack.pop()
-            if len(cells.lo) > BATCH:
+            if len(cells) > BATCH:
                 stack.append(cells[BATCH:])
                 cells = cells[:BATCH]
-            effort += int(np.count_nonzero(cells.task == _NEW))
+            effort += int(np.count_nonzero(cells["task"] == _NEW))
             self._look(cells)
-            cells = cells[cells.task != _CLEAR]
+            cells = cells[cells["task"] != _CLEAR]
             self._give_up(cells, rough)
-            splits = np.flatnonzero(cells.task == _SPLIT)
-            ready = int(splits[0]) if len(splits) else len(cells.lo)
-            for cell in _listed(cells[:ready]):
+            splits = np.flatnonzero(cells["task"] == _SPLIT)
+            ready = int(splits[0]) if len(splits) else len(cells)
+            done = (cells[name][:ready].tolist() for name in ("lo", "hi", "states"))
+            for cell in map(Cell, *done):
                 if OPEN in cell.states:
                     rough = (rough[0] if cell.lo == rough[1] else cell.lo, cell.hi)
                 elif CROSSED in cell.states:
                     effort = 0
                 yield cell
-            if ready < len(cells.lo):
+            if ready < len(cells):
                 if effort > PATIENCE:
                     effort = 0
-                    at = float(cells.lo[ready])
-                    yield Cell(at, at, ())
-                stack.append(cells[ready:].divided())
+                    at = float(cells["lo"][ready])
+                    yield Cell(at, at, [])
+                stack.append(_divided(cells[ready:]))
 
-    def _give_up(self, cells: _Cells, rough: tuple[float, float]) -> None:
+    def _give_up(self, cells: Cells, rough: tuple[float, float]) -> None:
         """Divide no cell that is too narrow, or beside a long undecidable stretch."""
-        lo, hi, task = cells.lo, cells.hi, cells.task
-        if not len(lo):
+        lo, hi, split = cells["lo"], cells["hi"], cells["task"] == _SPLIT
+        if not len(cells):
             return
-        least = np.maximum(np.spacing(np.maximum(-lo, hi)), self.finest)
+        least = np.maximum(
+            np.spacing(np.maximum(-lo, hi)), finest(self.start, self.end)
+        )
         if lo[0] == rough[1]:
             beside = np.append(True, lo[1:] == hi[:-1])
-            beside = np.logical_and.accumulate(beside & (task == _SPLIT))
+            beside = np.logical_and.accumulate(beside & split)
             swallowed = (rough[1] - rough[0]) / GROWTH
             least = np.where(beside, np.maximum(least, swallowed), least)
-        task[(task == _SPLIT) & (hi - lo <= least)] = _READY
+        cells["task"][split & (hi - lo <= least)] = _READY
 
-    def _look(self, cells: _Cells) -> None:
+    def _look(self, cells: Cells) -> None:
         """Find what each surface does in the new cells, and what to do with those."""
-        new = np.flatnonzero(cells.task == _NEW)
+        new = np.flatnonzero(cells["task"] == _NEW)
         if not len(new):
             return
-        lo, hi = cells.lo[new], cells.hi[new]
+        lo, hi = cells["lo"][new], cells["hi"][new]
         middle, beside = lo + 0.5 * (hi - lo), lo + 0.0713 * (hi - lo)
         # Two neighbouring doubles each: at a single one a sum may happen to be exact.
         found = self.enclose(
@@ -283,14 +254,32 @@ class Division:
         with np.errstate(all="ignore"):
             for k, surface in enumerate(self.surfaces):
                 slope = found[len(self.surfaces) + k]
-                look = _Look(surface.op, found[k], slope, lo, hi, middle)
-                verdicts[surface.discrete] = look.verdict
-                cells.states[new, k] = look.state
-                task[look.state == OPEN] = _SPLIT
+                verdict, state = _seen(surface.op, found[k], slope, lo, hi, middle)
+                verdicts[surface.discrete] = verdict
+                cells["states"][new, k] = state
+                task[state == OPEN] = _SPLIT
         for n, rule, args in self.joined:
             verdicts[n] = rule(*(verdicts[a] for a in args))
         task[verdicts[self.discrete].single] = _CLEAR
-        cells.task[new] = task
+        cells["task"][new] = task
+
+
+def finest(start: float, end: float) -> float:
+    """Give the width of cells that are not divided further near t = 0."""
+    return 2.0**-106 * max(abs(start), abs(end))
+
+
+def _divided(cells: Cells) -> Cells:
+    """Divide the cells that want it, and keep the others."""
+    split = cells["task"] == _SPLIT
+    lo, hi = cells["lo"], cells["hi"]
+    edges = (hi - lo)[:, None] * (np.arange(PARTS + 1) / PARTS) + lo[:, None]
+    edges[:, -1] = hi
+    edges[~split, 1:] = hi[~split, None]
+    parts = cells.repeat(PARTS)
+    parts["lo"], parts["hi"] = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+    parts["task"][parts["task"] == _SPLIT] = _NEW
+    return parts[parts["lo"] < parts["hi"]]
 
 
 def _next(t: Floats, most: Floats) -> Floats:
@@ -298,63 +287,51 @@ def _next(t: Floats, most: Floats) -> Floats:
     return after
 
 
-def _listed(cells: _Cells) -> Iterator[Cell]:
-    rows = zip(cells.lo.tolist(), cells.hi.tolist(), cells.states.tolist(), strict=True)
-    return (Cell(lo, hi, tuple(states)) for lo, hi, states in rows)
+def _seen(
+    op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
+) -> tuple[Interval, Any]:
+    """Give the discrete values of a surface over cells (n,), and what it does in each.
 
-
-class _Look:
-    """One surface over cells: its discrete values, and what is known where it steps."""
-
-    def __init__(
-        self,
-        op: str,
-        s: Interval,
-        slope: Interval,
-        lo: Floats,
-        hi: Floats,
-        middle: Floats,
-    ) -> None:
-        n = len(lo)
-        cell, at_lo, at_hi, at_middle, beside = (
-            s[k * n : (k + 1) * n] for k in range(5)
-        )
-        slope = slope[:n]
-        tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
-        steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
-        reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + SLACK)
-        reach = np.where(tame, reach, math.inf)
-        # The mean value theorem: an error of second order in the width of the cell.
-        refined = Interval(
-            np.fmax(cell.lo, np.nextafter(at_middle.lo - reach, -math.inf)),
-            np.fmin(cell.hi, np.nextafter(at_middle.hi + reach, math.inf)),
-            cell.partial,
-            cell.jumps,
-        )
-        undefined = cell.undefined
-        refined.lo[undefined] = refined.hi[undefined] = math.nan
-        verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
-        # Monotone, with known values at both ends: clear if they are equal.
-        steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
-        monotone = steep & at_lo.single & at_hi.single
-        equal = monotone & (at_lo.lo == at_hi.lo)
-        self.verdict = interval(
-            np.where(equal, at_lo.lo, verdict.lo),
-            np.where(equal, at_lo.lo, verdict.hi),
-            verdict.partial,
-        )
-        crossed: Flags = monotone & ((op == "sign") | (verdict.width <= 1.0))
-        # Nothing more is seen by looking closer: rounding errors hide the step.
-        error = np.minimum(at_middle.width, beside.width)
-        about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
-        hidden: Flags = (
-            tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
-        )
-        # Errors grow with t (a phase): they are compared within a factor of two of it.
-        hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
-        state = np.where(hidden, HIDDEN, OPEN)
-        state = np.where(crossed, CROSSED, state)
-        self.state = np.where(self.verdict.single, KEPT, state).astype(np.int8)
+    Parameters
+    ----------
+    s, slope
+        Of the surface over the cells; then at lo, at hi, at the middle, and beside it.
+    """
+    n = len(lo)
+    cell, at_lo, at_hi, at_middle, beside = (s[k * n : (k + 1) * n] for k in range(5))
+    slope = slope[:n]
+    tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
+    steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
+    reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + SLACK)
+    reach = np.where(tame, reach, math.inf)
+    # The mean value theorem: an error of second order in the width of the cell.
+    refined = Interval(
+        np.fmax(cell.lo, np.nextafter(at_middle.lo - reach, -math.inf)),
+        np.fmin(cell.hi, np.nextafter(at_middle.hi + reach, math.inf)),
+        cell.partial,
+        cell.jumps,
+    )
+    undefined = cell.undefined
+    refined.lo[undefined] = refined.hi[undefined] = math.nan
+    verdict, at_lo, at_hi = (_steps(op, x) for x in (refined, at_lo, at_hi))
+    # Monotone, with known values at both ends: clear if they are equal.
+    steep = tame & ((slope.lo > 0.0) | (slope.hi < 0.0))
+    monotone = steep & at_lo.single & at_hi.single
+    equal = monotone & (at_lo.lo == at_hi.lo)
+    known = interval(
+        np.where(equal, at_lo.lo, verdict.lo),
+        np.where(equal, at_lo.lo, verdict.hi),
+        verdict.partial,
+    )
+    crossed: Flags = monotone & ((op == "sign") | (verdict.width <= 1.0))
+    # Nothing more is seen by looking closer: rounding errors hide the step.
+    error = np.minimum(at_middle.width, beside.width)
+    about = interval(at_middle.lo - FAINT * error, at_middle.hi + FAINT * error)
+    hidden = tame & ~_steps(op, about).single & (refined.width <= 2.0 * FAINT * error)
+    # Errors grow with t (a phase): they are compared within a factor of two of it.
+    hidden &= hi - lo <= 0.5 * np.maximum(-lo, hi)
+    state = np.select([known.single, crossed, hidden], [KEPT, CROSSED, HIDDEN], OPEN)
+    return known, state
 
 
 def _steps(op: str, s: Interval) -> Interval:
@@ -386,70 +363,43 @@ def break_times(
     if not discrete or not start < end:
         return
     value = Values(g, discrete, values)
-    finest = 2.0**-106 * max(abs(start), abs(end))
-    times = heapq.merge(*(_candidates(g, d, values, start, end) for d in discrete))
+    times = heapq.merge(*(Division(g, d, values, start, end).times() for d in discrete))
     before: list[float] | None = None
-    for this, following in pairwise(_clusters(times, start, end, finest)):
+    for this, following in pairwise(_clusters(times, start, end)):
         after = prevailing(value, this.last, following.first)
         if before is not None and (this.pause or repr(after) != repr(before)):
             yield this.first
         before = after
 
 
-@dataclass(slots=True)
-class _Cluster:
+class _Cluster(NamedTuple):
     """Breaks that count as one."""
 
     first: float
     last: float
-    pause: bool
+    pause: bool = False
 
 
 def _clusters(
-    times: Iterable[tuple[float, bool]], start: float, end: float, finest: float
+    times: Iterable[tuple[float, bool]], start: float, end: float
 ) -> Iterator[_Cluster]:
     """Give the start, the clusters inside, and the end."""
-    current = _Cluster(start, start, pause=False)
-    last = end - max(NEIGHBOURS * math.ulp(end), finest)
+
+    def near(t: float) -> float:
+        return max(NEIGHBOURS * math.ulp(t), finest(start, end))
+
+    current = _Cluster(start, start)
     for time, pause in times:
-        if time >= last:
+        if time >= end - near(end):
             break
-        near = max(NEIGHBOURS * math.ulp(current.first), finest)
-        if time <= current.first + near:
-            current.last = max(time, current.last)
-            current.pause |= pause
+        first, last, paused = current
+        if time <= first + near(first):
+            current = _Cluster(first, max(time, last), paused or pause)
         else:
             yield current
             current = _Cluster(time, time, pause)
     yield current
-    yield _Cluster(end, end, pause=False)
-
-
-def _candidates(
-    g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
-) -> Iterator[tuple[float, bool]]:
-    """Give times at which one function may change, and whether each is a pause."""
-    timed = g.dependent([discrete], ("t",))
-    parts = [s for s in surfaces(g, discrete) if s.discrete in timed]
-    division = Division(g, discrete, parts, values, start, end)
-    locators = [_Locator(g, s, values, division) for s in parts]
-    last = start
-    for cell in division.cells():
-        found = [
-            time
-            for k, locator in enumerate(locators)
-            for time in locator.times(cell, cell.states[k] if cell.states else None)
-        ]
-        # A doubtful stretch is known to step only when it ends. Where in it, nobody
-        # can tell: no earlier than what has been reported.
-        for time in sorted(found):
-            last = max(last, time)
-            yield last, False
-        if not cell.states:
-            last = max(last, cell.lo)
-            yield last, True
-    for time in sorted(time for locator in locators for time in locator.flush()):
-        yield max(last, time), False
+    yield _Cluster(end, end)
 
 
 class _Locator:
@@ -459,13 +409,12 @@ class _Locator:
         self,
         g: Graph,
         surface: Surface,
+        slope: int,
         values: Mapping[str, float],
-        division: Division,
+        finest: float,
     ) -> None:
-        self.op = surface.op
-        self.division = division
+        self.op, self.finest = surface.op, finest
         self.step = Values(g, [surface.discrete], values)
-        (slope,) = tangent(g, [surface.node], {g.variable("t"): g.one})
         self.surface = Values(g, [surface.node, slope], values)
         # The doubtful stretch that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
@@ -482,13 +431,11 @@ class _Locator:
         if state in (HIDDEN, OPEN):
             lo = self.doubtful[0] if self.doubtful else lo
             self.doubtful = (lo, hi, state)
-            if state == OPEN and not self.given_up and self._long(lo, hi):
+            long = GROWTH * max(math.ulp(max(-lo, hi)), self.finest)
+            if state == OPEN and not self.given_up and hi - lo > long:
                 self.given_up = True
                 found.append(lo)
         return [*found, *self._crossing(lo, hi)] if state == CROSSED else found
-
-    def _long(self, lo: float, hi: float) -> bool:
-        return hi - lo > GROWTH * max(math.ulp(max(-lo, hi)), self.division.finest)
 
     def flush(self) -> list[float]:
         """Give the steps of the doubtful stretch, which has ended."""

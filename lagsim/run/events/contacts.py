@@ -171,12 +171,12 @@ class Contacts(Source):
             here.grazing = grazing
         self.shape = here.shape
         edge = self.left if arc.t == self.left_at else set()
-        selected = select_modes(here, edge, also)
+        events, paradox, unique = select_modes(here, edge, also)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
-        found.events += [e for e in selected.events if e.constraint not in rested]
-        if selected.paradox:
+        found.events += [e for e in events if e.constraint not in rested]
+        if paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
-        if not selected.unique:
+        if not unique:
             found.cautions += self._once(
                 "shared-contact",
                 (
@@ -376,20 +376,9 @@ def _impossible(ending: Ending) -> Problem:
 # --- Mode selection: which laws hold from a state on, by the accelerations
 
 
-class Selection(NamedTuple):
-    """What has changed; whether there is no way on; whether pushes are determined.
-
-    The friction of a body that rests on two points never is.
-    """
-
-    events: tuple[Event, ...]
-    paradox: bool
-    unique: bool
-
-
 def select_modes(
     here: Kinematics, left: Collection[int], also: Collection[int]
-) -> Selection:
+) -> tuple[list[Event], bool, bool]:
     """Set the modes at a state.
 
     Parameters
@@ -398,12 +387,16 @@ def select_modes(
         Laws that held until just now: on the edge, they do not go on.
     also
         Laws that are closed whatever their gaps are.
+
+    Returns
+    -------
+    What has changed; whether there is no way on; whether pushes are determined (the
+    friction of a body that rests on two points never is).
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
     leaning = np.zeros(here.count)
-    for k in left:
-        leaning[k] = 1.0
+    leaning[list(left)] = 1.0
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
@@ -415,11 +408,11 @@ def select_modes(
     _set_slack(here, found)
     n = here.arc.system.n
     p.law_pushes[:n] = p.law_pushes[n : 2 * n] = here.moves
-    events = tuple(_changes(here, before)) if arc.steps else ()
+    events = list(_changes(here, before)) if arc.steps else []
     implied = [k for k in found.some if found.mode[k] == kept.IMPLIED]
     unique = not any(here.laws[k].kind in ONE_SIDED for k in implied)
     p.law_shares = 0.0 if unique else 1.0
-    return Selection(events, found.paradox, unique)
+    return events, found.paradox, unique
 
 
 def _idle(here: Kinematics, found: Chosen) -> list[int]:

@@ -19,6 +19,7 @@ motion rests.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,7 @@ from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, FilippovCone
 from lagsim.tolerances import ACCELERATION_ROUNDOFF, PARALLEL, RESIDUAL_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.events.filippov import Modes, Rows
@@ -40,50 +41,6 @@ LONGER = 4.0
 MOST = 22
 # Past this many times its rounding a surface has been left.
 CLEAR = 16.0
-
-
-def keeps_to(
-    sides: Floats,
-    rates: Callable[[float, Floats], Floats],
-    values: Callable[[float, Floats], Floats],
-    t: float,
-    y: Floats,
-    span: float,
-    noise: Floats,
-) -> bool | None:
-    """Tell whether the motion from y leaves each surface to its side, -1 or 1.
-
-    None where it leaves none to the wrong side, nor all to the right one.
-
-    Parameters
-    ----------
-    rates, values
-        y' (size,), and by how much each surface is passed (k,).
-    span
-        The length of the run.
-    noise : ndarray, shape (k,)
-        The rounding of the values.
-    """
-    step = FIRST * span
-    for _ in range(MOST):
-        found = sides * values(t + step, _after(rates, t, y, step))
-        if np.any(found < -CLEAR * noise):
-            return False
-        if np.all(found > CLEAR * noise):
-            return True
-        step *= LONGER
-    return None
-
-
-def _after(
-    rates: Callable[[float, Floats], Floats], t: float, y: Floats, h: float
-) -> Floats:
-    """Give y after a step of the classical Runge-Kutta method."""
-    a = rates(t, y)
-    b = rates(t + 0.5 * h, y + 0.5 * h * a)
-    c = rates(t + 0.5 * h, y + 0.5 * h * b)
-    d = rates(t + h, y + h * c)
-    return np.asarray(y + h / 6.0 * (a + 2.0 * b + 2.0 * c + d))
 
 
 # What is left may be so many times the rounding of a position: that of several steps.
@@ -141,8 +98,7 @@ def _rests(
             modes.write()
             modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
         modes.write()
-        a = modes.rates(arc.t, beside)[n : 2 * n]
-        back = -sign * float(J @ a - rows.b[k])
+        back = -sign * float(J @ modes.accelerations(beside) - rows.b[k])
         if not (
             back > 0.0 and speed * speed <= 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
         ):
@@ -188,17 +144,13 @@ def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
         # What has no size yet, and no force on it, moves with the others, if at all.
         size = sizes[k] if sizes[k] > 0.0 else np.max(sizes)
         floors[k] = PART * rtol * size if size > 0.0 else PART * rtol
-    _put(modes, floors)
+    modes.tell(floor=floors, least_root=floors)
     for k in rooted:
         if k in unseen:
             floors[k] = min(floors[k], PART * rtol * _kept_up(modes, k, floors))
             if former[k] > 0.0 and (slipping or k != met):
                 part = FARTHER if k == met else 1.0
                 floors[k] = min(floors[k], former[k] / part)
-    _put(modes, floors)
-
-
-def _put(modes: Modes, floors: Floats) -> None:
     modes.tell(floor=floors, least_root=floors)
 
 
@@ -221,22 +173,21 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
 
 def _pushes(modes: Modes) -> Floats:
     """Give the rates (LOOKS, K) of the surfaces by the forces at times to come."""
-    arc, n = modes.arc, modes.arc.system.n
-    rows = modes.rows()
+    arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
     first = min(arc.state.row_step, left)
     spans = np.geomspace(first, left, LOOKS) if left > 0.0 else np.zeros(LOOKS)
-    rates = [modes.rates(arc.t + span, arc.y)[n : 2 * n] for span in spans]
+    rates = [modes.accelerations(arc.y, arc.t + span) for span in spans]
     return np.array([np.nan_to_num(rows.J @ a - rows.b) for a in rates])
 
 
 def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
     """Give the velocity at which the root is as large as the largest force."""
     small = _jump(modes, k)
-    _put(modes, FARTHER * floors)
+    modes.tell(floor=FARTHER * floors, least_root=FARTHER * floors)
     large = _jump(modes, k)
     force = float(np.max(np.abs(_pushes(modes)[:, k])))
-    _put(modes, floors)
+    modes.tell(floor=floors, least_root=floors)
     if not (0.0 < small < large and small < force):
         return float("inf")
     power = np.log(large / small) / np.log(FARTHER)
@@ -245,12 +196,11 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
 
 def _jump(modes: Modes, k: int) -> float:
     """Give half of what the sides of a surface differ in its rate."""
-    n, arc = modes.arc.system.n, modes.arc
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
         modes.write()
-        found.append(float(modes.rows().J[k] @ modes.rates(arc.t, arc.y)[n : 2 * n]))
+        found.append(float(modes.rows().J[k] @ modes.accelerations(modes.arc.y)))
     modes.value[k] = value
     modes.write()
     return 0.5 * abs(found[1] - found[0])
@@ -263,62 +213,28 @@ REACH = 4.0
 FEW_CORNERS = 3
 
 
+@dataclass(slots=True)
 class Crossing:
-    """A state on some surfaces.
+    """A state on some surfaces; `decide` leaves the modes in the one that is found."""
 
-    Parameters
-    ----------
-    modes
-        Is left in the mode that is found.
-    levels
-        The level of each surface that the state is on.
-    sizes
-        Of the terms of all surfaces.
-    at_rest
-        Surfaces whose rate is zero.
-    held
-        The way of surfaces where it is known.
-    settled
-        The motion has come to rest on the surfaces, by itself.
-    left
-        In so much time, that is.
-    met
-        The surface that has ended the arc before.
-
-    Attributes
-    ----------
-    undecided : list of int
-        The surfaces that nothing decides the way from.
-    noise : ndarray, shape (K,)
-        Rates of the open ones smaller than this are rounding.
-    """
-
-    def __init__(
-        self,
-        modes: Modes,
-        levels: Mapping[int, float],
-        sizes: Floats,
-        at_rest: Collection[int],
-        held: Mapping[int, int],
-        *,
-        settled: bool,
-        left: float = 0.0,
-        met: int | None = None,
-    ) -> None:
-        self.modes, self.levels, self.sizes = modes, levels, sizes
-        self.at_rest, self.held, self.settled = at_rest, held, settled
-        self.open: list[int] = []
-        self.loose: list[int] = []
-        self.undecided: list[int] = []
-        self.noise = np.zeros(modes.count)
-        self.left = left
-        self.met = met
+    modes: Modes
+    levels: Mapping[int, float]  # of each surface that the state is on
+    sizes: Floats  # of the terms of all surfaces (K,)
+    at_rest: Collection[int]  # surfaces whose rate is zero
+    held: Mapping[int, int]  # the way of surfaces where it is known
+    settled: bool  # the motion has come to rest on the surfaces, by itself,
+    left: float  # in so much time
+    met: int | None  # the surface that has ended the arc before
+    open: list[int] = field(default_factory=list)  # what forces decide
+    loose: list[int] = field(default_factory=list)  # what follows from the open ones
+    undecided: list[int] = field(default_factory=list)  # by nothing at all
+    noise: Floats = field(init=False)  # rates of the open ones that are rounding (K,)
 
     def decide(self) -> None:
         """Choose the mode."""
-        modes = self.modes
+        self.noise = np.zeros(self.modes.count)
         now = {k: self._way_now(k) for k in self.levels}
-        for k in modes.order:
+        for k in self.modes.order:
             self._sort(k)
         if self.open:
             self._by_forces([now[k] for k in self.open])
@@ -443,12 +359,7 @@ class Crossing:
         """
         modes = self.modes
         former = modes.value.copy(), modes.kind.copy()
-        low = (BELOW,) * len(self.open)
-        base = cone.rates(low)
-        drawn = [
-            (cone.rates((*low[:i], ABOVE, *low[i + 1 :])) - base)[i]
-            for i in range(len(low))
-        ]
+        drawn = [cone.attraction(i) for i in range(len(self.open))]
         free = -cone.tolerance <= np.array(drawn)
         free &= np.array(self.open) != self.met
         near = [k for k in self.loose if k in self.levels and k != self.met]
@@ -472,7 +383,7 @@ class Crossing:
             return []
         self.open = others
         self.loose = [k for k in self.loose if k not in resting]
-        modes.watch(resting)
+        modes.watched = resting
         return resting
 
     def _stays(self, k: int, tolerance: float) -> bool:
@@ -480,23 +391,35 @@ class Crossing:
 
         A short step tells, whatever the order in which it would leave.
         """
-        modes, arc, n = self.modes, self.modes.arc, self.modes.arc.system.n
-        modes.write()
-        rows, a = modes.rows(), modes.field()[:n]
-        if not abs(float(rows.J[k] @ a - rows.b[k])) <= tolerance:
+        self.modes.write()
+        if not abs(float(self.modes.forced(self.modes.rows())[k])) <= tolerance:
             return False
-        return (
-            keeps_to(
-                np.ones(1),
-                modes.rates,
-                lambda t, y: modes.values(t, y)[[k]] - self.levels[k],
-                arc.t,
-                arc.y,
-                arc.settings.duration,
-                RESIDUAL_ROUNDOFF * self.sizes[[k]],
-            )
-            is None
-        )
+        return self._leads([k], np.ones(1)) is None
+
+    def _leads(self, some: Sequence[int], sides: Floats) -> bool | None:
+        """Tell whether the motion leaves each of some surfaces to its side, -1 or 1.
+
+        None where it leaves none to the wrong side, nor all to the right one.
+        """
+        modes, arc = self.modes, self.modes.arc
+        t, y = arc.t, arc.y
+        levels = np.array([self.levels[k] for k in some])
+        clear = CLEAR * RESIDUAL_ROUNDOFF * self.sizes[some]
+        step = FIRST * arc.settings.duration
+        for _ in range(MOST):
+            # The classical Runge-Kutta method.
+            a = modes.rates(t, y)
+            b = modes.rates(t + 0.5 * step, y + 0.5 * step * a)
+            c = modes.rates(t + 0.5 * step, y + 0.5 * step * b)
+            d = modes.rates(t + step, y + step * c)
+            after = y + step / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+            found = sides * (modes.values(t + step, after)[some] - levels)
+            if np.any(found < -clear):
+                return False
+            if np.all(found > clear):
+                return True
+            step *= LONGER
+        return None
 
     def _take(self, ways: Sequence[int]) -> None:
         """Take a way, with what steps together with the surfaces that it follows."""
@@ -528,13 +451,11 @@ class Crossing:
     def _cone(self, held: dict[int, int]) -> FilippovCone:
         """Give what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
-        levels = np.array([self.levels[k] for k in self.open])
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, Floats, Floats]:
             self._settle(corner)
             rows = modes.rows(y)
-            a = modes.rates(arc.t, y)[arc.system.n : 2 * arc.system.n]
-            return rows.J[self.open], rows.b[self.open], a
+            return rows.J[self.open], rows.b[self.open], modes.accelerations(y)
 
         def rates(corner: Sequence[int], y: Floats = arc.y) -> Floats:
             J, b, a = terms(corner, y)
@@ -543,14 +464,8 @@ class Crossing:
 
         def stays(corner: Sequence[int]) -> bool | None:
             self._settle(corner)
-            return keeps_to(
-                np.where(np.array(corner) == ABOVE, 1.0, -1.0),
-                modes.rates,
-                lambda t, y: modes.values(t, y)[self.open] - levels,
-                arc.t,
-                arc.y,
-                arc.settings.duration,
-                RESIDUAL_ROUNDOFF * self.sizes[self.open],
+            return self._leads(
+                self.open, np.where(np.array(corner) == ABOVE, 1.0, -1.0)
             )
 
         scale, noise = np.zeros((2, len(self.open)))

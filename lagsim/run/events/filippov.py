@@ -107,6 +107,11 @@ class FilippovCone:
         resting = (w for w in candidates if self.holds(w, self._clear, alone=False))
         return next(resting, None)
 
+    def attraction(self, k: int) -> float:
+        """Give by how much the upper side of surface k adds to its rate, all below."""
+        low = (BELOW,) * self.count
+        return float(self.rates(_above(low, k))[k] - self.rates(low)[k])
+
     def is_fork(self, way: Sequence[int]) -> bool:
         """Tell whether the other side of some surface would do as well."""
         for i, k in enumerate(way):
@@ -186,11 +191,7 @@ class FilippovCone:
         Complementarity, Linear and Nonlinear Programming, 1988, section 5.1, with
         bounds above).
         """
-        low = (BELOW,) * self.count
-        base = self.rates(low)
-        attracts = [
-            bool(self.rates(_above(low, i))[i] < base[i]) for i in range(self.count)
-        ]
+        attracts = [self.attraction(i) < 0.0 for i in range(self.count)]
         way = [
             self.held.get(i, ALONG if attracts[i] else now[i])
             for i in range(self.count)
@@ -280,7 +281,7 @@ class Modes:
         self.kind = np.zeros(self.count)
         self.levels = np.zeros(self.count)
         self.carried: dict[int, tuple[int, float]] = {}  # leader, and the upper value
-        self.watched: list[int] = []
+        self.watched: list[int] = []  # a mode ends where the motion leaves their level
 
     def _ordered(self) -> list[int]:
         """Give the surfaces, those that others depend on first."""
@@ -313,10 +314,6 @@ class Modes:
         """The memory that the compiled functions read the modes from."""
         return self.arc.system.p
 
-    def move_to(self, arc: Arc) -> None:
-        """Go on in another arc, or at another state."""
-        self.arc = arc
-
     def tell(self, **numbers: Floats) -> None:
         """Tell the compiled functions K numbers of some kinds, by their names in p.
 
@@ -335,29 +332,18 @@ class Modes:
         self.carried = {}
         self.watched = []
 
-    def watch(self, several: list[int]) -> None:
-        """Let modes end where the motion leaves the level of surfaces it rests on."""
-        self.watched = several
-
     def put(self, k: int, level: float, way: int) -> None:
         """Put surface k below or above its level, along it, or at rest on it."""
-        whole = self.sides[k].whole
+        below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
         self.kind[k] = {ALONG: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(way, 0.0)
-        if way == LEVEL:
-            self.value[k] = level - 0.5 if whole else 0.0
-        elif whole:
-            self.value[k] = level if way == ABOVE else level - 1.0
-        else:
-            self.value[k] = 1.0 if way == ABOVE else -1.0
+        self.value[k] = {ABOVE: above, LEVEL: 0.5 * (below + above)}.get(way, below)
 
     def put_clear(self, k: int, value: float) -> None:
         """Put surface k on the side on which its expression has this value."""
         self.kind[k] = 0.0
-        if self.sides[k].whole:
-            self.value[k] = math.floor(value)
-        else:
-            self.value[k] = 1.0 if value > 0.0 else -1.0
+        sign = 1.0 if value > 0.0 else -1.0
+        self.value[k] = math.floor(value) if self.whole[k] else sign
 
     def carry(self, k: int, leader: int, high: float) -> None:
         """Let surface k step together with one that the motion follows."""
@@ -366,7 +352,7 @@ class Modes:
 
     def level(self, k: int, value: float) -> float:
         """Give the level of surface k that is closest to a value."""
-        return float(np.round(value)) if self.sides[k].whole else 0.0
+        return float(np.round(value)) if self.whole[k] else 0.0
 
     def write(self) -> None:
         """Tell the compiled functions the mode."""
@@ -435,10 +421,14 @@ class Modes:
         length = system.size + system.m
         return self.arc.runner.function("field", length)(t, y)[: system.size]
 
-    def field(self) -> Floats:
-        """Give q'' with the sides as written."""
+    def accelerations(self, y: Floats, t: float | None = None) -> Floats:
+        """Give q'' (n,) at y and t (by default now), with the sides as written."""
         n = self.arc.system.n
-        return self.rates(self.arc.t, self.arc.y)[n : 2 * n]
+        return self.rates(self.arc.t if t is None else t, y)[n : 2 * n]
+
+    def forced(self, rows: Rows) -> Floats:
+        """Give J q'' - b (K,) of the surfaces at the state reached."""
+        return np.asarray(rows.J @ self.accelerations(self.arc.y) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
         """Give the size of the terms of each surface, with sizes seen so far.

@@ -108,13 +108,19 @@ class Kinematics:
         m = system.m
         shape = (n + m) * n
         found = arc.runner.function("geometry", shape + 4 * m)(t, y)
-        self.shape = _shape(arc, found[:shape], known)
+        numbers = found[:shape]
+        # An impact changes velocities, on which only nonlinear rows depend; and often
+        # nothing else changes M and the rows either.
+        if known is None or not np.array_equal(numbers, known.numbers):
+            known = Shape(arc, numbers)
+        self.shape = known
         self.rows = self.shape.rows
         told = found[shape:].reshape(4, m)[:, first:]
         self.residuals, self.rates, gap_scales, rate_scales = told
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
-        self.in_force = self._in_force()
+        conditions = arc.runner.function("conditions", self.count)(t, y)
+        self.in_force: list[bool] = (conditions != 0.0).tolist()
         slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
         self.seen, self.reach = seen, (slopes @ ranges[:n], slopes @ ranges[n : 2 * n])
         sizes = np.maximum(rate_scales, slopes @ seen[n : 2 * n])
@@ -130,14 +136,6 @@ class Kinematics:
         self._let_go()
         # What rounds in the forces has moved what they balance, since the last step.
         self.still = BALANCED * np.maximum(sizes, self.pushes * arc.state.step_h)
-
-    def _in_force(self) -> list[bool]:
-        """Tell which laws are in force at this time (L,)."""
-        if all(law.when is None for law in self.laws):
-            return [True] * self.count
-        asked = self.arc.runner.function("conditions", self.count)(self.t, self.y)
-        told: list[bool] = (asked != 0.0).tolist()
-        return told
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
@@ -157,20 +155,12 @@ class Kinematics:
 
     def _most(self, closed: list[bool]) -> Floats:
         """Give about how much each closed law could push with (L,)."""
-        own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
-        most: list[float] = []
-        for k, (law, force) in enumerate(
-            zip(self.laws, self.forces.tolist(), strict=True)
-        ):
-            if not closed[k]:
-                most.append(0.0)
-            elif law.kind is Kind.SLIP:
-                most.append(statics[k] * most[law.normal])
-            elif law.kind is Kind.LIMITED:
-                most.append(statics[k])
-            else:
-                most.append(force / own[k] if own[k] > 0.0 else 0.0)
-        return np.array(most)
+        p, own = self.arc.system.p, self.shape.reply.D.diagonal()
+        most = np.divide(self.forces, own, out=np.zeros(self.count), where=own > 0.0)
+        most = np.where(p.law_kind == kept.LIMITED, self.statics, most)
+        slips = p.law_kind == kept.SLIP
+        most[slips] = (self.statics * most[p.law_normal.astype(int)])[slips]
+        return np.where(closed, most, 0.0)
 
     @cached_property
     def noise(self) -> Floats:
@@ -319,17 +309,6 @@ class Kinematics:
             factor=reply.factor[:, at],
         )
         return closed, reply.response[:, at]
-
-
-def _shape(arc: Arc, numbers: Floats, known: Shape | None) -> Shape:
-    """Give the shape with these numbers: the one that is known, if it has them.
-
-    An impact changes velocities, on which only nonlinear rows depend; and often
-    nothing else changes M and the rows either.
-    """
-    if known is not None and np.array_equal(numbers, known.numbers):
-        return known
-    return Shape(arc, numbers)
 
 
 @lru_cache(maxsize=16)

@@ -31,11 +31,15 @@ NO_PART = 1e-4
 
 
 class Sequence:
-    """The last switches of a run, which lasts for `span`."""
+    """The last switches of a run, which lasts for `span`.
 
-    def __init__(self, start: float, span: float) -> None:
+    They are compared by stretches of `window`.
+    """
+
+    def __init__(self, start: float, span: float, window: int = WINDOW) -> None:
         self.last = start
         self.span = span
+        self.window = window
         self.longest = 0.0
         self.recent: deque[tuple[float, int]] = deque(maxlen=MOST)
 
@@ -47,19 +51,19 @@ class Sequence:
 
     def lately(self) -> list[int]:
         """Give the surfaces of the last switches."""
-        return sorted({k for _, k in list(self.recent)[-2 * WINDOW :]})
+        return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
 
     def ratio(self) -> float:
         """Give how much faster the last switches came than those before; else inf."""
-        if len(self.recent) <= 2 * WINDOW:
+        if len(self.recent) <= 2 * self.window:
             return math.inf
         last, former = self._stretch(0), self._stretch(1)
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """Give how long WINDOW switches took, k such stretches ago."""
-        first = -1 - k * WINDOW
-        return self.recent[first][0] - self.recent[first - WINDOW][0]
+        """Give how long one stretch of switches took, k stretches ago."""
+        first = -1 - k * self.window
+        return self.recent[first][0] - self.recent[first - self.window][0]
 
     def limit(self) -> float | None:
         """Give the time at which switches accumulate, if they do so right now."""
@@ -82,7 +86,7 @@ class Sequence:
     def _since(self, ratio: float) -> float:
         """Give the longest stretch since they come ever faster, at about one ratio."""
         longest = self._stretch(0)
-        for k in range(1, (len(self.recent) - 1) // WINDOW):
+        for k in range(1, (len(self.recent) - 1) // self.window):
             former = self._stretch(k)
             if not longest < former <= REGULAR / ratio * longest:
                 break

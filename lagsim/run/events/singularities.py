@@ -27,10 +27,6 @@ from lagsim.run.system import System
 from lagsim.run.trajectory import Decision, Source
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
     from lagsim.run.arc import Arc
 
 
@@ -46,19 +42,13 @@ def singularity_caution(arc: Arc) -> list[Caution]:
     state = arc.state
     if not state.inertias or not arc.steps:
         return []
-    # Lists: for so few numpy takes longer.
-    pairs = zip(
-        state.inertia_largest.tolist(), state.inertia_smallest.tolist(), strict=True
-    )
-    parts = [
-        smallest / largest if largest > 0.0 else 1.0 for largest, smallest in pairs
-    ]
-    vanishing = [k for k, part in enumerate(parts) if part < VANISHING]
-    vanishing = [k for k in vanishing if not _is_held(arc, k)]
-    if not vanishing:
+    pairs = zip(state.inertia_smallest, state.inertia_largest, strict=True)
+    parts = [float(least / most) if most > 0.0 else 1.0 for least, most in pairs]
+    vanishing = [(part, k) for k, part in enumerate(parts) if part < VANISHING]
+    part, k = min((x for x in vanishing if not _is_held(arc, x[1])), default=(1.0, -1))
+    if k < 0:
         return []
-    k = min(vanishing, key=lambda k: parts[k])
-    part, name, when = parts[k], arc.system.inertias[k], float(state.inertia_when[k])
+    name, when = arc.system.inertias[k], float(state.inertia_when[k])
     text = (
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
         f"largest value: `{name}` is nearly undefined there (polar coordinates at "
@@ -111,6 +101,10 @@ class Dependence(Source):
         )
 
 
+# Rows whose share in the direction that is lost is more than this are named.
+HEAVY = 1e-3
+
+
 class RankLosses(Source):
     """The losses of rank of a run, and of which constraints it has been told."""
 
@@ -132,43 +126,17 @@ class RankLosses(Source):
                 arc.equations, arc.start, arc.settings.output_step
             )
         rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
-        names, smallest = weakest(arc.equations, rank, self._usual, time, q, v)
+        point = Point(arc.equations, Instant(time, q, v))
+        left, smallest = weakest_rows(point, rank, self._usual)
+        rows = zip(arc.equations.rows, np.abs(left) > HEAVY, strict=True)
+        names = tuple(row.name for row, is_in in rows if is_in)
         events = tuple(Event(time, "rank", name, smallest) for name in names)
         if names in self._told:
             return Decision(events)
         self._told.add(names)
-        return Decision(events, (rank_caution(time, names, smallest),))
-
-
-def weakest(
-    equations: Equations,
-    rank: int,
-    usual: Sequence[float],
-    t: float,
-    q: Floats,
-    v: Floats,
-) -> tuple[tuple[str, ...], float]:
-    """Give the constraints closest to dependent at a state, and how close they are.
-
-    Parameters
-    ----------
-    rank
-        Of the rows, in general.
-    usual : (m,)
-        Their lengths, in general.
-    """
-    point = Point(equations, Instant(t, q, v))
-    left, smallest = weakest_rows(point, rank, usual)
-    heavy = np.abs(left) > 1e-3
-    rows = zip(equations.rows, heavy, strict=True)
-    return tuple(row.name for row, is_in in rows if is_in), smallest
-
-
-def rank_caution(time: float, names: tuple[str, ...], smallest: float) -> Caution:
-    """Say what a loss of rank means."""
-    text = (
-        f"at t = {time:.9g} the constraints {', '.join(names)} become dependent "
-        f"(smallest singular value {smallest:.1e}): a singular configuration, "
-        "where motions branch; their multipliers are large around it"
-    )
-    return Caution("rank", text)
+        text = (
+            f"at t = {time:.9g} the constraints {', '.join(names)} become dependent "
+            f"(smallest singular value {smallest:.1e}): a singular configuration, "
+            "where motions branch; their multipliers are large around it"
+        )
+        return Decision(events, (Caution("rank", text),))

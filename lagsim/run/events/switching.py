@@ -66,17 +66,13 @@ class Switching(Source):
         """The surfaces that the motion follows (K,)."""
         return self.modes.slides
 
-    def begin(self, arc: Arc) -> Decision:
-        """Choose the mode at the state reached."""
-        return self._begin(arc)
-
     def ask_at(self, arc: Arc) -> int:
         """Give when it is asked next whether steps lead to a surface."""
         return (arc.steps // NEAR + 1) * NEAR
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through a switch that was located, or towards one that is close by."""
-        self.modes.move_to(arc)
+        self.modes.arc = arc
         if code == at.SWITCH_FOUND:
             met = int(arc.state.switched) - 1
             return self._meet(arc, met) if met < self.modes.count else None
@@ -87,7 +83,7 @@ class Switching(Source):
 
     # The start of an arc
 
-    def _begin(
+    def begin(
         self,
         arc: Arc,
         met: int | None = None,
@@ -107,7 +103,7 @@ class Switching(Source):
             What events are dated, if not the time reached.
         """
         modes = self.modes
-        modes.move_to(arc)
+        modes.arc = arc
         time = arc.t if time is None else time
         before = self.slides
         held = {}
@@ -126,9 +122,7 @@ class Switching(Source):
         if not rests:
             settled = bool(at_rest) or any(before[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
-            crossing = Crossing(
-                modes, levels, sizes, at_rest, held, settled=settled, left=left, met=met
-            )
+            crossing = Crossing(modes, levels, sizes, at_rest, held, settled, left, met)
             crossing.decide()
             noise, cautions = crossing.noise, self._undecided(crossing.undecided)
             modes.choose(crossing.undecided)
@@ -215,9 +209,12 @@ class Switching(Source):
         And would in a step, by each term of their forces alone.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
+        pushes = arc.state.parts[:n]
+        if arc.system.laws:
+            pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         ranges = arc.ranges_to(y)[: 2 * n]
-        ranges[n:] += step * arc.pushes
+        ranges[n:] += step * pushes
         ranges[:n] += step * ranges[n:]
         return ranges
 
@@ -255,11 +252,11 @@ class Switching(Source):
         several = self.sequence.lately()
         limit = self.sequence.limit()
         if limit is None:
-            found = self._begin(arc, k)
+            found = self.begin(arc, k)
             goes_on = not self.sequence.is_stuck()
         else:
             self.sequence.recent.clear()
-            found = self._begin(arc, at_rest=several, time=limit)
+            found = self.begin(arc, at_rest=several, time=limit)
             zeno = [Event(limit, "zeno", switch=self.sides[k].text) for k in several]
             found = found._replace(events=(*zeno, *found.events))
             goes_on = bool(np.any(self.modes.kind[several] > 0.0))
@@ -316,8 +313,7 @@ class Switching(Source):
         """Give the surface that is met next, at the rates there are, and how soon."""
         modes = self.modes
         rows = modes.rows()
-        forced = rows.J @ modes.field() - rows.b
-        speeds = np.where(self.of_velocities, forced, rows.rates)
+        speeds = np.where(self.of_velocities, modes.forced(rows), rows.rates)
         values = modes.values(arc.t, arc.y)
         ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):

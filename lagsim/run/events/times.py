@@ -23,12 +23,12 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.intervals import Enclosures
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO
+from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
 from lagsim.run.events.breaks import Values, break_times
+from lagsim.run.events.sequence import Sequence
 from lagsim.run.system.localized import indicators_in_time, motion_nodes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -51,14 +51,20 @@ class TimeBreaks(Source):
     def __init__(self, arc: Arc) -> None:
         self._arc = arc
         self._taken = 0
-        self._marks: list[float] = []  # the first break, and the last of each window
+        settings = arc.settings
+        self._met = Sequence(settings.start, settings.duration, WINDOW)
+        self._first = math.nan
         self._times: Iterator[float] | None = None
         self._next = self._following()
 
     def _following(self) -> float:
         """Give the next break; inf after the last."""
         if self._times is None:
-            self._times = islice(_breaks(self._arc), self._taken, None)
+            arc, settings = self._arc, self._arc.settings
+            discrete = [mode.discrete for mode in arc.system.switches.modes]
+            g, ends = arc.equations.graph, (settings.start, settings.end)
+            found = break_times(g, discrete, arc.parameters, *ends)
+            self._times = islice(found, self._taken, None)
         self._taken += 1
         return next(self._times, inf)
 
@@ -79,37 +85,16 @@ class TimeBreaks(Source):
         """Go through a break that has been reached."""
         if code != at.DONE or arc.t < self._next:
             return None
-        if self._taken == 1 or self._taken % WINDOW == 0:
-            self._marks.append(arc.t)
+        self._met.add(arc.t, 0)
+        self._first = arc.t if self._taken == 1 else self._first
         ending = None
-        if self._accumulate():
-            ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
+        if self._taken >= FEWEST and self._taken % WINDOW == 0:
+            limit = self._met.end()
+            if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
+                ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following()
         switch = (Event(arc.t, "switch"),)
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
-
-    def _accumulate(self) -> bool:
-        """Tell whether breaks come ever faster towards a time that is near."""
-        if self._taken < FEWEST or self._taken % WINDOW:
-            return False
-        *_, a, b, c = self._marks
-        former, last = b - a, c - b
-        since = c - self._marks[0]
-        return last * last < SHORT * since * (former - last)
-
-
-def _breaks(arc: Arc) -> Iterator[float]:
-    modes = arc.system.switches.modes
-    if not modes:
-        return iter(())
-    settings = arc.settings
-    return break_times(
-        arc.equations.graph,
-        [mode.discrete for mode in modes],
-        arc.parameters,
-        settings.start,
-        settings.end,
-    )
 
 
 # Distances are in powers of e, as in `methods._looks`. The width of what happens is the
@@ -162,10 +147,9 @@ class Features(Source):
 
     def set_out(self, arc: Arc) -> Decision:
         """Tell the kernel what comes first after the time reached."""
-        found = self._first(arc)
-        cautions = tuple(self._cautions)
+        found = self._first(arc)._replace(cautions=tuple(self._cautions))
         self._cautions.clear()
-        return found._replace(cautions=cautions)
+        return found
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Tell what comes after what is over."""
@@ -175,11 +159,9 @@ class Features(Source):
         while self._now is None or self._ends(self._now) <= arc.t:
             if self._next is None:
                 self._now = None
-                break
+                return Decision(numbers={"feature_width": 0.0})
             self._now, self._next = self._next, self._following()
         now = self._now
-        if now is None:
-            return Decision(numbers={"feature_width": 0.0})
         begins = now.time - now.reach - now.width
         is_ahead = arc.t < begins
         numbers = {
@@ -290,17 +272,14 @@ class _Line:
         return Caution("short-times", text)
 
     def _distance(self, t: float) -> float:
-        """Give how far from waking it is, as in `methods._looks`."""
+        """Give how far from waking it is, see `methods.parts.missed`."""
         (u,) = self.argument(t)
         kind, power = self.indicator.kind, self.indicator.power
-        if math.isnan(u):
-            return math.inf
-        if kind == LARGEST:
-            return -power * u
-        if kind == NEAR_ZERO:
-            return 2.0 * power * abs(u)
-        size = math.log(max(abs(u), TINY))
-        return -power * size if kind == LARGE else power * size
+        return math.inf if math.isnan(u) else distance(kind, power, u)
+
+    def _beside(self, time: float, width: float) -> list[float]:
+        """Give the distances so long before a time, and after it."""
+        return [self._distance(time - width), self._distance(time + width)]
 
     def _at(self, time: float) -> Feature | None:
         """Give what happens at a time, or None if nothing short does."""
@@ -309,7 +288,7 @@ class _Line:
         width = None
         fade = 0.0
         while beside <= self.end - self.start:
-            sides = [self._distance(time - beside), self._distance(time + beside)]
+            sides = self._beside(time, beside)
             if width is None and min(sides) - least < -FADED:
                 return None  # it is closer to waking beside that moment
             faded = max(sides) - least
@@ -328,9 +307,6 @@ class _Line:
         near = 0.5 * far
         for _ in range(REFINED):
             middle = 0.5 * (near + far)
-            sides = [self._distance(time - middle), self._distance(time + middle)]
-            if min(sides) >= gone:
-                far = middle
-            else:
-                near = middle
+            faded = min(self._beside(time, middle)) >= gone
+            near, far = (near, middle) if faded else (middle, far)
         return far

@@ -4,6 +4,7 @@ import random
 import time
 import tracemalloc
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -387,8 +388,10 @@ def test_the_part_that_is_not_taken_spoils_nothing():
 
 def last_of(monkeypatch, breaks):
     """Go through breaks in time; give the last that a run gets to, and its ending."""
-    monkeypatch.setattr(times, "_breaks", lambda _arc: iter(breaks))
-    found = times.TimeBreaks(None)
+    monkeypatch.setattr(times, "break_times", lambda *_: iter(breaks))
+    arc = MagicMock()
+    arc.settings.start, arc.settings.duration = 0.0, breaks[-1]
+    found = times.TimeBreaks(arc)
     for t in breaks:
         decision = found.decide(SimpleNamespace(t=t), at.DONE)
         if decision.ending is not None:
