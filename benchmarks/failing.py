@@ -51,12 +51,11 @@ class Motion:
 
     def steps(self, most):
         """Give the times and lengths of the first steps, and rejections until each."""
-        case, plan = self.case, self.session.plan
-        run = Run(case.equations, case.start, plan, self.system, case.settings, [])
+        run = Run(self.session.first_arc(), [])
         run.begin()
         run.arc.tell({"ask_at": 0.0})  # go on at the bound
         found, s = [], run.arc.state
-        while len(found) < most and run.t < case.settings.end:
+        while len(found) < most and run.t < self.case.settings.end:
             run.arc.advance(len(run.arc.runner.block), 1)
             found.append((s.t, s.step_h, s.rejections, s.evaluations))
         return np.array(found).T

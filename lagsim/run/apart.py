@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from lagsim.run.arc import first_arc
 from lagsim.run.arcs import Recorder, Run
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Ending, Outcome, Statistics, Trajectory
@@ -21,13 +22,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Instant
-    from lagsim.model.model import Settings
-    from lagsim.plan.plan import Plan
     from lagsim.plan.subsystems import Subsystem
+    from lagsim.run.arc import Arc
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
-    from lagsim.run.system import System
+    from lagsim.run.session import Session
 
 
 class Part:
@@ -39,17 +38,8 @@ class Part:
         Where t, q and q' of a row go in a row of the whole, of n coordinates.
     """
 
-    def __init__(
-        self,
-        part: Subsystem,
-        start: Instant,
-        plan: Plan,
-        system: System,
-        settings: Settings,
-        **others: Any,
-    ) -> None:
-        own, n = part.at(start), len(start.q)
-        self.run = Run(part.equations, own, plan, system, settings, [self], **others)
+    def __init__(self, part: Subsystem, n: int, first: Arc, **others: Any) -> None:
+        self.run = Run(first, [self], **others)
         self.names = ", ".join(part.equations.q)
         self.columns = [0, *(1 + j for j in part.coordinates)]
         self.columns += [1 + n + j for j in part.coordinates]
@@ -83,25 +73,19 @@ _DONE = Ending(Outcome.DONE)
 class Apart:
     """A run of subsystems.
 
-    Parameters
-    ----------
-    system : System
-        Of the whole: it shows the rows. Its `parts` are integrated.
+    The system of the whole shows the rows; its `parts` are integrated.
     """
 
     def __init__(
         self,
-        start: Instant,
-        plan: Plan,
-        system: System,
-        settings: Settings,
+        session: Session,
         observers: Sequence[Observer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
-        longest_step: float = 0.0,
     ) -> None:
-        self.settings, self.system = settings, system
+        plan, system, start = session.plan, session.system, session.case.start
+        self.settings, self.system = session.case.settings, system
         self.recorder, self.progress = Recorder(observers), progress
         # Called between two calls of the kernels.
         self.tick: Callable[[Apart], None] | None = None
@@ -113,10 +97,11 @@ class Apart:
             if alike.rtol is not None and plan.rtol is not None:
                 # A repeat has other tolerances, and other rows.
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
-            part = Part(
-                x.subsystem, start, alike, own, settings, interrupt=interrupt,
-                longest_step=longest_step,
+            first = first_arc(
+                x.subsystem.equations, x.subsystem.at(start), alike, own,
+                self.settings, session.longest_step,
             )  # fmt: skip
+            part = Part(x.subsystem, len(start.q), first, interrupt=interrupt)
             self.parts.append(part)
 
     def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
@@ -134,7 +119,8 @@ class Apart:
                 break
             if self.progress is not None:
                 self.progress((reached - self.settings.start) / self.settings.duration)
-        return self._trajectory(min(failed, key=_time, default=ended[0]), reached)
+        last = min(failed, key=lambda part: part.run.t, default=ended[0])
+        return self._trajectory(last, reached)
 
     def _join(self) -> None:
         """Hand on the rows that all subsystems have."""
@@ -172,7 +158,3 @@ class Apart:
             extents={k: v for x in found for k, v in x.extents.items()},
             largest_energy=sum(x.largest_energy for x in found),
         )
-
-
-def _time(part: Part) -> float:
-    return part.run.t

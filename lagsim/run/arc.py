@@ -72,12 +72,6 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
     return state
 
 
-def named_extents(state: State, names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Give the least and the greatest values by the names of the components."""
-    low, high = state.low.tolist(), state.high.tolist()
-    return dict(zip(names, zip(low, high, strict=True), strict=True))
-
-
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
     """Give a state as that of another method or system, at the start of an arc."""
     new = empty_state(runner, options)
@@ -163,16 +157,6 @@ class Arc(NamedTuple):
         return np.maximum(self.state.masses[: self.system.n], 0.0)
 
     @property
-    def pushes(self) -> Floats:
-        """What each term of their forces, and laws, could do to coordinates (n,).
-
-        Accelerations: at the end of the last step, see `mechanics.equations`.
-        """
-        n, p = self.system.n, self.system.p
-        own = self.state.parts[:n]
-        return np.maximum(own, p.law_pushes[:n]) if self.system.laws else own
-
-    @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters."""
         return {p.name: p.value for p in self.equations.model.parameters}
@@ -256,10 +240,6 @@ class Arc(NamedTuple):
         """Write numbers of the state's header, by their names."""
         for name, number in numbers.items():
             setattr(self.state, name, number)
-
-    def expect(self, sizes: Floats) -> None:
-        """Take it that components will have these sizes (size,)."""
-        self.sizes[:] = sizes
 
     def next(self, end: float, ahead: float) -> Arc:
         """Give the arc that begins at the state reached.

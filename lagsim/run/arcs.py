@@ -19,7 +19,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.run.arc import first_arc, most_pulled, named_extents
+from lagsim.run.arc import most_pulled
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.impacts import at_start, before_event, impact
 from lagsim.run.events.singularities import Dependence, RankLosses, singularity_caution
@@ -43,15 +43,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations, Instant
-    from lagsim.model.model import Settings
     from lagsim.notes import Choice
-    from lagsim.plan.plan import Plan
     from lagsim.run.arc import Arc
     from lagsim.run.events.impacts import Before
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Source
 
 
@@ -136,20 +132,14 @@ class Run:
 
     def __init__(
         self,
-        equations: Equations,
-        start: Instant,
-        plan: Plan,
-        system: System,
-        settings: Settings,
+        first: Arc,
         observers: Sequence[Observer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
-        longest_step: float = 0.0,
         corners: Corners | None = None,
     ) -> None:
-        self.arc = first_arc(equations, start, plan, system, settings, longest_step)
-        self.first = self.arc
+        self.arc = self.first = first
         self.sources = list(_sources(self.arc))
         self.recorder = Recorder(observers)
         # Called between two calls of the kernel.
@@ -352,7 +342,7 @@ class Run:
         arc = self.arc
         arc.tell(decision.numbers)
         if decision.sizes is not None:
-            arc.expect(decision.sizes)
+            arc.sizes[:] = decision.sizes
         if decision.rows is not None and arc.row_time(-1) < arc.t:
             self.recorder.hand_on(decision.rows)
         if decision.y is not None:
@@ -373,7 +363,7 @@ class Run:
 
     def _show(self) -> None:
         """Hand the row of the state reached on."""
-        self.recorder.hand_on(self.arc.runner.shown_at(self.arc.state))
+        self.recorder.hand_on(self.arc.runner.tabulate(self.arc.row()))
 
     def show_last(self) -> None:
         """Give the row at the time reached, unless it has been given."""
@@ -386,6 +376,7 @@ class Run:
         """Put together what the run has done."""
         arc, recorder = self.arc, self.recorder
         state, evaluations = arc.state, int(arc.state.evaluations)
+        extents = zip(state.low.tolist(), state.high.tolist(), strict=True)
         all_constant = arc.plan.constant >= (2 if arc.system.m else 1)
         return Trajectory(
             outcome=ending.outcome,
@@ -410,7 +401,7 @@ class Run:
                 *unsettled(arc),
             ),
             choices=tuple(recorder.choices),
-            extents=named_extents(state, arc.system.state),
+            extents=dict(zip(arc.system.state, extents, strict=True)),
             largest_energy=float(state.energy),
         )
 

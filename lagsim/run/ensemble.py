@@ -60,12 +60,8 @@ class Ensemble:
     """Makes runs of a session in one memory; `refusal` is to be asked first."""
 
     def __init__(self, session: Session) -> None:
-        case, plan = session.case, session.plan
-        self._system = session.system.bound(session.system.model, plan)
-        run = Run(
-            case.equations, case.start, plan, self._system, case.settings, [],
-            longest_step=session.longest_step,
-        )  # fmt: skip
+        self._system = session.system.bound(session.system.model, session.plan)
+        run = Run(session._replace(system=self._system).first_arc(), [])
         run.begin()
         self._arc = run.arc
         self._start = run.arc.state.copy()

@@ -68,51 +68,46 @@ class Fallback(Source):
 
 def handed_over(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
     """Go on with the method that handles everything."""
-    return Decision(
-        choices=(Choice(f"method: {ANY} from t = {arc.t:.9g} on", reason),),
-        arc=arc.by(replace(arc.plan, method=ANY), arc.system),
-        numbers={"h": 0.0, "at_bound": 0.0, **numbers},
-    )
+    arc = arc.by(replace(arc.plan, method=ANY), arc.system)
+    return by_method(arc, reason, {"h": 0.0, **numbers})
+
+
+def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
+    """Go on with an arc by another method than before."""
+    choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
+    return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0, **numbers})
+
+
+# What kept a run from its end; a place or a cause follows.
+FAILURES = {
+    Outcome.TOO_MANY_STEPS: "too many steps ({steps}{about})",
+    Outcome.NOT_FINITE: "values that are not finite",
+    Outcome.CONSTRAINT_JUMPS: "the position that constraint `{about}` prescribes jumps",
+    Outcome.SWITCHES_ACCUMULATE: "the switches {about} accumulate",
+    Outcome.PARADOX: "no contact forces satisfy the laws of {about}",
+    Outcome.STATE_JUMPS: "the state would have jumped",
+    Outcome.PROJECTION_FAILED: "the constraints could not be satisfied",
+    Outcome.NO_ANSWER: "constraint `{about}` is not satisfied",
+    Outcome.NEWTON_FAILED: "the equations of an implicit step could not be solved",
+    Outcome.STEP_TOO_SMALL: "the step size became too small",
+}
 
 
 def reason_of(arc: Arc, ending: Ending, row: Floats | None = None) -> str:
     """Say why a run ended so, in its last arc: at the state reached, or at `row`."""
-    outcome = ending.outcome
+    outcome, until = ending.outcome, arc.equations.model.until
     if outcome is Outcome.DONE:
         return f"the end was reached at t = {arc.t!r}"
-    if outcome is Outcome.UNTIL:
-        until = arc.equations.model.until
-        assert until is not None
+    if outcome is Outcome.UNTIL and until is not None:
         return f"`{until.text}` at t = {arc.t!r}"
     if outcome is Outcome.INTERRUPTED:
         return f"interrupted at t = {arc.t!r}; the rows up to there were kept"
-    what = _what_failed(arc, ending, row)
-    return f"{what}: {outcome.advice}{_other_means(arc, outcome)}"
-
-
-def _what_failed(arc: Arc, ending: Ending, row: Floats | None) -> str:
-    outcome = ending.outcome
     shown = arc.observed() if row is None else row
-    where = f"at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
-    if outcome is Outcome.TOO_MANY_STEPS:
-        return f"too many steps ({arc.steps}{ending.about}) {where}"
-    if outcome is Outcome.NOT_FINITE:
-        return f"values that are not finite {where}"
-    if outcome is Outcome.CONSTRAINT_JUMPS:
-        return f"the position that constraint `{ending.about}` prescribes jumps {where}"
-    if outcome is Outcome.SWITCHES_ACCUMULATE:
-        return f"the switches {ending.about} accumulate {where}"
-    if outcome is Outcome.PARADOX:
-        return f"no contact forces satisfy the laws of {ending.about} {where}"
-    if outcome is Outcome.STATE_JUMPS:
-        return f"the state would have jumped {where}"
-    if outcome is Outcome.PROJECTION_FAILED:
-        return f"the constraints could not be satisfied {where}"
-    if outcome is Outcome.NO_ANSWER:
-        return f"constraint `{ending.about}` is not satisfied {where}"
-    if outcome is Outcome.NEWTON_FAILED:
-        return f"the equations of an implicit step could not be solved {where}"
-    return f"the step size became too small {where}; {_fastest(arc)}"
+    what = FAILURES[outcome].format(steps=arc.steps, about=ending.about)
+    text = f"{what} at t = {float(shown[0])!r} ({_described_state(arc, shown)})"
+    if outcome is Outcome.STEP_TOO_SMALL:
+        text += f"; {_fastest(arc)}"
+    return f"{text}: {outcome.advice}{_other_means(arc, outcome)}"
 
 
 def _other_means(arc: Arc, outcome: Outcome) -> str:
@@ -137,16 +132,15 @@ def _described_state(arc: Arc, row: Floats) -> str:
 
 def _fastest(arc: Arc) -> str:
     """Name the coordinate or velocity that grows fastest for its size."""
-    names = arc.system.state
     moving = 2 * arc.system.n  # work follows what moves
-    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))
-    size = arc.system.size
-    sizes = np.maximum(np.abs(arc.y), TINY)
-    ratio = np.where(np.isfinite(rates[:size]), rates[:size] / sizes, np.inf)
+    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))[:moving]
+    sizes = np.abs(arc.y[:moving])
+    ratio = rates / np.maximum(sizes, TINY)
+    ratio[~np.isfinite(rates)] = np.inf
     # A component near zero changes fast for its size without any singularity.
-    large = np.abs(arc.y) > 1e-3 * np.max(np.abs(arc.y[:moving]))
-    k = int(np.argmax(np.where(large, ratio, -1.0)[:moving]))
-    return f"`{names[k]}` grows fastest, at {rates[k]:.3g} per unit of time"
+    k = int(np.argmax(np.where(sizes > 1e-3 * np.max(sizes), ratio, -1.0)))
+    name = arc.system.state[k]
+    return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
 
 
 # A state that is projected is off its constraints by rounding. One that is off by more
@@ -172,21 +166,17 @@ class Unmet(Source):
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
             return None
-        columns = dict(
-            zip(arc.system.columns.names, arc.observed().tolist(), strict=True)
-        )
-        found = next(
-            (
-                name
-                for name in (row.name for row in arc.equations.rows)
-                if abs(columns[f"residual_{name}"]) > MET * columns[f"scale.{name}"]
-            ),
-            None,
-        )
-        self._looks = 0 if found is None else self._looks + 1
-        if found is None or self._looks < LOOKS:
+        shown = arc.observed().tolist()
+        columns = dict(zip(arc.system.columns.names, shown, strict=True))
+        unmet = [
+            row.name
+            for row in arc.equations.rows
+            if abs(columns[f"residual_{row.name}"]) > MET * columns[f"scale.{row.name}"]
+        ]
+        self._looks = self._looks + 1 if unmet else 0
+        if self._looks < LOOKS:
             return None
-        return Decision(ending=Ending(Outcome.NO_ANSWER, found))
+        return Decision(ending=Ending(Outcome.NO_ANSWER, unmet[0]))
 
 
 def unsettled(arc: Arc) -> tuple[Caution, ...]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
     from lagsim.run.apart import Apart
+    from lagsim.run.arc import Arc
     from lagsim.run.arcs import Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
@@ -69,8 +70,7 @@ class StartError(LagsimError):
 
     def __str__(self) -> str:
         missed = [v.name for v in self.examined.verdicts if not v.satisfied]
-        name = self.equations.model.name
-        text = f"the start of {name} is not admissible"
+        text = f"the start of {self.equations.model.name} is not admissible"
         return f"{text}: {', '.join(missed)}" if missed else text
 
 
@@ -180,6 +180,16 @@ class Session(NamedTuple):
         """Give the same with settings that change neither plan nor system."""
         return self._replace(case=self.case.asking(**other))
 
+    def first_arc(self) -> Arc:
+        """Give the state at the start, on no way yet."""
+        from lagsim.run.arc import first_arc
+
+        case = self.case
+        return first_arc(
+            case.equations, case.start, self.plan, self.system, case.settings,
+            self.longest_step,
+        )  # fmt: skip
+
     def run(
         self,
         observers: Sequence[Observer],
@@ -200,23 +210,16 @@ class Session(NamedTuple):
         joined
             Gets the run before it begins, and may put it where another was.
         """
-        case = self.case
         run: Run | Apart
+        told: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
         if self.plan.parts:
             from lagsim.run.apart import Apart
 
-            run = Apart(
-                case.start, self.plan, self.system, case.settings, observers,
-                interrupt=interrupt, progress=progress, longest_step=self.longest_step,
-            )  # fmt: skip
+            run = Apart(self, observers, **told)
         else:
             from lagsim.run.arcs import Run
 
-            run = Run(
-                case.equations, case.start, self.plan, self.system, case.settings,
-                observers, interrupt=interrupt, progress=progress,
-                longest_step=self.longest_step, corners=corners,
-            )  # fmt: skip
+            run = Run(self.first_arc(), observers, corners=corners, **told)
         if joined is not None:
             joined(run)
         import numpy as np
@@ -284,8 +287,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()
-    problems = unknown_names(settings)
-    if problems:
+    if problems := unknown_names(settings):
         raise InputError(problems)
     equations = derive(model)
     examined = examine(equations, settings.start, classify=True)
@@ -315,13 +317,12 @@ def wanted(
     InputError
     """
     settings = model.settings(options)
-    problems: list[Problem] = []
     if settings.duration:
-        problems += unknown_names(settings)
+        problems = unknown_names(settings)
     else:
         text = f"{model.file}: `{who}` needs to know how long: there is no "
         text += "`simulation.duration` (or `end`)"
-        problems.append(Problem("missing-key", text, hint=hint))
+        problems = [Problem("missing-key", text, hint=hint)]
     if problems:
         raise InputError(problems)
     return settings

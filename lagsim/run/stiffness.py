@@ -22,9 +22,10 @@ from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
-from lagsim.notes import Caution, Choice
+from lagsim.notes import Caution
 from lagsim.plan.cost import STAGES
 from lagsim.run.arc import LONG, SERIES
+from lagsim.run.failures import by_method
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.system import System
 from lagsim.run.trajectory import GO_ON, Decision, Source
@@ -113,8 +114,7 @@ class Stiffness(Source):
             return GO_ON
         if alone or method(STIFF).refusal(structure(scene)):
             return GO_ON if arc.plan.method == SERIES else self._warning(arc, (), "")
-        plan = replace(arc.plan, method=STIFF)
-        stiff = arc.by(plan, System(arc.equations, plan))
+        stiff = _compiled_for(arc, STIFF)
         fast = _fastest(stiff)
         if fast is None:
             return self._warning(arc, (), "")
@@ -143,7 +143,7 @@ class Stiffness(Source):
             f"the step was held at the stability bound by {_named(fast.where)}, at "
             f"{fast.rate:.3g} per unit of time; {STIFF}'s is {gained:.0f} times larger"
         )
-        return _taken(stiff, reason)
+        return by_method(stiff, reason, {})
 
     def _warning(self, arc: Arc, where: tuple[str, ...], advice: str) -> Decision:
         if self._warned:
@@ -190,15 +190,13 @@ class Stiffness(Source):
         shortest = method(EXPLICIT).IMAGINARY_LIMIT / max(fast.rate, TINY)
         if arc.system.operations * STAGES / shortest > enough:
             return GO_ON
-        plan = replace(arc.plan, method=EXPLICIT)
-        explicit = arc.by(plan, System(arc.equations, plan))
+        explicit = _compiled_for(arc, EXPLICIT)
         cost = _cost(arc, *_trial(explicit))
         if cost > enough:
             return GO_ON
         times = enough / CHEAPER / cost
-        return _taken(
-            explicit, f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
-        )
+        reason = f"no longer stiff: {STIFF} takes {times:.1f} times the operations"
+        return by_method(explicit, reason, {})
 
 
 def _turns_on_disc(arc: Arc) -> bool:
@@ -211,9 +209,10 @@ def _turns_on_disc(arc: Arc) -> bool:
     return bool(np.any((p.law_mode == kept.DRIVEN) & (p.law_pair >= 0.0)))
 
 
-def _taken(arc: Arc, reason: str) -> Decision:
-    choice = Choice(f"method: {arc.plan.method} from t = {arc.t:.9g} on", reason)
-    return Decision(choices=(choice,), arc=arc, numbers={"at_bound": 0.0})
+def _compiled_for(arc: Arc, name: str) -> Arc:
+    """Give the arc by another method, which has functions of its own."""
+    plan = replace(arc.plan, method=name)
+    return arc.by(plan, System(arc.equations, plan))
 
 
 def _fastest(arc: Arc) -> Fast | None:

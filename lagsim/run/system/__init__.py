@@ -7,6 +7,7 @@ new values of parameters compile nothing.
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -162,9 +163,8 @@ class System:
             self.indicators = self.watched_for(equations, plan)
         if self.indicators:
             nodes_of["signals"] = signal_nodes(equations, self.indicators)
-        found = surface_functions(equations, self.switches)
-        nodes_of |= found.functions
-        self.pattern = found.starts, found.columns
+        found, *self.pattern = surface_functions(equations, self.switches)
+        nodes_of |= found
         code: dict[str, list[int] | Loop] = {**nodes_of}
         if AFTER_FREEZING in needs:
             rates = nodes_of["field" if self.watched else "derivative"][: self.size]
@@ -229,8 +229,7 @@ class System:
 
     def bound(self, model: Model, plan: Plan) -> System:
         """Give the same functions with other values, and a plan that `fits`."""
-        new = object.__new__(System)
-        new.__dict__.update(self.__dict__)
+        new = copy(self)
         new.take_values(model, plan)
         return new
 
@@ -267,12 +266,17 @@ class System:
     def _parameters(self) -> Parameters:
         starts, elements = self.pattern
         plan = self.plan
+        sizes = {} if self.newton is None else self.newton.sizes
+        if self.met is not None:
+            sizes = {
+                "met": len(self.equations.multipliers),
+                "inertial": self.met.inertial, "sloping": len(self.met.columns),
+            }  # fmt: skip
         p = Parameters.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), loops=self.has_loops,
-            slopes_known=self.has_jacobian, **self._met_sizes(),
-            **({} if self.newton is None else self.newton.sizes),
+            slopes_known=self.has_jacobian, **sizes,
         )  # fmt: skip
         if self.newton is not None:
             self.newton.fill(p)
@@ -305,16 +309,6 @@ class System:
         for parameter in self.equations.model.parameters:
             whole.flat[self._layout_of[parameter.name]] = parameter.value
         return whole
-
-    def _met_sizes(self) -> dict[str, int]:
-        """Give the sizes of what methods have that meet all rows by impulses."""
-        if self.met is None:
-            return {}
-        return {
-            "met": len(self.equations.multipliers),
-            "inertial": self.met.inertial,
-            "sloping": len(self.met.columns),
-        }
 
     def _layout(self, memory: Parameters) -> Layout:
         e = self.equations

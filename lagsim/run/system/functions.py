@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
-    from lagsim.language.sparse import SparseVector
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
@@ -210,10 +209,24 @@ CODES = {
 }
 
 
+def _rows(e: Equations) -> list[Row]:
+    """Give the rows that always hold, then those of laws."""
+    return [*e.rows, *(law.row for law in e.laws)]
+
+
+def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
+    """Give what rows hold on the level of positions: velocities' have nothing there."""
+    return [row.residual if row.holonomic else g.zero for row in rows]
+
+
+def _conditions(e: Equations) -> list[int]:
+    """Give whether each law is in force."""
+    return [e.graph.one if law.when is None else law.when for law in e.laws]
+
+
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
     """Give what the loops of `solve.dense` and `solve.laws` begin with."""
-    g = e.graph
-    rows = [*e.rows, *(law.row for law in e.laws)]
+    g, rows = e.graph, _rows(e)
     found = {
         "dynamics": _dynamics(e),
         "quadratures": e.quadrature_rates,
@@ -224,26 +237,24 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
         found["geometry"] = [
             *(node for row in e.M for node in row),
             *(node for row in rows for node in row.A),
-            *(row.residual if row.holonomic else g.zero for row in rows),
+            *_held(g, rows),
             *(row.rate for row in rows),
             *(row.residual_scale for row in rows),
             *(row.rate_scale for row in rows),
         ]  # fmt: skip
-        found["bends"] = [*(_bend(e, row) for row in rows), *map(_unknown(g), rows)]
+        found["bends"] = [*(_bend(e, row) for row in rows), *_unknown(g, rows)]
     if e.laws:
         found["gaps"] = [
             law.row.residual if law.kind is Kind.CONTACT else law.row.rate
             for law in e.laws
         ]
-        found["conditions"] = [
-            g.one if law.when is None else law.when for law in e.laws
-        ]
+        found["conditions"] = _conditions(e)
     return found
 
 
 def _dynamics(e: Equations) -> list[int]:
     """Give M, A, f, b; then the rates of laws, their bounds and static ones."""
-    rows = [*e.rows, *(law.row for law in e.laws)]
+    rows = _rows(e)
     return [
         *(node for row in e.M for node in row),
         *(node for row in rows for node in row.A),
@@ -254,9 +265,9 @@ def _dynamics(e: Equations) -> list[int]:
     ]  # fmt: skip
 
 
-def _unknown(g: Graph) -> Callable[[Row], int]:
+def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
     """Give 1 for rows whose rates a Newton step may leave anything of, else 0."""
-    return lambda row: g.zero if row.holonomic or row.pfaffian else g.one
+    return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
 def _bend(e: Equations, row: Row) -> int:
@@ -304,12 +315,8 @@ def pattern(e: Equations) -> Pattern:
     for A in e.slopes:
         columns += list(A.entries)
         starts.append(len(columns))
-    first = [min(i, *_before(row, i)) for i, row in enumerate(e.M)]
+    first = [min([i, *row.entries]) for i, row in enumerate(e.M)]
     return Pattern(first, starts, columns)
-
-
-def _before(row: SparseVector, i: int) -> list[int]:
-    return [i, *(j for j in row.entries if j < i)]
 
 
 def fill(p: Parameters, e: Equations, found: Pattern) -> None:
@@ -319,12 +326,10 @@ def fill(p: Parameters, e: Equations, found: Pattern) -> None:
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
     p.met_kind[:] = [ALWAYS] * count + [CODES[law.kind] for law in laws]
     # Equalities come first.
-    for name, numbers in (
-        ("met_normal", [law.normal for law in laws]),
-        ("met_pair", [law.pair for law in laws]),
-    ):
+    for name in ("normal", "pair"):
+        numbers = (getattr(law, name) for law in laws)
         shifted = [k + count if k >= 0 else -1 for k in numbers]
-        getattr(p, name)[:] = [-1] * count + shifted
+        getattr(p, f"met_{name}")[:] = [-1] * count + shifted
     p.met_restitution[:] = [0.0] * count + [law.restitution for law in laws]
 
 
@@ -332,8 +337,7 @@ def stepping_functions(
     e: Equations, columns: Columns, found: Pattern
 ) -> dict[str, list[int]]:
     """Give `balance`, `effort`, and the columns of rows, in which nothing strikes."""
-    g = e.graph
-    rows = [*e.rows, *(law.row for law in e.laws)]
+    g, rows = e.graph, _rows(e)
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
     at_impacts = {
@@ -346,12 +350,12 @@ def stepping_functions(
             *(e.M[i][j] for i, k in enumerate(found.first) for j in range(k, i + 1)),
             *(slope for row in rows for slope in row.A.entries.values()),
             *e.f,
-            *(row.residual if row.holonomic else g.zero for row in rows),
+            *_held(g, rows),
             *(_offset(e, row) for row in rows),
             *always, *(law.bound for law in e.laws),
             *always, *(law.static for law in e.laws),
             *(g.one for _ in e.rows),
-            *(g.one if law.when is None else law.when for law in e.laws),
+            *_conditions(e),
         ],
         "effort": g.substitute(e.powers, lam),
         "columns": g.substitute(columns.nodes.values(), at_impacts),
@@ -376,46 +380,40 @@ def on_velocities(equations: Equations, side: Side) -> bool:
     return bool(names & frozenset(equations.velocities))
 
 
-class SurfaceFunctions(NamedTuple):
-    """What is compiled of the surfaces, see `solve.sliding`.
+def surface_functions(
+    equations: Equations, switches: Switches
+) -> tuple[dict[str, list[int]], list[int], list[int]]:
+    """Give `surfaces` and `surface_rows`, see `solve.sliding`; and the pattern of J.
 
-    Attributes
-    ----------
-    starts, columns
-        Where in the elements of J each row begins, and the column of each element.
+    That is where among its elements each row begins, and the column of each.
     """
-
-    functions: dict[str, list[int]]
-    starts: tuple[int, ...]
-    columns: tuple[int, ...]
-
-
-def surface_functions(equations: Equations, switches: Switches) -> SurfaceFunctions:
-    """Give `surfaces` and `surface_rows`."""
     g = equations.graph
     positions = [g.variable(name) for name in equations.q]
     rates = [g.variable(name) for name in equations.velocities]
     flow = dict(zip(positions, rates, strict=True)) | {g.variable("t"): g.one}
     nodes = switches.freeze([side.node for side in switches.sides])
     residuals, speeds, b, scales = [], [], [], []
-    elements, starts, columns = [], [0], []
+    elements: list[int] = []
+    columns: list[int] = []
+    starts = [0]
     for side, node in zip(switches.sides, nodes, strict=True):
         moving = on_velocities(equations, side)
         variables = rates if moving else positions
-        slopes = gradient(g, node, variables)
+        slopes = dict(enumerate(gradient(g, node, variables)))
         (speed,) = [node] if moving else tangent(g, [node], flow)
         residuals.append(g.zero if moving else node)
         speeds.append(speed)
         b.append(g.call("neg", tangent(g, [speed], flow)[0]))
-        scales.append(scale_of(g, node, variables, dict(enumerate(slopes))))
-        places = [j for j, slope in enumerate(slopes) if slope != g.zero]
-        elements += [slopes[j] for j in places]
-        columns += places
+        scales.append(scale_of(g, node, variables, slopes))
+        there = {j: slope for j, slope in slopes.items() if slope != g.zero}
+        elements += there.values()
+        columns += there
         starts.append(len(columns))
-    rows = [*residuals, *speeds, *b, *scales, *elements]
-    some = nodes or equations.laws
-    made = {"surfaces": nodes, "surface_rows": rows} if some else {}
-    return SurfaceFunctions(made, tuple(starts), tuple(columns))
+    made: dict[str, list[int]] = {}
+    if nodes or equations.laws:
+        rows = [*residuals, *speeds, *b, *scales, *elements]
+        made = {"surfaces": nodes, "surface_rows": rows}
+    return made, starts, columns
 
 
 # Nodes of pivots that are followed: the 845 of a chain of ten links added a third to
@@ -439,15 +437,12 @@ def functions(
     With `switching`, y' and the rows come from what `solve.sliding` makes of `field`.
     """
     g = equations.graph
-    diagonal = equations.inertias
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
-        "measure": [
-            equations.kinetic_form, rest, *diagonal, g.zero,
-        ],
+        "measure": [equations.kinetic_form, rest, *equations.inertias, g.zero],
         "terms": pushes(equations),
-    }  # fmt: skip
-    found["inertias"] = list(varying_inertias(equations, plan).values())
+        "inertias": list(varying_inertias(equations, plan).values()),
+    }
     if equations.model.until:
         found["until"] = [equations.model.until.node]
     if met is not None:
@@ -523,7 +518,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     Relations between velocities have no residual on the level of positions.
     """
     g, rows = e.graph, e.rows
-    held = [r.residual if r.holonomic else g.zero for r in rows]
+    held = _held(g, rows)
     off = [_against(g, x, r.residual_scale) for x, r in zip(held, rows, strict=True)]
     off_rates = [_against(g, r.rate, r.rate_scale) for r in rows]
     step = elimination.correction(held)
@@ -534,7 +529,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
         "position_step": [*step, _largest(g, off), g.zero, *left_by_step],
         "velocity_step": [
             *elimination.correction([r.rate for r in rows]), _largest(g, off_rates),
-            elimination.smallest_singular_value(), _largest(g, map(_unknown(g), rows)),
+            elimination.smallest_singular_value(), _largest(g, _unknown(g, rows)),
         ],
     }  # fmt: skip
 
@@ -548,11 +543,11 @@ def _loads(e: Equations) -> list[int]:
     g = e.graph
     state = (*e.q, *e.velocities)
     found = roundings(g, (*e.f, *e.quadrature_rates), (*state, "t"), state)
-    loads = []
-    for k, (force, error) in enumerate(zip(e.f, found, strict=False)):
-        whole = g.call("add", g.call("abs", force), error)
-        loads.append(g.call("mul", g.constant(_part(k)), whole))
-    return [*loads, *found[len(loads) :]]
+    loads = [
+        g.call("add", g.call("abs", force), error)
+        for force, error in zip(e.f, found, strict=False)
+    ]
+    return [*_in_parts(g, loads), *found[len(loads) :]]
 
 
 def _inertial(e: Equations, elimination: Elimination) -> list[int]:
@@ -562,51 +557,49 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     Signs are those of `_loads`.
     """
     g, moving = e.graph, frozenset((*e.q, "t"))
-    rates = elimination.motion()[0]
+    rates = [g.call("abs", x) for x in elimination.motion()[0]]
     if e.chains is not None:
-        sizes = e.chains.sizes(g, [g.call("abs", x) for x in rates], moving)
-        return [g.call("mul", g.constant(_part(k)), x) for k, x in enumerate(sizes)]
+        return _in_parts(g, e.chains.sizes(g, rates, moving))
     found = []
-    for k, row in enumerate(e.M):
-        entries = row.entries
-        parts = []
-        if len(entries) > 1:
-            errors = roundings(g, entries.values(), moving, e.q)
-            for j, error in zip(entries, errors, strict=True):
-                if g.depends([entries[j]]) & moving:
-                    size = g.call("add", g.call("abs", entries[j]), error)
-                    parts.append(g.call("mul", size, g.call("abs", rates[j])))
-        found.append(g.call("mul", g.constant(_part(k)), g.sum(parts)))
-    return found
+    for row in e.M:
+        entries = row.entries if len(row.entries) > 1 else {}
+        errors = roundings(g, entries.values(), moving, e.q)
+        sizes = [
+            (g.call("add", g.call("abs", node), error), rates[j])
+            for (j, node), error in zip(entries.items(), errors, strict=True)
+            if g.depends([node]) & moving
+        ]
+        found.append(g.product_sum(sizes))
+    return _in_parts(g, found)
 
 
-def _part(k: int) -> float:
-    """Give the sign and the part with which the rounding of a force is taken."""
-    return (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2))
+def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
+    """Give the rounding of each force its sign, and a part."""
+    parts = (
+        (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2)) for k in range(len(sizes))
+    )
+    return [
+        g.call("mul", g.constant(part), x) for part, x in zip(parts, sizes, strict=True)
+    ]
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     """Give what rounding does to the accelerations, as `solve.dense.rounding` does."""
     g, n = e.graph, len(e.q)
     loads = _loads(e)
-    forces = [
-        g.call("add", load, load_of_mass)
-        for load, load_of_mass in zip(loads, _inertial(e, elimination), strict=False)
-    ]
+    pairs = zip(loads, _inertial(e, elimination), strict=False)
+    forces = [g.call("add", *pair) for pair in pairs]
     found = [g.call("abs", x) for x in elimination.response(forces)]
     label = coupled(e)
     shares: dict[int, int] = {}
-    squares = elimination.reactions()
-    inertias = e.inertias
-    for row, square in zip(e.rows, squares, strict=True):
+    for row, square in zip(e.rows, elimination.reactions(), strict=True):
         first = label[min(row.A.entries)] if row.A.entries else 0
         shares[first] = g.call("add", shares.get(first, g.zero), square)
-    for i, x in enumerate(found):
-        inertia = inertias[i]
+    for i, inertia in enumerate(e.inertias):
         if label[i] in shares and inertia != g.zero:
             share = g.call("div", shares[label[i]], inertia)
             root = g.call("sqrt", g.call("max", share, g.zero))
-            found[i] = g.call("add", x, root)
+            found[i] = g.call("add", found[i], root)
     return [*found, *loads[n:]]
 
 
@@ -616,11 +609,6 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
     for size in sizes:
         largest = g.call("max", size, largest)
     return largest
-
-
-def _power(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give the rates of works by themselves, for scenes without constraints."""
-    return {"power": equations.powers}
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
@@ -669,7 +657,8 @@ NEEDED: dict[str, Callable[[Equations, Plan], dict[str, list[int]]]] = {
     "jacobian": _jacobian,
     "lagrangian": _lagrangian,
     "linear": _linear,
-    "power": _power,
+    # The rates of works by themselves, for scenes without constraints.
+    "power": lambda e, _plan: {"power": e.powers},
 }
 # Made by the system from y' with its branches frozen.
 AFTER_FREEZING = "series"

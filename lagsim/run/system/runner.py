@@ -105,25 +105,19 @@ class Runner:
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
         """Give one of the model's functions as (t, y) -> out (length,)."""
-        if name == "observe":
-            return lambda t, y: self.tabulate(np.array([[t, *y]]))[0]
-        if (name, length) not in self._functions:
-            self._functions[name, length] = self._function(name, length)
-        return self._functions[name, length]
-
-    def _function(
-        self, name: str, length: int | None
-    ) -> Callable[[float, Floats], Floats]:
+        known = self._functions.get((name, length))
+        if known is not None:
+            return known
         call = self.engine.function(name, *FUNCTION)
         p, system = self.system.p.address, self.system
-        if length is None:
-            length = max(system.rows_observed, system.size + 2, 2 + system.n)
+        size = length or max(system.rows_observed, system.size + 2, 2 + system.n)
 
         def evaluate(t: float, y: Floats) -> Floats:
-            out, y = np.zeros(length), np.array(y, dtype=float, order="C")
+            out, y = np.zeros(size), np.array(y, dtype=float, order="C")
             call(t, address(y), p, address(out))
             return out
 
+        self._functions[name, length] = evaluate
         return evaluate
 
     def margins(self, t: float, y: Floats) -> Floats:
@@ -161,11 +155,6 @@ class Runner:
     def shown(self, count: int) -> Floats:
         """Give the columns (count, columns) of the first rows of the block."""
         return self._columns_of(self._rows, count, self._width - 1)
-
-    def shown_at(self, state: State) -> Floats:
-        """Give the columns (1, columns) of a state; the block is written over."""
-        self.block[0, 0], self.block[0, 1:] = state.t, state.y
-        return self.shown(1)
 
     def tabulate(self, states: Floats) -> Floats:
         """Give the columns (rows, columns) of `states` (rows, 1 + size)."""

@@ -170,8 +170,8 @@ def test_noise_and_stiffness_are_no_sign(name, monkeypatch):
 def test_the_slope_is_that_of_the_dense_output(method):
     """By differences of fourth order, close by: exact to 1e-12 and their rounding."""
     session = case_of("elastic-pendulum", method=method, output_step=1e-2).ready()
-    case, plan, system = session.case, session.plan, session.system
-    made = Run(case.equations, case.start, plan, system, case.settings, [])
+    system = session.system
+    made = Run(session.first_arc(), [])
     made.begin()
     made.advance(100)
     state = made.arc.state
