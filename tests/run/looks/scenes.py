@@ -5,13 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-LINE = """
-coordinates: {{x: {{}}}}
-energy: {{kinetic: x_dot^2/2, potential: "{potential}"}}
-forces: {{x: "{force}"}}
-initial: {{x: {x}, x_dot: {v}}}
-simulation: {{duration: {duration}, output_step: {step}{more}}}
-"""
+from tests.run.switching.scenes import scene
+
 PLANE = """
 coordinates: {{x: {{}}, y: {{}}}}
 energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: "{potential}"}}
@@ -25,13 +20,10 @@ def line(
     potential="0*x", *, force="0*x", x=0, v=0, duration=20, step=0.1, method="auto",
     until=None,
 ):  # fmt: skip
-    more = f", method: {method}"
-    if until:
-        more += f', until: "{until}"'
-    return LINE.format(
-        potential=potential, force=force, x=x, v=v, duration=duration, step=step,
-        more=more,
-    )  # fmt: skip
+    more = f", method: {method}" + (f', until: "{until}"' if until else "")
+    return scene(
+        potential, force, x=x, v=v, duration=duration, output_step=step, more=more
+    )
 
 
 def plane(

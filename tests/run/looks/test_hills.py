@@ -143,6 +143,25 @@ def test_a_gate_that_moves(method):
     assert run(text)["x_dot"][-1] == pytest.approx(-2, abs=SPEED)
 
 
+# Walls that are flat from where the run begins, and whose divisor overflows there.
+FAR = [
+    ("5/(1 + exp(-1000*(x - 1)))", 1.0, 1.0),  # does not get there
+    ("5/(1 + exp(-1000*(x - 1)))", 4.0, 6.0**0.5),  # 8 J, of which 5 are left up
+    ("5/(1 + exp(-1000*(x + 1)))", 3.0, -3.0),  # 4.5 J: thrown back
+    ("1/cosh(100*x)^2", 3.0, 3.0),
+    ("1/(cosh(100*x)*cosh(90*x))", 3.0, 3.0),
+]
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "taylor"])
+@pytest.mark.parametrize(("potential", "speed", "after"), FAR)
+def test_a_wall_is_met_from_far(potential, speed, after, method):
+    found = run(line(potential, x=-10, v=speed, duration=4, method=method))
+    assert found.trajectory.outcome.complete
+    assert found["x_dot"][-1] == pytest.approx(after, rel=1e-9)
+    assert found.drift < 1e-9
+
+
 def test_scenes_without_such_functions_are_not_looked_into():
     for name in ("elastic-pendulum", "bead-hoop"):
         assert run(name, duration=0.1).system.indicators == []

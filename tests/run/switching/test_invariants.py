@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lagsim.run.system.runner import Runner
-from tests.run.switching.scenes import one_quick
-from tests.run.switching.test_located import scene
+from tests.run.switching.scenes import one_quick, scene
 from tests.support import run
 
 SLIDES = scene("x^2/2", "-0.5*sign(x_dot - 0.2)", v=1, duration=5)

@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from lagsim.model.reader import read
-from tests.run.switching.scenes import one_quick
-from tests.run.switching.test_located import events, scene
+from tests.run.switching.scenes import events, one_quick, scene
 from tests.support import run
 
 

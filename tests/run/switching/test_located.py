@@ -8,28 +8,8 @@ import numpy as np
 import pytest
 
 from lagsim.methods import names
+from tests.run.switching.scenes import events, scene
 from tests.support import run
-
-SCENE = """
-coordinates: {{x: {{}}}}
-energy: {{kinetic: x_dot^2/2, potential: "{potential}"}}
-{forces}
-initial: {{x: {x}, x_dot: {v}}}
-simulation: {{duration: {duration}, output_step: {output_step}}}
-"""
-
-
-def scene(potential="0", force=None, *, x=0, v=0, duration=10, output_step=0.05):
-    forces = f'forces: {{x: "{force}"}}' if force else ""
-    return SCENE.format(
-        potential=potential, forces=forces, x=x, v=v, duration=duration,
-        output_step=output_step,
-    )  # fmt: skip
-
-
-def events(found):
-    return [(e.time, e.kind) for e in found.trajectory.events]
-
 
 BILINEAR = scene("if(x > 0, 4, 1)*x^2/2", v=1, duration=20)
 

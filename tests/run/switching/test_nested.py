@@ -11,7 +11,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.run.switching.test_located import events, scene
+from tests.run.switching.scenes import events, scene
 from tests.support import run
 
 

@@ -7,17 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tests.run.switching.scenes import one_quick
-from tests.run.switching.test_located import events, scene
+from tests.run.switching.scenes import codes, events, kinds, one_quick, scene
 from tests.support import run
-
-
-def kinds(found):
-    return [e.kind for e in found.trajectory.events]
-
-
-def codes(found):
-    return [w.code for w in found.trajectory.warnings]
 
 
 def time_optimal(x, v, t):

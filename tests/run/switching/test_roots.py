@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from tests.run.switching.scenes import one_quick
-from tests.run.switching.test_located import events, scene
-from tests.run.switching.test_resting import kinds
+from tests.run.switching.scenes import events, kinds, one_quick, scene
 from tests.support import run
 
 

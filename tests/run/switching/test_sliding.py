@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from lagsim.methods import names, rk4
 from lagsim.run.system.functions import NEEDED
-from tests.run.switching.test_located import events, scene
+from tests.run.switching.scenes import events, scene
 from tests.support import run
 
 INCLINE = """
