@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer
-    from lagsim.run.session import Session
 
 
 class Part:
@@ -78,18 +77,17 @@ class Apart:
 
     def __init__(
         self,
-        session: Session,
+        whole: Arc,
         observers: Sequence[Observer],
         *,
         interrupt: Interrupt | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> None:
-        plan, system, start = session.plan, session.system, session.case.start
-        self.settings, self.system = session.case.settings, system
+        plan, system, start = whole.plan, whole.system, whole.start
+        self.settings, self.system, self.runner = whole.settings, system, whole.runner
         self.recorder, self.progress = Recorder(observers), progress
         # Called between two calls of the kernels.
         self.tick: Callable[[Apart], None] | None = None
-        self.runner = system.link(system.plan.method)
         self.runner.prepare()
         self.parts = []
         for x, own in zip(plan.parts, system.parts, strict=True):
@@ -99,7 +97,7 @@ class Apart:
                 alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
             first = first_arc(
                 x.subsystem.equations, x.subsystem.at(start), alike, own,
-                self.settings, session.longest_step,
+                self.settings, whole.state.longest,
             )  # fmt: skip
             part = Part(x.subsystem, len(start.q), first, interrupt=interrupt)
             self.parts.append(part)

@@ -211,15 +211,16 @@ class Session(NamedTuple):
             Gets the run before it begins, and may put it where another was.
         """
         run: Run | Apart
+        first = self.first_arc()
         told: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
         if self.plan.parts:
             from lagsim.run.apart import Apart
 
-            run = Apart(self, observers, **told)
+            run = Apart(first, observers, **told)
         else:
             from lagsim.run.arcs import Run
 
-            run = Run(self.first_arc(), observers, corners=corners, **told)
+            run = Run(first, observers, corners=corners, **told)
         if joined is not None:
             joined(run)
         import numpy as np
