@@ -8,8 +8,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 250
-LINES = 69_400
+FILES = 247
+LINES = 68_900
 LINES_OF_TESTS = 57_200
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
-from lagsim.outputs.attempted import attempted
+from lagsim.outputs import attempted
 from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from lagsim.outputs.attempted import Made
+    from lagsim.outputs import Made
     from lagsim.studies.workers import Hired
 
 TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
