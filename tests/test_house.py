@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 247
-LINES = 68_900
-LINES_OF_TESTS = 57_200
+FILES = 246
+LINES = 67_700
+LINES_OF_TESTS = 57_100
 
 
 def lines(folder):
