@@ -252,9 +252,8 @@ class Point:
     def _is_positive_along(self, chains: Chains) -> bool:
         """Tell it by the pivots of M, against its diagonal."""
         from lagsim.language.sparse import Meter
-        from lagsim.mechanics.chains import Articulated
 
-        pivots = Articulated(self.g, chains, Meter()).pivots
+        pivots = chains.factorisation(self.g, Meter()).pivots
         own = self.array([pivots[k][0] for k in range(self.n)])
         diagonal = self.array(self.e.inertias)
         if not (np.all(np.isfinite(own)) and np.all(diagonal > 0)):

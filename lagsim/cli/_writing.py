@@ -8,26 +8,11 @@ from typing import TYPE_CHECKING, Any
 from lagsim.cli._streams import UnwritableError, complain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
+    from lagsim.outputs.attempted import Made
     from lagsim.outputs.results import Results
-
-
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Report what keeps a file from being written, or files into a folder.
-
-    Raises
-    ------
-    UnwritableError
-    """
-    try:
-        yield
-    except OSError as error:
-        where = path if path.parent.is_dir() else path.parent
-        text = f"lagsim: {where} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
@@ -49,29 +34,35 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
 def put_picture(
     path: Path, draw: Callable[[], bytes], *, folders: bool = False
 ) -> bool:
-    """Write a picture; return whether it could be drawn.
+    """Write a picture beside a verdict; tell whether it could be drawn.
 
     Raises
     ------
     UnwritableError
         Where it cannot be written.
     """
-    content = drawn(path.name, draw, [])
-    if content is not None:
+    from lagsim.outputs.attempted import attempted
+
+    drawn, _ = sorted_out([(path.name, attempted(path.name, draw))])
+    for content in drawn.values():
         put_file(path, content, folders=folders)
-    return content is not None
+    return bool(drawn)
 
 
-def drawn(name: str, draw: Callable[[], bytes], warnings: list[Any]) -> bytes | None:
-    """Return a picture; where it cannot be drawn, report why, here and in a list."""
-    from lagsim.outputs import attempted
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Tell what keeps a file from being written, or files into a folder.
 
-    content = attempted(name, draw)
-    if isinstance(content, bytes):
-        return content
-    complain(f"warning: {content.text} [{content.number}]")
-    warnings.append(content.record)
-    return None
+    Raises
+    ------
+    UnwritableError
+    """
+    try:
+        yield
+    except OSError as error:
+        where = path if path.parent.is_dir() else path.parent
+        text = f"lagsim: {where} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
@@ -88,3 +79,15 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
             results.write(name, content)
         results.commit(encode(document))
+
+
+def sorted_out(made: Iterable[Made]) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Say what could not be drawn; give the files that are, and what documents say."""
+    files, warnings = {}, []
+    for name, content in made:
+        if isinstance(content, bytes):
+            files[name] = content
+        else:
+            complain(f"warning: {content.text} [{content.number}]")
+            warnings.append(content.record)
+    return files, {"warnings": warnings} if warnings else {}

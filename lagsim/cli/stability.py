@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from operator import lt
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -19,17 +19,18 @@ from lagsim.cli._experiments import (
     listed,
     numbers,
 )
+from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
-    FORMAT,
-    JSON,
-    MODEL,
-    SETS,
+    AsJson,
+    ModelPath,
     Picture,
+    PictureForm,
+    Quiet,
+    Sets,
     aligned,
     assignments,
     counted,
     output_folder,
-    quiet,
     show_json,
     table,
 )
@@ -44,7 +45,7 @@ from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.cli._experiments import Progress
+    from lagsim.cli._experiments import Measure, Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
@@ -57,33 +58,63 @@ MOST_NAMED, MOST_OF_A_MODE = 8, 6
 
 
 def command(
-    model: str = MODEL,
-    folder: Path | None = output_folder(
-        "Output folder; default results/NAME/stability."
-    ),
-    sets: list[str] | None = SETS,
-    methods: str | None = typer.Option(
-        None, metavar="A,B", help="Only these methods; default all that apply."
-    ),
-    steps: str | None = typer.Option(
-        None, metavar="A:B",
-        help="Range of steps; default around the predicted stability limits.",
-    ),
-    vary: list[str] | None = typer.Option(
-        None, metavar="NAME=A:B",
-        help="Vary a parameter: maps over it and the step; for methods that choose "
-        "their steps, their work.",
-    ),
-    form: Picture = FORMAT,
-    as_json: bool = JSON,
-    quiet: bool = quiet(),
-) -> int:  # fmt: skip
+    model: ModelPath,
+    folder: Annotated[
+        Path | None, output_folder("Output folder; default results/NAME/stability.")
+    ] = None,
+    sets: Sets = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Only these methods; default all that apply."),
+    ] = None,
+    steps: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B",
+            help="Range of steps; default around the predicted stability limits.",
+        ),
+    ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=A:B",
+            help="Vary a parameter: maps over it and the step; for methods that choose "
+            "their steps, their work.",
+        ),
+    ] = None,
+    form: PictureForm = Picture.PNG,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> int:
     """Map where each method is stable and where it fails."""
-    wish = _wish(methods, steps, vary)
-    read = read_file(model, assignments(sets))
-    settings = wanted(read, "stability")
-    _check_parameter(read, wish.name)
-    usual = open_case(read, settings)
+    documents: list[Any] = []
+    with faults_shown(documents if as_json else None, file=model) as code:
+        wish = _wish(methods, steps, vary)
+        measure, usual = _opened(model, assignments(sets), wish, form.value)
+        code.append(
+            experiment(
+                "stability", measure, folder or usual, MANIFEST, documents,
+                quiet=quiet, as_json=as_json,
+            )
+        )  # fmt: skip
+    if as_json and documents:
+        show_json(documents[0])
+    return code[0]
+
+
+def _opened(
+    path: str, overrides: Mapping[str, str], wish: Wish, form: str
+) -> tuple[Measure, Path]:
+    """Give what measures a model, and the default of its folder.
+
+    Raises
+    ------
+    InputError, StartError
+    """
+    model = read_file(path, overrides)
+    settings = wanted(model, "stability")
+    _check_parameter(model, wish.name)
+    usual = open_case(model, settings)
     stability.methods_for(usual, wish)
 
     def case(value: float | None) -> Case:
@@ -96,26 +127,19 @@ def command(
             problem = Problem("inadmissible", "the start is not admissible")
             raise InputError([problem]) from None
 
-    def measure(interrupt: Interrupt, progress: Progress) -> Measured:
+    def measured(interrupt: Interrupt, progress: Progress) -> Measured:
         document = stability.measure(case, wish, interrupt=interrupt, progress=progress)
 
         def draw() -> bytes:
             from lagsim.studies.bench.stability_chart import chart
 
-            return chart(document, form.value)
+            return chart(document, form)
 
         cells = csv(stability.columns(wish.name), document["cells"])
-        summary, picture = partial(_summary, document), f"stability.{form.value}"
-        return Measured(document, {TABLE: cells}, picture, draw, summary)
+        summary = partial(_summary, document)
+        return Measured(document, {TABLE: cells}, f"stability.{form}", draw, summary)
 
-    documents: list[Any] = []
-    code = experiment(
-        "stability", measure, folder or Path("results") / read.name / "stability",
-        MANIFEST, documents, quiet=quiet, as_json=as_json,
-    )  # fmt: skip
-    if as_json and documents:
-        show_json(documents[0])
-    return code
+    return measured, Path("results") / model.name / "stability"
 
 
 def _check_parameter(model: Model, name: str | None) -> None:
@@ -132,22 +156,21 @@ def _check_parameter(model: Model, name: str | None) -> None:
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
-    """Return what the options ask for.
+    """Take the options apart.
 
     Raises
     ------
     InputError
     """
     problems: list[Problem] = []
-    names = None
+    wanted = None
     if methods is not None:
-        names = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
-        for method in names:
-            problems += method_problems(method, auto=False)
-    different = partial(numbers, problems, what="different numbers", allowed=lt)
+        wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
+        for wish in wanted:
+            problems += method_problems(wish, auto=False)
     between = None
     if steps is not None:
-        between = different("--steps", steps, example="--steps 0.01:1")
+        between = _range("--steps", steps, problems, "--steps 0.01:1")
     if between is not None and between[0] <= 0.0:
         problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
     name: str | None = None
@@ -158,14 +181,22 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
             problems.append(Problem("usage", text))
         name, _, after = vary[0].partition("=")
         name = name.strip()
-        values = different(f"--vary {name}", after, example="--vary K=10:1000")
+        values = _range(f"--vary {name}", after, problems, "--vary K=10:1000")
     if problems:
         raise InputError(problems)
-    return Wish(names, between, name, values)
+    return Wish(wanted, between, name, values)
+
+
+def _range(
+    option: str, text: str, problems: list[Problem], example: str
+) -> tuple[float, float] | None:
+    return numbers(
+        option, text, problems, what="different numbers", example=example, allowed=lt
+    )
 
 
 def _summary(document: Record, files: str) -> str:
-    """Return the closing lines."""
+    """Give the closing lines."""
     methods = sum(map(len, document["methods"].values()))
     head = headline(document, (methods, "method"))
     lines = [f"{head}, {counted(len(document['cells']), 'run')}"]
@@ -176,19 +207,19 @@ def _summary(document: Record, files: str) -> str:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Return rows in columns, all of which stand to the left."""
+    """Give rows in columns, all of which stand to the left."""
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
 def _values(document: Record) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
-    """Return the eigenvalues at the start, and along the motion."""
+    """Give the eigenvalues at the start, and along the motion."""
     found = document["eigenvalues"]
     pairs = (np.array(found[key], float) for key in ("at_start", "along"))
     return [x.reshape(-1, 2) @ [1.0, 1j] for x in pairs]
 
 
 def _borders(document: Record) -> list[str]:
-    """Return the borders of each method, in h and in the fastest period."""
+    """Give the borders of each method, in h and in the fastest period."""
     borders, span = document["borders"], document["runs"]["duration"]
     if not borders:
         return []
@@ -206,7 +237,7 @@ def _borders(document: Record) -> list[str]:
 
 
 def _predicted(border: Record) -> str:
-    """Return the predictions: one where both are alike."""
+    """Give the predictions: one where both are alike."""
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
         for x in (border["predicted_at_start"], border["predicted_along"])
@@ -215,19 +246,17 @@ def _predicted(border: Record) -> str:
 
 
 def _over_parameter(document: Record) -> list[str]:
-    """Return the borders at the ends of the parameter's range, and the work."""
+    """Give the borders at the ends of the parameter's range, and the work."""
     name, values = document["vary"]["name"], document["vary"]["values"]
-    borders = {
-        (method, x[name]): f"{x['found']:.3g}"
-        for method, found in document["borders"].items()
-        for x in found
-        if x["found"] is not None
-    }
-    work = {
-        (cell["method"], cell[name]): f"{cell['evaluations']}, {cell['rejections']}"
-        for cell in document["cells"]
-        if cell["step"] is None and cell["evaluations"] is not None
-    }
+    borders, work = {}, {}
+    for method, found in document["borders"].items():
+        for x in found:
+            if x["found"] is not None:
+                borders[method, x[name]] = f"{x['found']:.3g}"
+    for cell in document["cells"]:
+        if cell["step"] is None and cell["evaluations"] is not None:
+            text = f"{cell['evaluations']}, {cell['rejections']}"
+            work[cell["method"], cell[name]] = text
     ends = values[0], values[-1]
     fixed, adaptive = document["methods"].values()
     rows: list[tuple[str, ...]] = []
@@ -242,7 +271,7 @@ def _over_parameter(document: Record) -> list[str]:
 
 
 def _eigenvalues(document: Record) -> list[tuple[str, str]]:
-    """Return them in short: fastest, slowest, damping."""
+    """Give them in short: fastest, slowest, damping."""
     if unknown := document["eigenvalues"]["unknown"]:
         return [("eigenvalues", f"none: {unknown}")]
     texts = []
@@ -262,12 +291,12 @@ def _eigenvalues(document: Record) -> list[tuple[str, str]]:
 
 
 def _number(value: float) -> str:
-    """Return three digits; what is only rounding beside 1 as 0."""
+    """Give three digits; what is only rounding beside 1 as 0."""
     return f"{value:.3g}" if abs(value) > COMPUTED_ZERO else "0"
 
 
 def _complex(value: complex) -> str:
-    """Return one of a pair."""
+    """Give one of a pair."""
     if abs(value.imag) <= COMPUTED_ZERO * abs(value):
         return f"{value.real:.4g}"
     if abs(value.real) <= COMPUTED_ZERO * abs(value):
@@ -276,7 +305,7 @@ def _complex(value: complex) -> str:
 
 
 def _modes(document: Record) -> list[str]:
-    """Return the equilibrium and the modes about it."""
+    """Give the equilibrium and the modes about it."""
     at = document["equilibrium"]
     if at is None:
         where = f"none: {document['equilibrium_reason']}"

@@ -4,13 +4,9 @@ With x_k' = x_{k-1}' + l cos(a_k) a_k' and so on M of the angles is full, but th
 in all of x_k' and a_k' is a sum of a few squares each. Found on the graph: definitions
 written with each other, and sums that expressions share, are the same there.
 
-So the x_k' stay unknowns beside the q_k', and from the tips on
-
-- x_k', which no other sum needs any more, is put into the squares as the sum it is;
-- q_k', which stands in no sum any more, is eliminated: L D L^T as of M, entry by entry.
-
-What is left between is the inertia of all that hangs there, as the joint feels it: the
-articulated body. The pivots are those of M in the same order; O(n) operations.
+So the x_k' stay unknowns beside the q_k', and L D L^T is made from the tips on (see
+`factorisation`). What is left between is the inertia of all that hangs there, as the
+joint feels it: the articulated body. O(n) operations.
 
 Forces take L in u = d/dt x(q, t) beside q and q'. Lagrange's equations are
 
@@ -29,7 +25,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
-from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple, overload
 
 from lagsim.language.derivatives import pulled, slopes, tangent
@@ -42,20 +37,19 @@ from lagsim.language.sparse import (
     TooLongError,
     minimum_degree,
 )
+from lagsim.mechanics.factorisation import Factorisation, Vector, add_to, symmetric
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Flow
     from lagsim.model.model import Model
 
 
-Vector = dict[int, int]  # unknown -> node; what is absent is zero
-
-FLAT = frozenset((0,))
-AFFINE = frozenset((0, 1))
+# Of an expression in the velocities: all else is HIGHER.
+FLAT, AFFINE, HIGHER = range(3)
 
 
 class Chains(NamedTuple):
@@ -81,6 +75,11 @@ class Chains(NamedTuple):
     rates: tuple[int, ...]
 
     @property
+    def named(self) -> dict[int, Vector]:
+        """The sums by their unknowns."""
+        return dict(enumerate(self.sums, self.size))
+
+    @property
     def key(self) -> tuple[object, ...]:
         """What is equal for equal chains."""
         sums = (tuple(form.items()) for form in self.sums)
@@ -92,20 +91,29 @@ class Chains(NamedTuple):
         factors = [node for form in self.sums for node in form.values()]
         return [*factors, *self.squares.values()]
 
+    def factorisation(self, g: Graph, meter: Meter) -> Factorisation:
+        """Give L D L^T of M: that of articulated bodies.
+
+        Raises
+        ------
+        TooLongError
+        """
+        rows = symmetric(self.size + len(self.sums), self.squares)
+        return Factorisation(g, rows, meter, self.named)
+
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
         """Give M x (n,): along the chains and back."""
         found = [*x, *(g.zero for _ in self.sums)]
-        for k, form in enumerate(self.sums, self.size):
+        for k, form in self.named.items():
             found[k] = g.product_sum((c, found[i]) for i, c in form.items())
-        forces = [g.zero] * len(found)
+        forces: Vector = {}
         for (i, j), weight in self.squares.items():
             for a, b in {(i, j), (j, i)}:
-                term = g.call("mul", weight, found[b])
-                forces[a] = g.call("add", forces[a], term)
-        for k in range(len(found) - 1, self.size - 1, -1):
-            for i, c in self.sums[k - self.size].items():
-                forces[i] = g.call("add", forces[i], g.call("mul", c, forces[k]))
-        return forces[: self.size]
+                add_to(g, forces, a, g.call("mul", weight, found[b]))
+        for k, form in reversed(self.named.items()):
+            for i, c in form.items():
+                add_to(g, forces, i, g.call("mul", c, forces.get(k, g.zero)))
+        return [forces.get(j, g.zero) for j in range(self.size)]
 
     def sizes(self, g: Graph, x: Sequence[int], moving: Collection[str]) -> list[int]:
         """Magnitudes of the terms of M x and rounding bounds of factors, for x >= 0."""
@@ -122,7 +130,7 @@ class Chains(NamedTuple):
     def groups(self) -> list[tuple[list[int], list[int]]]:
         """Give the coordinates that M couples, group by group, with its nodes."""
         together = DisjointSets(self.size + len(self.sums))
-        for k, form in enumerate(self.sums, self.size):
+        for k, form in self.named.items():
             for i in form:
                 together.merge(k, i)
         for i, j in self.squares:
@@ -132,7 +140,7 @@ class Chains(NamedTuple):
         for at, group in enumerate(together.sets()):
             place |= dict.fromkeys(group, at)
             found.append(([], [i for i in group if i < self.size]))
-        for k, form in enumerate(self.sums, self.size):
+        for k, form in self.named.items():
             found[place[k]][0].extend(form.values())
         for (i, _), weight in self.squares.items():
             found[place[i]][0].append(weight)
@@ -150,8 +158,8 @@ class Chains(NamedTuple):
         for i, j in self.squares:
             met[i] |= reach[j]
             met[j] |= reach[i]
-        for k in range(len(met) - 1, self.size - 1, -1):
-            for i in self.sums[k - self.size]:
+        for k, form in reversed(self.named.items()):
+            for i in form:
                 met[i] |= met[k]
         return met[: self.size]
 
@@ -177,8 +185,8 @@ def chains(
         The square of one velocity is that of a sum where its factor depends on these.
     """
     cone = g.cone([lagrangian])
-    degrees = dict(zip(cone, g.degrees(cone, names), strict=True))
-    whole = degrees[lagrangian]
+    degrees = dict(zip(cone, map(_degree, g.degrees(cone, names)), strict=True))
+    whole = g.degree(lagrangian, names)
     if whole is None or max(whole, default=0) > 2:
         return None
     try:
@@ -188,47 +196,46 @@ def chains(
         return None
 
 
+def _degree(powers: frozenset[int] | None) -> int:
+    return HIGHER if powers is None else min(HIGHER, max(powers, default=FLAT))
+
+
 def _products(
-    g: Graph, cone: Sequence[int], degrees: Mapping[int, frozenset[int] | None]
+    g: Graph, cone: Sequence[int], degrees: Mapping[int, int]
 ) -> dict[tuple[int, int], int]:
     """Give the factor of each product of two affine nodes in the last of `cone`."""
     weights = {cone[-1]: g.one}
     found: dict[tuple[int, int], int] = {}
     for n in reversed(cone):
         weight = weights.pop(n, g.zero)
-        if weight == g.zero or _within(degrees[n], AFFINE):
+        if weight == g.zero or degrees[n] < HIGHER:
             continue
         factors = _factors(g, n, degrees)
         if factors is not None:
             found[factors] = g.call("add", found.get(factors, g.zero), weight)
             continue
         for a, scale in _slopes(g, n, degrees):
-            term = g.call("mul", weight, scale)
-            weights[a] = g.call("add", weights.get(a, g.zero), term)
+            add_to(g, weights, a, g.call("mul", weight, scale))
     return found
 
 
-def _factors(
-    g: Graph, n: int, degrees: Mapping[int, frozenset[int] | None]
-) -> tuple[int, int] | None:
+def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | None:
     """Give the two affine nodes that `n` is a product of."""
     args = g.args[n]
     if g.ops[n] == "pow" and g.value(args[1]) == 2.0:
         args = (args[0], args[0])
     elif g.ops[n] != "mul":
         return None
-    if all(_within(degrees[a], AFFINE) and degrees[a] != FLAT for a in args):
+    if all(degrees[a] == AFFINE for a in args):
         return min(args), max(args)
     return None
 
 
-def _slopes(
-    g: Graph, n: int, degrees: Mapping[int, frozenset[int] | None]
-) -> list[tuple[int, int]]:
+def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
     """Addends of `n` that depend on velocities, each with its factor."""
     op, args = g.ops[n], g.args[n]
     one, minus = g.one, g.constant(-1.0)
-    flat = [_within(degrees[a], FLAT) for a in args]
+    flat = [degrees[a] == FLAT for a in args]
     if op in ("add", "sub"):
         terms = zip(args, (one, one if op == "add" else minus), flat, strict=True)
         return [(a, scale) for a, scale, still in terms if not still]
@@ -241,17 +248,13 @@ def _slopes(
     raise _NotFoundError
 
 
-def _within(degree: frozenset[int] | None, most: frozenset[int]) -> bool:
-    return degree is not None and degree <= most
-
-
 class _Reader:
     """Names the sums that are unknowns: those needed more than once, and squared."""
 
     def __init__(
         self,
         g: Graph,
-        degrees: Mapping[int, frozenset[int] | None],
+        degrees: Mapping[int, int],
         rates: Sequence[int],
         products: Mapping[tuple[int, int], int],
     ) -> None:
@@ -289,8 +292,7 @@ class _Reader:
         g, total = self.g, Vector()
         for a, scale in parts:
             for i, factor in self.forms[a].items():
-                term = g.call("mul", scale, factor)
-                total[i] = g.call("add", total.get(i, g.zero), term)
+                add_to(g, total, i, g.call("mul", scale, factor))
         return {i: node for i, node in total.items() if node != g.zero}
 
     def _squares(self) -> dict[tuple[int, int], int]:
@@ -311,151 +313,16 @@ class _Reader:
 MOST_OPERATIONS = 100
 
 
-class Articulated:
-    """L D L^T of M by way of `Chains`; solves as `Factorisation` of M does.
-
-    Attributes
-    ----------
-    inverse : dict
-        1 / D_k of the velocities.
-    pivots : dict
-        D_k, twice: no entry of M is made.
-    """
-
-    def __init__(self, g: Graph, found: Chains, meter: Meter) -> None:
-        self.g, self.meter, self.size = g, meter, found.size
-        self.sums = dict(enumerate(found.sums, found.size))
-        self.rows: list[Vector] = [{} for _ in range(found.size + len(found.sums))]
-        for (i, j), node in found.squares.items():
-            self.rows[i][j] = self.rows[j][i] = node
-        self.depth = dict.fromkeys(range(found.size), 0)
-        for k, form in self.sums.items():
-            self.depth[k] = 1 + max(self.depth[i] for i in form)
-        self.inverse: Vector = {}
-        self.pivots: dict[int, tuple[int, int]] = {}
-        # A sum as it is, or the column of L of a velocity.
-        self.steps: list[tuple[int, Vector]] = []
-        self._from_the_tips()
-        del self.rows
-
-    def _from_the_tips(self) -> None:
-        users = Counter(i for form in self.sums.values() for i in form)
-        queue = [self._key(k) for k in range(len(self.rows)) if not users[k]]
-        heapify(queue)
-        done = set[int]()
-        while queue:
-            key = heappop(queue)
-            k = key[-1]
-            if k in done or key != self._key(k):
-                continue  # out of date: another entry has its count
-            done.add(k)
-            touched = set(self.rows[k]) - {k}
-            if k in self.sums:
-                form = self.sums[k]
-                users.subtract(form.keys())
-                self._put_in(k, form)
-                touched |= form.keys()
-            else:
-                self._eliminate(k)
-            for i in touched:
-                if not users[i]:
-                    heappush(queue, self._key(i))
-
-    def _key(self, k: int) -> tuple[int, int, int]:
-        """Rank in the elimination: velocities of few neighbours, then outer sums."""
-        if k in self.sums:
-            return 1, -self.depth[k], k
-        return 0, len(self.rows[k]), k
-
-    def _times(self, a: int, b: int) -> int:
-        g = self.g
-        self.meter.add(g.zero != a != g.one and g.zero != b != g.one)
-        return g.call("mul", a, b)
-
-    def _add(self, i: int, j: int, term: int) -> None:
-        g = self.g
-        node = g.call("add", self.rows[i].get(j, g.zero), term)
-        self.rows[i][j] = self.rows[j][i] = node
-
-    def _taken(self, k: int) -> tuple[int, Vector]:
-        """Give the diagonal entry of k, and the others, and take k out of the rows."""
-        row = self.rows[k]
-        own = row.pop(k, self.g.zero)
-        for i in row:
-            del self.rows[i][k]
-        return own, row
-
-    def _put_in(self, k: int, form: Vector) -> None:
-        """Write the sum k as `form` in all squares."""
-        self.steps.append((k, form))
-        own, row = self._taken(k)
-        for i, entry in row.items():
-            for j, factor in form.items():
-                term = self._times(entry, factor)
-                self._add(i, j, self.g.call("add", term, term) if i == j else term)
-        scaled = [(i, factor, self._times(own, factor)) for i, factor in form.items()]
-        for at, (i, _, entry) in enumerate(scaled):
-            for j, factor, _ in scaled[at:]:
-                self._add(i, j, self._times(entry, factor))
-
-    def _eliminate(self, k: int) -> None:
-        pivot, row = self._taken(k)
-        self.pivots[k] = pivot, pivot
-        inverse = self.inverse[k] = self.g.call("div", self.g.one, pivot)
-        self.meter.add(1)
-        column = {i: self._times(node, inverse) for i, node in row.items()}
-        self.steps.append((k, column))
-        others = sorted(column)
-        for at, i in enumerate(others):
-            for j in others[at:]:
-                term = self._times(column[i], row[j])
-                self._add(i, j, self.g.call("neg", term))
-
-    def solve(self, right: Mapping[int, int]) -> Vector:
-        """Give the solution for `right`."""
-        return self.backward(self.forward(right))
-
-    def forward(self, right: Mapping[int, int]) -> Vector:
-        """Give L^-1 right."""
-        g = self.g
-        z = {i: node for i, node in right.items() if node != g.zero}
-        for k, column in self.steps:
-            if k not in z:
-                continue
-            force, op = (z.pop(k), "add") if k in self.sums else (z[k], "sub")
-            for i, entry in column.items():
-                term = self._times(entry, force)
-                z[i] = g.call(op, z.get(i, g.zero), term)
-        return z
-
-    def backward(self, z: Mapping[int, int]) -> Vector:
-        """Give L^-T D^-1 z."""
-        g = self.g
-        x: Vector = {}
-        for k, column in reversed(self.steps):
-            value, op = g.zero, "add"
-            if k not in self.sums:
-                value, op = self._times(z.get(k, g.zero), self.inverse[k]), "sub"
-            for i, entry in column.items():
-                term = self._times(entry, x.get(i, g.zero))
-                value = g.call(op, value, term)
-            x[k] = value
-        return {k: x[k] for k in range(self.size) if x[k] != g.zero}
-
-
-class Composite(Articulated):
+class Composite(Factorisation):
     """The diagonal of M: the inertia outward of each joint as one rigid body.
 
-    The composite-rigid-body algorithm, Featherstone's chapter 6, for its diagonal.
+    The composite-rigid-body algorithm, Featherstone's chapter 6: nothing is eliminated.
     """
 
-    def diagonal(self) -> list[int]:
-        """Give M_kk (n,)."""
-        return [self.pivots[k][0] for k in range(self.size)]
-
-    def _eliminate(self, k: int) -> None:
-        pivot, _ = self._taken(k)
-        self.pivots[k] = pivot, pivot
+    def _eliminate(self, k: int) -> Iterable[int]:
+        own, row = self._taken(k)
+        self.pivots[k], self.columns[k] = (own, own), {}
+        return row
 
 
 class ChainedMass(Sequence[SparseVector]):
@@ -473,7 +340,10 @@ class ChainedMass(Sequence[SparseVector]):
     @cached_property
     def diagonal(self) -> tuple[int, ...]:
         """M_jj (n,)."""
-        return tuple(Composite(self._graph, self.chains, Meter()).diagonal())
+        size, sums = self.chains.size, self.chains.named
+        rows = symmetric(size + len(sums), self.chains.squares)
+        found = Composite(self._graph, rows, Meter(), sums)
+        return tuple(found.pivots[k][0] for k in range(size))
 
     @cached_property
     def rows(self) -> tuple[SparseVector, ...]:
@@ -503,7 +373,7 @@ def shorter_chains(
         return None  # one sum of all velocities is no chain
     meter = Meter(MOST_OPERATIONS * terms)
     try:
-        Articulated(g, found, meter)
+        found.factorisation(g, meter)
     except TooLongError:
         return None
     neighbours = found.neighbours()

@@ -10,10 +10,8 @@ keeps fill small, and what depends on parameters alone is later computed only on
 n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
 is for all else.
 
-Rows are combined first, (1/2) of 2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2): a number
-that all of a row has in common is taken out, and where rows agree in all coordinates
-that they share (bodies that meet in one joint), each is taken from the next: S then has
-fewer entries. Both are exact.
+A number that all of a row has in common is taken out first, which is exact: (1/2) of
+2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2).
 """
 
 from __future__ import annotations
@@ -22,110 +20,48 @@ import math
 from collections import Counter
 from dataclasses import replace
 from functools import cached_property
-from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.forms import Collected
 from lagsim.language.sparse import Meter, fill, minimum_degree, squares
-from lagsim.mechanics.chains import Articulated
+from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
-    from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
 
-Vector = dict[int, int]  # index -> node
-
-
-class Combined(NamedTuple):
-    """A combination of rows.
+class Scaled(NamedTuple):
+    """A row times a number.
 
     Attributes
     ----------
-    weights : dict
-        Which, and how often: index of a row -> number.
+    weight : float
     A : dict
         Index of a coordinate -> node.
     b : int
     """
 
-    weights: dict[int, float]
-    A: dict[int, int]
+    weight: float
+    A: Vector
     b: int
 
 
-def shortest(
-    x: Collected, rows: Sequence[Row], forward: Callable[[dict[int, int]], Vector]
-) -> list[Combined]:
-    """Give the rows that S takes fewest operations for; `forward` gives Z of one."""
-    plain = shared_out(x, rows)
-    others = differences(x, rows, plain)
-    if others == plain:
-        return plain
-    return min(plain, others, key=lambda found: fill([forward(r.A) for r in found]))
-
-
-def shared_out(x: Collected, rows: Sequence[Row]) -> list[Combined]:
-    """Give rows without common numbers, one for each of `rows`."""
-    return [_of(x, rows, {i: 1.0 / _content(x, row)}) for i, row in enumerate(rows)]
-
-
-def differences(
-    x: Collected, rows: Sequence[Row], found: Sequence[Combined]
-) -> list[Combined]:
-    """Give `found` with rows taken from others that they agree with."""
-    holders: dict[tuple[int, int], int] = {}  # coordinate and entry -> row that has it
-    differing: list[Combined] = []
-    for k, row in enumerate(found):
-        near = {holders[entry] for entry in row.A.items() if entry in holders}
-        weights = row.weights
-        for i in sorted(near, reverse=True):
-            other = found[i]
-            if all(other.A[j] == row.A[j] for j in row.A.keys() & other.A.keys()):
-                weights = _less(differing[i].weights[i], other, row)
-                break
-        holders |= dict.fromkeys(row.A.items(), k)
-        new = row if len(weights) == 1 else _of(x, rows, weights)
-        differing.append(new)
-    return differing
-
-
-def _less(sign: float, one: Combined, other: Combined) -> dict[int, float]:
-    """Give the weights of one - other, or of other - one if `sign` is negative.
-
-    So what is left of `one` has the sign that it has in the row of its own.
-    """
-    one, other = (one, other) if sign > 0 else (other, one)
-    return one.weights | {i: -w for i, w in other.weights.items()}
-
-
-def _of(x: Collected, rows: Sequence[Row], weights: Mapping[int, float]) -> Combined:
-    g = x.g
-    entries: dict[int, list[tuple[int, int]]] = {}
-    b = []
-    for i, weight in weights.items():
-        w = g.constant(weight)
-        for j, node in rows[i].A.entries.items():
-            entries.setdefault(j, []).append((w, node))
-        b += [(w, sign, n) for sign, n in x.addends(rows[i].b)]
-    A = {j: x.sum(terms) for j, terms in sorted(entries.items())}
-    return Combined(
-        dict(weights), {j: n for j, n in A.items() if n != g.zero}, x.sum(b)
-    )
-
-
-def _content(x: Collected, row: Row) -> float:
-    """Give the size of the number that most entries of a row are multiples of."""
-    found = Counter[float]()
+def without_content(x: Collected, row: Row) -> Scaled:
+    """Give a row over the number that most of its entries are multiples of."""
+    g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
-        if core != x.g.one:
+        if core != g.one:
             found[abs(_number(x, still))] += 1
-    return found.most_common(1)[0][0] if found else 1.0
+    weight = 1.0 / found.most_common(1)[0][0] if found else 1.0
+    w = g.constant(weight)
+    A = {j: x.sum([(w, node)]) for j, node in row.A.entries.items()}
+    b = x.sum([(w, sign, n) for sign, n in x.addends(row.b)])
+    return Scaled(weight, A, b)
 
 
 def _number(x: Collected, still: int) -> float:
@@ -156,112 +92,6 @@ def dense_operations(n: int, m: int) -> int:
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
-class Factorisation:
-    """S = L D L^T of a symmetric matrix, in minimum-degree order.
-
-    Parameters
-    ----------
-    late
-        What comes later where the degree is the same: whose diagonal entry moves.
-    only
-        The unknowns that are eliminated, where others are left: `rows` holds what is.
-
-    Attributes
-    ----------
-    order : list of int
-    below : dict
-        Column k of L without its unit diagonal, as row -> node.
-    inverse : dict
-        1 / D_k.
-    pivots : dict
-        D_k and the diagonal entry that it came from.
-    """
-
-    def __init__(
-        self,
-        g: Graph,
-        size: int,
-        entries: Mapping[tuple[int, int], int],
-        meter: Meter,
-        late: Container[int] = (),
-        only: Sequence[int] | None = None,
-    ) -> None:
-        self.g = g
-        self.meter = meter
-        self.rows = rows = [Vector() for _ in range(size)]
-        for (i, j), node in entries.items():
-            rows[i][j] = node
-            rows[j][i] = node
-        some = range(size) if only is None else only
-        places = {k: at for at, k in enumerate(some)}
-        pattern = [{places[j] for j in rows[k] if j in places} for k in some]
-        order = minimum_degree(pattern, meter, late if only is None else ())
-        self.order = [some[at] for at in order]
-        self.place = {k: at for at, k in enumerate(self.order)}
-        self.below: dict[int, Vector] = {}
-        self.inverse: Vector = {}
-        self.pivots: dict[int, tuple[int, int]] = {}
-        first = {k: rows[k].get(k, g.zero) for k in range(size)}
-        for k in self.order:
-            self._eliminate(k, rows, first[k])
-
-    def _eliminate(self, k: int, rows: list[Vector], first: int) -> None:
-        g = self.g
-        pivot = rows[k].pop(k, g.zero)
-        self.pivots[k] = pivot, first
-        inverse = g.call("div", g.one, pivot)
-        column = {i: g.call("mul", node, inverse) for i, node in rows[k].items()}
-        self.inverse[k] = inverse
-        self.below[k] = column
-        others = sorted(column)
-        for i in others:
-            del rows[i][k]
-        for a, i in enumerate(others):
-            for j in others[a:]:
-                term = g.call("mul", column[i], rows[k][j])
-                rows[i][j] = rows[j][i] = g.call("sub", rows[i].get(j, g.zero), term)
-
-    def forward(self, right: Mapping[int, int]) -> Vector:
-        """Give L^-1 right."""
-        g = self.g
-        z = {i: node for i, node in right.items() if node != g.zero}
-        queue = [self.place[i] for i in z if i in self.place]
-        heapify(queue)
-        while queue:
-            k = self.order[heappop(queue)]
-            for i, entry in self.below[k].items():
-                self.meter.add(1)
-                if i not in z and i in self.place:
-                    heappush(queue, self.place[i])
-                term = g.call("mul", entry, z[k])
-                z[i] = g.call("sub", z.get(i, g.zero), term)
-        return z
-
-    def backward(self, z: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Solution L^-T D^-1 z; unknowns that are left have given values."""
-        g, inverse = self.g, self.inverse
-        scaled = {k: g.call("mul", z[k], inverse[k]) for k in z if k in inverse}
-        return self.upward(scaled, given)
-
-    def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Give L^-T scaled."""
-        g = self.g
-        x = dict(given or {})
-        for k in reversed(self.order):
-            value = scaled.get(k, g.zero)
-            for i, entry in self.below[k].items():
-                if i in x:
-                    self.meter.add(1)
-                    value = g.call("sub", value, g.call("mul", entry, x[i]))
-            if value != g.zero:
-                x[k] = value
-        return x
-
-    def solve(self, right: Mapping[int, int]) -> Vector:
-        """Give the solution for `right`."""
-        return self.backward(self.forward(right))
-
-
 def without_rows(equations: Equations) -> Elimination:
     """Elimination without constraints: its motion is a = M^-1 f."""
     return Elimination(replace(equations, rows=(), laws=()), math.inf)
@@ -272,15 +102,17 @@ def collected_along(e: Equations) -> Collected:
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
-def factored_mass(equations: Equations, meter: Meter) -> Factorisation | Articulated:
+def factored_mass(equations: Equations, meter: Meter) -> Factorisation:
     """Give L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
-        return Articulated(g, equations.chains, meter)
+        return equations.chains.factorisation(g, meter)
     given, x = equations.mass_entries, collected_along(equations)
     entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
     late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
-    return Factorisation(g, len(equations.q), entries, meter, late)
+    rows = symmetric(len(equations.q), entries)
+    minimum_degree(list(map(set, rows)), Meter(meter.limit))  # too long is not begun
+    return Factorisation(g, rows, meter, late=late)
 
 
 class Elimination:
@@ -303,18 +135,16 @@ class Elimination:
         self.meter = Meter(limit)
         self.n, self.m = len(e.q), len(e.rows)
         self.names = [row.name for row in e.rows]
-        self.slopes = [row.A.entries for row in e.rows]
         self.equations = e
         self.mass = factored_mass(e, self.meter)
-        self.rows: list[Combined] = []
-        if e.rows:
-            self.rows = shortest(self.collected, e.rows, self.mass.forward)
+        self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
         tidy = self.collected.tidy([*e.f, *e.quadrature_rates])
         self.quadrature_rates = tidy[self.n :]
         f = self.mass.forward(dict(enumerate(tidy[: self.n])))
-        self.schur = Factorisation(g, self.m, self._schur(), self.meter)
+        rows = symmetric(self.m, self._schur())
+        self.schur = Factorisation(g, rows, self.meter)
         self._motion = self._solve(f, [row.b for row in self.rows])
         # What is solved for later, corrections, is a part of this.
         self.operations = self.meter.operations
@@ -400,14 +230,8 @@ class Elimination:
 
     def square(self, k: int) -> int:
         """Give the diagonal entry of A M^-1 A^T of a row as it was given."""
-        g, weights = self.g, self.rows[k].weights
-        whole, factors = self.schur.pivots[k][1], [self.unit]
-        if len(weights) == 1:
-            factors.append(g.constant(weights[k] ** 2))
-        else:
-            z = self.mass.forward(self.slopes[k])
-            whole = self._weighted(z, z)
-        divisor = self.collected.still(factors)
+        g, (whole, weight) = self.g, (self.schur.pivots[k][1], self.rows[k].weight)
+        divisor = self.collected.still([self.unit, g.constant(weight**2)])
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
@@ -416,14 +240,13 @@ class Elimination:
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)
         q = self._accelerations(f, found)
-        lam: list[list[tuple[int, ...]]] = [[] for _ in range(self.m)]
-        for k, multiplier in sorted(found.items()):
-            for i, weight in self.rows[k].weights.items():
-                lam[i].append((self.unit, g.constant(weight), multiplier))
-        return (
-            [q.get(j, g.zero) for j in range(self.n)],
-            [self.collected.sum(terms) for terms in lam],
-        )
+        lam = [
+            self.collected.sum([(self.unit, g.constant(row.weight), found[k])])
+            if k in found
+            else g.zero
+            for k, row in enumerate(self.rows)
+        ]
+        return [q.get(j, g.zero) for j in range(self.n)], lam
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
         """Give b - z^T D^-1 f."""
@@ -452,15 +275,13 @@ class Elimination:
             k: (f.get(k, g.zero), held.get(k, g.zero))
             for k in sorted(f.keys() | held.keys())
         }
-        if not isinstance(mass, Factorisation):
-            return mass.backward({k: g.call("add", *pair) for k, pair in both.items()})
         scaled: Vector = {}
         for k, (push, pull) in both.items():
             inverse = mass.inverse[k]
             if self.unit != g.one:
                 free = x.scaled(push, inverse)
                 scaled[k] = x.sum([(free,), (pull, self._inverse(k))])
-            elif mass.below[k] or k in held:  # others have `push` as well
+            elif mass.columns[k] or k in held:  # others have `push` as well
                 scaled[k] = g.call("mul", g.call("add", push, pull), inverse)
             else:
                 scaled[k] = x.scaled(push, inverse)
@@ -473,9 +294,7 @@ class Elimination:
         """
         g = self.g
         right = {
-            k: self.collected.sum(
-                (g.constant(-weight), residuals[i]) for i, weight in row.weights.items()
-            )
+            k: self.collected.sum([(g.constant(-row.weight), residuals[k])])
             for k, row in enumerate(self.rows)
         }
         change = self._accelerations({}, self.schur.solve(right))
@@ -493,8 +312,8 @@ class Elimination:
         for k, (pivot, _) in self.schur.pivots.items():
             length = g.variable(f"length.{self.names[k]}")
             usual = g.call("max", self.square(k), g.call("mul", length, length))
-            weight = self.rows[k].weights[k]
-            scale = self.collected.still([self.unit, g.constant(weight**2)])
+            weight = g.constant(self.rows[k].weight ** 2)
+            scale = self.collected.still([self.unit, weight])
             worst = g.call(
                 "min", g.call("div", g.call("div", pivot, scale), usual), worst
             )

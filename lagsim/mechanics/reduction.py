@@ -35,78 +35,69 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.sparse import Meter, SparseVector
 from lagsim.mechanics.constraints import Flow, Row
-from lagsim.mechanics.equations import Quadrature
-from lagsim.mechanics.groups import Work
-from lagsim.mechanics.ldl import Factorisation
-from lagsim.model.model import Parameter
+from lagsim.mechanics.equations import Quadrature, Work
+from lagsim.mechanics.factorisation import Factorisation, symmetric
+from lagsim.model.model import Force, Parameter, Relation
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations, Instant
-    from lagsim.model.model import Model
 
 
-# The nodes of a row, a work and a quadrature, beside the slopes of a row.
+# The nodes of each, beside the slopes of a row.
 NODES = {
     Row: ("residual", "rate", "b", "transport", "residual_scale", "rate_scale"),
     Work: ("rate", "energy"),
     Quadrature: ("rate", "mass"),
+    Force: ("node", "direction"),
+    Relation: ("node",),
 }
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
     """Give the same equations with variables replaced in every expression."""
-    g = e.graph
-    nodes = [*e.mass_entries.values(), *e.f, *e.momenta, e.energy, e.kinetic_form]
-    nodes += [node for row in e.rows for node in row.A.entries.values()]
-    for x in (*e.rows, *e.works, *e.quadratures):
-        nodes += [getattr(x, name) for name in NODES[type(x)]]
-    found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
+    nodes: list[int] = []
+
+    def noted(node: int) -> int:
+        nodes.append(node)
+        return node
+
+    _mapped(e, noted)
+    found = dict(zip(nodes, e.graph.substitute(nodes, new), strict=True))
+    return _mapped(e, found.__getitem__)
+
+
+def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
+    """Give the equations with f of each node in its place."""
 
     def vector_of(x: SparseVector) -> SparseVector:
-        return SparseVector(g, len(x), {j: found[a] for j, a in x.entries.items()})
+        entries = {j: f(node) for j, node in x.entries.items()}
+        return SparseVector(e.graph, len(x), entries)
 
-    def replaced(some: Sequence[Any]) -> tuple[Any, ...]:
-        names = [NODES[type(x)] for x in some]
-        return tuple(
-            x._replace(**{name: found[getattr(x, name)] for name in own})
-            for x, own in zip(some, names, strict=True)
-        )
+    def mapped(x: Any) -> Any:
+        return x._replace(**{name: f(getattr(x, name)) for name in NODES[type(x)]})
 
-    rows = (row._replace(A=vector_of(row.A)) for row in replaced(e.rows))
+    model, loss, until = e.model, e.model.dissipation, e.model.until
     return replace(
         e,
-        model=_dynamics(g, e.model, new),
-        M=tuple(map(vector_of, e.M)),
-        f=tuple(found[x] for x in e.f),
-        rows=tuple(rows),
-        momenta=tuple(found[x] for x in e.momenta),
-        energy=found[e.energy],
-        kinetic_form=found[e.kinetic_form],
-        works=replaced(e.works),
-        quadratures=replaced(e.quadratures),
-    )
-
-
-def _dynamics(g: Graph, model: Model, new: Mapping[int, int]) -> Model:
-    """Replace variables in `until`, L and the forces."""
-    forces, until = model.forces, model.until
-    loss = [] if model.dissipation is None else [model.dissipation]
-    nodes = [model.lagrangian, *loss]
-    nodes += [node for force in forces for node in (force.node, force.direction)]
-    nodes += [until.node] if until else []
-    found = dict(zip(nodes, g.substitute(nodes, new), strict=True))
-    return replace(
-        model,
-        lagrangian=found[model.lagrangian],
-        dissipation=found[loss[0]] if loss else None,
-        forces=tuple(
-            x._replace(node=found[x.node], direction=found[x.direction]) for x in forces
+        model=replace(
+            model,
+            lagrangian=f(model.lagrangian),
+            dissipation=None if loss is None else f(loss),
+            forces=tuple(map(mapped, model.forces)),
+            until=mapped(until) if until else None,
         ),
-        until=until._replace(node=found[until.node]) if until else None,
+        M=tuple(map(vector_of, e.M)),
+        f=tuple(map(f, e.f)),
+        rows=tuple(mapped(row)._replace(A=vector_of(row.A)) for row in e.rows),
+        momenta=tuple(map(f, e.momenta)),
+        energy=f(e.energy),
+        kinetic_form=f(e.kinetic_form),
+        works=tuple(map(mapped, e.works)),
+        quadratures=tuple(map(mapped, e.quadratures)),
     )
 
 
@@ -334,15 +325,14 @@ def ignored(
     )
     momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
     right = map(partial(g.call, "sub"), momenta, at_rest)
-    block = Factorisation(
-        g, len(e.q), e.mass_entries, Meter(limit), only=coordinates
-    ).solve(dict(zip(coordinates, right, strict=True)))
-    rates = [block.get(c, g.zero) for c in coordinates]
+    rows = symmetric(len(e.q), e.mass_entries)
+    block = Factorisation(g, rows, Meter(limit), some=coordinates)
+    solved = block.solve(dict(zip(coordinates, right, strict=True)))
+    rates = [solved.get(c, g.zero) for c in coordinates]
     new = dict(zip(speeds, rates, strict=True))
     full = substituted(e, new)
-    factors = Factorisation(
-        g, len(e.q), full.mass_entries, Meter(limit), only=coordinates
-    )
+    rows = symmetric(len(e.q), full.mass_entries)
+    factors = Factorisation(g, rows, Meter(limit), some=coordinates)
     f = factors.forward(dict(enumerate(full.f)))
     M = {(i, j): node for i in left for j, node in factors.rows[i].items()}
     given = {j: g.variable(f"{e.q[j]}_ddot") for j in left}
@@ -356,8 +346,8 @@ def ignored(
     )
     forces = [f.get(j, g.zero) for j in range(len(e.q))]
     reduced = of_those_left(full, left, M, forces, full.momenta)
-    rows = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
-    return replace(reduced, rows=tuple(rows), quadratures=quadratures), recovered
+    kept = (r._replace(A=vector(g, left, r.A.entries)) for r in full.rows)
+    return replace(reduced, rows=tuple(kept), quadratures=quadratures), recovered
 
 
 class Reduction(NamedTuple):

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.graph import once
 from lagsim.language.sparse import DisjointSets
+from lagsim.mechanics.equations import remembered_by_motion
 from lagsim.methods import Structure
 
 if TYPE_CHECKING:
@@ -19,15 +19,10 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
 
 
+@remembered_by_motion
 def structure(equations: Equations) -> Structure:
     """Find the structure of `equations`."""
-    key = structure, equations.nodes
-    return once(equations.graph, key, lambda: _structure(equations))
-
-
-def _structure(equations: Equations) -> Structure:
-    g = equations.graph
-    entries = equations.mass_nodes
+    g, entries = equations.graph, equations.mass_nodes
     coupled = [together for _, together in equations.coupled]
     rows = equations.rows
     A = [node for row in rows for node in row.A.entries.values()]

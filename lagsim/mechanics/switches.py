@@ -51,31 +51,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
 
 
-def with_values(
-    g: Graph, n: int, args: Sequence[int], as_written: Callable[[], int]
-) -> int:
-    """Give `if` n on frozen `args`; as written where the branch has no value.
-
-    Parameters
-    ----------
-    as_written
-        Gives it frozen by time alone.
-    """
-    condition, *branches = args
-    decides = g.depends([g.args[n][0]])
-    inside = [_has_value(g, branch, decides) for branch in branches]
-    if inside == [None, None]:
-        return g.call("if", *args)
-    plain = as_written()
-    if g.ops[plain] != "if" or g.args[plain][0] == condition:
-        return g.call("if", *args)
-    apart = [
-        branch if there is None else g.call("if", there, branch, plain)
-        for there, branch in zip(inside, branches, strict=True)
-    ]
-    return g.call("if", condition, *apart)
-
-
 def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
     """Give the condition that all roots and logarithms of a branch have a value.
 
@@ -189,6 +164,11 @@ class Roots(NamedTuple):
         return g.call("if", g.call("gt", x, least), x, least)
 
 
+def mixed(g: Graph, part: int, low: int, high: int) -> int:
+    """Give low + part (high - low)."""
+    return g.call("add", low, g.call("mul", part, g.call("sub", high, low)))
+
+
 # What is linear in each of its arguments, or in each branch and in the condition.
 LINEAR = ("mul", "if")
 SUMS = ("add", "sub", "neg")
@@ -246,9 +226,8 @@ class Shown:
             self.shares[n] = self._joined(op, [self._share(a) for a in g.args[n]])
         elif op == "if" and g.args[n][0] in self.shares:
             part = self.shares[g.args[n][0]]
-            more = g.call("mul", part, g.call("sub", args[1], args[2]))
-            mixed = g.call("add", args[2], more)
-            low = g.call("if", g.call("le", part, g.zero), args[2], mixed)
+            low = g.call("le", part, g.zero)
+            low = g.call("if", low, args[2], mixed(g, part, args[2], args[1]))
             return g.call("if", g.call("ge", part, g.one), args[1], low)
         return same
 
@@ -266,8 +245,8 @@ class Shown:
         if op in SUMS:
             return
         row = OPERATIONS[op]
-        if row.condition and n not in self.shares:
-            self.shares[n] = g.call("if", self.done[n], g.one, g.zero)
+        if row.condition:
+            self.shares[n] = self._share(n)
         found = self.shares if row.condition else self.done
         most = 1 if op in LINEAR or op in JOINING else 0
         for v in self.on[n] - self.whole:
@@ -280,8 +259,7 @@ class Shown:
             g.substitute([n], {v: side})[0] for side in (g.constant(-1.0), g.one)
         )
         part = g.call("add", half, g.call("mul", half, v))
-        more = g.call("mul", part, g.call("sub", high, low))
-        return g.call("if", self.slides[v], g.call("add", low, more), n)
+        return g.call("if", self.slides[v], mixed(g, part, low, high), n)
 
     def _root(self, n: int, args: tuple[int, ...]) -> int:
         """Give a root with its floor, which is 0 unless the motion slides."""
@@ -312,16 +290,13 @@ class Shown:
         plain = g.call(g.ops[n], args[0], *args[1:])
         if side is None:
             return plain
-        more = g.call("sub", *roots)
-        more = g.call("mul", share(g, g.ops[condition], *side), more)
-        mixed = g.call("add", roots[1], more)
-        return g.call("if", self.slides[side[0]], mixed, plain)
+        whole = mixed(g, share(g, g.ops[condition], *side), roots[1], roots[0])
+        return g.call("if", self.slides[side[0]], whole, plain)
 
     def _share(self, condition: int) -> int:
         g = self.g
-        if condition in self.shares:
-            return self.shares[condition]
-        return g.call("if", self.done[condition], g.one, g.zero)
+        whole = g.call("if", self.done[condition], g.one, g.zero)
+        return self.shares.get(condition, whole)
 
     def _joined(self, op: str, parts: list[int]) -> int:
         g = self.g
@@ -399,11 +374,9 @@ class Switches:
         done: dict[int, int] = {}
         for n in g.cone(nodes):
             args = tuple(done[a] for a in g.args[n])
-            mode = self._modes_of.get(n)
-            side = self._side_of(n)
-            if mode is not None:
-                done[n] = _frozen(g, g.ops[n], args, mode)
-            elif side is not None:
+            if n in self._modes_of:
+                done[n] = _frozen(g, g.ops[n], args, self._modes_of[n])
+            elif side := self._side_of(n):
                 done[n] = self._on_a_side(n, args, *side)
             else:
                 done[n] = self._rebuilt(n, args)
@@ -452,8 +425,7 @@ class Switches:
         if args == g.args[n] and self._roots.floor(n) is None:
             return n
         if op == "if" and self._sides_of and args[0] != g.args[n][0]:
-            as_written = replace(self, _sides_of={}).freeze
-            return with_values(g, n, args, lambda: as_written([n])[0])
+            return self._with_values(n, args)
         if op in ("mul", "div"):
             return self._product(op, *args)
         if op in ROOTS and g.ops[args[0]] == "if":
@@ -462,6 +434,26 @@ class Switches:
                 apart = [self._inside(n, (x, *args[1:]), args[0]) for x in sides]
                 return g.call("if", condition, *apart)
         return self._inside(n, args, args[0])
+
+    def _as_written(self, n: int) -> int:
+        """Give node `n` frozen by time alone."""
+        return replace(self, _sides_of={}).freeze([n])[0]
+
+    def _with_values(self, n: int, args: tuple[int, ...]) -> int:
+        """Give `if` n on frozen `args`; as written where the branch has no value."""
+        g, (condition, *branches) = self.graph, args
+        decides = g.depends([g.args[n][0]])
+        inside = [_has_value(g, branch, decides) for branch in branches]
+        if inside == [None, None]:
+            return g.call("if", *args)
+        plain = self._as_written(n)
+        if g.ops[plain] != "if" or g.args[plain][0] == condition:
+            return g.call("if", *args)
+        apart = [
+            branch if there is None else g.call("if", there, branch, plain)
+            for there, branch in zip(inside, branches, strict=True)
+        ]
+        return g.call("if", condition, *apart)
 
     def _product(self, op: str, first: int, second: int) -> int:
         """Give a product or quotient of frozen arguments.
@@ -492,7 +484,7 @@ class Switches:
         inside = domain(g, args) if domain else None
         if inside is None or self._roots.floor(n) is not None:
             return g.call(op, *args)
-        (plain,) = replace(self, _sides_of={}).freeze([g.args[n][0]])
+        plain = self._as_written(g.args[n][0])
         if plain == frozen:
             return g.call(op, *args)
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])

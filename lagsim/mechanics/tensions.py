@@ -31,16 +31,16 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from heapq import heapify, heappop, heappush
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import rate_of, slopes
 from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
-from lagsim.language.sparse import DisjointSets
+from lagsim.language.sparse import DisjointSets, Meter
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
+from lagsim.mechanics.factorisation import Factorisation, Vector, add_to
 from lagsim.model.model import Level
 from lagsim.tolerances import TERM_ROUNDOFF
 
@@ -50,9 +50,7 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
     from lagsim.mechanics.equations import Equations
-
-
-Vector = dict[int, int]  # unknown -> node; what is absent is zero
+    from lagsim.model.model import Model
 
 
 class Newton(NamedTuple):
@@ -84,83 +82,67 @@ def newton(e: Equations) -> Newton | None:
     found = chains(g, model.lagrangian, flow.rates, flow.velocities, moving)
     if found is None:
         return None
-    places = rates_of_places(model, flow)
-    apart = _Apart(g, flow, found, places)
-    forces, dissipation = model.forces, model.dissipation
-    nodes = [model.lagrangian, *(force.direction for force in forces)]
-    nodes += [] if dissipation is None else [dissipation]
-    lagrangian, *directions = g.substitute(nodes, apart.new)
-
-    slope = slopes(g, lagrangian, apart.variables)
-    masses = apart.by(slope, rates=True)
-    for u, momentum in masses.items():
-        mass = slopes(g, momentum, apart.variables)
-        variable = apart.rates[u]
-        if mass.keys() != {variable} or g.depends([mass[variable]]) & apart.moving:
-            return None
-        masses[u] = mass[variable]
-    if any(k not in apart.places for k in apart.sums.keys() & masses.keys()):
+    # In place of the sums, and of what they are the rates of, stand variables.
+    rates, places = dict(enumerate(flow.rates)), dict(enumerate(flow.positions))
+    new, back = Vector(), Vector()
+    for k, rate in enumerate(found.rates, found.size):
+        rates[k] = new[rate] = g.variable(f"rate.{k}")
+        back[rates[k]] = rate
+    for k, (place, sign) in _places(g, model, flow, found).items():
+        places[k] = g.variable(f"place.{k}")
+        new[place] = g.call("mul", sign, places[k])
+        back[places[k]] = g.call("mul", sign, place)
+    variables = frozenset((*rates.values(), *places.values(), g.variable("t")))
+    [lagrangian] = g.substitute([model.lagrangian], new)
+    slope = slopes(g, lagrangian, variables)
+    momenta = {u: slope[v] for u, v in rates.items() if v in slope}
+    masses = _masses(g, momenta, rates, variables)
+    if masses is None or any(u not in places for u in masses):
         return None
-    total = apart.by(slope, rates=False)
-    levels = [force.level is not Level.POSITION for force in forces]
-    works = [force.node for force in forces]
-    if dissipation is not None:
-        levels, works = [*levels, True], [*works, g.constant(-1.0)]
-    for direction, by_rates, work in zip(directions, levels, works, strict=True):
-        levers = apart.by(slopes(g, direction, apart.variables), rates=by_rates)
-        for u, lever in levers.items():
-            term = g.call("mul", work, lever)
-            total[u] = g.call("add", total.get(u, g.zero), term)
-    back = {v: old for old, v in apart.new.items() if v in apart.variables}
-    written = g.substitute(total.values(), back)
-    total = {u: node for u, node in zip(total, written, strict=True) if node != g.zero}
-    sums = dict(enumerate(found.sums, found.size))
-    return Newton(sums, masses, total, _drifts(g, flow, apart.sums))
+    forces = {u: slope[v] for u, v in places.items() if v in slope}
+    works = [(x.direction, x.level, x.node) for x in model.forces]
+    if model.dissipation is not None:
+        works.append((model.dissipation, Level.VELOCITY, g.constant(-1.0)))
+    for direction, level, work in works:
+        [written] = g.substitute([direction], new)
+        lever = slopes(g, written, variables)
+        for u, v in (places if level is Level.POSITION else rates).items():
+            if v in lever:
+                add_to(g, forces, u, g.call("mul", work, lever[v]))
+    pushes = g.substitute(forces.values(), back)
+    forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
+    sums = dict(enumerate(found.rates, found.size))
+    return Newton(found.named, masses, forces, _drifts(g, flow, sums))
 
 
-class _Apart:
-    """Variables in place of the sums and their positions.
+def _masses(
+    g: Graph, momenta: Vector, rates: Vector, variables: frozenset[int]
+) -> Vector | None:
+    """Give the constant by which each momentum is its rate; None for others."""
+    masses, moving = Vector(), g.depends(variables)
+    for u, momentum in momenta.items():
+        mass = slopes(g, momentum, variables)
+        if mass.keys() != {rates[u]} or g.depends(mass.values()) & moving:
+            return None
+        masses[u] = mass[rates[u]]
+    return masses
 
-    Attributes
-    ----------
-    sums : dict
-        Sum -> its node.
-    new : dict
-        The nodes that are variables here.
-    rates, places : dict
-        Unknown -> the variable of it, and of what it is the rate of.
-    """
 
-    def __init__(
-        self, g: Graph, flow: Flow, found: Chains, places: dict[int, int]
-    ) -> None:
-        self.g = g
-        self.sums = dict(enumerate(found.rates, found.size))
-        self.rates = dict(enumerate(flow.rates))
-        self.places = dict(enumerate(flow.positions))
-        self.new: dict[int, int] = {}
-        for k, rate in self.sums.items():
-            self.rates[k] = self.new[rate] = g.variable(f"rate.{k}")
-            place = places.get(rate)
-            back = places.get(g.call("neg", rate))
-            if place is None and back is not None:
-                place = g.call("neg", back)  # (-x)^2 is written as x^2
-            if place is not None:
-                self._place(k, place)
-        known = [*self.rates.values(), *self.places.values(), g.variable("t")]
-        self.variables = frozenset(known)
-        self.moving = g.depends(known)
-
-    def _place(self, k: int, place: int) -> None:
-        g = self.g
-        self.places[k] = self.new[place] = g.variable(f"place.{k}")
-        if g.ops[place] == "neg":  # a + (-b) is written as a - b
-            self.new.setdefault(g.args[place][0], g.call("neg", self.places[k]))
-
-    def by(self, found: dict[int, int], *, rates: bool) -> Vector:
-        """Values by unknown, of values by variable."""
-        variables = self.rates if rates else self.places
-        return {u: found[v] for u, v in variables.items() if v in found}
+def _places(
+    g: Graph, model: Model, flow: Flow, found: Chains
+) -> dict[int, tuple[int, int]]:
+    """Give what each sum is the rate of, if it is known: a node, and 1 or -1 times."""
+    known, minus = rates_of_places(model, flow), g.constant(-1.0)
+    places = {}
+    for k, rate in enumerate(found.rates, found.size):
+        place, sign = known.get(rate), g.one
+        if place is None:  # (-x)^2 is written as x^2
+            place, sign = known.get(g.call("neg", rate)), minus
+        if place is not None and g.ops[place] == "neg":  # a + (-b) is written as a - b
+            place, sign = g.args[place][0], g.call("neg", sign)
+        if place is not None:
+            places[k] = place, sign
+    return places
 
 
 def _drifts(g: Graph, flow: Flow, sums: dict[int, int]) -> Vector:
@@ -366,118 +348,76 @@ def _areas(g: Graph, one: Vector, other: Vector, weights: Vector) -> list[Pair]:
     return found
 
 
-class Squares:
-    """S, eliminated in minimum-degree order."""
+class Squares(Factorisation):
+    """S of groups of squares: what stands in one group alone is left of as squares."""
 
-    def __init__(self, g: Graph, found: list[Group]) -> None:
-        self.g = g
-        members = {i for group in found for i in group.norms}
-        self._groups = dict(enumerate(found))
-        # The diagonal and the entries that are in no group (any more).
-        self._own = dict.fromkeys(members, g.zero)
-        self._rows: dict[int, Vector] = {i: {} for i in members}
-        self._in: dict[int, set[int]] = {i: set() for i in members}
+    def __init__(self, g: Graph, found: Sequence[Group]) -> None:
+        size = 1 + max((i for group in found for i in group.norms), default=-1)
+        rows = [Vector() for _ in range(size)]
+        self.groups: dict[int, Group] = {}
+        self.those = [set[int]() for _ in range(size)]  # the groups of each unknown
         for k, group in enumerate(found):
-            if len(group.norms) == 1:
-                self._dissolve(k)
-            else:
-                for i in group.norms:
-                    self._in[i].add(k)
-        self.columns: dict[int, Vector] = {}
-        self.pivots: Vector = {}
-        self._depths = dict.fromkeys(members, 0)
-        queue = [self._key(t) for t in members]
-        heapify(queue)
-        while queue:
-            key = heappop(queue)
-            t = key[-1]
-            if t in self.pivots or key != self._key(t):
-                continue  # out of date: another entry has its degree
-            self._eliminate(t)
-            for i in self.columns[t]:
-                self._depths[i] = max(self._depths[i], self._depths[t] + 1)
-                heappush(queue, self._key(i))
+            if len(group.norms) > 1:
+                self.groups[k] = group
+            for i, norm in group.norms.items():
+                if len(group.norms) > 1:
+                    self.those[i].add(k)
+                else:
+                    add_to(g, rows[i], i, norm)
+        self.after = [0] * size
+        super().__init__(g, rows, Meter(), some={i for x in found for i in x.norms})
 
-    def _key(self, t: int) -> tuple[int, int, int]:
+    def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Rank in the elimination: fewest neighbours, then least depth."""
-        met = set(self._rows[t]).union(*(self._groups[k].norms for k in self._in[t]))
-        return len(met), self._depths[t], t
+        met = {k, *self.rows[k]}.union(*(self.groups[x].norms for x in self.those[k]))
+        return 0, len(met), self.after[k], k
 
-    def _add(self, i: int, j: int, term: int) -> None:
-        g = self.g
-        if i == j:
-            self._own[i] = g.call("add", self._own[i], term)
-        else:
-            node = g.call("add", self._rows[i].get(j, g.zero), term)
-            self._rows[i][j] = self._rows[j][i] = node
+    def _leave(self, group: int) -> Group:
+        """Take a group apart."""
+        found = self.groups.pop(group)
+        for i in found.norms:
+            self.those[i].discard(group)
+        return found
 
-    def _dissolve(self, k: int) -> None:
-        """Make entries of a group."""
-        group = self._groups.pop(k)
-        for i, norm in group.norms.items():
-            self._in[i].discard(k)
-            self._add(i, i, norm)
-        for (i, j), product in group.dots.items():
-            self._add(i, j, product)
-
-    def _eliminate(self, t: int) -> None:
-        g = self.g
-        if len(self._in[t]) == 1 and not self._rows[t]:
-            [k] = self._in[t]
-            row, pivot, left = self._freed(t, k)
-        else:
-            for k in sorted(self._in[t]):
-                self._dissolve(k)
-            row, pivot, left = self._rows[t], self._own[t], {}
-            for i in row:
-                del self._rows[i][t]
-        self.pivots[t] = pivot
+    def _eliminate(self, k: int) -> Iterable[int]:
+        g, left = self.g, Vector()
+        if len(self.those[k]) == 1 and not self.rows[k].keys() - {k}:
+            left = self._alone(k, *self.those[k])
+        for group in sorted(self.those[k]):
+            found = self._leave(group)
+            for i, norm in found.norms.items():
+                self._add(i, i, norm)
+            for (i, j), dot in found.dots.items():
+                self._add(i, j, dot)
+        pivot, row = self._taken(k)
+        self.pivots[k] = pivot, pivot
         column = {i: g.call("div", node, pivot) for i, node in row.items()}
-        self.columns[t] = column
+        self.columns[k] = column
         for i, j in combinations(sorted(row), 2):
             self._add(i, j, g.call("neg", g.call("mul", column[i], row[j])))
         for i in row:
-            if i in left:
-                self._add(i, i, g.call("div", left[i], pivot))
-            else:
-                self._add(i, i, g.call("neg", g.call("mul", column[i], row[i])))
+            rest = g.call("neg", g.call("mul", column[i], row[i]))
+            self._add(i, i, g.call("div", left[i], pivot) if i in left else rest)
+            self.after[i] = max(self.after[i], self.after[k] + 1)
+        return row
 
-    def _freed(self, t: int, k: int) -> tuple[Vector, int, Vector]:
-        """Row, pivot, and pivot times the remainders, of t in group k alone."""
-        g, group, own = self.g, self._groups.pop(k), self._own[t]
-        pivot = g.call("add", own, group.norms[t])
-        row, left = {}, {}
-        for i, norm in group.norms.items():
-            self._in[i].discard(k)
-            if i == t:
-                continue
-            row[i] = group.dots[min(i, t), max(i, t)]
-            squares = (
-                (w, g.call("mul", area, area))
-                for w, area in group.areas[min(i, t), max(i, t)]
-            )
-            rest = g.call("mul", own, norm)
-            left[i] = g.call("add", rest, g.product_sum(squares))
-        for (i, j), product in group.dots.items():
-            if t not in (i, j):
-                self._add(i, j, product)
-        return row, pivot, left
+    def _alone(self, k: int, group: int) -> Vector:
+        """Take apart the group that k stands in alone; give what is left, by pivot."""
+        g, own = self.g, self.rows[k].get(k, self.g.zero)
+        found, left = self._leave(group), Vector()
+        self._add(k, k, found.norms[k])
+        for (i, j), dot in found.dots.items():
+            self._add(i, j, dot)
+        for i, norm in found.norms.items():
+            if i != k:
+                areas = found.areas[min(i, k), max(i, k)]
+                squares = ((w, g.call("mul", area, area)) for w, area in areas)
+                rest = g.call("mul", own, norm)
+                left[i] = g.call("add", rest, g.product_sum(squares))
+        return left
 
-    def solve(self, right: Mapping[int, int]) -> Vector:
-        """Solution x; absent entries are zero."""
-        g, z, x = self.g, dict(right), Vector()
-        for t, column in self.columns.items():
-            for i, entry in column.items():
-                term = g.call("mul", entry, z.get(t, g.zero))
-                z[i] = g.call("sub", z.get(i, g.zero), term)
-        for t in reversed(self.columns):
-            value = g.call("div", z.get(t, g.zero), self.pivots[t])
-            for i, entry in self.columns[t].items():
-                term = g.call("mul", entry, x.get(i, g.zero))
-                value = g.call("sub", value, term)
-            if value != g.zero:
-                x[t] = value
-        return x
+    def _over_pivot(self, node: int, k: int) -> int:
+        return self.g.call("div", node, self.pivots[k][0])
 
 
 def accelerations(e: Equations) -> list[int] | None:
@@ -528,10 +468,9 @@ def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, list[_Follower]]:
         others = {i: c for i, c in sums.pop(k).items() if i != velocity}
         followers.append(_Follower(velocity, k, others, laws.drifts.get(k, g.zero)))
         force = forces.pop(velocity, g.zero)
-        forces[k] = g.call("add", forces.get(k, g.zero), force)
+        add_to(g, forces, k, force)
         for i, c in others.items():
-            back = g.call("mul", c, force)
-            forces[i] = g.call("sub", forces.get(i, g.zero), back)
+            add_to(g, forces, i, g.call("neg", g.call("mul", c, force)))
     forces = {u: node for u, node in forces.items() if node != g.zero}
     return laws._replace(sums=sums, forces=forces), followers
 
@@ -620,8 +559,7 @@ class _Motion:
         for k, part in parts.items():
             for i, c in self.held.sums[k].items():
                 if i in masses:
-                    term = g.call("mul", c, part)
-                    total[i] = g.call("sub", total.get(i, g.zero), term)
+                    add_to(g, total, i, g.call("neg", g.call("mul", c, part)))
         return total
 
     def _fall(self) -> Vector:
@@ -637,7 +575,7 @@ class _Motion:
         for t, torque in self.torques.items():
             for u, part in self.turns[t].items():
                 force = g.call("mul", g.call("mul", self.weights[u], part), torque)
-                fall[u] = g.call("add", fall[u], force)
+                add_to(g, fall, u, force)
         return fall
 
     def _missing(self) -> Vector:
@@ -686,7 +624,7 @@ class _Motion:
         for t, tension in x.items():
             for u, part in self.pulls[t].items():
                 change = g.call("mul", self.weights[u], g.call("mul", part, tension))
-                found[u] = g.call("add", found[u], change)
+                add_to(g, found, u, change)
         masses = self.fall.keys()
         return found | {u: g.call("mul", self.length, found[u]) for u in masses}
 

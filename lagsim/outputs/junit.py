@@ -29,7 +29,7 @@ class Outcome(NamedTuple):
 
 
 def document(suite: str, cases: Sequence[Outcome]) -> bytes:
-    """Return the document."""
+    """Give the document."""
     whole = {
         "tests": str(len(cases)),
         "failures": str(sum(case.kind == "failure" for case in cases)),

@@ -24,7 +24,7 @@ from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
-from lagsim.methods import method, options_of
+from lagsim.methods import method, names, options_of
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
 from lagsim.plan.formulation import formulate
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.mechanics.switches import Switches
     from lagsim.methods import Structure
     from lagsim.model.model import Settings
 
@@ -145,7 +146,7 @@ def choose(
     Raises
     ------
     InputError
-        Where the method asked for cannot handle the model.
+        Where the method asked for is not known or cannot handle the model.
     """
     if settings.method == "auto":
         plain = solved is not None and not switching and not equations.quadratures
@@ -165,8 +166,9 @@ def _automatic(
 ) -> Choice:
     if solved is not None:
         if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
-            reason = "linear equations, and constant in time"
-            return Choice("method: exponential", reason)
+            return Choice(
+                "method: exponential", ("linear equations, and constant in time")
+            )
         gain = _gain(equations, solved, rtol)
         if gain >= PAYS:
             reason = f"estimated {gain:.1f} times as fast as {ANY}"
@@ -192,7 +194,12 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
 def _asked(
     equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
 ) -> str:
-    asked = settings.method
+    asked, place = settings.method, settings.method_place
+    if asked not in names():
+        known = ", ".join(names())
+        hint = f"one of auto, {known}; `lagsim methods` describes them"
+        text = f"there is no method `{asked}`"
+        raise InputError([Problem("unknown-method", text, place, hint)])
     refuse(asked, method_refusal(asked, equations, scene), settings)
     choices.append(Choice(f"method: {asked}", "asked for"))
     given = dict(settings.options)
@@ -202,13 +209,11 @@ def _asked(
     return asked
 
 
-INSTEAD = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
-
-
-def refuse(name: str, why: str, settings: Settings, hint: str = INSTEAD) -> None:
+def refuse(name: str, why: str, settings: Settings) -> None:
     """Raise InputError where there is a reason why a method cannot handle a scene."""
     if why:
         text = f"`{name}` cannot handle this model: {why}"
+        hint = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
         place = settings.method_place
         raise InputError([Problem("method-refused", text, place, hint)])
 
@@ -228,12 +233,12 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 def locates(name: str) -> bool:
     """Tell whether a method stops at switches and contacts; `auto` chooses such."""
-    return name == "auto" or bool(getattr(method(name), "EVENTS", True))
+    return name not in names() or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:
     """Tell whether the method that is asked for can handle `equations`."""
-    if asked == "auto":
+    if asked not in names():
         return True
     return not method_refusal(asked, equations, structure(equations))
 
@@ -263,7 +268,8 @@ def _check_straight(
             f"{MOST_OPERATIONS}"
         )
         hint += "; a larger --rtol makes the series shorter"
-    refuse(name, text, settings, hint)
+    text = f"`{name}` cannot handle this model: {text}"
+    raise InputError([Problem("method-refused", text, settings.method_place, hint)])
 
 
 # Loops of so many multiplications take a millisecond: that is no reason to do without
@@ -309,13 +315,14 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    if equations.chains is not None:
-        many += " along chains"
+    where = (
+        ("of entries that are not zero") if equations.chains is None else "along chains"
+    )
     if count <= BUDGET:
-        choices.append(Choice("solve: straight-line code", many))
+        told = many if equations.chains is None else f"{many} {where}"
+        choices.append(Choice("solve: straight-line code", told))
     else:
-        where = " of entries that are not zero" * (equations.chains is None)
-        reason = f"{many}{where}; loops would take {dense}"
+        reason = f"{many} {where}; loops would take {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 
@@ -377,14 +384,11 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     Raises
     ------
     InputError
-        Where the method or the formulation asked for cannot be had, or `output` asks
-        for what the model or the method has not.
+        Where the method or the formulation asked for is not known or cannot be had, or
+        `output` asks for what the model or the method has not.
     """
     if equations.model.output.gauss and start.augmented:
-        text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
-        text += "and the mass matrix of this model is singular without the constraints"
-        hint = "leave `gauss` out, or give every coordinate some mass"
-        raise InputError([Problem("singular-mass", text, hint=hint)])
+        raise InputError([_no_unconstrained_acceleration()])
     parts = _parts(equations, start, settings)
     if parts:  # the rows are those of the whole
         settings = settings._replace(formulation="full")
@@ -395,12 +399,8 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
     ]
     choices += found.choices
-    choices += [_apart(parts)] if parts else []
-    switches = model_switches(equations, located=locates(settings.method))
-    if switches.sides:
-        reason = "forces jump or have a kink there: each is located, and the "
-        reason += "integration restarts"
-        choices.append(Choice(f"switches: {len(switches.sides)} located", reason))
+    choices += _told(parts)
+    switches = _switches(equations, settings, choices)
     lengths = usual_lengths(equations, start, settings.output_step)
     if not locates(settings.method):
         elimination = None
@@ -411,11 +411,14 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     else:
         elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
-        solved_with = "mass matrix solved with the constraints"
-        choices.append(Choice(solved_with, "it is singular without them"))
-        if not locates(settings.method):
-            text = "its mass matrix is singular, and impulses would be infinite there"
-            refuse(settings.method, text, settings, "`--method dop853` handles it")
+        choices.append(
+            Choice(
+                "mass matrix solved with the constraints",
+                ("it is singular without them"),
+            )
+        )
+    if start.augmented and not locates(settings.method):
+        raise InputError([_no_impulses(settings)])
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape:
@@ -428,9 +431,6 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
     tape = tape or many_slopes(name, equations, elimination, choices)
-    constant = scene.constant_parts
-    # With the constraints, M is constant where they are.
-    known = constant if not start.augmented or constant == 2 else 0
     return Plan(
         method=name,
         formulation=found.name,
@@ -443,7 +443,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         smallest_singular_value=smallest,
         set_aside=set_aside(equations, start),
         lengths=lengths,
-        constant=known,
+        constant=_constant(scene, start),
         augmented=start.augmented,
         rtol=settings.tolerance if adaptive else None,
         atol=settings.atol if adaptive else None,
@@ -479,10 +479,12 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
     return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
 
 
-def _apart(parts: tuple[Part, ...]) -> Choice:
+def _told(parts: tuple[Part, ...]) -> list[Choice]:
+    if not parts:
+        return []
     names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
-    reason = f"nothing couples them, and each takes its own steps: {names}"
-    return Choice(f"subsystems: {len(parts)} integrated apart", reason)
+    text = f"nothing couples them, and each takes its own steps: {names}"
+    return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
 
 
 def by_loops(plan: Plan) -> Plan:
@@ -503,6 +505,46 @@ def by_loops(plan: Plan) -> Plan:
     return replace(
         plan, method=name, elimination=None, tape=tape, choices=tuple(choices)
     )
+
+
+def _constant(scene: Structure, start: Start) -> int:
+    # With the constraints, M is constant where they are.
+    found = scene.constant_parts
+    return 0 if start.augmented and found < 2 else found
+
+
+def _no_unconstrained_acceleration() -> Problem:
+    return Problem(
+        "singular-mass",
+        (
+            "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
+            "and the mass matrix of this model is singular without the constraints"
+        ),
+        hint="leave `gauss` out, or give every coordinate some mass",
+    )
+
+
+def _no_impulses(settings: Settings) -> Problem:
+    return Problem(
+        "method-refused",
+        f"`{settings.method}` cannot handle this model: its mass matrix is singular, "
+        "and impulses would be infinite there",
+        settings.method_place,
+        hint="`--method dop853` handles it",
+    )
+
+
+def _switches(
+    equations: Equations, settings: Settings, choices: list[Choice]
+) -> Switches:
+    found = model_switches(equations, located=locates(settings.method))
+    if found.sides:
+        reason = (
+            "forces jump or have a kink there: each is located, and the integration "
+            "restarts"
+        )
+        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
+    return found
 
 
 def _mass_matrix(scene: Structure) -> str:

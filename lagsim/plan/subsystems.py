@@ -13,8 +13,7 @@ import numpy as np
 
 from lagsim.admissibility.examination import start_at
 from lagsim.language.sparse import SparseVector
-from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.groups import coordinates_of, groups, shares
+from lagsim.mechanics.equations import Instant, coordinates_of, groups, shared
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
@@ -76,8 +75,8 @@ def refusal(equations: Equations) -> str:
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
     """Give the subsystems of equations that `refusal` does not refuse."""
     found = groups(equations)
-    energies = shares(equations, found, equations.energy)
-    forms = shares(equations, found, equations.kinetic_form)
+    energies, _ = shared(equations, found, equations.energy)
+    forms, _ = shared(equations, found, equations.kinetic_form)
     group_of = {j: i for i, group in enumerate(found) for j in group}
     rows: list[list[Row]] = [[] for _ in found]
     for row in equations.rows:

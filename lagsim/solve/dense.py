@@ -438,13 +438,8 @@ def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,)."""
-    n, motion = p.n, p.motion
     solve_motion(t, y, p)
-    for i in range(n):
-        out[i] = y[n + i]
-        out[n + i] = motion[i]
-    if p.size > 2 * n:
-        quadratures(t, y, p, at(out, 2 * n))
+    rates(t, y, p, out)
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -453,6 +448,16 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     multipliers = p.multipliers
     for i in range(p.m):
         out[p.size + i] = multipliers[i]
+
+
+def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+    """Give y' (size,) of the motion that was solved for."""
+    n, motion = p.n, p.motion
+    for i in range(n):
+        out[i] = y[n + i]
+        out[n + i] = motion[i]
+    if p.size > 2 * n:
+        quadratures(t, y, p, at(out, 2 * n))
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -604,23 +609,19 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    n, motion, f, L, u, v = p.n, p.motion, p.f, p.L, p.u, p.v
+    n, u, v, order, scales, right = p.n, p.u, p.v, p.order, p.scales, p.w
     if p.augmented > 0.0:
         augment_force(p)
     factor_rows(p)
-    for j in range(n):
-        v[j] = f[j]
-    forward(n, L, v)
-    for j in range(n):
-        u[j] = v[j]
-    backward(n, L, u, motion)
-    right_side(p)
+    free_motion(p)
+    for k in range(p.m):
+        right[k] = scales[k] * missing(p, int(order[k]))
     rank = int(p.ranked)
     impress(p, rank)
     multipliers(p, rank)
     for j in range(n):
         u[j] += v[j]
-    backward(n, L, u, motion)
+    backward(n, p.L, u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:
@@ -633,16 +634,24 @@ def factor_rows(p: Parameters) -> None:
     p.factored = p.constant
 
 
-def right_side(p: Parameters) -> None:
-    """Leave b - A M^-1 f in the order and scale of the rows; the motion is M^-1 f."""
-    n, A, b, free, scales, right = p.n, p.A, p.b, p.motion, p.scales, p.w
-    order = p.order
-    for k in range(p.m):
-        i = int(order[k])
-        right[k] = b[i]
-        for j in range(n):
-            right[k] -= A[i * n + j] * free[j]
-        right[k] *= scales[k]
+def free_motion(p: Parameters) -> None:
+    """Leave M^-1 f as the motion, and L^-1 f as v (n,)."""
+    n, f, u, v = p.n, p.f, p.u, p.v
+    for j in range(n):
+        v[j] = f[j]
+    forward(n, p.L, v)
+    for j in range(n):
+        u[j] = v[j]
+    backward(n, p.L, u, p.motion)
+
+
+def missing(p: Parameters, i: int) -> float:
+    """Give what the motion lacks of the acceleration that row i asks for."""
+    A, motion = at(p.A, i * p.n), p.motion
+    value = p.b[i]
+    for j in range(p.n):
+        value -= A[j] * motion[j]
+    return float(value)
 
 
 @external

@@ -28,6 +28,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TYPE_CHECKING
 
+from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.parts.parameters import (
     CONTACT,
     DRIVEN,
@@ -40,17 +41,20 @@ from lagsim.methods.parts.parameters import (
 )
 from lagsim.native.kernels.words import at, external
 from lagsim.solve.dense import (
+    NAN,
     REFLECTED,
     augment_force,
     backward,
     dynamics,
     factor,
     forward,
+    free_motion,
     gather,
     geometry,
     left_over,
     loads,
-    quadratures,
+    missing,
+    rates,
 )
 from lagsim.tolerances import OVERFLOW
 
@@ -132,127 +136,84 @@ def share_out(p: Parameters) -> None:
                 out[first + k] *= out[first + int(normal[k])]
 
 
-def solve(size: int, S: Floats, x: Floats) -> None:
-    """Solve S x = right side in place, with row pivoting."""
-    for k in range(size):
-        best = k
-        for i in range(k + 1, size):
-            if abs(S[i * size + k]) > abs(S[best * size + k]):
-                best = i
-        if best != k:
-            exchange(size, k, best, S, x)
-        for i in range(k + 1, size):
-            share = S[i * size + k] / S[k * size + k]
-            if share != 0.0:
-                for j in range(k + 1, size):
-                    S[i * size + j] -= share * S[k * size + j]
-                x[i] -= share * x[k]
-    for back in range(size):
-        k = size - 1 - back
-        for j in range(k + 1, size):
-            x[k] -= S[k * size + j] * x[j]
-        x[k] /= S[k * size + k]
-
-
-def exchange(size: int, k: int, i: int, S: Floats, x: Floats) -> None:
-    """Exchange two rows."""
-    for j in range(k, size):
-        S[k * size + j], S[i * size + j] = S[i * size + j], S[k * size + j]
-    x[k], x[i] = x[i], x[k]
+def solve_rows(p: Parameters, count: int, x: Floats) -> None:
+    """Solve S x = right side (count,) in place; nan where S is singular."""
+    if decompose(count, p.S, p.factors) == 0:
+        for k in range(count):
+            x[k] = NAN
+    else:
+        solve(count, p.S, p.factors, x)
 
 
 def share(p: Parameters, out: Floats) -> None:
-    """Share out the multipliers of contacts, of those of all rows (m,)."""
-    left_out = p.scales
-    for k in range(p.m):
-        left_out[k] = 0.0
-    for _ in range(p.laws):
-        if share_among(p, out) > 0.0:
-            return
-
-
-def share_among(p: Parameters, out: Floats) -> float:
-    """Share them out among those that are not left out; or leave one out, and give 0.
+    """Share out the multipliers of contacts, of those of all rows (m,).
 
     What is not left out may not do: then all stay as they are.
     """
-    n = p.n
-    first = p.m - p.laws
-    mode, A, S, Z, w, x, total = p.law_mode, p.A, p.S, p.Z, p.w, p.x, p.v
+    laws = p.laws
+    G, held, forces, lam = p.free, p.x, p.diagonal, at(out, p.m - laws)
+    count = products(p)
+    if count == 0:
+        return
+    for i in range(count):
+        forces[i] = 0.0
+        for j in range(count):
+            k = int(held[j])
+            forces[i] += G[i * laws + k] * lam[k]
+    pulls = share_among(p, count)
+    while pulls >= 0:
+        for i in range(count):
+            G[i * laws + pulls] = 0.0
+        pulls = share_among(p, count)
+    for k in range(laws):
+        if touches(p, k) and abs(p.w[0]) < OVERFLOW:
+            lam[k] = shared(p, count, k)
+
+
+def products(p: Parameters) -> int:
+    """Make G = A_h A^T of the contacts that hold, by laws; give how many these are."""
+    n, laws = p.n, p.laws
+    mode, G, held, rows = p.law_mode, p.free, p.x, at(p.A, (p.m - laws) * n)
     count = 0
     weigh(p)
-    for k in range(p.laws):
-        if touches(p, k) > 0.0 and mode[k] == HELD:
-            x[count] = first + k
+    for k in range(laws):
+        if mode[k] == HELD and touches(p, k):
+            for i in range(laws):
+                G[count * laws + i] = 0.0
+                if touches(p, i):
+                    G[count * laws + i] = inner(p, at(rows, k * n), at(rows, i * n))
+            held[count] = k
             count += 1
-    gather_pushes(p, count, x, out, total)
+    return count
+
+
+def share_among(p: Parameters, count: int) -> int:
+    """Solve for y among those in G; give the law that would pull most, or -1."""
+    G, S, w, forces = p.free, p.S, p.w, p.diagonal
     for i in range(count):
-        row = at(A, int(x[i]) * n)
-        w[i] = inner(p, row, total)
-        push = at(Z, i * n)
-        for j in range(n):
-            push[j] = 0.0
-        for k in range(p.laws):
-            if takes_part(p, k) > 0.0:
-                other = at(A, (first + k) * n)
-                part = inner(p, row, other)
-                for j in range(n):
-                    push[j] += part * other[j]
-    for i in range(count):
-        for k in range(count):
-            S[i * count + k] = inner(p, at(A, int(x[i]) * n), at(Z, k * n))
-    solve(count, S, w)
-    return put(p, count, x, out)
-
-
-def put(p: Parameters, count: int, x: Floats, out: Floats) -> float:
-    """Put A A_h^T w in the place of the multipliers, unless one would pull: 0."""
-    n = p.n
-    first = p.m - p.laws
-    A, w, total = p.A, p.w, p.v
-    for j in range(n):
-        total[j] = 0.0
-    for i in range(count):
-        row = at(A, int(x[i]) * n)
-        for j in range(n):
-            total[j] += w[i] * row[j]
-    left_out = p.scales
-    pulls = hardest(p, total)
-    if pulls >= 0:
-        left_out[first + pulls] = 1.0
-        return 0.0
-    for k in range(p.laws):
-        if touches(p, k) > 0.0 and abs(total[0]) < OVERFLOW:
-            out[first + k] = takes_part(p, k) * inner(p, at(A, (first + k) * n), total)
-    return 1.0
-
-
-def hardest(p: Parameters, total: Floats) -> int:
-    """Give the law that would pull most; or -1."""
-    first = p.m - p.laws
-    A = p.A
+        w[i] = forces[i]
+        for j in range(count):
+            S[i * count + j] = 0.0
+            for k in range(p.laws):
+                S[i * count + j] += G[i * p.laws + k] * G[j * p.laws + k]
+    solve_rows(p, count, w)
     found = -1
     most = 0.0
     for k in range(p.laws):
-        if takes_part(p, k) > 0.0:
-            push = inner(p, at(A, (first + k) * p.n), total)
-            if push < most:
-                most = push
-                found = k
+        push = shared(p, count, k)
+        if push < most:
+            most = push
+            found = k
     return found
 
 
-def gather_pushes(
-    p: Parameters, count: int, x: Floats, multipliers: Floats, total: Floats
-) -> None:
-    """Give the forces (n,) of the rows x (count,)."""
-    n, A = p.n, p.A
-    for j in range(n):
-        total[j] = 0.0
+def shared(p: Parameters, count: int, k: int) -> float:
+    """Give the multiplier of law k."""
+    G, y = p.free, p.w
+    found = 0.0
     for i in range(count):
-        k = int(x[i])
-        for j in range(n):
-            total[j] += multipliers[k] * A[k * n + j]
+        found += y[i] * G[i * p.laws + k]
+    return found
 
 
 def weigh(p: Parameters) -> None:
@@ -263,7 +224,7 @@ def weigh(p: Parameters) -> None:
     for j in range(n):
         weights[j] = 0.0
     for k in range(p.laws):
-        if touches(p, k) > 0.0:
+        if touches(p, k):
             for j in range(n):
                 weights[j] = max(weights[j], abs(A[(first + k) * n + j]))
     for j in range(n):
@@ -280,21 +241,16 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
     return found
 
 
-def takes_part(p: Parameters, k: int) -> float:
-    """Tell (1) whether a law is one among which multipliers are shared out."""
-    left_out = p.scales
-    return 0.0 if left_out[p.m - p.laws + k] > 0.0 else touches(p, k)
-
-
-def touches(p: Parameters, k: int) -> float:
-    """Tell (1) whether a law is a contact without friction that touches and holds."""
+def touches(p: Parameters, k: int) -> bool:
+    """Tell whether a law is a contact without friction that touches and holds."""
     kind, mode, normal = p.law_kind, p.law_mode, p.law_normal
     if kind[k] != CONTACT or not (mode[k] == HELD or mode[k] == IMPLIED):
-        return 0.0
+        return False
+    slips = 0
     for i in range(p.laws):
         if int(normal[i]) == k:
-            return 0.0
-    return 1.0
+            slips += 1
+    return slips == 0
 
 
 # The margin of what has no end of its own.
@@ -313,13 +269,9 @@ def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
-    n, motion, multipliers = p.n, p.motion, p.multipliers
+    multipliers = p.multipliers
     solve_motion(t, y, p)
-    for i in range(n):
-        out[i] = y[n + i]
-        out[n + i] = motion[i]
-    if p.size > 2 * n:
-        quadratures(t, y, p, at(out, 2 * n))
+    rates(t, y, p, out)
     for i in range(p.m):
         out[p.size + i] = multipliers[i]
     if p.law_shares > 0.0:
@@ -382,7 +334,7 @@ def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) ->
     for j in range(n):
         u[j] = 0.0
     couple(p, 0)
-    solve(count, p.S, right)
+    solve_rows(p, count, right)
     impress(p, 0)
     backward(n, p.L, u, out)
     out[n] = largest
@@ -446,27 +398,18 @@ def drive(p: Parameters) -> None:
 
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda: the terms are there, and what slides is noted."""
-    n, A, b, f, L, u, v, motion = p.n, p.A, p.b, p.f, p.L, p.u, p.v, p.motion
-    order, right = p.order, p.w
-    for j in range(n):
-        v[j] = f[j]
-    forward(n, L, v)
-    for j in range(n):
-        u[j] = v[j]
-    backward(n, L, u, motion)
+    n, u, v, order, right = p.n, p.u, p.v, p.order, p.w
+    free_motion(p)
     count = int(p.ranked)
     for k in range(count):
-        i = int(order[k])
-        right[k] = b[i]
-        for j in range(n):
-            right[k] -= A[i * n + j] * motion[j]
+        right[k] = missing(p, int(order[k]))
     couple(p, 1)
-    solve(count, p.S, right)
+    solve_rows(p, count, right)
     for j in range(n):
         u[j] = v[j]
     impress(p, 1)
     share_out(p)
-    backward(n, L, u, motion)
+    backward(n, p.L, u, p.motion)
 
 
 def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:

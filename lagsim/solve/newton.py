@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import slopes
-from lagsim.language.graph import once
 from lagsim.language.sparse import Meter, TooLongError, minimum_degree
+from lagsim.mechanics.equations import remembered_by_motion
 from lagsim.mechanics.ldl import dense_operations
 
 if TYPE_CHECKING:
@@ -137,20 +137,16 @@ class Newton(NamedTuple):
         return np.asarray(np.linalg.solve(whole, -right)[:n])
 
 
-def newton(equations: Equations) -> Newton | None:
-    """Find Newton's matrix; None where full matrices take fewer operations."""
-    if equations.laws or equations.chains is not None:
-        return None
-    key = newton, equations.nodes
-    return once(equations.graph, key, lambda: _newton(equations))
-
-
 def full_operations(n: int, m: int) -> int:
     """Give the multiplications of both factorisations (2 n: complex), and of J."""
     return n**3 // 3 + (2 * n) ** 3 // 3 + 2 * n**3 + dense_operations(n, m)
 
 
-def _newton(equations: Equations) -> Newton | None:
+@remembered_by_motion
+def newton(equations: Equations) -> Newton | None:
+    """Find Newton's matrix; None where full matrices take fewer operations."""
+    if equations.laws or equations.chains is not None:
+        return None
     n, m = len(equations.q), len(equations.rows)
     most = int(full_operations(n, m) / SLOWER / BOTH)
     entries = sorted(_entries(equations, most))

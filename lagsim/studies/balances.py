@@ -1,7 +1,7 @@
 """Energy balances of decoupled groups of coordinates: none hides another's.
 
 Where the energy is a sum over groups, each has a balance: its energy less the work that
-is done on it, see `mechanics.groups`. Values come from the rows that the monitor has
+is done on it, see `mechanics.equations`. Values come from the rows that the monitor has
 kept.
 
 A jump of a potential makes no impulse: that the energy is then another is no error. But
@@ -22,7 +22,7 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
-from lagsim.mechanics.groups import groups, shares
+from lagsim.mechanics.equations import groups, shared
 from lagsim.tolerances import ENERGY_ROUNDOFF, FLAT_RANGE, SAME_ENERGY, SAME_JUMP
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     found = groups(e)
     if len(found) < 2 or (len(e.works) == 1 and e.works[0].energy == e.energy):
         return []
-    energies, forms = (shares(e, found, x) for x in (e.energy, e.kinetic_form))
+    energies, forms = (shared(e, found, x)[0] for x in (e.energy, e.kinetic_form))
     nodes = [*energies, *forms]
     for group, *own in zip(found, energies, forms, strict=True):
         within = {x[j] for x in (e.q, e.velocities) for j in group}

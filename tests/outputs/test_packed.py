@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.outputs import Format, packed
-from lagsim.outputs.packed import table_writer
+from lagsim.outputs.table import table_writer
 from tests.outputs.test_table import Full
 
 UNITS = {"t": "s", "theta": "rad", "reaction.x": "", "u": "m"}

@@ -7,8 +7,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import derive
-from lagsim.mechanics.groups import groups
+from lagsim.mechanics.equations import derive, groups
 from lagsim.model.reader import read
 from lagsim.plan.subsystems import subsystems
 from lagsim.run.interrupt import Interrupt

@@ -9,7 +9,6 @@ the time at which it comes to rest is that of the geometric series.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -42,8 +41,8 @@ FORCING = (kept.HELD, kept.DRIVEN)
 OPENED = 0.05
 # What holds without a force is asked again after this part of the time between rows.
 SOON = 1e-6
-# Where forces change, each moment looked at is so many times as late as the last.
-LATER = 10.0
+# Forces change in no more than so many times as long.
+LONG = 100.0
 # What gives an impulse: a force that is bounded gives none in no time.
 STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
 # What has bounced so often comes to rest by a series, not by one impact.
@@ -434,23 +433,22 @@ def _parting(
     here: Kinematics, found: Chosen, idle: list[int], also: Collection[int]
 ) -> Floats:
     """Tell by the accelerations of a moment later which idle laws part then (1)."""
-    arc, moment = here.arc, SOON * here.arc.state.row_step
-    y = _state_after(here, found, moment)
-    later = Kinematics(arc, y, arc.t + moment, here.shape)
+    later = _soon_after(here, found)
     then = _chosen(later, np.zeros(here.count), {*also, *found.some})
     return np.array([float(then.mode[k] == kept.OFF) for k in idle])
 
 
-def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
-    """Give the state (size,) a moment later, in the modes found, to second order."""
-    arc, p, n = here.arc, here.arc.system.p, here.arc.system.n
+def _soon_after(here: Kinematics, found: Chosen) -> Kinematics:
+    """Give the laws a moment later, in the modes found."""
+    arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy(), p.law_way.copy()
     p.law_mode[:], p.law_way[:] = found.mode, found.way
+    n, moment = arc.system.n, SOON * arc.state.row_step
     rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
     y = here.y + moment * rates[: arc.system.size]
     y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
     p.law_mode[:], p.law_way[:] = before
-    return np.asarray(y)
+    return Kinematics(arc, y, arc.t + moment, here.shape)
 
 
 class Chosen(NamedTuple):
@@ -516,31 +514,17 @@ def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
         if kept.DRIVEN in before[pair]:
             stills[pair] = p.law_still[k]
             continue
+        later = _soon_after(here, found)
+        bends = (later.accelerations - here.accelerations)[pair] / (later.t - here.t)
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
-        scale = rubs * _steady(here, found, pair, rubs)
+        changes = max(float(np.linalg.norm(bends)), rubs / (LONG * arc.state.row_step))
+        scale = rubs**2 / changes if changes > 0.0 else 0.0
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * here.still[k])
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
         if speed < floor:
             floors[pair], stills[pair] = floor, rtol * scale
     p.law_floor[:], p.law_still[:] = floors, stills
-
-
-def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
-    """Give the time in which the forces on a slip change by as much as its friction.
-
-    Looked for at ever later moments: a force may begin to change at a rate of 0.
-    """
-    moment, steady = SOON * here.arc.state.row_step, here.arc.settings.end - here.t
-    while moment < steady:
-        y = _state_after(here, found, moment)
-        bends = here.accelerations_at(here.t + moment, y) - here.accelerations
-        change = float(np.linalg.norm(bends[pair])) / moment
-        if not math.isfinite(change):  # there are no forces so far ahead
-            return moment
-        steady = min(steady, rubs / change) if change > 0.0 else steady
-        moment *= LATER
-    return steady
 
 
 def _set_slack(here: Kinematics, found: Chosen) -> None:

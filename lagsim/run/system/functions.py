@@ -16,8 +16,13 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Flow, Kind, scale_of
-from lagsim.mechanics.equations import ACTION, generalized_forces, pushes, reactions
-from lagsim.mechanics.groups import may_strike
+from lagsim.mechanics.equations import (
+    ACTION,
+    generalized_forces,
+    may_strike,
+    pushes,
+    reactions,
+)
 from lagsim.mechanics.ldl import without_rows
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import ALWAYS, OFF

@@ -1,0 +1,625 @@
+"""Unilateral constraints in numbers: rows that hold, their multipliers and impulses.
+
+Linear algebra on the Delassus matrix of the rows that could act, beside the equalities
+that hold: no graph, no state.
+
+Impacts obey Newton's law of restitution and Coulomb's of friction: the rate of each
+contact after the impact is at least -e times the one before, and is that where there is
+an impulse. All contacts that touch share one impact, at one time: where they act on
+each other, another order of impacts would end in other rates. Where a series of impacts
+is taken as one, a contact may have to pull in it: the series ends with it at rest, and
+what held it down meanwhile (its weight) is part of no impact. Its friction is in
+proportion, of either sign, so that what slides one way all the time loses what it does
+by the impulses of the series and of the weight.
+
+From accelerations at rates that are known follows which rows hold, slide or let go.
+What slides is driven by a force of known direction. What rests holds if a multiplier
+within its bound does it, and otherwise begins to slide against it. A box on four legs
+can lose any leg on whose side its weight is not. Where discs leave no corner to pivot
+to, legs are taken away until those that are left are independent, as long as friction
+allows it.
+
+Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (1996).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.mechanics.complementarity import (
+    Mode,
+    Problem,
+    Role,
+    Solution,
+    expressed,
+    polished,
+    solve,
+)
+from lagsim.mechanics.constraints import Kind
+from lagsim.tolerances import (
+    ACCELERATION_ROUNDOFF,
+    DECOUPLED,
+    DEPENDENT_ROWS,
+    DEPENDENT_SQUARED,
+    SLIP_CONVERGED,
+    SOLVED_LAWS,
+)
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Flags, Floats, Ints
+
+
+__all__ = [
+    "Closed", "Delassus", "Impact", "Mode", "Modes", "delassus", "impact", "modes",
+]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """Contacts that touch with their slips, and other rows in force: r of them.
+
+    Attributes
+    ----------
+    D : ndarray, shape (r, r)
+        The Delassus matrix: the accelerations of the rows (or rates, of impulses) that
+        multipliers of one give. Zero in the diagonal: a row on which nothing acts.
+    kinds : tuple of Kind
+    normals : tuple of int
+        Of a slip: the row of its contact; else -1.
+    pairs : tuple of int
+        Of one of two slips: the row of the other; else -1.
+    bounds, statics : ndarray, shape (r,)
+        The friction coefficient while it slides and while it sticks, or the limit.
+    restitutions : ndarray, shape (r,)
+    factor : ndarray, shape (k, r), optional
+        D = factor^T factor, from which rows at a small angle are still told apart.
+    """
+
+    D: Floats
+    kinds: tuple[Kind, ...]
+    normals: tuple[int, ...]
+    pairs: tuple[int, ...]
+    bounds: Floats
+    statics: Floats
+    restitutions: Floats
+    factor: Floats | None = None
+
+
+@lru_cache(maxsize=64)
+def _indices(numbers: tuple[int, ...]) -> Ints:
+    """Give an array of row numbers, or of roles; it is not to be written to."""
+    return np.array(numbers, dtype=np.intp)
+
+
+_ROLES = {
+    Kind.CONTACT: Role.SIGNED,
+    Kind.FREEWHEEL: Role.SIGNED,
+    Kind.SLIP: Role.BOXED,
+    Kind.LIMITED: Role.BOXED,
+    Kind.TIMED: Role.FREE,
+}
+# What is bounded gives no impulse.
+_ROLES_AT_IMPACTS = _ROLES | {Kind.LIMITED: Role.ABSENT}
+
+# --- the Delassus matrix --------------------------------------------------------------
+
+
+class Delassus(NamedTuple):
+    """The answer of rows to their multipliers.
+
+    Attributes
+    ----------
+    D : ndarray, shape (r, r)
+        rows K rows^T, where K f is the acceleration that forces f give.
+    response : ndarray, shape (n, r)
+        K rows^T.
+    factor : ndarray, shape (k, r)
+        D = factor^T factor, for the k free directions.
+    """
+
+    D: Floats
+    response: Floats
+    factor: Floats
+
+
+def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
+    """Give the Delassus matrix of rows (r, n) beside equalities A (e, n).
+
+    M (n, n) has to be positive in all directions that A lets through; coordinates
+    without mass, and equalities that others imply, do no harm. Coordinates are scaled
+    by powers of two. A row on which nothing can act has zeros.
+    """
+    diagonal = M.diagonal()
+    if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:
+        factor = (rows / np.sqrt(diagonal)).T
+        return Delassus(factor.T @ factor, (rows / diagonal).T, factor)
+    s = _scales(M, A)
+    mass, seen, Z = M * s * s[:, None], rows * s, None
+    if len(A):
+        lengths = np.linalg.norm(seen, axis=1)
+        Z = _freedom(A * s)
+        mass, seen = Z.T @ mass @ Z, seen @ Z
+        seen[np.linalg.norm(seen, axis=1) <= DEPENDENT_ROWS * lengths] = 0.0
+    L = np.linalg.cholesky(mass)
+    factor = np.linalg.solve(L, seen.T)
+    response = np.linalg.solve(L.T, factor)
+    if Z is not None:
+        response = Z @ response
+    return Delassus(factor.T @ factor, response * s[:, None], factor)
+
+
+def _scales(M: Floats, A: Floats) -> Floats:
+    """Give powers of two (n,) that bring masses, or else columns of A, near 1."""
+    diagonal = M.diagonal()
+    heavy = diagonal > 0.0
+    s = np.ones(len(diagonal))
+    s[heavy] = 2.0 ** -np.round(np.log2(diagonal[heavy]) / 2.0)
+    if heavy.all() or not len(A):
+        return s
+    sizes = np.abs(A * s * heavy).max(axis=1)
+    sizes[sizes == 0.0] = 1.0
+    columns = (np.abs(A) / sizes[:, None]).max(axis=0)
+    light = ~heavy & (columns > 0.0)
+    s[light] = 2.0 ** -np.round(np.log2(columns[light]))
+    return s
+
+
+def _freedom(A: Floats) -> Floats:
+    """Give an orthonormal basis (n, n - rank) of what rows A let through."""
+    lengths = np.linalg.norm(A, axis=1)
+    A = A[lengths > 0.0] / lengths[lengths > 0.0, None]
+    if not len(A):
+        return np.eye(A.shape[1])
+    _, sizes, V = np.linalg.svd(A)
+    return np.asarray(V[int((sizes > DEPENDENT_ROWS * sizes[0]).sum()) :].T)
+
+
+# --- impacts --------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """What an impact does.
+
+    Attributes
+    ----------
+    impulses : ndarray, shape (r,)
+    after : ndarray, shape (r,)
+        The rates.
+    residual : float
+        Of the laws, relative to the rates.
+    open : bool
+        Another order of the impacts would end elsewhere: a choice of this law.
+    energy : float
+        The change of the kinetic energy, seen from what is struck.
+    found : bool
+        False where the laws contradict each other (a body that is crushed).
+    """
+
+    impulses: Floats
+    after: Floats
+    residual: float
+    open: bool
+    energy: float
+    found: bool = True
+
+
+def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
+    """Give the impulses at rates (r,); what is smaller than noise (r,) counts as 0.
+
+    Newton's targets of contacts that are locked into each other may contradict; such
+    an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
+    """
+    if len(rates) == 1 and _ROLES_AT_IMPACTS[closed.kinds[0]] is Role.SIGNED:
+        return _of_one(closed, float(rates[0]), float(noise[0]))
+    before = np.where(np.abs(rates) <= noise, 0.0, rates)
+    terms = zip(
+        closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
+    )
+    target = np.array(
+        [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
+    )
+    solution = _impulses(closed, before - target)
+    locked = not solution.found and bool(target.any())
+    if locked:
+        target = np.zeros(len(before))
+        solution = _impulses(closed, before)
+    p, after = solution.p, solution.w + target
+    is_open = locked or _is_open(closed, before, p)
+    energy = float(p @ (before + after)) / 2.0
+    return Impact(p, after, solution.residual, is_open, energy, solution.found)
+
+
+def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
+    """Give the impact of one contact by itself."""
+    own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
+    before = 0.0 if abs(rate) <= noise else rate
+    bounces = closed.kinds[0] is Kind.CONTACT and before < 0.0
+    target = -e * before if bounces else 0.0
+    p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
+    after = before + own * p
+    asked, missed = abs(before - target), max(target - after, 0.0)
+    residual = missed / asked if asked > 0.0 else 0.0
+    energy = p * (before + after) / 2.0
+    found = residual < SOLVED_LAWS
+    return Impact(np.array([p]), np.array([after]), residual, False, energy, found)
+
+
+def _impulses(closed: Closed, c: Floats) -> Solution:
+    """Give the impulses for rates c (r,) that are to become 0.
+
+    The slips of stopped contacts slide on, or are held where that would turn them back.
+    """
+    roles = _indices(tuple([_ROLES_AT_IMPACTS[kind] for kind in closed.kinds])).copy()
+    ways = np.zeros(len(c))
+    sliding: list[list[int]] = []
+    for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
+        if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] != Role.BOXED:
+            continue
+        if pair < k:
+            sliding.append([pair, k] if pair >= 0 else [k])
+    for rows in sliding:
+        speed = float(np.linalg.norm(c[rows]))
+        roles[rows] = Role.GIVEN if speed > 0.0 else Role.FREE
+        ways[rows] = -c[rows] / speed if speed > 0.0 else 0.0
+    normals, pairs = _indices(closed.normals), _indices(closed.pairs)
+    sizes = np.where(normals >= 0, closed.bounds, 0.0)
+    while True:
+        solution = solve(Problem(closed.D, c, roles, sizes, ways, normals, pairs))
+        turned = [rows for rows in sliding if solution.w[rows] @ ways[rows] > 0.0]
+        if not turned:
+            return solution
+        for rows in turned:
+            roles[rows], ways[rows] = Role.FREE, 0.0
+
+
+def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
+    """Tell whether the order of impacts counts.
+
+    It does where one changes the rate of another that is struck as well. Inelastic ones
+    without friction that push each other's rates down end in one state all the same.
+    """
+    groups = {
+        k: [k, *(i for i, n in enumerate(closed.normals) if n == k and p[i])]
+        for k, kind in enumerate(closed.kinds)
+        if kind is Kind.CONTACT and (p[k] > 0.0 or before[k] < 0.0)
+    }
+    scale = np.sqrt(closed.D.diagonal())
+    for (i, rows), (j, others) in combinations(groups.items(), 2):
+        D = closed.D[np.ix_(rows, others)]
+        if not (np.abs(D) > DECOUPLED * np.outer(scale[rows], scale[others])).any():
+            continue
+        plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
+        if closed.restitutions[i] or closed.restitutions[j] or not plain:
+            return True
+    return False
+
+
+# --- modes ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """What all rows do, r of them.
+
+    Attributes
+    ----------
+    mode : tuple of Mode
+        Held rows are independent of each other.
+    way : ndarray, shape (r,)
+        Of a driven row: its multiplier is way times its bound; with two slips, of each
+        its part. Of an implied row that bears a share: the part, at most 1, of its
+        bound at rest. Else 0.
+    multipliers, accelerations : ndarray, shape (r,)
+    paradox : bool
+        Painlevé's: no solution, or a sliding contact that presses with an effective
+        mass that is not positive. What may part instead is let go.
+    """
+
+    mode: tuple[Mode, ...]
+    way: Floats
+    multipliers: Floats
+    accelerations: Floats
+    paradox: bool
+
+    @property
+    def unique(self) -> bool:
+        """Whether the multipliers are determined."""
+        return Mode.IMPLIED not in self.mode
+
+
+def modes(
+    closed: Closed,
+    accelerations: Floats,
+    rates: Floats,
+    noise: Floats,
+    slip_noise: Floats,
+    leaning: Floats | None = None,
+) -> Modes:
+    """Decide what the rows do.
+
+    Parameters
+    ----------
+    accelerations : ndarray, shape (r,)
+        Of the rows, with no multiplier of theirs.
+    rates : ndarray, shape (r,)
+        Of slips and limited rows; those larger than slip_noise (r,) slide.
+    noise : ndarray, shape (r,)
+        Accelerations that are smaller count as 0.
+    leaning : ndarray, shape (r,), optional
+        What decides about rows on an edge, which would hold: a contact with neither
+        force nor acceleration is let go where this is > 0, and a row that rests at its
+        bound begins to slide where this is not 0.
+    """
+    problem = _at_rates(closed, accelerations, rates, slip_noise)
+    lean = np.zeros(len(noise)) if leaning is None else leaning
+    while (solution := solve(problem)).found:
+        quiet = _known(problem, solution, noise)
+        if (
+            solution.apart
+            and _is_plain(problem, solution, quiet)
+            and not _begins(closed, problem, solution.modes).any()
+        ):
+            found = tuple(solution.modes)
+            return Modes(found, solution.ways, solution.p, solution.w, paradox=False)
+        what, ways = _on_edges(closed, problem, solution, quiet, lean)
+        begin = _begins(closed, problem, what)
+        if begin.any():
+            sizes = np.where(begin, closed.bounds, problem.sizes)
+            problem = replace(problem, sizes=sizes)
+            continue
+        if (problem.pairs[problem.roles == Role.BOXED] >= 0).any():
+            solution = _supported(closed, problem, solution, quiet)
+            quiet = _known(problem, solution, noise)
+            what, ways = _on_edges(closed, problem, solution, quiet, lean)
+        return _decided(closed, problem, what, ways)
+    nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
+    return Modes(off, nothing, nothing, solution.w, paradox=True)
+
+
+def _at_rates(
+    closed: Closed, accelerations: Floats, rates: Floats, slip_noise: Floats
+) -> Problem:
+    """Make what slides a given force against its slip, what rests a bounded one."""
+    normals, pairs = _indices(closed.normals), _indices(closed.pairs)
+    roles = _indices(tuple([_ROLES[kind] for kind in closed.kinds]))
+    slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
+    sliding = (roles == Role.BOXED) & (slips > slip_noise)
+    roles = np.where(sliding, Role.GIVEN, roles)
+    sizes = np.where(roles == Role.BOXED, closed.statics, closed.bounds)
+    ways = np.where(sliding, -rates / np.where(sliding, slips, 1.0), 0.0)
+    return Problem(closed.D, accelerations, roles, sizes, ways, normals, pairs)
+
+
+def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
+    """Give how well the accelerations of rows are known (r,).
+
+    Against all that could push: what rests without a force has its friction's scale.
+    """
+    pushes = np.maximum(np.abs(solution.p), problem.bounds(solution.p))
+    terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
+    parts = np.where(problem.pairs >= 0, SLIP_CONVERGED, ACCELERATION_ROUNDOFF)
+    return np.asarray(np.maximum(noise, parts * terms))
+
+
+def _is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
+    """Tell that of one or two rows, which are independent, none is near an edge."""
+    for k, mode in enumerate(solution.modes):
+        p, own, n = solution.p.item(k), problem.D.item(k, k), problem.normals.item(k)
+        held, role = mode is Mode.HELD, problem.roles.item(k)
+        if n >= 0 and solution.modes[n] is Mode.OFF:
+            return False
+        if role == Role.SIGNED:
+            inside = p * own if held else solution.w.item(k)
+        elif role == Role.BOXED and held:
+            inside = (problem.bounds(solution.p).item(k) - abs(p)) * own
+        elif role == Role.BOXED:
+            inside = -solution.w.item(k) * solution.ways.item(k)
+        else:
+            continue
+        if inside <= quiet[k]:
+            return False
+    return True
+
+
+def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
+    """Tell which rows begin to slide with another bound than that of sliding (r,)."""
+    driven = np.array([mode is Mode.DRIVEN for mode in modes], dtype=bool)
+    begin: Flags = (
+        driven & (problem.roles == Role.BOXED) & (closed.bounds != problem.sizes)
+    )
+    return begin
+
+
+def _on_edges(
+    closed: Closed, problem: Problem, solution: Solution, quiet: Floats, lean: Floats
+) -> tuple[list[Mode], Floats]:
+    """Give the modes and ways where ties are decided and held rows are independent.
+
+    quiet : (r,), accelerations that are rounding.
+    """
+    own = closed.D.diagonal()
+    small = quiet / np.where(own > 0.0, own, 1.0)
+    modes, ways = list(solution.modes), solution.ways.copy()
+    p, w = solution.p, solution.w
+    tied: list[int] = []  # what touches without force and does not lean away
+    apart: list[int] = []  # ... and what does
+    for k in problem.rows(Role.SIGNED):
+        if modes[k] is Mode.HELD and p[k] <= small[k] and lean[k] > 0.0:
+            modes[k] = Mode.OFF
+        elif modes[k] is Mode.OFF and w[k] <= quiet[k]:
+            (tied if lean[k] <= 0.0 else apart).append(k)
+    for k, bound in enumerate(problem.bounds(p).tolist()):
+        n = problem.normals[k]
+        if n >= 0 and modes[n] is Mode.OFF and n not in tied:
+            modes[k], ways[k] = Mode.OFF, 0.0
+            continue
+        if problem.roles[k] != Role.BOXED:
+            continue
+        rows = [k] if problem.pairs[k] < 0 else [k, problem.pairs[k]]
+        slip, force = np.linalg.norm(w[rows]), np.linalg.norm(p[rows])
+        if slip > quiet[rows].max():
+            modes[k], ways[k] = Mode.DRIVEN, ways[k] or -float(w[k] / slip)
+        elif lean[rows].any() and bound > small[k] and force >= bound - small[k]:
+            modes[k], ways[k] = Mode.DRIVEN, float(p[k] / force)
+        elif modes[k] is not Mode.HELD:
+            tied.append(k)
+    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    held.sort(key=lambda k: problem.roles[k] != Role.FREE)
+    _imply(_Span(closed), problem, p, modes, ways, [*held, *tied], apart)
+    return modes, ways
+
+
+def _imply(
+    span: _Span,
+    problem: Problem,
+    p: Floats,
+    modes: list[Mode],
+    ways: Floats,
+    holding: list[int],
+    apart: list[int],
+) -> None:
+    """Let rows that others hold be implied, with the share of their bound they bear.
+
+    Slips of contacts without force are off; what others hold cannot lean away.
+    """
+    limits = problem.bounds(p)
+    for k in holding:
+        n = problem.normals[k]
+        if n >= 0 and modes[n] is not Mode.HELD:
+            modes[k], ways[k] = Mode.OFF, 0.0
+        elif span.takes(k):
+            modes[k], ways[k] = Mode.HELD, 0.0
+        else:
+            modes[k] = Mode.IMPLIED
+            if n >= 0 or problem.roles[k] == Role.BOXED:
+                ways[k] = p[k] / limits[k] if limits[k] else 0.0
+    for k in apart:
+        if span.has(k):
+            modes[k] = Mode.IMPLIED
+
+
+def _columns(closed: Closed) -> Floats:
+    """Give Y (k, r): D = Y^T Y."""
+    if closed.factor is not None:
+        return closed.factor
+    sizes, V = np.linalg.eigh(closed.D)
+    return np.asarray(np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T)
+
+
+class _Span:
+    """What the rows taken so far span."""
+
+    def __init__(self, closed: Closed) -> None:
+        Y = _columns(closed)
+        self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT_ROWS
+        lengths = np.linalg.norm(Y, axis=0)
+        self.units = Y / np.where(lengths > 0.0, lengths, 1.0)
+        self.taken: list[Floats] = []
+
+    def takes(self, row: int) -> bool:
+        """Take a row unless it is spanned already."""
+        rest = self._rest(row)
+        size = float(np.linalg.norm(rest))
+        if size <= self.least:
+            return False
+        self.taken.append(rest / size)
+        return True
+
+    def has(self, row: int) -> bool:
+        """Tell whether a row is spanned."""
+        return float(np.linalg.norm(self._rest(row))) <= self.least
+
+    def _rest(self, row: int) -> Floats:
+        rest = self.units[:, row]
+        if self.taken:
+            Q = np.array(self.taken)
+            for _ in range(2):
+                rest = rest - (Q @ rest) @ Q
+        return rest
+
+
+def _supported(
+    closed: Closed, problem: Problem, solution: Solution, quiet: Floats
+) -> Solution:
+    """Give a solution in which the contacts that bear are independent, if there is one.
+
+    All rows keep their accelerations within quiet (r,).
+    """
+    while True:
+        for k in _spare(closed, problem, solution):
+            away = (np.arange(len(problem.c)) == k) | (problem.normals == k)
+            without = replace(problem, roles=np.where(away, Role.ABSENT, problem.roles))
+            less = solve(without)
+            full = closed.D @ less.p + problem.c
+            if less.found and (np.abs(full - solution.w) <= quiet).all():
+                solution, problem = replace(less, w=full), without
+                break
+        else:
+            return solution
+
+
+def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
+    """Give the contacts that end first where forces change along a dependence."""
+    p = solution.p
+    bear = [k for k in problem.rows(Role.SIGNED) if p[k] > 0.0]
+    span = _Span(closed)
+    if all(span.takes(k) for k in bear):
+        return []
+    s = np.sqrt(closed.D.diagonal()[bear])
+    z = np.linalg.svd(span.units[:, bear])[2][-1] / s
+    ends = []
+    for way in (z, -z):
+        falls = way < -np.abs(z).max() * span.least
+        parts = np.where(falls, p[bear] / np.where(falls, -way, 1.0), np.inf)
+        if np.isfinite(parts.min()):
+            ends.append(bear[int(parts.argmin())])
+    return sorted(ends, key=lambda k: float(p[k]))
+
+
+def _decided(
+    closed: Closed, problem: Problem, modes: list[Mode], ways: Floats
+) -> Modes:
+    """Solve once more, for the rows that hold by themselves."""
+    p = polished(problem, modes, ways, closed.factor)
+    least = -ACCELERATION_ROUNDOFF * np.abs(p).max(initial=0.0)
+    p[(problem.roles == Role.SIGNED) & (p < 0.0) & (p > least)] = 0.0
+    # Ways are parts of the bounds in force, here of those of the problem.
+    implied = np.array([mode is Mode.IMPLIED for mode in modes], dtype=bool)
+    known = np.where(implied, closed.statics, closed.bounds)
+    other = (known > 0.0) & (known != problem.sizes)
+    parts = np.where(other, problem.sizes, 1.0) / np.where(other, known, 1.0)
+    w = closed.D @ p + problem.c
+    return Modes(tuple(modes), ways * parts, p, w, _jams(closed, problem, modes, ways))
+
+
+def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> bool:
+    """Tell whether a contact that holds and slides has no positive effective mass.
+
+    Pressing on it then does not push it away: each alone, and those that hold together.
+    What need not press may part; that is no paradox.
+    """
+    if Mode.DRIVEN not in modes:
+        return False
+    E, _ = expressed(problem, modes, ways)
+    free = problem.rows(Role.FREE)
+    G = closed.D @ E
+    masses = G.diagonal()
+    if free:
+        X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
+        masses = masses - np.einsum("ij,ji->i", G[:, free], X)
+    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    signed = [k for k in held if problem.roles[k] == Role.SIGNED]
+    if (masses[signed] <= ACCELERATION_ROUNDOFF * closed.D.diagonal()[signed]).any():
+        return True
+    # Those that hold together: their mass against the one without friction.
+    Y = _columns(closed)
+    Q, R = np.linalg.qr(Y[:, held])
+    sign, size = np.linalg.slogdet(Q.T @ (Y @ E)[:, held])
+    other, plain = np.linalg.slogdet(R)
+    return bool(sign * other * np.exp(size - plain) <= ACCELERATION_ROUNDOFF)
