@@ -58,6 +58,9 @@ MOTION_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
 """The change of a coordinate that is rounding, as a part of its values or of the motion
 that it is linked with: a Newton step onto constraints, or the range of what rests."""
 
+DOUBLE_ROOT = 2.0**-26
+"""The relative error of a value that was found as a double root: half of the digits."""
+
 PROBE = 2.0**-36
 """The relative change of a state that shows what its rounding does to y': large enough
 that the difference has digits, small enough that nothing bends."""
@@ -83,7 +86,8 @@ NO_MOTION = 1e-6
 
 SATISFIED = 1e-6
 """The residual of a constraint, against its scale, up to which it is satisfied in rows,
-or where it comes into force: steps leave rounding, a million times more is none."""
+at the start, or where it comes into force: steps leave rounding, a million times more
+is none; starts that were typed have six digits."""
 
 ENERGY_DRIFT = 1e-6
 """The drift of the energy, as a part of that in play, that is named: the default
@@ -116,8 +120,11 @@ SAME_STEP = 1e-9
 """Steps, and times, that differ by this part of a step are the same."""
 
 LEAST_PIVOT = 1e-13
-"""The least pivot as a part of the terms that it is left of: three digits are right
-then, which is enough for iterations."""
+"""The least pivot, or inertia in passing, as a part of the terms that it is left of:
+three digits are right then, which is enough for iterations."""
+
+SETTLED_EIGENVALUE = 1e-6
+"""The relative change of an eigenvalue at which inverse iteration ends."""
 
 SETTLED_IMPULSE = 1e-10
 """The change of its own rate, by an impulse, at which relaxation of impulses ends, as a
@@ -157,6 +164,18 @@ attraction steps become small as well."""
 
 SLIP_AT_REST = 1e-8
 """The slip, as a part of its rates, that relaxation leaves of one that rests."""
+
+CONTRADICTION = 1e-8
+"""The difference of what dependent rows ask for, against its size, that is none:
+rounding, and starts that were typed."""
+
+VANISHING_LENGTH = 1e-8
+"""The length of a relation, against the longest, that is that of a gradient which all
+but vanishes."""
+
+DEPENDENT_FIELDS = 1e-7
+"""The part of a vector outside of a span, against its length, that is none, where
+brackets of fields span it."""
 
 UNCOUPLED = 2.0**-100
 """The norm of what acts back, against that of a matrix, that counts as none."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.tolerances import DEPENDENT_ROWS
+from lagsim.tolerances import DEPENDENT_ROWS, SETTLED_EIGENVALUE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -156,8 +156,6 @@ class Span:
 
 # --- Sparse matrices
 
-# Inverse iteration ends when the value changes by less than this part.
-SETTLED = 1e-6
 MOST_ITERATIONS = 200
 # Columns that are solved for together.
 TOGETHER = 64
@@ -241,6 +239,6 @@ def largest_eigenvalue(
         if not 0.0 < value < np.inf:
             return np.inf, x
         x = moved / value
-        if abs(value - before) <= SETTLED * value:
+        if abs(value - before) <= SETTLED_EIGENVALUE * value:
             break
     return value, x

@@ -1,6 +1,6 @@
 """The initial state: guesses solved, residuals judged, the nearest state found.
 
-A relation, or its rate, is satisfied when its residual is at most TOLERANCE of the
+A relation, or its rate, is satisfied when its residual is at most SATISFIED of the
 largest of its terms and of |q_i dg/dq_i|, wherever it stands (see `verdict`), or within
 the rounding error of the expressions that gave the start.
 """

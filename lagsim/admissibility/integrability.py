@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.algebra import Span, least_squares, null_space
-from lagsim.admissibility.newton import Relations, reach
-from lagsim.admissibility.point import conditions, of_rows
+from lagsim.admissibility.newton import reach, relations_of
+from lagsim.admissibility.point import of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
+from lagsim.tolerances import DEPENDENT_FIELDS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 # What has one form on one side of a switch and another on the other.
 BRANCHED = CHOOSING | STEPS | {"abs"}
-# Vectors that differ from a span by less than this part of their length lie in it.
-INDEPENDENT = 1e-7
 # The bounds of rounding errors are to first order; this keeps them bounds.
 CAUTION = 10.0
 SPREAD = 0.3
@@ -102,28 +101,22 @@ def _at_generic_points(point: Point, rows: Sequence[Row]) -> Reach:
     # Where no gradient depends on a coordinate, only its own size tells.
     own = np.where(np.abs(q) > 0.0, np.abs(q), 1.0 / weights)
     spread = np.where(spread > 0.0, spread, own)
+    metric = np.diag(weights**2)
     found: list[Reach] = []
     for _ in range(TRIALS):
         later = point.t + SPREAD * abs(random.standard_normal())
-        near = q + SPREAD * spread * random.standard_normal(len(q))
-        admissible = _admissible(point.at(near, t=later), rows)
-        if admissible is None:
-            continue
-        found.append(_Distribution(admissible, rows).reach())
+        near = point.at(q + SPREAD * spread * random.standard_normal(len(q)), t=later)
+        held = relations_of(near, rows, velocities=False)
+        if held.wanted:
+            reached = reach(held, near.q, metric)
+            if not reached.converged:
+                continue
+            near = held.at(reached.x)
+        found.append(_Distribution(near, rows).reach())
         if found.count(found[-1]) == AGREE:
             return found[-1]
     reason = "generic points disagree" if found else NONE_NEARBY
     return Reach(None, None, reason=reason)
-
-
-def _admissible(point: Point, rows: Sequence[Row]) -> Point | None:
-    """Give a state that the holonomic rows admit, near a point; None: not found."""
-    wanted = conditions(rows, velocities=False)
-    if not wanted:
-        return point
-    relations = Relations(point, wanted, range(point.n), velocities=False)
-    found = reach(relations, point.q, np.diag(point.sizes**2))
-    return relations.at(found.x) if found.converged else None
 
 
 class _Distribution:
@@ -178,7 +171,7 @@ class _Distribution:
         if not np.isfinite(length) or length == 0:
             return False
         rest = span.outside(vector / length)
-        if np.linalg.norm(rest) <= INDEPENDENT:
+        if np.linalg.norm(rest) <= DEPENDENT_FIELDS:
             return False
         rounding = np.linalg.norm(self.point.rounding(field) * self.weights)
         return span.extend(rest, CAUTION * float(rounding / length))
@@ -191,7 +184,7 @@ class _Distribution:
         bound: dict[int, int] = {}  # column -> row
         for i in range(len(table)):
             j = int(np.argmax(np.abs(numbers[i])))
-            if abs(numbers[i, j]) <= INDEPENDENT:
+            if abs(numbers[i, j]) <= DEPENDENT_FIELDS:
                 continue  # a dependent row
             bound[j] = i
             pivot = table[i][j]
@@ -229,9 +222,9 @@ class _Distribution:
         known = Span(len(self.names))
         for row, form in zip(self.rows, self.scaled, strict=True):
             if row.holonomic:
-                known.extend(form, INDEPENDENT)
+                known.extend(form, DEPENDENT_FIELDS)
         blocked = null_space(np.vstack([span.basis, known.basis]), 1e-6)
-        shares = least_squares(self.scaled.T, blocked, INDEPENDENT)
+        shares = least_squares(self.scaled.T, blocked, DEPENDENT_FIELDS)
         names = tuple(
             row.name
             for row, share in zip(self.rows, shares, strict=True)

@@ -24,14 +24,16 @@ from lagsim.admissibility.algebra import (
     null_space,
     scaled,
 )
+from lagsim.admissibility.point import conditions
 from lagsim.language.derivatives import tangent
 from lagsim.tolerances import CONVERGED, STATE_ROUNDOFF, TERM_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.admissibility.point import Condition, Point
     from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.constraints import Row
 
 
 # --- Relations: residuals as functions of some values of a state
@@ -162,6 +164,12 @@ class Relations:
     def _rounding(self, point: Point, rows: Sequence[int]) -> Floats:
         found = point.rounding([self.nodes[i] for i in rows])
         return np.asarray(found + [self.wanted[i].error for i in rows])
+
+
+def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
+    """Give what `rows` ask of all positions, or of all velocities."""
+    wanted = conditions(rows, velocities=velocities)
+    return Relations(point, wanted, range(point.n), velocities=velocities)
 
 
 # --- Divergence: relations that are satisfied by rounding alone, ever farther out

@@ -32,7 +32,14 @@ from lagsim.admissibility.algebra import (
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.mechanics.equations import Instant
-from lagsim.tolerances import SAFELY_INDEPENDENT, STATE_ROUNDOFF, UNIT_ROUNDOFF
+from lagsim.tolerances import (
+    DOUBLE_ROOT,
+    SAFELY_INDEPENDENT,
+    STATE_ROUNDOFF,
+    SURFACE_ROUNDOFF,
+    UNIT_ROUNDOFF,
+    VANISHING_LENGTH,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -41,10 +48,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.chains import Chains
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
-
-
-# Of a value that was found as a double root.
-HALF = 2.0**-26
 
 
 class Point:
@@ -148,7 +151,7 @@ class Point:
             step = rounding / np.where(squares > 0.0, squares, np.inf)
             shares = columns * step[entries.i] / weights[entries.j]
             # At a double root half of the digits are known, whatever the slopes say.
-            known = HALF * (np.abs(state[k]) + own[k] / STATE_ROUNDOFF)
+            known = DOUBLE_ROOT * (np.abs(state[k]) + own[k] / STATE_ROUNDOFF)
             own[k] += np.minimum(np.bincount(entries.j, shares, self.n), known)
         return dict(zip(names, np.concatenate(own).tolist(), strict=True))
 
@@ -265,11 +268,6 @@ class Point:
 
 # Through so many affine relations a length is handed on.
 LINKS = 3
-# The constant of an affine relation is rounding below this part of its terms.
-ROUNDED = 1e-13
-# Where states are varied, a length below this part of the longest is that of a gradient
-# that all but vanishes.
-TINY = 1e-8
 # A length is not handed on if it is more than so many of the form's shortest.
 LONG = 1e3
 # A least-squares problem takes rows * columns * rank / FITTED operations made.
@@ -427,7 +425,7 @@ class Lengths:
         ways = [(k, way) for form in self.forms for k, way in form.ways.items()]
         known = [way for _, way in ways if 0.0 < way < np.inf]
         size = max(known, default=0.0)
-        lengths = self._shortest(TINY * size, 1.0)
+        lengths = self._shortest(VANISHING_LENGTH * size, 1.0)
         other = np.full(self.point.n, size)
         if not known:
             other[:] = float(np.linalg.norm(self.u)) or 1.0
@@ -461,7 +459,7 @@ class Lengths:
         moved = abs(float(np.sum(own)))
         constant = abs(value - float(np.sum(own)))
         terms = float(np.max(np.abs(own), initial=0.0))
-        return np.inf if constant <= ROUNDED * terms else max(constant, moved)
+        return np.inf if constant <= SURFACE_ROUNDOFF * terms else max(constant, moved)
 
     def motions(self) -> Floats:
         """Give the size of the motion that each form sees, shape (m,); inf: not known.

@@ -32,9 +32,15 @@ from lagsim.admissibility.algebra import (
     scaled,
     solving_metric,
 )
-from lagsim.admissibility.newton import Relations, Trouble, reach
-from lagsim.admissibility.point import conditions, of_rows
-from lagsim.tolerances import DEPENDENT_ROWS, SAFELY_INDEPENDENT, STATE_ROUNDOFF
+from lagsim.admissibility.newton import Trouble, reach, relations_of
+from lagsim.admissibility.point import of_rows
+from lagsim.tolerances import (
+    CONTRADICTION,
+    DEPENDENT_ROWS,
+    DOUBLE_ROOT,
+    SAFELY_INDEPENDENT,
+    STATE_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -43,9 +49,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 
-# What dependent rows ask for may differ by this part of its size: rounding, and starts
-# that were typed.
-CONTRADICTION = 1e-8
 # Bounds of rounding errors are to first order; this keeps them bounds.
 CAUTION = 100.0
 LEVELS = ("position", "velocity", "acceleration")
@@ -58,7 +61,7 @@ GENERIC_RANK = 1e-9
 # Rank that is won on the way to such a state is won by more than this part of the way.
 TRACE = 1e-4
 # What vanishes at a double root is known to half of the digits.
-HALF = 1e-6
+HALF = 64.0 * DOUBLE_ROOT
 
 
 class Dependence(NamedTuple):
@@ -366,14 +369,6 @@ class Neighbourhood:
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
         return np.asarray(x + size * self.spreads[velocities] * kick)
 
-    def relations(
-        self, rows: Sequence[Row], *, velocities: bool, near: Point | None = None
-    ) -> Relations:
-        """Give what `rows` ask of all positions, or of all velocities."""
-        wanted = conditions(rows, velocities=velocities)
-        every = range(self.point.n)
-        return Relations(near or self.point, wanted, every, velocities=velocities)
-
     def admissible(
         self, size: float, random: np.random.Generator
     ) -> tuple[Point, bool] | None:
@@ -389,7 +384,7 @@ class Neighbourhood:
         entries = [a for row in rows for a in row.A.entries.values()]
         moving = g.depends(entries) & frozenset(self.point.e.velocities)
         for velocities in (False, True) if moving else (False,):
-            relations = self.relations(rows, velocities=velocities, near=near)
+            relations = relations_of(near, rows, velocities=velocities)
             if not relations.wanted:
                 continue
             reached = reach(relations, relations.x0, self.metric)
@@ -404,7 +399,7 @@ class Neighbourhood:
     ) -> list[Floats]:
         """Give of `count` positions, or velocities, around those that `rows` admit."""
         random = np.random.default_rng(7)  # the same each time
-        relations = self.relations(rows, velocities=velocities)
+        relations = relations_of(self.point, rows, velocities=velocities)
         found = []
         for _ in range(count):
             x = self.varied(FAINT, random, velocities=velocities)
@@ -586,7 +581,7 @@ def _thin_rows(
     if not states:
         return (), ()
     own = [known[d.name] for d in suspects]
-    relations = around.relations(own, velocities=velocities)
+    relations = relations_of(around.point, own, velocities=velocities)
     # What rounding may leave in the rows at these states.
     L, x0 = cholesky(around.metric), relations.x0
     slopes = np.linalg.norm(np.linalg.solve(L, relations(x0)[1].T), axis=0)

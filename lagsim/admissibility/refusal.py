@@ -17,7 +17,7 @@ from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
-from lagsim.tolerances import DEPENDENT_ROWS, UNIT_ROUNDOFF
+from lagsim.tolerances import DEPENDENT_ROWS, LEAST_PIVOT, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -250,11 +250,6 @@ def out_of_scale(model: Model) -> InputError:
 
 # --- Inertia of every direction, or a constraint that determines it
 
-# Inertia below this part of the largest is rounding, where M varies with the positions:
-# a motion passes it (angles near gimbal lock), and its rounding is seen in every step.
-# Of a constant M it would be the same in all steps, which no repeat sees.
-PASSING = 1e-13
-
 
 def needs_constraints(point: Point) -> bool:
     """Tell whether M is singular alone but positive where the constraints let it move.
@@ -269,8 +264,11 @@ def needs_constraints(point: Point) -> bool:
         return False
     size, scaled, rows = _scaled(point)
     inertia, directions = np.linalg.eigh(scaled)
+    # Where M varies with the positions a motion passes such a place (angles near gimbal
+    # lock), and its rounding is seen in every step. Of a constant M it would be the
+    # same in all steps, which no repeat sees.
     varies = not point.g.depends(point.e.mass_nodes).isdisjoint(point.e.q)
-    least = PASSING if varies else DEPENDENT_ROWS
+    least = LEAST_PIVOT if varies else DEPENDENT_ROWS
     if inertia[0] > least:
         return False
     if inertia[0] < -DEPENDENT_ROWS:
@@ -359,7 +357,7 @@ def _of_inertia(
 # which says why.
 
 # More than any bound asks for: what is closer to one is looked at by itself.
-CLEAR = 2.0 * max(DEPENDENT_ROWS, PASSING)
+CLEAR = 2.0 * DEPENDENT_ROWS
 
 
 def needs_no_solve(equations: Equations) -> bool:

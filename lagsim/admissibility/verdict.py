@@ -34,7 +34,7 @@ from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
 from lagsim.notes import Caution
-from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF
+from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.constraints import Law, Row
     from lagsim.mechanics.equations import Equations
 
-TOLERANCE = 1e-6
 ONE_SIDED = "one-sided"
 START_VALUE = "start value"
 # The bound of rounding errors is to first order; this keeps it a bound.
@@ -78,7 +77,7 @@ class Residual(NamedTuple):
     @property
     def bound(self) -> float:
         """What |value| may be."""
-        return max(TOLERANCE * self.scale, self.rounding, self.floor)
+        return max(SATISFIED * self.scale, self.rounding, self.floor)
 
     @property
     def why(self) -> str:
@@ -87,7 +86,7 @@ class Residual(NamedTuple):
             return "the rounding error of the start"
         if self.floor == self.bound:
             return "the rounding of numbers in full precision"
-        return f"{TOLERANCE:g} of {self.size}"
+        return f"{SATISFIED:g} of {self.size}"
 
     @property
     def exact(self) -> bool:

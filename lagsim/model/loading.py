@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import re
 import sys
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,25 +58,24 @@ def text_of(path: str) -> tuple[str, str]:
     """
     file = STDIN if path == STANDARD_INPUT else path
     try:
-        if path == STANDARD_INPUT:
-            data = files.all_of(sys.stdin.buffer, limits.MODEL_BYTES)
-        elif path.startswith(_OPEN_ALREADY):
+        if path.startswith(_OPEN_ALREADY):
             with Path(path).open("rb") as stream:
                 data = files.all_of(stream, limits.MODEL_BYTES)
+        elif path == STANDARD_INPUT:
+            data = files.all_of(sys.stdin.buffer, limits.MODEL_BYTES)
         else:
             data = files.content(path, limits.MODEL_BYTES)
     except (OSError, ValueError) as error:  # ValueError: a null byte in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise unusable("unreadable", f"cannot be read: {reason}", file) from None
     try:
-        text = data.decode()
+        return data.decode(), file
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        column = error.start - (data.rfind(b"\n", 0, error.start) + 1)
-        place = Place(file, line, column + 1)
+        column = error.start - data.rfind(b"\n", 0, error.start)
         message = f"not UTF-8: byte 0x{data[error.start]:02x} in line {line}"
+        place = Place(file, line, column)
         raise unusable("not-utf8", message, file, place) from None
-    return text, file
 
 
 def unusable(code: str, text: str, file: str, place: Place | None = None) -> InputError:
@@ -216,8 +216,7 @@ class _Builder:
             return Broken(place)
         scalar = Scalar(event.value, bool(event.style), place, span)
         if span.style in ("|", ">"):  # the text begins below its header
-            place = scalar.place_of(0, len(scalar.text))
-            return Scalar(event.value, quoted=True, place=place, span=span)
+            return replace(scalar, place=scalar.place_of(0, len(scalar.text)))
         return scalar
 
     def _attach(self, node: Node) -> None:
@@ -269,8 +268,7 @@ class _Builder:
         In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
         """
         whole: list[Node] = []
-        step = 2 if mapping else 1
-        i = 0
+        step, i = 1 + mapping, 0
         while i < len(parts):
             whole += parts[i : i + step]
             last = _end_of_split(parts, i + step - 1, step)
@@ -412,8 +410,9 @@ class _Case:
 
     @property
     def first_key(self) -> bool:
-        """Whether the parser stopped at the first colon of its line."""
-        return ":" not in self.line[: self.at[1]] and self.character == ":"
+        """Whether the parser stopped at the first colon of its line, not the first."""
+        first = ":" not in self.line[: self.at[1]] and self.character == ":"
+        return first and "mapping values" in self.problem and self.at[0] > 0
 
     @property
     def above(self) -> int:
@@ -422,6 +421,11 @@ class _Case:
         while line > 0 and not self.source.line(line).strip():
             line -= 1
         return line
+
+    @property
+    def indent(self) -> int:
+        """The blanks before the line."""
+        return len(self.line) - len(self.line.lstrip())
 
     def entry(self) -> re.Match[str] | None:
         """Give the entry or item in whose value the parser stopped."""
@@ -471,7 +475,7 @@ def _is_balanced(text: str) -> bool:
 
 
 def _tab(case: _Case) -> Diagnosis | None:
-    blank = case.line[: len(case.line) - len(case.line.lstrip())]
+    blank = case.line[: case.indent]
     if "\t" not in blank and case.character != "\t":
         return None
     at = case.at[0], blank.index("\t") if "\t" in blank else case.at[1]
@@ -483,7 +487,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
     number = case.at[0]
     if "simple key" in case.context and case.context_at:
         number = case.context_at[0]
-    elif "mapping values" in case.problem and case.first_key and number > 0:
+    elif case.first_key:
         number = case.above
     else:
         return None
@@ -543,8 +547,7 @@ def _second_colon(case: _Case) -> Diagnosis | None:
 
 
 def _indentation(case: _Case) -> Diagnosis | None:
-    indent = len(case.line) - len(case.line.lstrip())
-    if "mapping values" in case.problem and case.first_key and case.at[0] > 0:
+    if case.first_key:
         line = case.source.line(case.above)
         above = line.strip()
         if ":" not in above:
@@ -554,11 +557,11 @@ def _indentation(case: _Case) -> Diagnosis | None:
             return case.fault(text, hint, at, length=len(above))
         text = f"this line is indented as if it belonged to `{above[:40]}`, "
         text += "which has a value already"
-        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
+        return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
     ended = ("expected key", "block end", "document start")
-    if case.at[1] <= indent and any(words in case.problem for words in ended):
+    if case.at[1] <= case.indent and any(words in case.problem for words in ended):
         text = "this line fits no section above it"
-        return case.fault(text, _ONE_COLUMN, (case.at[0], indent))
+        return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
     return None
 
 
@@ -585,11 +588,9 @@ def _beginning(case: _Case) -> Diagnosis | None:
 def _is_expression(text: str) -> bool:
     """Tell whether a text is one, or a relation, once it is quoted."""
     for parser in (parse, parse_relation):
-        try:
+        with suppress(ExpressionError):
             parser(text)
-        except ExpressionError:
-            continue
-        return True
+            return True
     return False
 
 

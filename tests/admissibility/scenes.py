@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
+
+import pytest
 
 from lagsim.admissibility.examination import examine
 from lagsim.mechanics.equations import derive
@@ -102,3 +105,32 @@ def slider_crank(angle: str) -> str:
             "x_dot": "-2*sin(a)",
         },
     )
+
+
+# What is asked of a report beside its attributes.
+ASKED = {
+    "codes": codes,
+    "redundant": lambda start: [v.name for v in start.verdicts if v.redundant],
+    "everywhere": lambda start: [d.everywhere for d in start.ranks.dependences],
+    "rows": lambda start: {
+        d.name: dict(d.combination) for d in start.ranks.dependences
+    },
+    "texts": lambda start: [str(d) for d in start.ranks.dependences],
+    "against": lambda start: {d.name: d.contradictions for d in start.contradictions},
+    "ranks": lambda start: (start.ranks.rank, start.ranks.generic_rank),
+    "thin": lambda start: start.thin and start.thin.names,
+}
+
+
+def check(start: StartReport, **expected: Any) -> None:
+    """Compare a report with what is expected: texts are parts, numbers to rounding."""
+    for key, value in expected.items():
+        found = ASKED.get(key, attrgetter(key.replace("__", ".")))(start)
+        if isinstance(value, str):
+            assert value in found, key
+        elif isinstance(value, dict):
+            assert found.keys() == value.keys(), key
+            for name, part in value.items():
+                assert found[name] == pytest.approx(part, rel=1e-9), key
+        else:
+            assert found == value, key

@@ -141,50 +141,39 @@ simulation: {duration: 1}
 """
 
 
-@pytest.mark.parametrize(
-    ("kinetic", "potential", "force", "told", "line"),
-    [
-        ("x_dot^2 + y_dot^2", "sum", "0", "the definition `slow`", 4),
-        ("x_dot^2 + y_dot^2", "0", "slow", "the definition `slow`", 4),
-        ("x_dot^2*sum + y_dot^2", "0", "0", "the definition `slow`", 4),
-    ],
-)
-def test_what_is_not_finite_is_told_by_what_brings_it(
-    kinetic, potential, force, told, line
-):
+def refused(kinetic, potential="0", force="0"):
     text = FAULTY.replace("KINETIC", kinetic).replace("POTENTIAL", potential)
-    text = text.replace("FORCE", force)
     with pytest.raises(InputError) as raised:
-        check(read(text, "model.yaml"))
-    assert {p.code for p in raised.value.problems} == {"not-finite"}
-    [problem] = raised.value.problems  # once, whatever it makes not finite
-    assert (problem.file, problem.line) == ("model.yaml", line)
-    assert problem.text.startswith(
-        f"`1/x^2` in {told} is inf at the start, where x^2 is 0; it makes "
-    )
-    assert problem.hint == "start, or guess, where x^2 is not 0"
+        check(read(text.replace("FORCE", force), "model.yaml"))
+    return [(p.code, p.line, p.text.partition(", where ")[0], p.hint)
+            for p in raised.value.problems]  # fmt: skip
+
+
+SQUARES = "x_dot^2 + y_dot^2"
+SLOW = ("not-finite", 4, "`1/x^2` in the definition `slow` is inf at the start",
+        "start, or guess, where x^2 is not 0")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "given", [(SQUARES, "sum"), (SQUARES, "0", "slow"), ("x_dot^2*sum + y_dot^2",)]
+)
+def test_what_is_not_finite_is_told_once_by_what_brings_it(given):
+    assert refused(*given) == [SLOW]
 
 
 def test_what_nothing_uses_brings_nothing():
     # `slow` is no number at the start either, but no energy knows it.
-    text = FAULTY.replace("KINETIC", "(x_dot^2 + y_dot^2)^0.25")
-    text = text.replace("POTENTIAL", "0").replace("FORCE", "0")
-    with pytest.raises(InputError) as raised:
-        check(read(text, "model.yaml"))
-    [problem] = raised.value.problems
-    assert " in `kinetic` has no finite slope at the start, where " in problem.text
-    assert problem.line == 6
+    [(_, line, text, _)] = refused("(x_dot^2 + y_dot^2)^0.25")
+    assert " in `kinetic` has no finite slope at the start" in text
+    assert line == 6
 
 
 def test_two_of_them_are_told_apart():
-    text = FAULTY.replace("KINETIC", "x_dot^2 + y_dot^2")
-    text = text.replace("POTENTIAL", "log(x)").replace("FORCE", "slow")
-    with pytest.raises(InputError) as raised:
-        check(read(text, "model.yaml"))
-    assert [p.text.partition(" at the start")[0] for p in raised.value.problems] == [
-        "`log(x)` in `potential` is -inf", "`1/x^2` in the definition `slow` is inf",
+    found = refused(SQUARES, "log(x)", "slow")
+    assert [text for _, _, text, _ in found] == [
+        "`log(x)` in `potential` is -inf at the start", SLOW[2],
     ]  # fmt: skip
-    assert [p.line for p in raised.value.problems] == [6, 4]
+    assert [line for _, line, *_ in found] == [6, 4]
 
 
 @pytest.mark.parametrize(
@@ -220,13 +209,9 @@ initial: {{x: 1, y: 0, y_dot: 0}}
     "kinetic", ["x_dot^2", "x_dot^2 + 0*y_dot", "x_dot^2 - y_dot^2"]
 )
 def test_what_has_no_inertia_is_told_where_it_should_have_some(kinetic):
-    text = FAULTY.replace("KINETIC", kinetic)
-    text = text.replace("POTENTIAL", "x").replace("FORCE", "0")
-    with pytest.raises(InputError) as raised:
-        check(read(text, "model.yaml"))
-    [problem] = raised.value.problems
-    assert problem.code in ("no-inertia", "negative-inertia")
-    assert (problem.file, problem.line, problem.column) == ("model.yaml", 6, 19)
+    [(code, line, *_)] = refused(kinetic, "x")
+    assert code in ("no-inertia", "negative-inertia")
+    assert line == 6
 
 
 def test_the_square_of_a_root_is_finite_at_rest():
@@ -235,3 +220,42 @@ def test_the_square_of_a_root_is_finite_at_rest():
     text = text.replace("  r: x^2", "  speed: sqrt(x_dot^2 + y_dot^2)")
     case, _ = check(read(text, "model.yaml"))
     assert case.examined.admissible
+
+
+# Of each what is not finite, and the line of the file where it is written.
+PLANE = """\
+coordinates: {{x: {{}}, y: {{}}}}
+definitions: {{d: '{definition}'}}
+energy:
+  kinetic: '{mass}*(x_dot^2 + y_dot^2)/2'
+  potential: '{potential}'
+forces:
+  x: '{force}'
+constraints:
+  held: {{relation: 'y_dot = 0', limit: '{limit}'}}
+  floor: {{relation: 'x >= 0', restitution: 0.5, friction: '{mu}', slip: y_dot}}
+initial: {{x: 1, y: 0.5}}
+simulation: {{duration: 1}}
+"""
+SOUND = {
+    "definition": "x*y", "mass": "1", "potential": "9.81*x", "force": "d", "limit": "1",
+    "mu": "0.3",
+}  # fmt: skip
+BAD = ["asin(3*x)", "sqrt(y - 2)", "log(-x)", "1/(x - 1)"]
+WHERE = {"definition": 2, "force": 7, "limit": 9, "potential": 5}
+CASES = [({where: bad}, {line}) for where, line in WHERE.items() for bad in BAD] + [
+    ({"limit": "d", "definition": BAD[0]}, {2, 9}),
+    ({"potential": BAD[0], "force": BAD[1]}, {5, 7}),
+    ({"mass": "1e308*10"}, {4}),
+    ({"mass": "1e200*1e200*x"}, {4}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changed", "lines"), CASES)
+def test_what_is_not_finite_has_file_line_and_column(changed, lines):
+    with pytest.raises(InputError) as raised:
+        check(read(PLANE.format(**SOUND | changed), "other/second.yaml"))
+    for problem in raised.value.problems:
+        assert (problem.code, problem.file) == ("not-finite", "other/second.yaml")
+        assert problem.line in lines
+        assert problem.column >= 1

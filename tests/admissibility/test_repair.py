@@ -114,26 +114,6 @@ def test_far_starts(far):
     assert math.atan(found["x"]) == pytest.approx(0.3 * found["y"], rel=1e-9)
 
 
-# Relations that no state satisfies, starts, and what is said.
-UNSOLVED = [
-    ("x^2 + y^2 = -1", {"x": 1, "y": 1}, "`a` cannot be satisfied near there"),
-    ("x^2 + y^2 = -1", {"x": "{guess: 1}", "y": "{guess: 1}"},
-     "the least |residual| is 1, at x = "),
-    ({"a": CIRCLE, "b": "x = 3"}, {"x": 1, "y": 0.1},
-     "`a` and `b` cannot be satisfied together near there"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("relations", "initial", "told"), UNSOLVED)
-def test_what_cannot_be_satisfied_is_named(relations, initial, told):
-    start = judged(scene(relations, initial))
-    assert not start.admissible
-    assert start.repair is None
-    assert not start.contradictions
-    assert told in start.unsolved
-    assert start.degrees_of_freedom == 2 - len(start.verdicts)
-
-
 def test_a_penetrated_contact_is_touched():
     floor = "constraints:\n  floor: {{relation: y >= {}, restitution: 0.5}}\ninitial:"
     text = scene({}, {"x": 1, "y": 0}).replace("initial:", floor.format("x/2"))

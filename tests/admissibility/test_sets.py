@@ -94,33 +94,6 @@ def test_stretched_rods_between_three_bodies():
         assert start.degrees_of_freedom == 3
 
 
-def test_a_start_beside_a_thin_set_gets_no_repair():
-    start = judged(scene("x^2 + y^2 = 0", {"x": 0.3, "y": 0.2}))
-    assert not start.admissible
-    assert start.repair is None
-    assert "multiple root" in start.unsolved
-
-
-# What is no thin set.
-SOUND = {
-    "a circle twice": ({"a": "x^2 + y^2 = 1", "b": "hypot(x, y) = 1"}, True),
-    "a square of another": ({"a": "x = 0.6", "b": "(x - 0.6)^2 = 0"}, True),
-    "its square, written out": ({"a": "x = 0.6", "b": "x^2 - 1.2*x + 0.36 = 0"}, True),
-    "lines that cross": ({"a": "(x - 0.6)*(y - 0.8) = 0"}, False),
-    "a saddle": ({"a": "z = 0", "b": "z = (x - 0.6)^2 - (y - 0.8)^2"}, False),
-    "a cone": ({"a": "(x - 0.6)^2 + z^2 = (y - 0.8)^2"}, False),
-}
-
-
-@pytest.mark.parametrize("name", SOUND)
-def test_what_is_one_too_many_or_singular_only_here(name):
-    relations, everywhere = SOUND[name]
-    start = judged(scene(relations, {"x": 0.6, "y": 0.8, "z": 0}))
-    assert start.admissible
-    assert start.thin is None
-    assert [d.everywhere for d in start.ranks.dependences] == [everywhere]
-
-
 # Multiple roots
 
 SIMPLE = {

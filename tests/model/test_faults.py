@@ -1,7 +1,8 @@
 """Each fault of a file is reported once, in its place.
 
 A row of the table: the code, a part of the message or of its hint, and the text. The
-token that the caret must stand under is marked ⟪so⟫, and ¶ is a line break.
+token that the caret must stand under is marked ⟪so⟫, and ¶ is a line break. Words in
+capitals stand for what many texts begin with.
 """
 
 import re
@@ -10,6 +11,13 @@ import pytest
 
 from tests.model._files import problems
 
+BEGINNINGS = {
+    "CONTACT": "constraints: {c: {relation: x >= 0, restitution: 0,",
+    "LAW": "constraints: {c: {relation:",
+    "RELATION": "constraints: {c:",
+    "KINETIC": "energy: {kinetic: x_dot^2,",
+    "INITIAL": "initial: {x: 0, y: 0,",
+}
 TABLE = r"""
 # the file
 unknown-key | `colour` | ⟪colour⟫: red
@@ -65,9 +73,9 @@ name-clash | a parameter already | parameters: {x: 1}¶coordinates: {⟪x⟫: , 
 name-clash | a coordinate already | coordinates: {x: , y: }¶parameters: {⟪x⟫: 1}
 name-clash | in line 1 | parameters: {a: 1}¶definitions: {⟪a⟫: x}
 column-clash | the multiplier of the constraint `c` | parameters: {⟪lambda_c⟫: 1}¶
-    constraints: {c: x = 1}¶initial: {x: 1, y: 0}
+    RELATION x = 1}¶initial: {x: 1, y: 0}
 column-clash | the residual of the constraint `c` | definitions: {⟪residual_c⟫: x}¶
-    constraints: {c: x = y}
+    RELATION x = y}
 column-clash | the constraint force on `x` | definitions: {⟪Qc_x⟫: x}
 # coordinates
 not-a-mapping | {unit: rad} | coordinates: {x: ⟪rad⟫, y: {}}
@@ -98,8 +106,8 @@ unknown-name | sin(...) | definitions: {a: ⟪sin⟫}
 expression-syntax | write `*` | definitions: {a: 2 ⟪x⟫}
 expression-unknown-function | did you mean `sin` | definitions: {a: 2*⟪sinn⟫(x)}
 expression-arity | 2 arguments | definitions: {a: '⟪atan2⟫(x)'}
-expression-parenthesis | never closed | constraints: {c: {relation: ⟪(⟫x - y}}
-split-by-comma | "atan2(y, x) = 0" | constraints: {c: {relation: ⟪atan2(y, x) = 0⟫}}
+expression-parenthesis | never closed | LAW ⟪(⟫x - y}}
+split-by-comma | "atan2(y, x) = 0" | LAW ⟪atan2(y, x) = 0⟫}}
 expression-syntax | only in `if` | definitions: {a: ⟪x⟫ > 0}
 expression-syntax | `=` | forces: {x: y ⟪=⟫ 1}
 unknown-name | `zz` | definitions:¶  a: >-¶    x +¶    2*⟪zz⟫
@@ -108,21 +116,17 @@ unknown-name | `zz` | definitions:¶  a: 'x +¶    2*⟪zz⟫'
 missing-key | neither | ⟪energy⟫: {}
 missing-key | `potential: 0` | ⟪energy⟫: {kinetic: x_dot^2}
 missing-key | no `kinetic` | ⟪energy⟫: {potential: x^2}
-both-given | `kinetic` and `lagrangian` | energy: {kinetic: x_dot^2, ⟪lagrangian⟫:
-    x_dot^2}
+both-given | `kinetic` and `lagrangian` | KINETIC ⟪lagrangian⟫: x_dot^2}
 unknown-key | did you mean `kinetic` | energy: {⟪kinetik⟫: x_dot^2, potential: 0}
 output-only | an acceleration | energy: {kinetic: ⟪x_ddot⟫^2, potential: 0}
-output-only | the second rate | definitions: {r: x*y}¶
-    energy: {kinetic: x_dot^2, potential: ⟪r_ddot⟫}
-output-only | a constraint multiplier | constraints: {c: x = y}¶
-    energy: {kinetic: x_dot^2, potential: ⟪lambda_c⟫}
-output-only | a constraint force | energy: {kinetic: x_dot^2, potential: 0, dissipation:
-    ⟪Qc_x⟫}
-output-only | an energy | energy: {kinetic: x_dot^2, potential: ⟪kinetic⟫}
+output-only | the second rate | definitions: {r: x*y}¶KINETIC potential: ⟪r_ddot⟫}
+output-only | a constraint multiplier | RELATION x = y}¶KINETIC potential: ⟪lambda_c⟫}
+output-only | a constraint force | KINETIC potential: 0, dissipation: ⟪Qc_x⟫}
+output-only | an energy | KINETIC potential: ⟪kinetic⟫}
 output-only | the definition `a` uses accelerations | definitions: {b: a, a: x_ddot}¶
-    energy: {kinetic: x_dot^2, potential: ⟪a⟫}
+    KINETIC potential: ⟪a⟫}
 output-only | the definition `b` uses accelerations | definitions: {b: a, a: kinetic}¶
-    energy: {kinetic: x_dot^2, potential: ⟪b⟫}
+    KINETIC potential: ⟪b⟫}
 # forces
 unknown-name | did you mean `reach` | definitions: {reach: x*y}¶forces: {⟪reech⟫: 1}
 not-a-direction | a parameter | parameters: {k: 1}¶forces: {⟪k⟫: 1}
@@ -134,85 +138,67 @@ output-only | `a` | definitions: {a: x_ddot}¶forces: {⟪a⟫: 1}
 output-only | the force on `x` | forces: {x: ⟪y_ddot⟫}
 # constraints
 missing-key | no `relation` | constraints: {⟪c⟫: {description: a}}
-unknown-key | did you mean `restitution` | constraints: {c: {relation: x >= 0,
-    ⟪restitutoin⟫: 1}}
-no-coordinate | no coordinate | constraints: {c: ⟪t = 1⟫}
-no-coordinate | no coordinate | constraints: {c: ⟪x - x = 0⟫}
-output-only | an acceleration | constraints: {c: ⟪x_ddot⟫ = 1}
-output-only | a constraint multiplier | constraints: {c: x = ⟪lambda_c⟫}
-expression-syntax | one `=` | constraints: {c: x = y ⟪=⟫ 0}
-expression-syntax | `>=` | constraints: {c: {relation: x ⟪>⟫ 0, restitution: 0}}
-not-one-sided | no `restitution` | constraints: {c: {relation: x = y, ⟪restitution⟫: 0}}
-not-one-sided | no `friction` | constraints: {c: {relation: x = y, ⟪friction⟫: 0}}
-not-one-sided | no `slip` | constraints: {c: {relation: x = y, ⟪slip⟫: x_dot}}
+unknown-key | did you mean `restitution` | LAW x >= 0, ⟪restitutoin⟫: 1}}
+no-coordinate | no coordinate | RELATION ⟪t = 1⟫}
+no-coordinate | no coordinate | RELATION ⟪x - x = 0⟫}
+output-only | an acceleration | RELATION ⟪x_ddot⟫ = 1}
+output-only | a constraint multiplier | RELATION x = ⟪lambda_c⟫}
+expression-syntax | one `=` | RELATION x = y ⟪=⟫ 0}
+expression-syntax | `>=` | LAW x ⟪>⟫ 0, restitution: 0}}
+not-one-sided | no `restitution` | LAW x = y, ⟪restitution⟫: 0}}
+not-one-sided | no `friction` | LAW x = y, ⟪friction⟫: 0}}
+not-one-sided | no `slip` | LAW x = y, ⟪slip⟫: x_dot}}
 missing-key | one-sided and has no `restitution` | constraints: {⟪floor⟫: x >= -1}
 missing-key | no `restitution` | constraints: {⟪floor⟫: {relation: x >= -1}}
-out-of-range | 1.5, outside of 0 to 1 | constraints: {c: {relation: x >= 0, restitution:
-    ⟪1.5⟫}}
-out-of-range | -0.5, outside of 0 to 1 | constraints: {c: {relation: x >= 0,
-    restitution: ⟪-0.5⟫}}
-not-constant | a velocity | constraints: {c: {relation: x >= 0, restitution: ⟪x_dot⟫}}
-velocity-not-allowed | one-sided | constraints: {c: {relation: x + ⟪x_dot⟫ >= 0,
-    restitution: 0}}
+out-of-range | 1.5, outside of 0 to 1 | LAW x >= 0, restitution: ⟪1.5⟫}}
+out-of-range | -0.5, outside of 0 to 1 | LAW x >= 0, restitution: ⟪-0.5⟫}}
+not-constant | a velocity | LAW x >= 0, restitution: ⟪x_dot⟫}}
+velocity-not-allowed | one-sided | LAW x + ⟪x_dot⟫ >= 0, restitution: 0}}
 velocity-not-allowed | the definition `v` depends on velocities | definitions: {v:
-    2*x_dot}¶constraints: {c: {relation: x + ⟪v⟫ <= 0, restitution: 0}}
-missing-key | no `slip` | constraints: {c: {relation: x >= 0, restitution: 0,
-    ⟪friction⟫: 1}}
-missing-key | no `friction` | constraints: {c: {relation: x >= 0, restitution: 0,
-    ⟪slip⟫: y_dot}}
-out-of-range | negative | constraints: {c: {relation: x >= 0, restitution: 0, friction:
-    ⟪-1⟫, slip: y_dot}}
-not-affine | not affine | constraints: {c: {relation: x >= 0, restitution: 0, friction:
-    1, slip: ⟪y_dot^2⟫}}
-not-affine | no velocity | constraints: {c: {relation: x >= 0, restitution: 0, friction:
-    1, slip: ⟪2*y⟫}}
-wrong-count | found 3 | constraints: {c: {relation: x >= 0, restitution: 0, friction: 1,
-    slip: ⟪[x_dot, y_dot, y_dot]⟫}}
-out-of-range | 0.2, less than the dynamic one, 0.3 | constraints: {c: {relation: x >= 0,
-    restitution: 0, slip: y_dot, friction: {static: ⟪0.2⟫, dynamic: 0.3}}}
-out-of-range | the dynamic friction | constraints: {c: {relation: x >= 0, restitution:
-    0, slip: y_dot, friction: {static: 1, dynamic: ⟪-0.3⟫}}}
-missing-key | no `dynamic` | constraints: {c: {relation: x >= 0, restitution: 0, slip:
-    y_dot, ⟪friction⟫: {static: 1}}}
-unknown-key | did you mean `static` | constraints: {c: {relation: x >= 0, restitution:
-    0, slip: y_dot, friction: {⟪statc⟫: 1, dynamic: 1}}}
-not-constant | the static friction of the constraint `c` | constraints: {c: {relation: x
-    >= 0, restitution: 0, slip: y_dot, friction: {static: ⟪t⟫, dynamic: 1}}}
-not-homogeneous | not homogeneous in the velocities | constraints: {c: ⟪x_dot >= 1⟫}
-not-homogeneous | a freewheel is | constraints: {c: {relation: ⟪x_dot^2 >= y_dot^2⟫}}
-not-homogeneous | `b_dot >= a_dot` | constraints: {c: ⟪x + x_dot >= 0⟫}
-not-a-contact | between velocities and has no `restitution` | constraints: {c:
-    {relation: x_dot >= y_dot, ⟪restitution⟫: 0}}
-not-a-contact | no `friction` | constraints: {c: {relation: x_dot <= y_dot, ⟪friction⟫:
-    1}}
-not-a-velocity | write its rate | constraints: {c: {relation: x = 0, ⟪limit⟫: 1}}
-not-an-equality | one-sided and has no `limit` | constraints: {c: {relation: x >= 0,
-    restitution: 0, ⟪limit⟫: 1}}
-not-an-equality | one-sided and has no `limit` | constraints: {c: {relation: x_dot >= 0,
-    ⟪limit⟫: 1}}
-not-one-sided | no `friction` | constraints: {c: {relation: x_dot = 0, limit: 1,
-    ⟪friction⟫: 1}}
+    2*x_dot}¶LAW x + ⟪v⟫ <= 0, restitution: 0}}
+missing-key | no `slip` | CONTACT ⟪friction⟫: 1}}
+missing-key | no `friction` | CONTACT ⟪slip⟫: y_dot}}
+out-of-range | negative | CONTACT friction: ⟪-1⟫, slip: y_dot}}
+not-affine | not affine | CONTACT friction: 1, slip: ⟪y_dot^2⟫}}
+not-affine | no velocity | CONTACT friction: 1, slip: ⟪2*y⟫}}
+wrong-count | found 3 | CONTACT friction: 1, slip: ⟪[x_dot, y_dot, y_dot]⟫}}
+out-of-range | 0.2, less than the dynamic one, 0.3 | CONTACT slip: y_dot, friction:
+    {static: ⟪0.2⟫, dynamic: 0.3}}}
+out-of-range | the dynamic friction | CONTACT slip: y_dot, friction: {static: 1,
+    dynamic: ⟪-0.3⟫}}}
+missing-key | no `dynamic` | CONTACT slip: y_dot, ⟪friction⟫: {static: 1}}}
+unknown-key | did you mean `static` | CONTACT slip: y_dot, friction: {⟪statc⟫: 1,
+    dynamic: 1}}}
+not-constant | the static friction of the constraint `c` | CONTACT slip: y_dot,
+    friction: {static: ⟪t⟫, dynamic: 1}}}
+not-homogeneous | not homogeneous in the velocities | RELATION ⟪x_dot >= 1⟫}
+not-homogeneous | a freewheel is | LAW ⟪x_dot^2 >= y_dot^2⟫}}
+not-homogeneous | `b_dot >= a_dot` | RELATION ⟪x + x_dot >= 0⟫}
+not-a-contact | between velocities and has no `restitution` | LAW x_dot >= y_dot,
+    ⟪restitution⟫: 0}}
+not-a-contact | no `friction` | LAW x_dot <= y_dot, ⟪friction⟫: 1}}
+not-a-velocity | write its rate | LAW x = 0, ⟪limit⟫: 1}}
+not-an-equality | one-sided and has no `limit` | CONTACT ⟪limit⟫: 1}}
+not-an-equality | one-sided and has no `limit` | LAW x_dot >= 0, ⟪limit⟫: 1}}
+not-one-sided | no `friction` | LAW x_dot = 0, limit: 1, ⟪friction⟫: 1}}
 out-of-range | the limit of the constraint `c` is -2, which is negative | parameters:
-    {F: -2}¶constraints: {c: {relation: x_dot, limit: ⟪F⟫}}
-output-only | the limit of the constraint `c` | constraints: {c: {relation: x_dot,
-    limit: ⟪x_ddot⟫}}
-expression-syntax | a comparison is expected here, found a number | constraints: {c:
-    {relation: x = y, when: ⟪t⟫}}
-expression-syntax | `=` | constraints: {c: {relation: x = y, when: t ⟪=⟫ 1}}
-not-of-time | depends on `x`, `y_dot`; it must not depend on the motion | constraints:
-    {c: {relation: x = y, when: ⟪x < 1 or y_dot < 1⟫}}
-not-of-time | depends on `x` | definitions: {d: 2*x + t}¶constraints: {c: {relation: x =
-    y, when: ⟪d < 1⟫}}
+    {F: -2}¶LAW x_dot, limit: ⟪F⟫}}
+output-only | the limit of the constraint `c` | LAW x_dot, limit: ⟪x_ddot⟫}}
+expression-syntax | a comparison is expected here, found a number | LAW x = y, when:
+    ⟪t⟫}}
+expression-syntax | `=` | LAW x = y, when: t ⟪=⟫ 1}}
+not-of-time | depends on `x`, `y_dot`; it must not depend on the motion | LAW x = y,
+    when: ⟪x < 1 or y_dot < 1⟫}}
+not-of-time | depends on `x` | definitions: {d: 2*x + t}¶LAW x = y, when: ⟪d < 1⟫}}
 # initial
 missing-initial | the coordinate `y` | ⟪initial⟫: {x: 0}
-unknown-name | no coordinate | initial: {x: 0, y: 0, ⟪q⟫: 1}
+unknown-name | no coordinate | INITIAL ⟪q⟫: 1}
 unknown-name | did you mean `theta` | coordinates: {theta: }¶
     energy: {kinetic: theta_dot^2, potential: 0}¶initial: {⟪tehta⟫: 1}
-not-a-start-value | belongs in `parameters` | parameters: {k: 1}¶
-    initial: {x: 0, y: 0, ⟪k⟫: 1}
-not-a-start-value | an acceleration | initial: {x: 0, y: 0, ⟪x_ddot⟫: 1}
-output-only | accelerations | definitions: {a: x_ddot}¶initial: {x: 0, y: 0, ⟪a⟫: 1}
-no-rate | velocities | definitions: {a: x_dot}¶initial: {x: 0, y: 0, ⟪a_dot⟫: 1}
+not-a-start-value | belongs in `parameters` | parameters: {k: 1}¶INITIAL ⟪k⟫: 1}
+not-a-start-value | an acceleration | INITIAL ⟪x_ddot⟫: 1}
+output-only | accelerations | definitions: {a: x_ddot}¶INITIAL ⟪a⟫: 1}
+no-rate | velocities | definitions: {a: x_dot}¶INITIAL ⟪a_dot⟫: 1}
 later-initial | the start value of `y` | initial: {x: 2*⟪y⟫, y: 0}
 later-initial | the start value of `x` | initial: {x: 2*⟪x⟫, y: 0}
 not-a-start-value | `y_dot` is a velocity | initial: {x: 0, y: 2*⟪y_dot⟫}
@@ -221,7 +207,7 @@ not-a-start-value | an energy | initial: {x: 0, y: ⟪energy⟫}
 unknown-name | `zzz` | initial: {x: 0, y: 1 + ⟪zzz⟫}
 not-finite | inf | initial: {x: 0, y: ⟪1/x⟫}
 not-an-expression | nothing | initial:¶  x: 0¶  y:⟪⟫
-not-a-guess | `r` | definitions: {r: x*y}¶initial: {x: 0, y: 0, ⟪r⟫: {guess: 1}}
+not-a-guess | `r` | definitions: {r: x*y}¶INITIAL ⟪r⟫: {guess: 1}}
 unknown-key | did you mean `guess` | initial: {x: 0, y: {⟪gess⟫: 1}}
 not-an-expression | guess | initial: {x: 0, y: ⟪{}⟫}
 # simulation
@@ -341,6 +327,8 @@ yaml-syntax | expected `key: value` | x-a: 1¶⟪b⟫
 def table(text):
     """Give the cells of a table; a line that is indented continues the last."""
     whole = re.sub(r"\n    ", " ", re.sub(r"¶\n    ", "¶", text))
+    for word, beginning in BEGINNINGS.items():
+        whole = whole.replace(word, beginning)
     rows = (row for row in whole.split("\n") if row and not row.startswith("#"))
     return [[cell.replace("¶", "\n") for cell in row.split(" | ", 2)] for row in rows]
 

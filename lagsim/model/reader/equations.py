@@ -60,8 +60,7 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
     for key in ENERGY:
         called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
         what = called.get(key, f"the {key} energy")
-        compiled = x.compile(found.value(key), what, STATE)
-        nodes[key] = compiled[0] if compiled else None
+        nodes[key] = x.compile(found.value(key), what, STATE)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
@@ -76,7 +75,7 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
         direction = _direction(key, x)
         compiled = x.compile(value, f"the force on `{key.text}`", STATE)
         if direction is not None and compiled is not None:
-            found.append(Force(key.text, compiled[0], *direction, value.place))
+            found.append(Force(key.text, compiled, *direction, value.place))
     return tuple(found)
 
 
@@ -226,32 +225,30 @@ class _Reader:
         """Build the condition under which it is in force, as 1 or 0."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
-        compiled = x.compile(node, of, STATE, condition=True)
-        if node is None or compiled is None:
+        condition = x.compile(node, of, STATE, condition=True)
+        if node is None or condition is None:
             return None
         fixed = {"t", *x.names.of(Kind.PARAMETER)}
-        moving = sorted(g.depends([compiled[0]]) - fixed)
+        moving = sorted(g.depends([condition]) - fixed)
         if moving:
             text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
             hint = "it is a condition of t and parameters, such as t < 1"
             x.faults.add("not-of-time", text, node.place, hint)
-        return g.call("if", compiled[0], g.one, g.zero)
+        return g.call("if", condition, g.one, g.zero)
 
     def _limit(self, relation: Relation | None) -> int | None:
         """Build the largest size of the multiplier of an equality of velocities."""
         node, x = self.below.value("limit"), self.x
         if node is None:
             return None
-        if relation is not None and not _has_velocity(relation, x):
+        if relation is not None and not _has_velocity(relation.node, x):
             hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         of = f"the limit of {self.what}"
-        compiled = x.compile(node, of, STATE)
-        if compiled is None:
-            return None
-        if x.graph.depends([compiled[0]]) <= x.values.keys():
+        limit = x.compile(node, of, STATE)
+        if limit is not None and x.graph.depends([limit]) <= x.values.keys():
             self._not_negative(node, of)
-        return compiled[0]
+        return limit
 
     def _one_sided(
         self, expression: Node, relation: Relation | None
@@ -262,7 +259,7 @@ class _Reader:
             return self._contact(known=False)
         hint = "an equality has one: write its relation with `=`"
         self._refuse("not-an-equality", ["limit"], "is one-sided", hint)
-        if not _has_velocity(relation, x):
+        if not _has_velocity(relation.node, x):
             return self._contact(known=True)
         if _degrees(relation.node, x) == frozenset((1,)):
             hint = "a freewheel engages inelastically and without friction"
@@ -345,8 +342,8 @@ class _Reader:
     ) -> tuple[int | None, float | None]:
         """Give the node of a coefficient, and its value."""
         value = self._not_negative(node, what)
-        compiled = None if value is None else self.x.compile(node, what, NUMBERS)
-        return (compiled[0] if compiled else None), value
+        sound = value is not None
+        return (self.x.compile(node, what, NUMBERS) if sound else None), value
 
     def _slips(self) -> tuple[int, ...]:
         node, what = self.below.value("slip"), f"the slip of {self.what}"
@@ -361,12 +358,11 @@ class _Reader:
         return tuple(slip for slip in found if slip is not None)
 
     def _slip(self, node: Node, what: str) -> int | None:
-        compiled = self.x.compile(node, what, STATE)
-        if compiled is None:
+        slip = self.x.compile(node, what, STATE)
+        if slip is None:
             return None
-        slip, level = compiled
         text = hint = ""
-        if level is not Level.VELOCITY:
+        if not _has_velocity(slip, self.x):
             text, hint = f"{what} contains no velocity", "it is a sliding velocity"
         elif not _is_affine(slip, self.x):
             text, hint = f"{what} is not affine in the velocities", _SUM
@@ -375,9 +371,9 @@ class _Reader:
         return slip
 
 
-def _has_velocity(relation: Relation, x: Expressions) -> bool:
+def _has_velocity(node: int, x: Expressions) -> bool:
     velocities = {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)}
-    return not velocities.isdisjoint(x.graph.depends([relation.node]))
+    return not velocities.isdisjoint(x.graph.depends([node]))
 
 
 def _once(relation: Relation, x: Expressions) -> Relation:

@@ -169,8 +169,8 @@ class Expressions:
         allowed: frozenset[Kind],
         *,
         condition: bool = False,
-    ) -> tuple[int, Level] | None:
-        """Give the graph node of an expression, if there is one, and its level.
+    ) -> int | None:
+        """Give the graph node of an expression, if there is one.
 
         `allowed` are the kinds of names that may stand in it; a `condition` is one, as
         the first argument of `if`.
@@ -179,8 +179,8 @@ class Expressions:
         if found is None:
             return None
         scalar, parsed = found
-        level = self.check(parsed.names, scalar, what, allowed)
-        return None if level is None else (self.build(parsed), level)
+        sound = self.check(parsed.names, scalar, what, allowed) is not None
+        return self.build(parsed) if sound else None
 
     def build(self, parsed: Parsed) -> int:
         """Give the node of an expression whose names were checked."""
@@ -191,7 +191,7 @@ class Expressions:
         found = self.compile(node, what, NUMBERS)
         if node is None or found is None:
             return None
-        value = evaluate(self.graph, [found[0]], self.values)[0]
+        value = evaluate(self.graph, [found], self.values)[0]
         return value if self.is_finite(value, what, node.place) else None
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:

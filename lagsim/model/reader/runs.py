@@ -195,7 +195,7 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
         text = f"{what} must have 2 or 3 components, found {len(node.items)}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
         x.faults.add("wrong-count", text, node.place, hint)
-    return tuple(c[0] for c in compiled if c is not None)
+    return tuple(c for c in compiled if c is not None)
 
 
 def _pair(node: Node, named: list[str]) -> list[str]:
@@ -363,7 +363,7 @@ def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
     for part in nodes:
         compiled = x.compile(part, f"`{axis}` of the plot", OUTPUT)
         if compiled is not None and isinstance(part, Scalar):
-            found.append(Curve(compiled[0], " ".join(part.text.split())))
+            found.append(Curve(compiled, " ".join(part.text.split())))
     return tuple(found)
 
 

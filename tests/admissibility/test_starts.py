@@ -1,0 +1,352 @@
+"""Starts and what is said of them: residuals, ranks, contradictions, thin sets."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lagsim.errors import InputError
+from tests.admissibility.scenes import (
+    PARALLELOGRAM,
+    check,
+    codes,
+    judged,
+    parallelogram,
+    scene,
+    slider_crank,
+    warning,
+)
+from tests.scenes.reference import model_text
+from tests.support import run
+
+CIRCLE = "x^2 + y^2 = 1"
+AT = {"x": 0.6, "y": 0.8}
+ORIGIN = {"x": 0, "y": 0}
+THREE = {"x": 0.6, "y": 0.8, "z": 0}
+
+# --- Rows that others span, and rows that contradict
+
+# Relations, a start, and what is expected of it.
+ROWS = [
+    # one too many: as combinations of those before
+    ({"a": CIRCLE, "b": CIRCLE}, AT, {"rows": {"b": {"a": 1.0}}}),
+    ({"a": CIRCLE, "b": CIRCLE, "c": CIRCLE}, AT,
+     {"rows": {"b": {"a": 1.0}, "c": {"a": 1.0}}}),
+    ({"a": CIRCLE, "b": "2*x^2 + 2*y^2 = 2"}, AT, {"rows": {"b": {"a": 2.0}}}),
+    ({"a": CIRCLE, "b": "1 = hypot(x, y)"}, AT, {"rows": {"b": {"a": -0.5}}}),
+    ({"a": "x = 0.6", "b": "y = 0.8", "c": "2*x - y = 0.4"}, AT,
+     {"rows": {"c": {"a": 2.0, "b": -1.0}}, "texts": ["c = 2 a - b"]}),
+    ({"a": "x = 0.6", "b": "y = 0.8", "c": "y - 2*x = -0.4"}, AT,
+     {"texts": ["c = -2 a + b"], "rows": {"c": {"a": -2.0, "b": 1.0}}}),
+    ({"a": "x = 0.6", "b": "x_dot = 0", "c": "y = 0.8"}, AT,
+     {"rows": {"b": {"a": 1.0}}}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("relations", "initial", "expected"), ROWS)
+def test_redundant_rows_are_named_as_combinations(relations, initial, expected):
+    start = judged(scene(relations, initial))
+    rows = expected["rows"]
+    check(start, admissible=True, redundant=[*rows], **expected)
+    assert all(d.everywhere for d in start.ranks.dependences)
+    loose = {*rows, *(n for c in rows.values() for n in c)}
+    assert set(start.ranks.not_unique) == loose
+    text = warning(start, "multipliers-not-unique")
+    assert ("; unique are those of" in text) is (loose != set(relations))
+    assert codes(start).count("redundant") == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("relations", "level", "size"),
+    [
+        ({"a": "x^2 + y^2 = 1", "b": "x^2 + y^2 = 2"}, "position", 1.0),
+        ({"a": "x = -1", "b": "x = -1 + t"}, "velocity", 1.0),
+        ({"a": "x = -1", "b": "x = -1 + t^2"}, "acceleration", 2.0),
+        ({"a": "x_dot = y_dot", "b": "2*x_dot = 2*y_dot + 3"}, "velocity", 3.0),
+        ({"a": "x = -1", "b": "x_dot = 1"}, "velocity", 1.0),
+    ],
+)
+def test_contradictory_rows(relations, level, size):
+    start = judged(scene(relations, {"x": -1, "y": 0}))
+    text = f"`b` contradicts `a` on the level of {level}, by {size:g}"
+    against = {"b": {level: size}}
+    check(start, admissible=False, against=against, unsolved=text, repair=None)
+    assert start.contradictions[0].contradiction() == text
+    assert "multipliers-not-unique" not in codes(start)
+
+
+# Relations, a start, and what is expected of it.
+REST = {"x": 0, "y": 0, "z": 0}
+TOO_MANY = {"admissible": True, "thin": None, "everywhere": [True]}
+ONLY_HERE = TOO_MANY | {"everywhere": [False]}
+OTHERS = [
+    # At x = 2 the second is a quarter of the first in its row, and not in its value.
+    ({"a": CIRCLE, "b": "sqrt(x^2 + y^2) = 1"}, {"x": 2, "y": 0},
+     {"admissible": False, "against": {}, "repair": {"x": 1.0},
+      "rows": {"b": {"a": 0.5}}}),
+    ("x^2 + y^2 = 0", {"x": 0, "y": 0, "x_dot": 3},
+     {"against": {"a": {"acceleration": 18.0}},
+      "unsolved": "`a` cannot be satisfied on the level of acceleration"}),
+    # small, but exact: no gradient of rounding
+    ("1e-30*x + 1e-31*y = 0", ORIGIN, {"ranks": (1, 1)}),
+    ("x^2 = 1e-40", {"x": 1e-20, "y": 1}, {"ranks": (1, 1)}),
+    # what is asked of velocities vanishes at rest
+    ("x_dot^2 + y_dot^2 = 4*z_dot^2", REST,
+     {"admissible": True, "ranks": (0, 1), "everywhere": [False]}),
+    ("x_dot^2 + y_dot^2 = 4*z_dot^2", REST | {"x_dot": 2, "z_dot": 1},
+     {"ranks": (1, 1)}),
+    # a double root is satisfied as a simple one
+    *[("x^2 = 0", {"x": x, "y": 0},
+       {"admissible": True, "codes": ["multiple-root"], "degrees_of_freedom": 1})
+      for x in ("{guess: 1}", "0")],
+    # what is no thin set
+    ({"a": CIRCLE, "b": "hypot(x, y) = 1"}, THREE, TOO_MANY),
+    ({"a": "x = 0.6", "b": "(x - 0.6)^2 = 0"}, THREE, TOO_MANY),
+    ({"a": "x = 0.6", "b": "x^2 - 1.2*x + 0.36 = 0"}, THREE, TOO_MANY),
+    ("(x - 0.6)*(y - 0.8) = 0", THREE, ONLY_HERE),
+    ({"a": "z = 0", "b": "z = (x - 0.6)^2 - (y - 0.8)^2"}, THREE, ONLY_HERE),
+    ("(x - 0.6)^2 + z^2 = (y - 0.8)^2", THREE, ONLY_HERE),
+    # beside a thin set there is no repair
+    ("x^2 + y^2 = 0", {"x": 0.3, "y": 0.2},
+     {"admissible": False, "repair": None, "unsolved": "multiple root"}),
+    # what cannot be satisfied is named with the point of least residual
+    ("x^2 + y^2 = -1", {"x": 1, "y": 1},
+     {"admissible": False, "repair": None, "against": {}, "degrees_of_freedom": 1,
+      "unsolved": "`a` cannot be satisfied near there: the least |residual| is 1, at"}),
+    ("x^2 + y^2 = -1", {"x": "{guess: 1}", "y": "{guess: 1}"},
+     {"admissible": False, "repair": None, "unsolved": "least |residual| is 1, at"}),
+    ({"a": CIRCLE, "b": "x = 3"}, {"x": 1, "y": 0.1},
+     {"repair": None, "unsolved": "`a` and `b` cannot be satisfied together near"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("relations", "initial", "expected"), OTHERS)
+def test_what_is_found(relations, initial, expected):
+    check(judged(scene(relations, initial)), **expected)
+
+
+@pytest.mark.parametrize("angle", [1e-7, 1e-9])
+def test_a_nearly_parallel_row_is_a_real_constraint(angle):
+    start = judged(scene({"a": "x = 0", "b": f"x + {angle}*y = 0"}, ORIGIN))
+    check(start, ranks=(2, 2), degrees_of_freedom=0, warnings=())
+    # Two unit rows at that angle: the smaller singular value is angle/sqrt 2.
+    assert start.ranks.smallest == pytest.approx(angle / math.sqrt(2.0), rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", ["0", "pi"])
+def test_a_singular_configuration_is_told_from_a_relation_too_many(angle):
+    start = judged(parallelogram(angle))
+    check(start, admissible=True, ranks=(3, 4), everywhere=[False])
+    assert 1e-3 < start.ranks.generic_smallest < 1
+    assert "singular configuration" in warning(start, "redundant")
+    assert judged(parallelogram("0.5")).ranks.rank == 4
+    # Collinear, it may open both ways, but not at rates between.
+    assert not judged(parallelogram(angle, b_dot="0.5")).admissible
+    # p0 is one too many everywhere; one of the others is lost as well.
+    more = 'constraints:\n  p0: "x - cos(c)/2 = cos(a)"'
+    start = judged(parallelogram(angle).replace("constraints:", more))
+    check(start, ranks=(3, 4), everywhere=[True, False], redundant=["p1", "p3"])
+
+
+def test_bricard():
+    start = judged(model_text("bricard"))
+    check(start, admissible=True, ranks=(23, 23), everywhere=[True])
+    assert (len(start.verdicts), start.degrees_of_freedom) == (24, 1)
+
+
+@pytest.mark.parametrize("at", ["pi/2", "3*pi/2", "-pi/2"])
+def test_a_gradient_of_rounding_vanishes(at):
+    # At the dead centre the row of `across` is (cos a, cos b, 0): 6e-17.
+    start = judged(slider_crank(at))
+    check(start, admissible=True, ranks=(1, 2), rows={"across": {}}, everywhere=[False])
+    assert "only here" in warning(start, "vanishing-gradient")
+    assert start.ranks.not_unique == ("across",)
+    assert judged(slider_crank(f"{at} + 1e-6")).ranks.rank == 2
+
+
+def coupler(unit, factor):
+    """Give the parallelogram, its x in other units, and one row scaled."""
+    relations = {k: r.replace("x ", f"x/{unit!r} ") for k, r in PARALLELOGRAM.items()}
+    relations["p3"] = f"{factor!r}*(x/{unit!r} + cos(c)/2 - 1 - cos(b)) = 0"
+    at = {"a": 0, "x": 1.5 * unit, "y": 0, "c": 0, "b": 0}
+    at |= {"a_dot": 1, "y_dot": 1, "b_dot": 1}
+    kinetic = f"(a_dot^2 + b_dot^2 + x_dot^2/{unit!r}^2 + y_dot^2 + c_dot^2/12)/2"
+    return judged(scene(relations, at, kinetic=kinetic))
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+@pytest.mark.parametrize("factor", [1e-8, 1e8])
+def test_ranks_depend_on_neither_scale_nor_units(unit, factor):
+    plain, start = coupler(1.0, 1.0), coupler(unit, factor)
+    [d], [other] = plain.ranks.dependences, start.ranks.dependences
+    scaled = {name: pytest.approx(c * factor) for name, c in d.combination}
+    assert (other.name, other.everywhere) == (d.name, d.everywhere)
+    assert dict(other.combination) == scaled
+    check(start, ranks=(3, 4), ranks__not_unique=plain.ranks.not_unique)
+    assert start.ranks.smallest == pytest.approx(plain.ranks.smallest, rel=1e-9)
+
+
+# --- Residuals, bounds and reasons
+
+CURVE = scene(
+    {"path": "u = l - l*theta^2"},
+    {"theta": "THETA", "u": "U", "theta_dot": "TD", "u_dot": "UD"},
+    kinetic="((l + u)^2*theta_dot^2 + u_dot^2)/2",
+    potential="9.8*(l - (l + u)*cos(theta)) + 12.8*u^2",
+    parameters="l: 1",
+)
+
+
+def curve(theta="1", u="l - l*theta^2", theta_dot="0", u_dot="0"):
+    text = CURVE.replace("THETA", theta).replace("TD", theta_dot)
+    return text.replace("UD", u_dot).replace("U", u)
+
+
+def test_velocities_off_the_curve():
+    start = judged(curve(theta="0.5", theta_dot="1"))
+    [path] = start.verdicts
+    assert path.position.satisfied
+    assert path.velocity.value == 1.0  # 2 l theta theta' + u'
+    assert (path.velocity.scale, path.velocity.bound) == (1.0, 1e-6)
+    assert "largest term" in path.velocity.why
+    assert not path.satisfied
+    # theta' and u' alone change; least change in the metric diag((l + u)^2, 1) along
+    # the row (1, 1) of their relation.
+    weight = 1.0 / 1.75**2
+    moved = 1.0 / (weight + 1.0)
+    expected = {"theta_dot": 1.0 - weight * moved, "u_dot": -moved}
+    assert start.repair == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_start_within_the_rounding_of_its_expressions():
+    start = judged(scene("x = 0", {"x": "l*cos(pi/2)", "y": 0}, parameters="l: 1e6"))
+    [a] = start.verdicts
+    check(start, admissible=True, warnings=())
+    assert 0 < abs(a.position.value) < a.position.bound < 1e-8
+    assert a.position.why == "the rounding error of the start"
+    assert start.state.q[0] == a.position.value  # not moved
+    assert not judged(scene("x = 0", {"x": 1e-10, "y": 0})).admissible
+
+
+OFF = "as if the start had been typed with"
+# A text, and what is said of digits that were typed.
+ROUGH = [
+    (curve(theta="0.7", u="0.5100003", theta_dot="1", u_dot="-1.4"),
+     f"`path` is off by 3e-07, {OFF} 6 digits; write u: l - l*theta^2"),
+    (curve(theta="0.7", theta_dot="1", u_dot="-1.4000003"),
+     f"{OFF} 6 digits; mark theta_dot or u_dot as {{guess: ...}}"),
+    (scene({}, {"a": "pi/6", "h": "0.8660253"}, definitions="h: cos(a)"),
+     "the start value `h: 0.8660253` is off by 1e-07, as if"),
+    (scene("y = k*x^2", {"x": 0.3, "y": 0.0900000001}, parameters="k: 1"),
+     "write y: k*x^2"),
+    (scene("y = k*x^2", {"y": 0.0900000001, "x": 0.3}, parameters="k: 1"),
+     "mark y or x as {guess: ...}"),
+    # an advice does not use the time
+    (scene("y = x + t", {"x": 0.3, "y": 0.30000001, "y_dot": 1}),
+     "mark x or y as {guess: ...}"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "told"), ROUGH)
+def test_typed_digits_are_told_with_what_could_be_written(text, told):
+    start = judged(text)
+    assert start.admissible
+    assert told in warning(start, "rough-start")
+    assert start.changes or "start value" in told
+
+
+@pytest.mark.parametrize("factor", [1e-8, 1.0, 1e8])
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
+def test_verdicts_depend_on_neither_scale_nor_units(factor, unit):
+    def curve_in(u_start, u_rate):
+        at = {"theta": 0.5, "u": u_start * unit, "theta_dot": 1, "u_dot": u_rate * unit}
+        relation = f"{factor!r}*(u/{unit!r} - 1 + theta^2) = 0"
+        kinetic = f"(theta_dot^2 + u_dot^2/{unit!r}^2)/2"
+        return judged(scene({"path": relation}, at, kinetic=kinetic))
+
+    for u, rate, sound in (
+        (0.75, -1.0, True), (0.75 + 2e-7, -1.0, True), (0.75 + 3e-6, -1.0, False),
+        (0.75, -1.0 + 3e-6, False),
+    ):  # fmt: skip
+        assert curve_in(u, rate).admissible is sound
+    far = curve_in(2.0, 5.0).repair
+    theta, u = far["theta"], far["u"] / unit
+    # Least (theta - 1/2)^2 + (u - 2)^2 on u = 1 - theta^2: its gradient vanishes.
+    assert u == pytest.approx(1 - theta**2, rel=1e-12)
+    assert (theta - 0.5) - 2 * theta * (u - 2) == pytest.approx(0, abs=1e-9)
+
+
+# --- Inertia, and forces
+
+QUATERNION = scene(
+    {"unit": "q0^2 + q1^2 + q2^2 + q3^2 = 1"},
+    {"q0": 1, "q1": 0, "q2": 0, "q3": 0, "q1_dot": 0.05, "q2_dot": 0.5},
+    definitions=(
+        "w1: 2*(q0*q1_dot - q1*q0_dot + q3*q2_dot - q2*q3_dot)\n"
+        "w2: 2*(q0*q2_dot - q2*q0_dot + q1*q3_dot - q3*q1_dot)\n"
+        "w3: 2*(q0*q3_dot - q3*q0_dot + q2*q1_dot - q1*q2_dot)"
+    ),
+    kinetic="(w1^2 + 2*w2^2 + 3*w3^2)/2",
+)
+TURNED = QUATERNION.replace("q0: 1", "q0: 0.6").replace("q3: 0\n", "q3: -0.8\n")
+TURNED = TURNED.replace("  q1_dot: 0.05\n  q2_dot: 0.5\n", "")
+LIGHT = {"kinetic": "x_dot^2/2"}
+
+
+@pytest.mark.parametrize(
+    ("text", "freedom"),
+    [
+        (QUATERNION, 3),
+        (TURNED, 3),
+        (model_text("huygens_cycloid"), 1),
+        (scene("1e-8*(x - 1e6*y) = 0", ORIGIN, **LIGHT), 1),
+        (scene("1e8*(x - 1e6*y) = 0", ORIGIN, **LIGHT), 1),
+    ],
+)
+def test_constraints_determine_what_has_no_inertia(text, freedom):
+    check(judged(text), admissible=True, augmented=True, degrees_of_freedom=freedom)
+
+
+@pytest.mark.parametrize(
+    ("relations", "kinetic", "told"),
+    [
+        ({}, "x_dot^2/2", "the coordinate y has no inertia"),
+        ({}, "(x_dot + y_dot)^2/2", "combination of coordinates x - y has no inertia"),
+        ({}, "x_dot^2/2 - y_dot^2/2", "falls with the speed of the coordinate y"),
+        ({}, "x_dot^2/2 + 2*x_dot*y_dot", "the mass matrix is indefinite"),
+        # A row of rounding completes nothing.
+        ("sin(b)*x + y = 0", "y_dot^2/2", "the coordinate x has no inertia"),
+        # With x = y it would be 2 - 1 = 1 in sum.
+        ("x = y", "x_dot^2 - y_dot^2/2", "coordinate y"),
+    ],
+)
+def test_what_has_no_inertia_is_refused_by_name(relations, kinetic, told):
+    with pytest.raises(InputError, match=told):
+        judged(scene(relations, ORIGIN, kinetic=kinetic, parameters="b: pi"))
+
+
+PLANE = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+definitions: {{speed: "{speed}"}}
+forces: {{x: 1 - 3*x_dot/speed, y: -3*y_dot/speed}}
+initial: {{x: 0, y: 0, x_dot: {v}, y_dot: {v}}}
+simulation: {{duration: 2, output_step: 0.5}}
+"""
+
+
+@pytest.mark.parametrize("speed", ["hypot(x_dot, y_dot)", "sqrt(x_dot^2 + y_dot^2)"])
+def test_a_direction_at_rest_is_refused_with_what_to_write(speed):
+    with pytest.raises(InputError) as caught:
+        judged(PLANE.format(speed=speed, v=0))
+    assert all("no direction" in p.hint for p in caught.value.problems)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("v", [0, 1])
+def test_what_is_to_be_written_comes_to_rest_but_for_a_creep(v):
+    found = run(PLANE.format(speed="hypot(1e-4, hypot(x_dot, y_dot))", v=v))
+    # Held by 1/3 of the friction: u = 1/3 hypot(c, u).
+    assert found["x_dot"][-1] == pytest.approx(1e-4 / 8**0.5, rel=1e-6)
+    assert abs(found["y_dot"][-1]) < 1e-9
