@@ -121,47 +121,40 @@ def test_until_is_located(until, more):
     assert f"`{until}`" in found.trajectory.reason
 
 
-def test_until_is_located_in_a_motion_that_is_not_a_polynomial():
-    found = run(oscillator('duration: 9, until: "x <= -0.25"'))
+# Both crossings of a ball that rises 1e-3 above the level lie within one step.
+UP = math.sqrt(2.0 * 9.81 * 1.001)
+# Scenes with `until`, when it is met, None where never; and how well that is known.
+UNTIL = [
     # At rtol 1e-11 the dense output is right to a few times that.
-    assert found.trajectory.end == pytest.approx(math.acos(-0.25), rel=0, abs=1e-10)
-
-
-def test_until_never():
-    found = run(fall("y >= 10"))
-    assert found.trajectory.outcome is Outcome.DONE
-    assert found.trajectory.end == 5.0
-    assert not found.trajectory.events
-
-
-def test_until_true_at_the_start_counts_once_it_has_been_false():
-    # Thrown up from the ground: it holds at the start, then not, then again.
-    found = run(fall("y <= 0", y=0, v="g"))
-    assert found.trajectory.outcome is Outcome.UNTIL
-    assert found.trajectory.end == pytest.approx(2.0, rel=0, abs=1e-12)
-    found = run(fall("y = 0", y=0, v="g"))
-    assert found.trajectory.end == pytest.approx(2.0, rel=0, abs=1e-12)
+    (oscillator('duration: 9, until: "x <= -0.25"'), math.acos(-0.25), 1e-10),
+    (fall("y >= 10"), None, 0),
+    # True at the start it counts once it has been false: thrown up from the ground.
+    (fall("y <= 0", y=0, v="g"), 2.0, 1e-12),
+    (fall("y = 0", y=0, v="g"), 2.0, 1e-12),
     # It holds from below the ground all the way: for ever true, never an event.
-    found = run(fall("y <= 0", y=-1))
-    assert found.trajectory.outcome is Outcome.DONE
-
-
-def test_until_an_inequality_that_holds_at_first_is_not_met_leaving_it():
-    # x >= 0 at the start; it comes to be false at pi/2 and true again at 3/2 pi.
-    found = run(oscillator('duration: 20, until: "x >= 0"'))
-    assert found.trajectory.end == pytest.approx(1.5 * math.pi, rel=0, abs=1e-10)
+    (fall("y <= 0", y=-1), None, 0),
+    # x >= 0 at the start; false at pi/2, and true again at 3/2 pi: not met leaving it.
+    (oscillator('duration: 20, until: "x >= 0"'), 1.5 * math.pi, 1e-10),
     # An equation is met from either side.
-    found = run(oscillator('duration: 20, until: "x = 0"'))
-    assert found.trajectory.end == pytest.approx(0.5 * math.pi, rel=0, abs=1e-10)
-
-
-def test_until_within_one_step_there_and_back():
-    # A ball that rises 1e-3 above the level: both crossings lie within one step.
-    v = math.sqrt(2.0 * 9.81 * 1.001)
-    found = run(fall("y >= 1", y=0, v=v))
-    exact = (v - math.sqrt(v * v - 2.0 * 9.81)) / 9.81
+    (oscillator('duration: 20, until: "x = 0"'), 0.5 * math.pi, 1e-10),
     # y_dot is 0.14 at the crossing: 1e-15 of y is 1e-14 of t.
-    assert found.trajectory.end == pytest.approx(exact, rel=0, abs=1e-12)
+    (
+        fall("y >= 1", y=0, v=UP),
+        (UP - math.sqrt(UP * UP - 2.0 * 9.81)) / 9.81,
+        1e-12,
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "time", "off"), UNTIL)
+def test_when_until_is_met(text, time, off):
+    found = run(text).trajectory
+    if time is None:
+        assert found.outcome is Outcome.DONE
+        assert not found.events
+    else:
+        assert found.outcome is Outcome.UNTIL
+        assert found.end == pytest.approx(time, rel=0, abs=off)
 
 
 def test_until_in_a_constrained_motion_ends_on_the_constraint():
