@@ -65,6 +65,13 @@ PROBE = 2.0**-36
 """The relative change of a state that shows what its rounding does to y': large enough
 that the difference has digits, small enough that nothing bends."""
 
+CLEAR_OF_ROUNDING = 16.0
+"""How many times its rounding a value is, at least, that is none: a surface that has
+been left, a flight that is one, a rate that jumps."""
+
+SAME_TIME = 8.0
+"""Units in the last place of the time within which two times are one."""
+
 # --- rows of a run --------------------------------------------------------------------
 
 SAME_ROW = 1e-6

@@ -13,7 +13,12 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
 from lagsim.run.system.functions import held_together
-from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, SAME_STEP, SURFACE_ROUNDOFF
+from lagsim.tolerances import (
+    NEARLY_DEPENDENT_ROWS,
+    SAME_STEP,
+    SAME_TIME,
+    SURFACE_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,8 +92,6 @@ def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
 # A loss of rank is one where the rows' independence falls below this part of what it is
 # in general.
 LOST = 1e-5
-# Units in the last place of the time within which two times are one.
-MOMENTS = 8.0
 # Steps at the stability bound after which something may be done about it.
 AT_BOUND = 15
 # After so many steps each it is asked whether they lead to a surface or only up to it.
@@ -207,7 +210,7 @@ class Arc(NamedTuple):
         rows = self.row_time(-1), self.row_time(0), self.settings.end
         t = self.t
         near = min(rows, key=lambda s: abs(s - t))
-        if abs(near - t) <= MOMENTS * math.ulp(t):
+        if abs(near - t) <= SAME_TIME * math.ulp(t):
             self.state.t = near
 
     def advance(self, rows: int, budget: int) -> int:

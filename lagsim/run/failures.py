@@ -24,7 +24,7 @@ from lagsim.notes import Caution, Choice
 from lagsim.plan.plan import ANY
 from lagsim.run.arc import SERIES
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source
-from lagsim.tolerances import TINY
+from lagsim.tolerances import BROKEN_CONSTRAINT, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -143,10 +143,8 @@ def _fastest(arc: Arc) -> str:
     return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
 
 
-# A state that is projected is off its constraints by rounding. One that is off by more
-# than this part of their terms, looked at so often and each time so many steps later,
-# never meets them.
-MET = 1e-3
+# A state that is projected is off its constraints by rounding. One that is far off,
+# looked at so often and each time so many steps later, never meets them.
 LOOKS = 8
 APART = 10_000
 
@@ -168,11 +166,10 @@ class Unmet(Source):
             return None
         shown = arc.observed().tolist()
         columns = dict(zip(arc.system.columns.names, shown, strict=True))
-        unmet = [
-            row.name
-            for row in arc.equations.rows
-            if abs(columns[f"residual_{row.name}"]) > MET * columns[f"scale.{row.name}"]
-        ]
+        unmet = []
+        for row in arc.equations.rows:
+            off, scale = (columns[x + row.name] for x in ("residual_", "scale."))
+            unmet += [row.name] if abs(off) > BROKEN_CONSTRAINT * scale else []
         self._looks = self._looks + 1 if unmet else 0
         if self._looks < LOOKS:
             return None

@@ -26,7 +26,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, FilippovCone
-from lagsim.tolerances import ACCELERATION_ROUNDOFF, PARALLEL, RESIDUAL_ROUNDOFF
+from lagsim.tolerances import (
+    ACCELERATION_ROUNDOFF,
+    CLEAR_OF_ROUNDING,
+    PARALLEL,
+    RESIDUAL_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -39,8 +44,6 @@ if TYPE_CHECKING:
 FIRST = 2.0**-44
 LONGER = 4.0
 MOST = 22
-# Past this many times its rounding a surface has been left.
-CLEAR = 16.0
 
 
 # What is left may be so many times the rounding of a position: that of several steps.
@@ -112,10 +115,6 @@ def _rests(
     return True
 
 
-# A floor is this part of what the tolerance lets a velocity err in the run: ten times
-# what it may err in a step, so that no error leads through it.
-PART = 1.0
-USUAL = 1e-9  # of a method without a tolerance
 # Where nothing has moved, the forces are looked at so many times, at ever longer spans
 # from between two rows to the whole run.
 LOOKS = 12
@@ -126,31 +125,29 @@ FARTHER = 16.0
 def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
     """Set the floors of all roots for the arc to come.
 
+    A floor is what the tolerance lets a velocity err in the run: ten times what it may
+    err in a step, so that no error leads through it.
+
     met : the surface that has been reached, or is no more followed (`slipping`). There
     what holds a slow motion falls well below its force: it would stick again.
     """
-    rooted = [k for k, side in enumerate(modes.sides) if side.floor]
-    if not rooted:
+    rooted = np.array([bool(side.floor) for side in modes.sides])
+    if not rooted.any():
         return
     modes.write()
-    former = modes.p.least_root.copy()
+    former, rtol = modes.p.least_root.copy(), modes.arc.state.rtol
     pushed = modes.arc.state.row_step * np.max(np.abs(_pushes(modes)), axis=0)
     seen = _seen(modes, pushed)
-    unseen = [k for k in rooted if not seen[k] > 0.0]
     sizes = np.where(seen > 0.0, seen, pushed)
-    rtol = modes.arc.state.rtol or USUAL
-    floors = np.zeros(modes.count)
-    for k in rooted:
-        # What has no size yet, and no force on it, moves with the others, if at all.
-        size = sizes[k] if sizes[k] > 0.0 else np.max(sizes)
-        floors[k] = PART * rtol * size if size > 0.0 else PART * rtol
+    # What has no size yet, and no force on it, moves with the others, if at all.
+    sizes = np.where(sizes > 0.0, sizes, np.max(sizes))
+    floors = np.where(rooted, rtol * np.where(sizes > 0.0, sizes, 1.0), 0.0)
     modes.tell(floor=floors, least_root=floors)
-    for k in rooted:
-        if k in unseen:
-            floors[k] = min(floors[k], PART * rtol * _kept_up(modes, k, floors))
-            if former[k] > 0.0 and (slipping or k != met):
-                part = FARTHER if k == met else 1.0
-                floors[k] = min(floors[k], former[k] / part)
+    for k in np.flatnonzero(rooted & ~(seen > 0.0)).tolist():
+        floors[k] = min(floors[k], rtol * _kept_up(modes, k, floors))
+        if former[k] > 0.0 and (slipping or k != met):
+            part = FARTHER if k == met else 1.0
+            floors[k] = min(floors[k], former[k] / part)
     modes.tell(floor=floors, least_root=floors)
 
 
@@ -404,7 +401,7 @@ class Crossing:
         modes, arc = self.modes, self.modes.arc
         t, y = arc.t, arc.y
         levels = np.array([self.levels[k] for k in some])
-        clear = CLEAR * RESIDUAL_ROUNDOFF * self.sizes[some]
+        clear = CLEAR_OF_ROUNDING * RESIDUAL_ROUNDOFF * self.sizes[some]
         step = FIRST * arc.settings.duration
         for _ in range(MOST):
             # The classical Runge-Kutta method.

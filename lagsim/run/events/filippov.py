@@ -172,17 +172,13 @@ class FilippovCone:
         And whether each surface that is followed attracts alone.
         """
         w, rho, own = self._solved(way)
-        for i, k in enumerate(way):
-            if i in self.held:
-                continue
-            if k == ALONG:
-                inside = -SHARE_ROUNDOFF <= w[i] <= 1.0 + SHARE_ROUNDOFF
-                attracts = own[i] < 0.0 or not alone
-                if not (inside and attracts and abs(rho[i]) <= self.tolerance[i]):
-                    return False
-            elif not (rho[i] if k == ABOVE else -rho[i]) >= least[i]:
-                return False
-        return True
+        known = [i in self.held for i in range(self.count)]
+        ways = np.array(way)
+        inside = (w >= -SHARE_ROUNDOFF) & (w <= 1.0 + SHARE_ROUNDOFF)
+        attracts = (own < 0.0) | (not alone)
+        follows = inside & attracts & (np.abs(rho) <= self.tolerance)
+        leaves = np.where(ways == ABOVE, rho, -rho) >= least
+        return bool(np.all(known | np.where(ways == ALONG, follows, leaves)))
 
     def _exchanged(self, now: Sequence[int]) -> list[int] | None:
         """Exchange the first surface that violates its condition until none does.

@@ -10,16 +10,16 @@ from lagsim.language.evaluate import evaluate
 from lagsim.notes import Event
 from lagsim.run.arc import pulled
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SATISFIED
+from lagsim.tolerances import (
+    CLEAR_OF_ROUNDING,
+    RESIDUAL_ROUNDOFF,
+    SAME_TIME,
+    SATISFIED,
+)
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
-
-# What the rounding of a state does to a rate, times this, is no jump.
-ROUNDING = 16.0
-# Units in the last place of the time by which a row stands before an impact.
-BEFORE = 8.0
 
 
 class Before(NamedTuple):
@@ -36,7 +36,7 @@ class Before(NamedTuple):
 def before_event(arc: Arc) -> Before:
     """Look at the state reached where all switches still are as they were."""
     n = arc.system.n
-    moment = BEFORE * np.spacing(abs(arc.t))
+    moment = SAME_TIME * np.spacing(abs(arc.t))
     row = arc.row()
     row[0, 0] -= moment
     row[0, 1 : 1 + n] -= moment * arc.y[n : 2 * n]
@@ -106,7 +106,7 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
         moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
         noise = np.fmax(noise, np.abs(moved - off - step))
     noise += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
-    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + ROUNDING * noise
+    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + CLEAR_OF_ROUNDING * noise
     return bool(np.any(np.abs(step) > most))
 
 
@@ -121,5 +121,5 @@ def _is_far(arc: Arc) -> bool:
         np.abs(arc.runner.function(f"{name}_step")(arc.t, arc.y)[:n])
         for name in ("position", "velocity")
     )
-    step = np.maximum(step - BEFORE * np.spacing(abs(arc.t)) * rates, 0.0)
+    step = np.maximum(step - SAME_TIME * np.spacing(abs(arc.t)) * rates, 0.0)
     return pulled(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED

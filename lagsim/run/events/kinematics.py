@@ -16,8 +16,7 @@ from lagsim.language.evaluate import BALANCED
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
-from lagsim.run.arc import MOMENTS
-from lagsim.tolerances import DECOUPLED
+from lagsim.tolerances import CLEAR_OF_ROUNDING, DECOUPLED, SAME_TIME
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
 # How far a state is moved, by parts, to see what its rounding does; and these parts.
 PROBE = 2.0**-26
 APART = 0.618033988749895
-# A flight this many times higher than rounding is one.
-HIGHER = 16.0
 
 
 class Shape:
@@ -129,7 +126,7 @@ class Kinematics:
         held = np.maximum(gap_scales, slopes @ soon)
         # Within rounding of the time a gap changes, and what moves it as time goes by.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ y[n : 2 * n])
-        self.slack = BALANCED * held + MOMENTS * math.ulp(t) * moved
+        self.slack = BALANCED * held + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {}
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
@@ -271,7 +268,7 @@ class Kinematics:
         """
         told = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
-        return float(max(told, HIGHER * rounded))
+        return float(max(told, CLEAR_OF_ROUNDING * rounded))
 
     def is_spent(self, k: int) -> bool:
         """Tell whether a slip could go no farther than the tolerance.
