@@ -175,7 +175,9 @@ class Run:
     @unless_overflow(Ending(Outcome.NOT_FINITE))
     def begin(self) -> Ending | None:
         """Begin the first arc; tell how the run ends if it does."""
-        before = self._at_start()
+        system = self.arc.system
+        # The start before its switches are those of the first arc.
+        before = at_start(self.arc) if system.m and system.switches.modes else None
         self._set_modes()
         ending = self._strike(before)
         if ending is None:
@@ -263,12 +265,6 @@ class Run:
         if not (ends and (arc.t < arc.settings.end or arc.system.watched)):
             return None
         return before_event(arc)
-
-    def _at_start(self) -> Before | None:
-        """Look at the start before its switches are those of the first arc."""
-        if not (self.arc.system.m and self.arc.system.switches.modes):
-            return None
-        return at_start(self.arc)
 
     def _corner(self, code: int) -> Floats | None:
         """Look at the columns just before an event, where they are wanted."""

@@ -135,7 +135,9 @@ class Contacts(Source):
 
     def _decision(self, arc: Arc, found: Found) -> Decision:
         if found.ending is not None and arc.steps == 0:
-            raise InputError([_impossible(found.ending)])
+            why = f"{found.ending.about}: {found.ending.outcome.advice}"
+            text = f"no motion exists from this start on: {why}"
+            raise InputError([Problem("no-motion", text)])
         return Decision(
             events=tuple(found.events), cautions=tuple(found.cautions), y=found.y,
             sizes=np.maximum(arc.sizes, np.abs(found.y)), rows=found.rows,
@@ -258,7 +260,8 @@ class Contacts(Source):
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
-        deep = [i for i, k in enumerate(some) if here.is_below(k)]
+        low = here.gaps < 0.0
+        deep = [i for i, k in enumerate(some) if k in self.contacts and low[k]]
         if deep:
             gaps = here.gaps[[some[i] for i in deep]]
             found.y[:n] -= response[:, deep] @ _raised(problem.D, deep, gaps)
@@ -365,14 +368,6 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
     return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
 
 
-def _impossible(ending: Ending) -> Problem:
-    """Say that no motion begins at the start."""
-    text = (
-        f"no motion exists from this start on: {ending.about}: {ending.outcome.advice}"
-    )
-    return Problem("no-motion", text)
-
-
 # --- Mode selection: which laws hold from a state on, by the accelerations
 
 
@@ -400,7 +395,10 @@ def select_modes(
     found = _chosen(here, leaning, also)
     idle = _idle(here, found)
     if idle:
-        leaning[idle] += _parting(here, found, idle, also)
+        # By the accelerations of a moment later some of them part then.
+        later = _soon_after(here, found)
+        then = _chosen(later, np.zeros(here.count), {*also, *found.some})
+        leaning[idle] += then.mode[idle] == kept.OFF
         found = _chosen(here, leaning, also)
     p.law_mode[:], p.law_way[:] = found.mode, found.way
     _set_floors(here, found, before)
@@ -427,15 +425,6 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
         and here.laws[k].kind in ONE_SIDED
         and push <= here.noise[k]
     ]
-
-
-def _parting(
-    here: Kinematics, found: Chosen, idle: list[int], also: Collection[int]
-) -> Floats:
-    """Tell by the accelerations of a moment later which idle laws part then (1)."""
-    later = _soon_after(here, found)
-    then = _chosen(later, np.zeros(here.count), {*also, *found.some})
-    return np.array([float(then.mode[k] == kept.OFF) for k in idle])
 
 
 def _soon_after(here: Kinematics, found: Chosen) -> Kinematics:

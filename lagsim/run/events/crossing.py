@@ -230,16 +230,13 @@ class Crossing:
     def decide(self) -> None:
         """Choose the mode."""
         self.noise = np.zeros(self.modes.count)
-        now = {k: self._way_now(k) for k in self.levels}
+        value, whole = self.modes.value, self.modes.whole
+        edges = {k: level if whole[k] else 0.5 for k, level in self.levels.items()}
+        now = {k: ABOVE if value[k] >= edge else BELOW for k, edge in edges.items()}
         for k in self.modes.order:
             self._sort(k)
         if self.open:
             self._by_forces([now[k] for k in self.open])
-
-    def _way_now(self, k: int) -> int:
-        modes = self.modes
-        above = modes.value[k] >= (self.levels[k] if modes.whole[k] else 0.5)
-        return ABOVE if above else BELOW
 
     def _sort(self, k: int) -> None:
         """Decide what a surface's own rate decides; note what is left."""

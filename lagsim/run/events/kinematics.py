@@ -227,10 +227,6 @@ class Kinematics:
             return bool(abs(rate) > self.still[k])
         return kind is not Kind.SLIP and bool(rate < -self.still[k])
 
-    def is_below(self, k: int) -> bool:
-        """Tell whether rounding has left a contact's gap below 0."""
-        return self.laws[k].kind is Kind.CONTACT and bool(self.gaps[k] < 0.0)
-
     def is_off(self, k: int, part: float) -> bool:
         """Tell whether a residual is off by more than a part of how it has moved."""
         # Within its last step a place is rounded as what forces did in all of it.

@@ -15,7 +15,7 @@ import heapq
 import math
 from itertools import islice
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -43,30 +43,49 @@ if TYPE_CHECKING:
 WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
-class TimeBreaks(Source):
-    """The breaks in time of a run."""
+class _Ahead(Source):
+    """What lies ahead in a run, in order, found as the run gets to it.
 
-    DERIVED = ("_times",)
+    A run that is resumed finds it anew, past what it has taken.
+    """
+
+    DERIVED = ("_coming",)
 
     def __init__(self, arc: Arc) -> None:
         self._arc = arc
+        self._cautions: list[Caution] = []
         self._taken = 0
-        settings = arc.settings
-        self._met = Sequence(settings.start, settings.duration, WINDOW)
-        self._first = math.nan
-        self._times: Iterator[float] | None = None
-        self._next = self._following()
+        self._coming: Iterator[Any] | None = None
 
-    def _following(self) -> float:
-        """Give the next break; inf after the last."""
-        if self._times is None:
-            arc, settings = self._arc, self._arc.settings
-            discrete = [mode.discrete for mode in arc.system.switches.modes]
-            g, ends = arc.equations.graph, (settings.start, settings.end)
-            found = break_times(g, discrete, arc.parameters, *ends)
-            self._times = islice(found, self._taken, None)
+    def _all(self) -> Iterator[Any]:
+        """Find all of it, from the start of the run."""
+        raise NotImplementedError
+
+    def _following(self, last: Any) -> Any:
+        """Give the next of it; `last` after all of it."""
+        if self._coming is None:
+            self._coming = self._all()
+            if self._taken:  # what it told of these is told
+                next(islice(self._coming, self._taken - 1, self._taken), None)
+                self._cautions.clear()
         self._taken += 1
-        return next(self._times, inf)
+        return next(self._coming, last)
+
+
+class TimeBreaks(_Ahead):
+    """The breaks in time of a run."""
+
+    def __init__(self, arc: Arc) -> None:
+        super().__init__(arc)
+        self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
+        self._first = math.nan
+        self._next: float = self._following(inf)
+
+    def _all(self) -> Iterator[float]:
+        arc, settings = self._arc, self._arc.settings
+        discrete = [mode.discrete for mode in arc.system.switches.modes]
+        g, ends = arc.equations.graph, (settings.start, settings.end)
+        return break_times(g, discrete, arc.parameters, *ends)
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
@@ -92,7 +111,7 @@ class TimeBreaks(Source):
             limit = self._met.end()
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
-        self._next = self._following()
+        self._next = self._following(inf)
         switch = (Event(arc.t, "switch"),)
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
@@ -122,28 +141,22 @@ class Feature(NamedTuple):
     reach: float
 
 
-class Features(Source):
+class Features(_Ahead):
     """What is still to come in a run, in order."""
 
-    DERIVED = ("_coming",)
-
     def __init__(self, arc: Arc) -> None:
-        self._arc = arc
-        self._cautions: list[Caution] = []
-        self._taken = 0
-        self._coming: Iterator[Feature] | None = None
-        self._next = self._following()
+        super().__init__(arc)
+        self._next: Feature | None = self._following(None)
         self._now: Feature | None = None
 
-    def _following(self) -> Feature | None:
-        """Give the next one; None after the last."""
-        if self._coming is None:
-            self._coming = _features(self._arc, self._cautions.append)
-            if self._taken:  # in a run that was resumed; what it told then is told
-                next(islice(self._coming, self._taken - 1, self._taken), None)
-                self._cautions.clear()
-        self._taken += 1
-        return next(self._coming, None)
+    def _all(self) -> Iterator[Feature]:
+        arc, equations = self._arc, self._arc.system.equations
+        lines = [
+            _Line(arc, indicator, self._cautions.append)
+            for indicator in indicators_in_time(equations, motion_nodes(equations))
+            if equations.graph.depends([indicator.node]) <= {"t", *arc.parameters}
+        ]
+        return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
     def set_out(self, arc: Arc) -> Decision:
         """Tell the kernel what comes first after the time reached."""
@@ -160,7 +173,7 @@ class Features(Source):
             if self._next is None:
                 self._now = None
                 return Decision(numbers={"feature_width": 0.0})
-            self._now, self._next = self._next, self._following()
+            self._now, self._next = self._next, self._following(None)
         now = self._now
         begins = now.time - now.reach - now.width
         is_ahead = arc.t < begins
@@ -179,17 +192,6 @@ class Features(Source):
         if self._next is not None:
             over = min(over, max(now.time, self._next.time - self._next.reach))
         return over
-
-
-def _features(arc: Arc, tell: Callable[[Caution], None]) -> Iterator[Feature]:
-    equations = arc.system.equations
-    g = equations.graph
-    lines = [
-        _Line(arc, indicator, tell)
-        for indicator in indicators_in_time(equations, motion_nodes(equations))
-        if g.depends([indicator.node]) <= {"t", *arc.parameters}
-    ]
-    return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
 
 def _expected(arc: Arc, now: Feature, part: float) -> Floats:

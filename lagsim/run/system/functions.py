@@ -456,18 +456,15 @@ def functions(
         found |= loop_functions(equations, columns)
     else:
         found |= _solved(equations, plan, columns, switching=switching)
-    if _takes_energy(equations):
+    # Impacts may take energy from some works, where others have their own.
+    laws, works = bool(equations.laws), equations.works
+    strikes = laws or any(may_strike(g, x) for x in equations.rows)
+    if strikes and any(x.energy != equations.energy for x in works):
         found["energies"] = [x.energy for x in equations.works]
     for need in needs:
         if need in NEEDED:
             found |= NEEDED[need](equations, plan)
     return found
-
-
-def _takes_energy(e: Equations) -> bool:
-    """Tell whether impacts may take energy from some, and others have their own."""
-    apart = any(x.energy != e.energy for x in e.works)
-    return apart and (bool(e.laws) or any(may_strike(e.graph, x) for x in e.rows))
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:

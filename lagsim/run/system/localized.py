@@ -209,15 +209,15 @@ class _Search:
                 below.append((args[0], inverse))
             elif op == "exp":
                 terms.append(g.call("neg", args[0]) if inverse else args[0])
-            elif op == "pow" and self._is_tall(args[1]):
+            elif (
+                op == "pow"
+                and args[1] not in self.moving
+                and abs(self._value(args[1])) >= TALL
+            ):
                 size = g.call("log", g.call("abs", args[0]))
                 size = g.call("mul", args[1], size)
                 terms.append(g.call("neg", size) if inverse else size)
         return []
-
-    def _is_tall(self, exponent: int) -> bool:
-        """Tell whether a power is one that a product may be localized by."""
-        return exponent not in self.moving and abs(self._value(exponent)) >= TALL
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
         """Give where two exponentials, or one and a constant, are of one size."""

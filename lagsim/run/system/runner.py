@@ -59,7 +59,11 @@ class Runner:
     """
 
     def __init__(self, system: System, name: str) -> None:
-        self.system, self.engine = system, Engine(objects_of(system, name))
+        around = kernel_object(
+            [driver.advance, driver.tabulate], _statics(system, name)
+        )
+        kernels = [kernel_object(*of_method(system, name)), around]
+        self.system, self.engine = system, Engine([*system.objects, *kernels])
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)
@@ -169,16 +173,6 @@ class Runner:
                 states, count, size, self.system.p.address, address(out), self._columns
             )
         return out
-
-
-def objects_of(system: System, name: str) -> list[bytes]:
-    """Give the object code of a system's functions and of a method's kernels."""
-    statics = _statics(system, name)
-    return [
-        *system.objects,
-        kernel_object(*of_method(system, name)),
-        kernel_object([driver.advance, driver.tabulate], statics),
-    ]
 
 
 def of_method(
