@@ -1,23 +1,27 @@
-"""Sums of products on the graph, rewritten into equal ones that take less.
+"""Sums of products, rewritten into equal ones that take less.
 
-Sums of monomials c a^i b^j ... (`normal_form`), sines and cosines combined
-(`fewer_terms`), constant factors collected in front (`Collected`), slow factors first
-in products (`slow_factors_first`), repeated factors once (`simple_root`).
+`Products` are powers of atoms as integers; sums of them are rewritten for the graph
+here, and for people, with sympy's expressions as atoms, in `show.tidy`.
+
+On the graph: sums of monomials c a^i b^j ... (`normal_form`), sines and cosines
+combined (`fewer_terms`), constant factors collected in front (`Collected`), slow
+factors first in products (`slow_factors_first`), repeated factors once (`simple_root`).
 """
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from fractions import Fraction
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.simpler import is_normal
+from lagsim.language.sparse import Meter, TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import (
+        Callable,
         Collection,
-        Container,
         Iterable,
         Iterator,
         Mapping,
@@ -25,6 +29,386 @@ if TYPE_CHECKING:
     )
 
     from lagsim.language.graph import Graph
+
+
+Atom = TypeVar("Atom")
+Terms = dict[int, Any]
+"""A sum: products, and the number in front of each."""
+
+
+class Products(Generic[Atom]):
+    """Powers of atoms as integers: the product of two is their sum, and 0 is 1.
+
+    Whoever makes them keeps exponents within `largest`.
+
+    Parameters
+    ----------
+    bits
+        Of an exponent.
+    parts
+        Exponents are multiples of 1/parts.
+    """
+
+    def __init__(self, bits: int, parts: int = 1) -> None:
+        self._bits, self._parts = bits, parts
+        self.largest = ((1 << bits - 1) - 1) // parts
+        self.atoms: list[Atom] = []
+        self._places: dict[Atom, int] = {}
+
+    def power(self, atom: Atom, exponent: int | Fraction = 1) -> int:
+        """Give a power of an atom as a product."""
+        place = self._places.get(atom)
+        if place is None:
+            place = self._places[atom] = self._bits * len(self.atoms)
+            self.atoms.append(atom)
+        return int(self._parts * exponent) << place
+
+    def powers(self, product: int) -> Iterator[tuple[Atom, int | Fraction]]:
+        """Give the atoms of a product, with their exponents."""
+        bits, parts = self._bits, self._parts
+        while product:
+            k = ((product & -product).bit_length() - 1) // bits
+            digits = product >> k * bits & (1 << bits) - 1
+            digits -= digits >> bits - 1 << bits
+            whole, rest = divmod(digits, parts)
+            yield self.atoms[k], Fraction(digits, parts) if rest else whole
+            product -= digits << k * bits
+
+    def common(self, products: Iterable[int]) -> int:
+        """Give what all products have in common, over what any has below the line."""
+        found = [dict(self.powers(m)) for m in products]
+        atoms = dict.fromkeys(atom for powers in found for atom in powers)
+        return sum(
+            self.power(atom, min(powers.get(atom, 0) for powers in found))
+            for atom in atoms
+        )
+
+    @staticmethod
+    def multiplied(a: Terms, b: Terms, meter: Meter) -> Terms:
+        """Give the product of two sums, whose pairs of terms are counted."""
+        total: Terms = {}
+        if len(a) == 1:
+            meter.add(len(b))
+            ((m, c),) = a.items()
+            return {m + n: c * d for n, d in b.items()}
+        if a is b:  # each pair once
+            meter.add(len(a) * (len(a) + 1) // 2)
+            items = list(a.items())
+            for k, (m, c) in enumerate(items):
+                total[2 * m] = total.get(2 * m, 0) + c * c
+                for n, d in items[:k]:
+                    total[m + n] = total.get(m + n, 0) + 2 * c * d
+        else:
+            meter.add(len(a) * len(b))
+            for m, c in a.items():
+                for n, d in b.items():
+                    total[m + n] = total.get(m + n, 0) + c * d
+        return {m: c for m, c in total.items() if c}
+
+
+def add_term(terms: Terms, product: int, number: Any) -> None:
+    """Add a term to a sum, in place."""
+    total = terms.pop(product, 0) + number
+    if total:
+        terms[product] = total
+
+
+Joint = tuple[int, int, Any]  # the other term, and the product and number of both
+_SWAPPED = {"sin": "cos", "cos": "sin"}
+
+
+class Turning(Products[Atom]):
+    """Products with sines and cosines among their atoms."""
+
+    def turns(self, product: int) -> list[tuple[str, Any, int]]:
+        """Give the sines, then the cosines: function, angle and exponent, above 0."""
+        raise NotImplementedError
+
+    def turn(self, op: str, angle: Any) -> int:
+        """Give the sine or cosine of an angle as a product."""
+        raise NotImplementedError
+
+    def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
+        """Give that of a + sign b, a number in front of it apart."""
+        raise NotImplementedError
+
+    def join(self, terms: Terms, count: Callable[[int], object]) -> int:
+        """Make one term of two where an identity does, in place; give how often.
+
+        sin^2 + cos^2 = 1 first, then the sines and cosines of sums and differences.
+        """
+        joined = 0
+        for joint in (self._joint_of_squares, self._joint_of_angles):
+            pending = deque(terms)
+            while pending:
+                product = pending.popleft()
+                while product in terms and (found := joint(terms, product, count)):
+                    second, new, number = found
+                    del terms[product], terms[second]
+                    add_term(terms, new, number)
+                    pending.append(new)
+                    joined += 1
+        return joined
+
+    def _joint_of_squares(
+        self, terms: Terms, m: int, count: Callable[[int], object]
+    ) -> Joint | None:
+        c = terms[m]
+        for op, angle, exponent in self.turns(m):
+            if exponent < 2:
+                continue
+            count(2)
+            rest = m - 2 * self.turn(op, angle)
+            second = rest + 2 * self.turn(_SWAPPED[op], angle)
+            if terms.get(second) == c:
+                return second, rest, c
+            if terms.get(rest) == -c:  # 1 - sin^2
+                return rest, second, -c
+        return None
+
+    def _joint_of_angles(
+        self, terms: Terms, m: int, count: Callable[[int], object]
+    ) -> Joint | None:
+        c, turns = terms[m], self.turns(m)
+        for k, (op, x, _) in enumerate(turns if len(turns) > 1 else ()):
+            for other, y, _ in turns[k + 1 :] if op == "sin" else ():
+                if x == y:
+                    continue
+                count(1)
+                rest = m - self.turn(op, x) - self.turn(other, y)
+                second = rest + self.turn("cos", x) + self.turn(_SWAPPED[other], y)
+                d = terms.get(second)
+                if d is None or abs(d) != abs(c):
+                    continue
+                # sin x sin y stands with cos x cos y, sin x cos y with cos x sin y.
+                made = _SWAPPED[other]
+                sign = 1 if (c == d) == (made == "sin") else -1
+                number, product = self.turned(made, x, y, sign)
+                return second, rest + product, number * (d if made == "cos" else c)
+        return None
+
+
+# Products of two terms, in all, or for each expression where there are many: where it
+# takes more, nothing is changed.
+MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
+# Bits of an exponent: those of a model's energies are small, and its factors many.
+EXPONENT_BITS = 7
+# Operations of the graph that take as long as to write a node as a sum of products, and
+# to look for what joins a term.
+EXPANDED, JOINED = 7, 2
+
+
+class Origin(NamedTuple):
+    """The function of a + sign b that a sine or cosine is, times `factor`."""
+
+    op: str
+    a: int
+    b: int
+    sign: int
+    factor: int
+
+
+def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:
+    """Give equal expressions for `nodes`, which are shorter in all, or these.
+
+    Parameters
+    ----------
+    moving
+        The names of what moves. All else is computed once, and counts nothing.
+    """
+    nodes = list(nodes)
+    cone = g.cone(nodes)
+    g.count(EXPANDED * len(cone))
+    try:
+        expansion = _Expansion(g, cone, max(MOST_PRODUCTS, PRODUCTS_EACH * len(nodes)))
+    except TooLongError:
+        return nodes
+    sums = {n: dict(expansion.sums[n]) for n in nodes if n in expansion.turning}
+    for terms in sums.values():
+        g.count(JOINED * len(terms))
+        expansion.join(terms, g.count)
+    writer = _Writer(g, expansion, moving)
+    found = [writer.node(sums[n]) if n in sums else n for n in nodes]
+    return min((nodes, found), key=lambda x: g.cost(x, moving))
+
+
+# sin(a + b) = sin a cos b + cos a sin b, cos(a + b) = cos a cos b - sin a sin b.
+_SHIFTED = {
+    "sin": (("sin", "cos"), ("cos", "sin")),
+    "cos": (("cos",) * 2, ("sin",) * 2),
+}
+
+
+class _Expansion(Turning[int]):
+    """The nodes of a cone as sums of products.
+
+    Attributes
+    ----------
+    turning : set of int
+        The nodes that have sines or cosines below them.
+    origins : dict
+        The sines and cosines of sums of angles that are brought by joining terms.
+
+    Raises
+    ------
+    TooLongError
+        Where, multiplied out, they are too long.
+    """
+
+    def __init__(self, g: Graph, cone: Sequence[int], products: int) -> None:
+        super().__init__(EXPONENT_BITS)
+        self.g = g
+        self.turning: set[int] = set()
+        self.origins: dict[int, Origin] = {}
+        self.sums: dict[int, Terms] = {}
+        self._meter = Meter(products)
+        self._degrees: dict[int, int] = {}
+        for n in cone:
+            if g.ops[n] in _SHIFTED or any(a in self.turning for a in g.args[n]):
+                self.turning.add(n)
+            self.sums[n], self._degrees[n] = self._of(n)
+
+    def _of(self, n: int) -> tuple[Terms, int]:
+        """Give the sum that node `n` is, and a bound of its exponents."""
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        if op == CONSTANT:
+            value = g.value(n)
+            return ({0: value} if value else {}), 0
+        whole = None
+        if n in self.turning or op in ("mul", "neg", "div", "pow"):
+            whole = self._below(op, args)
+        return whole or ({self.power(n): 1.0}, 1)
+
+    def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
+        """Give the sum that an operation makes of those of its arguments."""
+        sums = [self.sums[a] for a in args]
+        degrees = [self._degrees[a] for a in args]
+        if op in ("add", "sub"):
+            total = dict(sums[0])
+            for m, c in sums[1].items():
+                add_term(total, m, c if op == "add" else -c)
+            return total, max(degrees)
+        if op == "neg":
+            return {m: -c for m, c in sums[0].items()}, degrees[0]
+        if op == "mul":
+            return self._product(sums[0], sums[1], sum(degrees))
+        value = self.g.value(args[-1]) if op in ("div", "pow") else None
+        if op == "div" and value:
+            return {m: c / value for m, c in sums[0].items()}, degrees[0]
+        if op == "pow" and value in (2.0, 3.0, 4.0):
+            found = sums[0], degrees[0]
+            for _ in range(int(value) - 1):
+                found = self._product(found[0], sums[0], found[1] + degrees[0])
+            return found
+        return None
+
+    def _product(self, a: Terms, b: Terms, degree: int) -> tuple[Terms, int]:
+        if degree > self.largest:
+            raise TooLongError
+        return self.multiplied(a, b, self._meter), degree
+
+    def turns(self, product: int) -> list[tuple[str, int, int]]:
+        g = self.g
+        found = [
+            (g.ops[n], g.args[n][0], int(exponent))
+            for n, exponent in self.powers(product)
+            if g.ops[n] in _SHIFTED
+        ]
+        return sorted(found, key=lambda turn: turn[0], reverse=True)
+
+    def turn(self, op: str, angle: int) -> int:
+        return self.power(self.g.call(op, angle))
+
+    def turned(self, op: str, a: int, b: int, sign: int) -> tuple[float, int]:
+        g = self.g
+        angle = _linear(g, a)
+        for n, k in _linear(g, b).items():
+            angle[n] = angle.get(n, 0) + sign * k
+        angle = {n: k for n, k in sorted(angle.items()) if k}
+        flipped = next(iter(angle.values()), 1) < 0
+        total = g.zero
+        for n, k in angle.items():
+            term = g.call("mul", g.constant(abs(k)), n)
+            total = g.call("sub" if (k < 0) != flipped else "add", total, term)
+        node = g.call(op, total)
+        factor = -1 if flipped and op == "sin" else 1
+        value = g.value(node)
+        if value is not None:
+            return factor * value, 0
+        if node not in self.sums:
+            self.origins.setdefault(node, Origin(op, a, b, sign, factor))
+        return factor, self.power(node)
+
+
+def _linear(g: Graph, n: int) -> dict[int, int]:
+    """Give how often each addend stands in a node, through differences and signs."""
+    found: dict[int, int] = {}
+    waiting = [(n, 1)]
+    while waiting:
+        n, k = waiting.pop()
+        if g.ops[n] in ("add", "sub", "neg"):
+            first = -k if g.ops[n] == "neg" else k
+            signs = (first, -k if g.ops[n] == "sub" else k)
+            waiting += zip(g.args[n], signs, strict=False)
+        else:
+            found[n] = found.get(n, 0) + k
+    return found
+
+
+class _Writer:
+    """Sums as nodes.
+
+    The cosine of a - b is a function where there are no more of these than angles, and
+    otherwise what it is of the sines and cosines of a and b: a node that is shared.
+    """
+
+    def __init__(
+        self, g: Graph, expansion: _Expansion, moving: Collection[str]
+    ) -> None:
+        self.g, self.expansion, self.origins = g, expansion, expansion.origins
+        brought = {g.args[n] for n in self.origins}
+        angles = {g.args[n] for n in expansion.turning if g.ops[n] in _SHIFTED}
+        self.calls = len(brought) <= len(angles)
+        self.nodes = {n: self._spelt(n) for n in expansion.atoms}
+        written = set(self.nodes.values())
+        self.still = written - g.dependent(written, moving)
+
+    def node(self, terms: Terms) -> int:
+        """Give the node of a sum: what all terms have in common is taken out.
+
+        What stands still is collected in front of what moves.
+        """
+        g, form = self.g, _Form(self.g)
+        g.count(FACTORED * len(terms))
+        whole: Sum = {}
+        for m, c in terms.items():
+            powers = self.expansion.powers(m)
+            factors = [(self.nodes[n], Fraction(e)) for n, e in powers]
+            fixed = form.raised({n: e for n, e in factors if n in self.still})
+            moved = tuple(f for f in factors if f[0] not in self.still)
+            factor = g.call("mul", g.constant(c), fixed)
+            whole[moved] = g.call("add", whole.get(moved, g.zero), factor)
+        return form.written(whole)
+
+    def _spelt(self, n: int) -> int:
+        x = self.origins.get(n)
+        if self.calls or x is None:
+            return n
+        g = self.g
+        pairs = [
+            [
+                self._spelt(g.call(op, angle))
+                for op, angle in zip(ops, x[1:3], strict=True)
+            ]
+            for ops in _SHIFTED[x.op]
+        ]
+        one, other = (g.call("mul", *pair) for pair in pairs)
+        adds = (x.sign > 0) == (x.op == "sin")
+        if x.factor < 0:
+            one, other = (g.call("neg", one), other) if adds else (other, one)
+            return g.call("sub", one, other)
+        return g.call("add" if adds else "sub", one, other)
 
 
 # Atoms and their exponents, in order; and sums: monomial -> a factor that stays.
@@ -58,27 +442,6 @@ def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
     rest = iter([form.written({_product(m, inverse): c}) for m, c in whole])
     common = form.written({shared: g.one})
     return common, [g.zero if n == g.zero else next(rest) for n in nodes]
-
-
-def sum_node(
-    g: Graph,
-    terms: Mapping[tuple[tuple[int, int], ...], float],
-    still: Container[int],
-) -> int:
-    """Give the node of a sum of products: factors and their exponents -> a number.
-
-    What all products have in common is taken out; the factors that stand `still` are
-    collected.
-    """
-    form = _Form(g)
-    g.count(FACTORED * sum(map(len, terms)))
-    whole: Sum = {}
-    for factors, c in terms.items():
-        fixed = form.raised({n: Fraction(e) for n, e in factors if n in still})
-        moved = tuple((n, Fraction(e)) for n, e in factors if n not in still)
-        factor = g.call("mul", g.constant(c), fixed)
-        whole[moved] = g.call("add", whole.get(moved, g.zero), factor)
-    return form.written(whole)
 
 
 class _Form:
@@ -199,300 +562,6 @@ def _product(a: Monomial, b: Monomial) -> Monomial:
     for atom, exponent in b:
         total[atom] = total.get(atom, Fraction(0)) + exponent
     return tuple(sorted((atom, e) for atom, e in total.items() if e))
-
-
-# A product of powers as one integer, with so many bits for each exponent: the product
-# of two is their sum. A sum of products gives each its number.
-_Packed = dict[int, float]
-BITS = 6
-LARGEST_EXPONENT = 2**BITS - 1
-
-# Products of two terms, in all, or for each expression where there are many: where it
-# takes more, nothing is changed.
-MOST_PRODUCTS, PRODUCTS_EACH = 20_000, 10
-# Operations of the graph that take as long as to write a node as a sum of products, and
-# to look for what joins a term.
-EXPANDED, JOINED = 7, 2
-
-
-class _TooManyProductsError(Exception):
-    """Multiplied out, the expressions would be too long."""
-
-
-class Origin(NamedTuple):
-    """What a sine or cosine is: `factor` times that of a + sign b."""
-
-    op: str
-    a: int
-    b: int
-    sign: int
-    factor: int
-
-
-def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:
-    """Give equal expressions for `nodes`, which are shorter in all, or these.
-
-    Parameters
-    ----------
-    moving
-        The names of what moves. All else is computed once, and counts nothing.
-    """
-    nodes = list(nodes)
-    cone = g.cone(nodes)
-    g.count(EXPANDED * len(cone))
-    try:
-        terms = _Terms(g, cone, PRODUCTS_EACH * len(nodes))
-    except _TooManyProductsError:
-        return nodes
-    joined = _Joined(g, terms)
-    sums = {n: joined.of(n) for n in dict.fromkeys(nodes) if n in terms.turning}
-    writer = _Writer(g, terms, joined, moving)
-    found = [writer.node(sums[n]) if n in sums else n for n in nodes]
-    return min((nodes, found), key=lambda x: g.cost(x, moving))
-
-
-# sin(a + b) = sin a cos b + cos a sin b, cos(a + b) = cos a cos b - sin a sin b.
-_SHIFTED = {
-    "sin": (("sin", "cos"), ("cos", "sin")),
-    "cos": (("cos",) * 2, ("sin",) * 2),
-}
-
-
-class _Terms:
-    """The nodes of a cone as sums of products.
-
-    Attributes
-    ----------
-    turning : set of int
-        The nodes that have sines or cosines below them.
-    factors : list of int
-        The nodes that products are made of, in the order of their bits.
-    """
-
-    def __init__(self, g: Graph, cone: Sequence[int], products: int) -> None:
-        self.g = g
-        self.turning: set[int] = set()
-        self.factors: list[int] = []
-        self._places: dict[int, int] = {}
-        self._left = max(MOST_PRODUCTS, products)
-        self.sums: dict[int, _Packed] = {}
-        self._degrees: dict[int, int] = {}
-        for n in cone:
-            if g.ops[n] in _SHIFTED or any(a in self.turning for a in g.args[n]):
-                self.turning.add(n)
-            self.sums[n], self._degrees[n] = self._of(n)
-
-    def product(self, factor: int, exponent: int = 1) -> int:
-        """Give a power of a node as a product."""
-        place = self._places.get(factor)
-        if place is None:
-            place = self._places[factor] = BITS * len(self.factors)
-            self.factors.append(factor)
-        return exponent << place
-
-    def powers(self, product: int) -> Iterator[tuple[int, int]]:
-        """Give the factors of a product, with their exponents."""
-        while product:
-            k = ((product & -product).bit_length() - 1) // BITS
-            exponent = product >> k * BITS & LARGEST_EXPONENT
-            yield self.factors[k], exponent
-            product -= exponent << k * BITS
-
-    def _of(self, n: int) -> tuple[_Packed, int]:
-        """Give the sum that node `n` is, and a bound of its exponents."""
-        g = self.g
-        op, args = g.ops[n], g.args[n]
-        if op == CONSTANT:
-            value = g.value(n)
-            return ({0: value} if value else {}), 0
-        whole = None
-        if n in self.turning or op in ("mul", "neg", "div", "pow"):
-            whole = self._below(op, args)
-        return whole or ({self.product(n): 1.0}, 1)
-
-    def _below(self, op: str, args: tuple[int, ...]) -> tuple[_Packed, int] | None:
-        """Give the sum that an operation makes of those of its arguments."""
-        sums = [self.sums[a] for a in args]
-        degrees = [self._degrees[a] for a in args]
-        if op in ("add", "sub"):
-            return _added(sums[0], sums[1], 1.0 if op == "add" else -1.0), max(degrees)
-        if op == "neg":
-            return {m: -c for m, c in sums[0].items()}, degrees[0]
-        if op == "mul":
-            return self._multiplied(sums[0], sums[1], sum(degrees)), sum(degrees)
-        value = self.g.value(args[-1]) if op in ("div", "pow") else None
-        if op == "div" and value:
-            return {m: c / value for m, c in sums[0].items()}, degrees[0]
-        if op == "pow" and value in (2.0, 3.0, 4.0):
-            whole, degree = sums[0], degrees[0] * int(value)
-            for _ in range(int(value) - 1):
-                whole = self._multiplied(whole, sums[0], degree)
-            return whole, degree
-        return None
-
-    def _multiplied(self, a: _Packed, b: _Packed, degree: int) -> _Packed:
-        self._left -= len(a) * len(b)
-        if self._left < 0 or degree > LARGEST_EXPONENT:
-            raise _TooManyProductsError
-        total: _Packed = {}
-        for m, c in a.items():
-            for k, d in b.items():
-                total[m + k] = total.get(m + k, 0.0) + c * d
-        return {m: c for m, c in total.items() if c}
-
-
-def _added(a: _Packed, b: _Packed, sign: float) -> _Packed:
-    total = dict(a)
-    for m, c in b.items():
-        total[m] = total.get(m, 0.0) + sign * c
-    return {m: c for m, c in total.items() if c}
-
-
-class _Joined:
-    """The sums in which no identity makes one term of two.
-
-    Attributes
-    ----------
-    origins : dict
-        The sines and cosines of sums of angles that this has brought.
-    """
-
-    def __init__(self, g: Graph, terms: _Terms) -> None:
-        self.g, self.terms = g, terms
-        self.origins: dict[int, Origin] = {}
-
-    def of(self, n: int) -> _Packed:
-        """Give the sum that node `n` is, joined."""
-        whole, terms = dict(self.terms.sums[n]), -1
-        while len(whole) != terms:  # what was joined may join others
-            terms = len(whole)
-            self.g.count(JOINED * terms)
-            for m in list(whole):
-                found = next(self._joint(whole, m), None) if m in whole else None
-                if found is not None:
-                    second, joint, c = found
-                    del whole[m], whole[second]
-                    total = whole.pop(joint, 0.0) + c
-                    if total:
-                        whole[joint] = total
-        return whole
-
-    def _joint(self, whole: _Packed, m: int) -> Iterator[tuple[int, int, float]]:
-        """Give terms that join the term `m`, and what they are together."""
-        g, product = self.g, self.terms.product
-        turns = [(n, e) for n, e in self.terms.powers(m) if g.ops[n] in _SHIFTED]
-        sines = [(n, e) for n, e in turns if g.ops[n] == "sin"]
-        for sine, exponent in sines:
-            cosine = g.call("cos", *g.args[sine])
-            rest = m - product(sine, 2)
-            second = rest + product(cosine, 2)
-            if exponent >= 2 and whole.get(second) == whole[m]:
-                yield second, rest, whole[m]
-        for sine, _ in sines:
-            for other, _ in turns:
-                yield from self._turned(whole, m, sine, other)
-
-    def _turned(
-        self, whole: _Packed, m: int, sine: int, other: int
-    ) -> Iterator[tuple[int, int, float]]:
-        g, product = self.g, self.terms.product
-        (a,), (b,) = g.args[sine], g.args[other]
-        if a == b:
-            return
-        rest = m - product(sine) - product(other)
-        op, swapped = ("cos", "cos") if g.ops[other] == "sin" else ("sin", "sin")
-        second = rest + product(g.call("cos", a)) + product(g.call(swapped, b))
-        c, d = whole[m], whole.get(second)
-        if d is None or abs(d) != abs(c):
-            return
-        # sin a sin b stands with cos a cos b, sin a cos b with cos a sin b.
-        equal = 1 if c == d else -1
-        node, sign = self._turn(op, a, b, -equal if op == "cos" else equal)
-        scale = sign * (d if op == "cos" else c)
-        value = g.value(node)
-        if value is None:
-            yield second, rest + product(node), scale
-        else:
-            yield second, rest, scale * value
-
-    def _turn(self, op: str, a: int, b: int, sign: int) -> tuple[int, int]:
-        """Give the sine or cosine of a + sign b, and the sign in front of it."""
-        g = self.g
-        angle = _linear(g, a)
-        for n, k in _linear(g, b).items():
-            angle[n] = angle.get(n, 0) + sign * k
-        angle = {n: k for n, k in sorted(angle.items()) if k}
-        flipped = next(iter(angle.values()), 1) < 0
-        total = g.zero
-        for n, k in angle.items():
-            term = g.call("mul", g.constant(abs(k)), n)
-            total = g.call("sub" if (k < 0) != flipped else "add", total, term)
-        node = g.call(op, total)
-        factor = -1 if flipped and op == "sin" else 1
-        if node not in self.terms.sums:
-            self.origins.setdefault(node, Origin(op, a, b, sign, factor))
-        return node, factor
-
-
-def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Give how often each addend stands in a node, through differences and signs."""
-    found: dict[int, int] = {}
-    waiting = [(n, 1)]
-    while waiting:
-        n, k = waiting.pop()
-        if g.ops[n] in ("add", "sub", "neg"):
-            first = -k if g.ops[n] == "neg" else k
-            signs = (first, -k if g.ops[n] == "sub" else k)
-            waiting += zip(g.args[n], signs, strict=False)
-        else:
-            found[n] = found.get(n, 0) + k
-    return found
-
-
-class _Writer:
-    """Sums as nodes.
-
-    The cosine of a - b is a function where there are no more of these than angles, and
-    otherwise what it is of the sines and cosines of a and b: a node that is shared.
-    """
-
-    def __init__(
-        self, g: Graph, terms: _Terms, joined: _Joined, moving: Collection[str]
-    ) -> None:
-        self.g, self.terms, self.origins = g, terms, joined.origins
-        brought = {g.args[n] for n in joined.origins}
-        angles = {g.args[n] for n in terms.turning if g.ops[n] in _SHIFTED}
-        self.calls = len(brought) <= len(angles)
-        self.nodes = {n: self._spelt(n) for n in terms.factors}
-        written = set(self.nodes.values())
-        self.still = written - g.dependent(written, moving)
-
-    def node(self, whole: _Packed) -> int:
-        """Give the node of a sum: what stands still is collected in front."""
-        products = {
-            tuple((self.nodes[n], e) for n, e in self.terms.powers(m)): c
-            for m, c in whole.items()
-        }
-        return sum_node(self.g, products, self.still)
-
-    def _spelt(self, n: int) -> int:
-        x = self.origins.get(n)
-        if self.calls or x is None:
-            return n
-        g = self.g
-        pairs = [
-            [
-                self._spelt(g.call(op, angle))
-                for op, angle in zip(ops, x[1:3], strict=True)
-            ]
-            for ops in _SHIFTED[x.op]
-        ]
-        one, other = (g.call("mul", *pair) for pair in pairs)
-        adds = (x.sign > 0) == (x.op == "sin")
-        if x.factor < 0:
-            one, other = (g.call("neg", one), other) if adds else (other, one)
-            return g.call("sub", one, other)
-        return g.call("add" if adds else "sub", one, other)
 
 
 ARITHMETIC = frozenset(("add", "sub", "neg", "mul", "div", "pow"))

@@ -1,7 +1,7 @@
 """The functions and operators of the expression language, one table row each.
 
 A row gives all that is known of a function (see `Function`): value, derivative, native
-code, series, enclosure, and its twins in sympy, Python and LaTeX, so that they cannot
+code, enclosure, and its twins in sympy, Python and LaTeX, so that they cannot
 drift apart. Values never raise: outside their domain they are what IEEE 754 says (nan,
 inf), as in native code. A new function is a new row.
 """
@@ -12,12 +12,12 @@ import math
 import operator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.language import recurrences, simpler
+from lagsim.language import simpler
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.language.simpler import Builder, Coefficients
+    from lagsim.language.simpler import Builder
 
     Arguments = tuple[int, ...]
     Partials = Callable[[Builder, Arguments, int], Arguments]
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 # What a function of a library costs, in additions (measured: sin 18, exp 15).
 TRANSCENDENTAL = 16
-# Convolutions in a step of the chain rule: the slope's and the function's own.
-CHAIN = 2.0
 
 
 class Function(NamedTuple):
@@ -62,9 +60,6 @@ class Function(NamedTuple):
         The name for people, or what stands before and behind the arguments.
     interval
         The rule for enclosures, made from the module `intervals`.
-    series, convolutions
-        The recurrence of Taylor coefficients `(coefficients, node)`, and how many
-        convolutions it takes. None: the chain rule.
     cost
         In additions.
     simpler
@@ -99,8 +94,6 @@ class Function(NamedTuple):
     declares: tuple[str, ...] = ()
     text: str | tuple[str, str] = ""
     latex: str | tuple[str, str] = ""
-    series: Callable[[Coefficients, int], int] | None = None
-    convolutions: float = CHAIN
     cost: int = 1
     simpler: Callable[..., int | None] | None = None
     commutes: bool = False
@@ -292,21 +285,18 @@ NUMBERS = (
         partials=lambda g, a, _: (g.one, g.one), simpler=simpler.add, commutes=True,
         native="fadd double {0}, {1}",
         sympy=lambda _, x, y: x + y, python="{0} + {1}", interval=lambda r: r.add,
-        series=recurrences.add, convolutions=0.0,
     ),
     Function(
         name="sub", arity=2, binds=5, sign=" - ", value=operator.sub,
         partials=lambda g, a, _: (g.one, g.call("neg", g.one)), simpler=simpler.sub,
         native="fsub double {0}, {1}",
         sympy=lambda _, x, y: x - y, python="{0} - {1}", interval=lambda r: r.sub,
-        series=recurrences.sub, convolutions=0.0,
     ),
     Function(
         name="mul", arity=2, binds=6, sign="*", value=operator.mul,
         partials=lambda g, a, _: (a[1], a[0]), simpler=simpler.mul, commutes=True,
         native="fmul double {0}, {1}",
         sympy=lambda _, x, y: x * y, python="{0} * {1}", interval=lambda r: r.mul,
-        series=recurrences.mul, convolutions=1.0,
     ),
     Function(
         name="div", arity=2, binds=6, sign="/", value=_quotient,
@@ -316,19 +306,19 @@ NUMBERS = (
         ),
         simpler=simpler.div, native="fdiv double {0}, {1}",
         sympy=lambda _, x, y: x / y, python="{0} / {1}", interval=lambda r: r.div,
-        series=recurrences.div, convolutions=1.0, cost=4, steep=True,
+        cost=4, steep=True,
     ),
     Function(
         name="neg", arity=1, binds=7, sign="-", value=operator.neg,
         partials=lambda g, a, _: (g.call("neg", g.one),), simpler=simpler.neg,
         native="fneg double {0}", sympy=lambda _, x: -x, python="-{0}",
-        interval=lambda r: r.neg, series=recurrences.neg, convolutions=0.0, exact=True,
+        interval=lambda r: r.neg, exact=True,
     ),
     Function(
         name="pow", arity=2, binds=8, sign="^", value=_power, partials=_power_partials,
         simpler=simpler.power, **intrinsic("pow", 2), sympy=lambda _, x, y: x**y,
-        python="{0} ** {1}", interval=lambda r: r.power, series=recurrences.power,
-        convolutions=CHAIN, cost=3, steep=True, domain=_power_domain,
+        python="{0} ** {1}", interval=lambda r: r.power,
+        cost=3, steep=True, domain=_power_domain,
     ),
 )  # fmt: skip
 
@@ -529,8 +519,8 @@ POWERS = (
     ),
     _unary(
         "sqrt", math.sqrt, lambda g, x, f: g.call("div", g.constant(0.5), f),
-        **intrinsic("sqrt"), interval=lambda r: r.sqrt,
-        series=recurrences.sqrt, convolutions=0.5, cost=4, domain=_not_below_zero,
+        **intrinsic("sqrt"), interval=lambda r: r.on(r.np.sqrt, 0.0),
+        cost=4, domain=_not_below_zero,
     ),
     _unary(
         "cbrt", math.cbrt,
@@ -544,7 +534,7 @@ POWERS = (
         partials=lambda g, a, f: (g.call("div", a[0], f), g.call("div", a[1], f)),
         commutes=True, **libm("hypot", 2), sympy=lambda s, x, y: s.sqrt(x**2 + y**2),
         python="np.hypot({0}, {1})", interval=lambda r: r.hypot,
-        series=recurrences.hypot, convolutions=1.5, cost=TRANSCENDENTAL, steep=True,
+        cost=TRANSCENDENTAL, steep=True,
     ),
 )  # fmt: skip
 

@@ -57,26 +57,22 @@ class Interval:
     @property
     def undefined(self) -> Flags:
         """Where the expression is nan throughout."""
-        flags: Flags = np.isnan(self.lo)
-        return flags
+        return np.asarray(np.isnan(self.lo))
 
     @property
     def single(self) -> Flags:
         """Where one value is taken throughout (nan counts as one)."""
-        flags: Flags = np.isnan(self.lo) | ((self.lo == self.hi) & ~self.partial)
-        return flags
+        return np.asarray(self.undefined | ((self.lo == self.hi) & ~self.partial))
 
     @property
     def width(self) -> Floats:
         """The distance of the bounds."""
-        width: Floats = self.hi - self.lo
-        return width
+        return np.asarray(self.hi - self.lo)
 
     @property
     def has_zero(self) -> Flags:
         """Where zero is among the values."""
-        flags: Flags = (self.lo <= 0.0) & (self.hi >= 0.0)
-        return flags
+        return np.asarray((self.lo <= 0.0) & (self.hi >= 0.0))
 
     @property
     def unbounded(self) -> Flags:
@@ -142,8 +138,7 @@ def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
 def _error_of_sum(a: Floats, b: Floats, total: Floats) -> Floats:
     """Give the rounding error of total = a + b exactly (Knuth's TwoSum)."""
     part = total - a
-    error: Floats = (a - (total - part)) + (b - part)
-    return error
+    return np.asarray((a - (total - part)) + (b - part))
 
 
 def add(x: Interval, y: Interval) -> Interval:
@@ -182,11 +177,8 @@ def _corners(
 
 def _whole(x: Interval) -> Flags:
     """Tell where both bounds are whole numbers and small enough for exact products."""
-    size = np.maximum(np.abs(x.lo), np.abs(x.hi))
-    flags: Flags = (
-        (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi) & (size < 2.0**26)
-    )
-    return flags
+    whole = (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi)
+    return np.asarray(whole & (np.maximum(np.abs(x.lo), np.abs(x.hi)) < 2.0**26))
 
 
 def _one_sided(
@@ -244,8 +236,6 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
     lo = np.where(pole & ~even, -math.inf, lo)
     hi = np.where(pole, math.inf, np.maximum(a, b))
     low, high = outward(lo, hi)
-    exact = _whole(x) & (n > 0.0) & (np.maximum(np.abs(lo), np.abs(hi)) < 2.0**52)
-    low, high = np.where(exact, lo, low), np.where(exact, hi, high)
     ones = n == 0.0
     low = np.where(even & (n > 0.0), np.maximum(low, 0.0), low)
     return interval(np.where(ones, 1.0, low), np.where(ones, 1.0, high), False, pole)
@@ -349,18 +339,6 @@ def on(
     return rule
 
 
-def sqrt(x: Interval) -> Interval:
-    """Give the root, exact where it is a whole number."""
-    root = on(np.sqrt, 0.0)(x)
-    lo, hi = np.sqrt(np.maximum(x.lo, 0.0)), np.sqrt(np.maximum(x.hi, 0.0))
-    exact_lo = (np.floor(lo) == lo) & (lo < 2.0**26) & (lo * lo == x.lo)
-    exact_hi = (np.floor(hi) == hi) & (hi < 2.0**26) & (hi * hi == x.hi)
-    return interval(
-        np.where(exact_lo, lo, root.lo), np.where(exact_hi, hi, root.hi),
-        root.partial, root.jumps,
-    )  # fmt: skip
-
-
 def exp(x: Interval) -> Interval:
     """Enclose exp(x)."""
     lo, hi = outward(np.exp(x.lo), np.exp(x.hi))
@@ -368,16 +346,9 @@ def exp(x: Interval) -> Interval:
 
 
 def acos(x: Interval) -> Interval:
-    """Enclose acos(x)."""
-    mirrored = on(np.arccos, -1.0, 1.0)(x)
-    lo, hi = outward_but_zero(
-        np.arccos(np.clip(x.hi, -1.0, 1.0)), np.arccos(np.clip(x.lo, -1.0, 1.0))
-    )
-    nowhere = mirrored.undefined
-    return interval(
-        np.where(nowhere, math.nan, lo), np.where(nowhere, math.nan, hi),
-        mirrored.partial,
-    )  # fmt: skip
+    """Enclose acos(x), which decreases."""
+    opposite = on(lambda c: -np.arccos(c), -1.0, 1.0)(x)
+    return interval(-opposite.hi, -opposite.lo, opposite.partial)
 
 
 def _meets(x: Interval, first: float, period: float) -> Flags:
@@ -385,8 +356,7 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
     a, b = x.lo / period - first / period, x.hi / period - first / period
     slack = 8.0 * np.finfo(np.float64).eps
     a, b = a - slack * (np.abs(a) + 1.0), b + slack * (np.abs(b) + 1.0)
-    flags: Flags = ~(np.ceil(a) > np.floor(b))
-    return flags
+    return np.asarray(~(np.ceil(a) > np.floor(b)))
 
 
 def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -43,6 +43,10 @@ class Token(NamedTuple):
     kind: str  # number, name, function, operator, open, close, comma, relation, end
     text: str
     offset: int
+
+    def fault(self, text: str, hint: str = "", code: str = "syntax") -> ExpressionError:
+        """Give a fault that stands here."""
+        return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
 # Of the columns with a point in their names those that expressions may name.
@@ -291,33 +295,23 @@ class _Parser:
     def _missing_operand(self, token: Token) -> ExpressionError:
         if token.kind == "end":
             if not self.part[:-1]:
-                return ExpressionError(
-                    token.offset, 1, "an expression is expected, found nothing"
-                )
-            last = self.part[-2].text
-            return ExpressionError(
-                token.offset, 1, "the expression ends where a value is expected",
-                f"leave `{last}` out, or write what follows it",
-            )  # fmt: skip
+                return token.fault("an expression is expected, found nothing")
+            hint = f"leave `{self.part[-2].text}` out, or write what follows it"
+            return token.fault("the expression ends where a value is expected", hint)
         if token.kind == "relation":
             return _relation_inside(token, self.text)
         hint = ""
         if token.kind == "close" and self.pending and self.pending[-1].call:
             hint = f"`{self.pending[-1].op}` takes {_count(self.pending[-1].op)}"
-        return ExpressionError(
-            token.offset, len(token.text), f"a value is expected before `{token.text}`",
-            hint,
-        )  # fmt: skip
+        return token.fault(f"a value is expected before `{token.text}`", hint)
 
     def _function(self, token: Token) -> None:
         if token.text not in FUNCTIONS:
             # One letter is near to all names of two.
             near = get_close_matches(token.text, FUNCTIONS, 1) if token.text[1:] else []
             hint = f"did you mean `{near[0]}`?" if near else ""
-            raise ExpressionError(
-                token.offset, len(token.text), f"there is no function `{token.text}`",
-                hint, "unknown-function",
-            )  # fmt: skip
+            text = f"there is no function `{token.text}`"
+            raise token.fault(text, hint, "unknown-function")
         self.pending.append(_Pending(token.text, 0, token, call=True))
 
     def _value(self, token: Token, item: tuple[str, float | str | int]) -> None:
@@ -339,10 +333,7 @@ class _Parser:
             self._reduce(1, token)
             if self.pending:
                 left = self.pending[-1].token
-                raise ExpressionError(
-                    left.offset, len(left.text), "this parenthesis is never closed",
-                    code="parenthesis",
-                )  # fmt: skip
+                raise left.fault("this parenthesis is never closed", "", "parenthesis")
             return False
         raise self._missing_operator(token)
 
@@ -356,68 +347,52 @@ class _Parser:
             hint += f", {left[0]}*{token.text}"
         if token.text == "not":
             hint = ""
-        return ExpressionError(
-            token.offset,
-            len(token.text),
-            f"an operator is expected between `{before[-12:]}` and `{token.text}`",
-            hint,
-        )
+        text = f"an operator is expected between `{before[-12:]}` and `{token.text}`"
+        return token.fault(text, hint)
 
     def _reduce(self, power: int, token: Token) -> None:
         """Apply pending operators that bind at least as tightly as `power`."""
         while self.pending and self.pending[-1].power >= power:
             top = self.pending.pop()
             if top.power == _COMPARES == power and token.text in _BINARY:
-                raise ExpressionError(
-                    token.offset, len(token.text), "comparisons do not chain",
-                    "write a < b and b < c",
-                )  # fmt: skip
+                raise token.fault("comparisons do not chain", "write a < b and b < c")
             self._apply(top)
 
     def _apply(self, top: _Pending) -> None:
-        args = self.kinds[-top.arity :]
-        wants_conditions = top.op in JOINING
-        for condition, at in args:
-            if condition != wants_conditions:
-                raise _wrong_kind(_wanting(top), at, wants_conditions)
-        del self.kinds[-top.arity :]
-        gives_condition = wants_conditions or top.power == _COMPARES
-        start = args[0][1] if top.arity == 2 else top.token
-        self.kinds.append((gives_condition, start))
+        first = self.kinds[-top.arity][1] if top.arity == 2 else top.token
+        condition = top.op in JOINING
+        self._take(top, [condition] * top.arity)
+        self.kinds.append((condition or top.power == _COMPARES, first))
         if top.op != "+":
             self.output.append((top.op, top.arity))
 
+    def _take(self, top: _Pending, wanted: Sequence[bool]) -> None:
+        """Take the arguments of an operation, which tells which are conditions."""
+        args = self.kinds[-len(wanted) :]
+        for (condition, at), wants in zip(args, wanted, strict=True):
+            if condition != wants:
+                expected = f"`{top.token.text}` expects a comparison here"
+                raise _wrong_kind(expected, at, wants)
+        del self.kinds[-len(wanted) :]
+
     def _comma(self, token: Token) -> bool:
         if not self.pending or not self.pending[-1].call:
-            raise ExpressionError(
-                token.offset, 1,
-                "a comma is allowed only between a function's arguments",
-                "a decimal point is written `.`",
-            )  # fmt: skip
+            text = "a comma is allowed only between a function's arguments"
+            raise token.fault(text, "a decimal point is written `.`")
         self.pending[-1].arity += 1
         return True
 
     def _close(self, token: Token) -> bool:
         if not self.pending:
-            raise ExpressionError(
-                token.offset, 1, "this parenthesis was never opened", code="parenthesis"
-            )
+            raise token.fault("this parenthesis was never opened", "", "parenthesis")
         top = self.pending.pop()
         if not top.call:
             return False
         row = FUNCTIONS[top.op]
         if top.arity != row.arity:
-            raise ExpressionError(
-                top.token.offset,
-                len(top.token.text),
-                f"`{top.op}` takes {_count(top.op)}, found {top.arity}",
-                code="arity",
-            )
-        args = self.kinds[-top.arity :]
-        for i, (condition, at) in enumerate(args):
-            if condition != (top.op == "if" and i == 0):
-                raise _wrong_kind(_wanting(top), at, top.op == "if" and i == 0)
-        del self.kinds[-top.arity :]
+            text = f"`{top.op}` takes {_count(top.op)}, found {top.arity}"
+            raise top.token.fault(text, "", "arity")
+        self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
         self.kinds.append((False, top.token))
         self.output.append((top.op, top.arity))
         return False
@@ -430,16 +405,10 @@ def _count(function: str) -> str:
     return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
-def _wanting(top: _Pending) -> str:
-    return f"`{top.token.text}` expects a comparison here"
-
-
 def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
     if wants:
-        text = f"{expected}, found a number"
-        return ExpressionError(at.offset, len(at.text), text, "such as x > 0")
-    text = "a comparison is allowed only in `if`"
-    return ExpressionError(at.offset, len(at.text), text, "write if(condition, a, b)")
+        return at.fault(f"{expected}, found a number", "such as x > 0")
+    return at.fault("a comparison is allowed only in `if`", "write if(condition, a, b)")
 
 
 def _relation_inside(token: Token, text: str) -> ExpressionError:
@@ -448,7 +417,7 @@ def _relation_inside(token: Token, text: str) -> ExpressionError:
         hint = "leave `=` out"
     elif text[: token.offset].strip().isidentifier():
         hint = f"write only what is right of it, or elsewhere: {hint}"
-    return ExpressionError(token.offset, 1, "`=` has no meaning here", hint)
+    return token.fault("`=` has no meaning here", hint)
 
 
 @functools.lru_cache(maxsize=1024)
@@ -489,16 +458,11 @@ def parse_relation(text: str) -> ParsedRelation:
         if depth == 0 and token.text in ("=", "<=", ">="):
             at.append(i)
         elif depth == 0 and token.text in ("<", ">"):
-            raise ExpressionError(
-                token.offset, 1, f"a relation is not strict: found `{token.text}`",
-                f"write `{token.text}=`",
-            )  # fmt: skip
+            text = f"a relation is not strict: found `{token.text}`"
+            raise token.fault(text, f"write `{token.text}=`")
     if len(at) > 1:
-        second = found[at[1]]
-        raise ExpressionError(
-            second.offset, len(second.text), "a relation has one `=`, `<=` or `>=`",
-            "write two constraints",
-        )  # fmt: skip
+        text = "a relation has one `=`, `<=` or `>=`"
+        raise found[at[1]].fault(text, "write two constraints")
     if not at:
         return ParsedRelation(_Parser(text, found).parse(), None, "=")
     middle = found[at[0]]

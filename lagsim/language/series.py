@@ -6,8 +6,9 @@ recurrences of their own; of anything else the chain rule f' = slope x' gives on
 the slope's series made the same way, so that a new function of the language needs
 nothing here. Functions that select or step keep the branch that they are on at t.
 
-`taylor_series` writes all coefficients out. Their number of operations grows with the
-square of the order; `recurrence` gives one order's, of which a loop makes them all.
+`recurrence` gives what one order takes, of which a loop makes them all;
+`taylor_series` writes all coefficients out, whose operations grow with the square of
+the order.
 
 Sources: R. E. Moore, Interval Analysis (1966); A. Griewank and A. Walther, Evaluating
 Derivatives, 2nd ed. (2008), chapter 13; A. Jorba and M. Zou, Experimental Mathematics
@@ -20,11 +21,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import local_slopes, log_slopes
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
-from lagsim.language.recurrences import integral
+from lagsim.language.simpler import UNDONE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -36,157 +36,13 @@ K, OVER_K, OVER_NEXT, TIME = ORDERS = tuple(
 SUM, CARRIED = "series.sum.", "series.y."
 
 
-class Recurrences:
-    """How the coefficients of order k follow from earlier ones.
-
-    Parameters
-    ----------
-    g : Graph
-    moving : collection of node
-        The variables that move.
-    """
-
-    def __init__(self, g: Graph, moving: Collection[int]) -> None:
-        self.g = g
-        self.moving = moving
-        self._moves: dict[int, bool] = {}
-        self._twins: dict[int, int | None] = {}
-        self._growing: dict[int, bool] = {}
-        self._slopes: dict[int, list[tuple[int, int]]] = {}
-
-    def __call__(self, n: int) -> int:
-        """Give the coefficient of order k of node `n`."""
-        raise NotImplementedError
-
-    def inner(self, a: int, b: int) -> int:
-        """Give the sum of a_j b_(k-j), j from 1 to k - 1."""
-        raise NotImplementedError
-
-    def inner_rate(self, a: int, b: int) -> int:
-        """Give the sum of j/k a_j b_(k-j), j from 1 to k - 1."""
-        raise NotImplementedError
-
-    def moves(self, n: int) -> bool:
-        """Tell whether `n` changes along the motion."""
-        found = self._moves.get(n)
-        if found is None:
-            for below in self.g.cone([n]):
-                if below not in self._moves:
-                    args = self.g.args[below]
-                    moved = any(self._moves[a] for a in args)
-                    self._moves[below] = moved or below in self.moving
-            found = self._moves[n]
-        return found
-
-    def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Give an expression with the series of `n`, made once; None if it has none."""
-        if n not in self._twins:
-            self._twins[n] = made()
-        return self._twins[n]
-
-    def smooth(self, nodes: Iterable[int]) -> list[int]:
-        """Give what moves of `nodes` and below, from the leaves upwards."""
-        g = self.g
-        conditions = {name for name, row in OPERATIONS.items() if row.condition}
-        return [
-            n for n in g.cone(nodes) if self.moves(n) and g.ops[n] not in conditions
-        ]
-
-    def coefficient(self, n: int) -> int:
-        """Give the coefficient of order k of an operation from its arguments'."""
-        g = self.g
-        op, args = g.ops[n], g.args[n]
-        row = OPERATIONS[op]
-        if row.branches is not None:
-            first, second = (self(a) for a in args[-2:])
-            return g.call("if", row.branches(g, args), first, second)
-        if row.series is None or (op == "div" and self._overflows(args[1])):
-            return self._by_slopes(n)
-        return row.series(self, n)
-
-    def _overflows(self, n: int) -> bool:
-        """Tell whether a divisor may overflow, and has a logarithm that does not."""
-        if n not in self._growing:
-            self._growing[n] = bool(log_slopes(self.g, n))
-        return self._growing[n]
-
-    def _by_slopes(self, n: int) -> int:
-        """Give the coefficient from f' = sum of slope * argument'."""
-        if n not in self._slopes:
-            slopes = local_slopes(self.g, n)
-            self._slopes[n] = [(x, slope) for x, slope in slopes if self.moves(x)]
-        return self.g.sum(integral(self, x, slope) for x, slope in self._slopes[n])
-
-
-class Series(Recurrences):
-    """Coefficients along a motion, made as they are asked for.
-
-    rates : mapping of node to node
-        The rate of each variable that moves.
-    """
-
-    def __init__(self, g: Graph, rates: Mapping[int, int]) -> None:
-        super().__init__(g, rates)
-        self.rates = rates
-        self._known: dict[int, list[int]] = {}
-        self._k = 0
-
-    def __call__(self, n: int) -> int:
-        """Give the coefficient of `n` of the order that is being made."""
-        return self.at(n, self._k)
-
-    def at(self, n: int, k: int) -> int:
-        """Give the coefficient of order `k` of node `n`."""
-        g = self.g
-        if not self.moves(n):
-            return n if k == 0 else g.zero
-        known = self._known.setdefault(n, [n])
-        outer = self._k
-        while len(known) <= k:
-            self._k = len(known)
-            if n in self.rates:
-                rate = self.at(self.rates[n], self._k - 1)
-                known.append(g.call("mul", g.constant(1.0 / self._k), rate))
-            else:
-                known.append(self.coefficient(n))
-        self._k = outer
-        return known[k]
-
-    def extend(self, nodes: Iterable[int], order: int) -> None:
-        """Make all coefficients of `nodes` up to `order`, from the leaves upwards."""
-        cone = self.smooth(nodes)
-        for k in range(order + 1):
-            for n in cone:
-                self.at(n, k)
-
-    def inner(self, a: int, b: int) -> int:
-        """Give the sum of a_j b_(k-j); the newest coefficients are added last."""
-        g, k = self.g, self._k
-        if a != b:
-            js = sorted(range(1, k), key=lambda j: (-min(j, k - j), j))
-            return g.product_sum((self.at(a, j), self.at(b, k - j)) for j in js)
-        half = range((k - 1) // 2, 0, -1)
-        total = g.product_sum((self.at(a, j), self.at(a, k - j)) for j in half)
-        total = g.call("mul", g.constant(2.0), total)
-        if k % 2:
-            return total
-        middle = self.at(a, k // 2)
-        return g.call("add", total, g.call("mul", middle, middle))
-
-    def inner_rate(self, a: int, b: int) -> int:
-        """Give the sum of j/k a_j b_(k-j)."""
-        g, k = self.g, self._k
-        terms = (
-            (g.call("mul", g.constant(j), self.at(a, j)), self.at(b, k - j))
-            for j in range(1, k)
-        )
-        return g.call("mul", g.constant(1.0 / k), g.product_sum(terms))
+# Powers up to this are written as products and a root: cheaper than the recurrence,
+# which divides by the base and so fails where that passes zero.
+LARGEST_PRODUCT = 64
 
 
 class Recurrence(NamedTuple):
     """One order of the series of y' = f(t, y), from the inner sums of its products.
-
-    Its variables are those of ORDERS besides those that are told here.
 
     Attributes
     ----------
@@ -213,44 +69,81 @@ class Recurrence(NamedTuple):
         return [*self.following, *(n for pair in self.factors for n in pair)]
 
     @property
+    def variables(self) -> list[int]:
+        """Its variables, besides those of ORDERS."""
+        return [*self.carried, *self.sums]
+
+    @property
     def nodes(self) -> tuple[list[int], list[int]]:
         """All nodes of order 0, and of an order."""
-        order = [*self.carried, *self.sums, *self.made]
+        order = [*self.variables, *self.made]
         return [*self.state, *self.rates], order
 
 
-class _Symbolic(Recurrences):
-    """Coefficients of an order k that is a variable."""
+class Coefficients:
+    """Taylor coefficients of an order k, a variable, along a motion.
+
+    Those of order 0 are the nodes themselves.
+
+    Parameters
+    ----------
+    state
+        The variables that move, besides t.
+    """
 
     def __init__(self, g: Graph, state: Sequence[int]) -> None:
-        t = g.variable("t")
-        carried = {v: g.variable(f"{CARRIED}{i}") for i, v in enumerate(state)}
-        super().__init__(g, (t, *state))
+        self.g = g
         # Of a product: its factors, and whether the first is multiplied by j.
         self.sums: dict[int, tuple[int, int, bool]] = {}
         self._variables: dict[tuple[int, int, bool], int] = {}
-        self._known = {t: g.variable(TIME)} | carried
+        self._known = {v: g.variable(f"{CARRIED}{i}") for i, v in enumerate(state)}
+        self._known[g.variable("t")] = g.variable(TIME)
+        self._moves = dict.fromkeys(self._known, True)
+        self._twins: dict[int, int | None] = {}
 
     def __call__(self, n: int) -> int:
-        """Give the coefficient of `n`."""
+        """Give the coefficient of order k of node `n`."""
         if not self.moves(n):
             return self.g.zero
         if n not in self._known:
-            self._known[n] = self.coefficient(n)
+            self._known[n] = self._coefficient(n)
         return self._known[n]
 
-    def extend(self, nodes: Iterable[int]) -> None:
-        """Make the coefficients of `nodes`, from the leaves upwards."""
-        for n in self.smooth(nodes):
-            self(n)
-
     def inner(self, a: int, b: int) -> int:
-        """Give the variable of the sum of a_j b_(k-j)."""
+        """Give the variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
         return self._sum(min(a, b), max(a, b), rated=False)
 
     def inner_rate(self, a: int, b: int) -> int:
         """Give that of j a_j b_(k-j), divided by k."""
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
+
+    def moves(self, n: int) -> bool:
+        """Tell whether `n` changes along the motion."""
+        if n not in self._moves:
+            for below in self.g.cone([n], self._moves):
+                if below not in self._moves:
+                    args = self.g.args[below]
+                    self._moves[below] = any(self._moves[a] for a in args)
+        return self._moves[n]
+
+    def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
+        """Give an expression with the series of `n`, made once; None if it has none."""
+        if n not in self._twins:
+            self._twins[n] = made()
+        return self._twins[n]
+
+    def extend(self, nodes: Iterable[int]) -> None:
+        """Make the coefficients of `nodes`, from the leaves upwards."""
+        for n in self.g.cone(nodes):
+            if self.g.ops[n] not in _CONDITIONS:
+                self(n)
+
+    def factors(self, variable: int) -> tuple[int, int]:
+        """Give a_k and b_k of a sum."""
+        a, b, rated = self.sums[variable]
+        self.extend((a, b))
+        k = self.g.variable(K)
+        return self.g.call("mul", k, self(a)) if rated else self(a), self(b)
 
     def _sum(self, a: int, b: int, *, rated: bool) -> int:
         if not (self.moves(a) and self.moves(b)):
@@ -262,38 +155,148 @@ class _Symbolic(Recurrences):
             self.sums[found] = key
         return self._variables[key]
 
-    def factors(self, variable: int) -> tuple[int, int]:
-        """Give a_k and b_k of a sum."""
-        a, b, rated = self.sums[variable]
-        self.extend((a, b))
-        k = self.g.variable(K)
-        return self.g.call("mul", k, self(a)) if rated else self(a), self(b)
+    def _coefficient(self, n: int) -> int:
+        """Give the coefficient of an operation from its arguments'."""
+        g = self.g
+        op, args = g.ops[n], g.args[n]
+        row = OPERATIONS[op]
+        if row.branches is not None:
+            first, second = (self(a) for a in args[-2:])
+            return g.call("if", row.branches(g, args), first, second)
+        # A divisor that may overflow has a logarithm that does not.
+        if op not in RECURRENCES or (op == "div" and log_slopes(g, args[1])):
+            slopes = local_slopes(g, n)  # f' is the sum of slope times argument'
+            return g.sum(
+                _integral(self, x, slope) for x, slope in slopes if self.moves(x)
+            )
+        return RECURRENCES[op](self, n)
 
 
-def taylor_series(
-    g: Graph, state: Sequence[int], rates: Sequence[int], order: int
-) -> list[list[int]]:
-    """Give the coefficients y_0 ... y_order of the motion y' = rates.
+_CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.condition)
+
+
+# The recurrences of single operations
+
+
+def _add(s: Coefficients, n: int) -> int:
+    """Give x_k + y_k."""
+    x, y = s.g.args[n]
+    return s.g.call("add", s(x), s(y))
+
+
+def _sub(s: Coefficients, n: int) -> int:
+    """Give x_k - y_k."""
+    x, y = s.g.args[n]
+    return s.g.call("sub", s(x), s(y))
+
+
+def _neg(s: Coefficients, n: int) -> int:
+    """Give -x_k."""
+    return s.g.call("neg", s(s.g.args[n][0]))
+
+
+def _mul(s: Coefficients, n: int) -> int:
+    """Give the sum of x_j y_(k-j).
+
+    The newest coefficients, those of order k, are added last: whatever does not wait
+    for them is ready by then.
+    """
+    g = s.g
+    x, y = g.args[n]
+    if x == y:
+        newest = g.call("mul", g.call("mul", g.constant(2.0), x), s(x))
+        return g.call("add", s.inner(x, x), newest)
+    total = g.call("add", s.inner(x, y), g.call("mul", x, s(y)))
+    return g.call("add", total, g.call("mul", s(x), y))
+
+
+def _div(s: Coefficients, n: int) -> int:
+    """F y = x: y_0 f_k = x_k - sum of y_j f_(k-j), j from 1 to k."""
+    g = s.g
+    x, y = g.args[n]
+    earlier = g.call("add", s.inner(y, n), g.call("mul", s(y), n))
+    return g.call("mul", g.call("sub", s(x), earlier), g.call("div", g.one, y))
+
+
+def _sqrt(s: Coefficients, n: int) -> int:
+    """F f = x: 2 f_0 f_k = x_k - sum of f_j f_(k-j), j from 1 to k - 1."""
+    g = s.g
+    rest = g.call("sub", s(g.args[n][0]), s.inner(n, n))
+    return g.call("mul", rest, g.call("div", g.constant(0.5), n))
+
+
+def _hypot(s: Coefficients, n: int) -> int:
+    """Give the root of x^2 + y^2."""
+    g = s.g
+
+    def root() -> int:
+        x, y = (g.call("mul", a, a) for a in g.args[n])
+        return g.call("sqrt", g.call("add", x, y))
+
+    twin = s.twin(n, root)
+    assert twin is not None
+    return s(twin)
+
+
+def _integral(s: Coefficients, x: int, slope: int) -> int:
+    """F' = slope x': f_k = sum of j/k x_j slope_(k-j), j from 1 to k."""
+    g = s.g
+    return g.call("add", s.inner_rate(x, slope), g.call("mul", slope, s(x)))
+
+
+def _power(s: Coefficients, n: int) -> int:
+    """X f' = p x' f: x_0 f_k = sum of ((p + 1) j/k - 1) x_j f_(k-j), j from 1 to k."""
+    g = s.g
+    twin = s.twin(n, lambda: _as_products(s, n))
+    if twin is not None:
+        return s(twin)
+    x, p = g.args[n]
+    rising = g.call("mul", g.call("add", p, g.one), _integral(s, x, n))
+    falling = g.call("add", s.inner(x, n), g.call("mul", s(x), n))
+    return g.call("mul", g.call("sub", rising, falling), g.call("div", g.one, x))
+
+
+def _as_products(s: Coefficients, n: int) -> int | None:
+    """Give x^p as products and a root, or as an exponential; None: the recurrence."""
+    g = s.g
+    x, p = g.args[n]
+    if s.moves(p):
+        return g.call("exp", g.call("mul", p, g.call("log", x)))
+    value = g.value(p)
+    if value is None or 2.0 * value % 1.0 or abs(value) > LARGEST_PRODUCT:
+        return None
+    whole = int(abs(value))
+    result = g.one if whole == abs(value) else g.call("sqrt", x)
+    # Simplified, a product of roots would be the power again.
+    root = g.ops[x] in UNDONE
+
+    def times(a: int, b: int) -> int:
+        plain = root and a != g.one
+        return g.kept("mul", (a, b)) if plain else g.call("mul", a, b)
+
+    while whole:
+        if whole % 2:
+            result = times(result, x)
+        whole //= 2
+        x = times(x, x)
+    return g.call("div", g.one, result) if value < 0.0 else result
+
+
+RECURRENCES = {
+    "add": _add, "sub": _sub, "neg": _neg, "mul": _mul, "div": _div, "sqrt": _sqrt,
+    "hypot": _hypot, "pow": _power,
+}  # fmt: skip
+
+
+def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurrence:
+    """Give what one order of the coefficients of the motion y' = rates takes.
 
     Parameters
     ----------
     state, rates : sequence of node, shape (size,)
         The variables of y, and y'. Time, if it is there, is the variable `t`.
-    order : int
-
-    Returns
-    -------
-    list, shape (order + 1, size)
     """
-    moving = dict(zip(state, rates, strict=True)) | {g.variable("t"): g.one}
-    series = Series(g, moving)
-    series.extend(rates, order - 1)
-    return [[series.at(v, k) for v in state] for k in range(order + 1)]
-
-
-def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurrence:
-    """Give what one order of the same coefficients takes."""
-    made = _Symbolic(g, state)
+    made = Coefficients(g, state)
     made.extend(rates)
     over_next = g.variable(OVER_NEXT)
     following = [g.call("mul", over_next, made(rate)) for rate in rates]
@@ -309,27 +312,36 @@ def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurren
     )  # fmt: skip
 
 
-def series_operations(
+def taylor_series(
     g: Graph, state: Sequence[int], rates: Sequence[int], order: int
-) -> int:
-    """Estimate how many operations `taylor_series` takes, without making it."""
-    names = [str(g.payload(v)) for v in state]
-    moving = g.dependent(rates, (*names, "t"))
-    total = 0.0
-    for n in moving:
-        op, args = g.ops[n], g.args[n]
-        if op in (CONSTANT, TRUTH, VARIABLE) or OPERATIONS[op].condition:
-            continue
-        row = OPERATIONS[op]
-        linear = row.branches or not row.convolutions
-        fixed_factor = op == "mul" and not all(a in moving for a in args)
-        fixed_divisor = op == "div" and args[1] not in moving
-        if linear or fixed_factor or fixed_divisor:
-            total += order
-        elif op == "mul" and args[0] == args[1]:
-            total += 0.5 * order * order
-        else:
-            total += (
-                row.convolutions * order * order
-            )  # half as many terms, of two operations
-    return int(total)
+) -> list[list[int]]:
+    """Give the coefficients y_0 ... y_order of the same, (order + 1, size)."""
+    r, size = recurrence(g, state, rates), len(state)
+    rows, made = [list(state), list(rates)], list[list[int]]()
+    names = [g.variable(name) for name in ORDERS]
+    for k in range(1, order):
+        numbers = (float(k), 1.0 / k, 1.0 / (k + 1), float(k == 1))
+        new = dict(zip(names, map(g.constant, numbers), strict=True))
+        new |= dict(zip(r.carried, rows[-1], strict=True))
+        for i, (variable, (a, b)) in enumerate(zip(r.sums, r.factors, strict=True)):
+            columns = [row[2 * i] for row in made], [row[2 * i + 1] for row in made]
+            new[variable] = _inner(g, *columns, same=a == b)
+        found = g.substitute(r.made, new)
+        rows.append(found[:size])
+        made.append(found[size:])
+    return rows[: order + 1]
+
+
+def _inner(g: Graph, a: Sequence[int], b: Sequence[int], *, same: bool) -> int:
+    """Give the sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
+    k = len(a) + 1
+    if not same:
+        js = sorted(range(1, k), key=lambda j: (-min(j, k - j), j))
+        return g.product_sum((a[j - 1], b[k - j - 1]) for j in js)
+    half = range((k - 1) // 2, 0, -1)
+    total = g.product_sum((a[j - 1], a[k - j - 1]) for j in half)
+    total = g.call("mul", g.constant(2.0), total)
+    if k % 2:
+        return total
+    middle = a[k // 2 - 1]
+    return g.call("add", total, g.call("mul", middle, middle))

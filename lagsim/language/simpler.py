@@ -18,7 +18,7 @@ import sys
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
 
 class Builder(Protocol):
@@ -46,32 +46,6 @@ class Builder(Protocol):
 
     def product_sum(self, pairs: Iterable[tuple[int, int]]) -> int:
         """Give the sum of a * b over `pairs`."""
-
-
-class Coefficients(Protocol):
-    """Taylor coefficients of one order k along a motion; see `series.Recurrences`.
-
-    Those of order 0 are the nodes themselves.
-    """
-
-    @property
-    def g(self) -> Builder:
-        """The graph that they are made on."""
-
-    def __call__(self, n: int) -> int:
-        """Give the coefficient of order k of a node."""
-
-    def inner(self, a: int, b: int) -> int:
-        """Give the sum of a_j b_(k-j), j from 1 to k - 1."""
-
-    def inner_rate(self, a: int, b: int) -> int:
-        """Give the sum of j/k a_j b_(k-j), j from 1 to k - 1."""
-
-    def moves(self, n: int) -> bool:
-        """Tell whether a node changes along the motion."""
-
-    def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Give an expression with the series of `n`, made once; None if it has none."""
 
 
 # Factors are looked for so far down: shared products would be walked through again and

@@ -3,50 +3,47 @@
 The energy function, where nothing depends on the time and nothing does work; the
 momentum of a coordinate that does not appear in L; the sums of momenta and the angular
 momenta that belong to shifts and turns of several coordinates under which L does not
-change. The latter are looked for at random states and random parameters, so that none
-is found that rests on the parameters' values.
+change: the null space of what each generator changes, written as sums of products.
 Source: V. I. Arnold, Mathematical Methods of Classical Mechanics, sections 15 and 20.
 """
 
 from __future__ import annotations
 
+import decimal
 import math
 from dataclasses import replace
+from fractions import Fraction
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
+from sympy.polys.matrices import DomainMatrix
 
 from lagsim.language.derivatives import gradient
-from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.evaluate import evaluate
+from lagsim.language.sparse import Meter, TooLongError
 from lagsim.model.model import Level
 from lagsim.show.content import Conserved
-from lagsim.tolerances import UNIT_ROUNDOFF
+from lagsim.show.tidy import MOST_PRODUCTS, Sums
+from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
-    from lagsim.language.graph import Graph
-    from lagsim.mechanics.equations import Equations
+    from lagsim.language.forms import Terms
     from lagsim.show.content import Condition, Line
     from lagsim.show.symbols import Translation
+
+    Generator = tuple[int, ...]  # a coordinate that is shifted, or two that are turned
 
 
 # More shifts and turns than this are not looked through.
 MOST_GENERATORS = 250
-# A product is multiplied out to so many terms at most.
-MOST_TERMS = 64
-# What vanishes at all samples leaves this much against rounding in sums of terms; what
-# it is seen to do in them is no more than so many bounds of their rounding.
-ROUNDING = 1e-9
-LARGER = 4.0
-# A term of L by so many times another is tested by itself: beside it, what the other
-# changes by is rounding.
-BESIDE = 1e4
-# States beyond the number of unknowns, and tries for states with finite values.
-SPARE, TRIES = 8, 4
+# Digits that rounding leaves of numbers of the file, and of products of them.
+DIGITS = decimal.Context(prec=15)
+# States at which a definition of the file has the value of what is conserved.
+STATES = 12
 
 
 def conserved_quantities(
@@ -64,10 +61,17 @@ def conserved_quantities(
         for j, (slope, line) in enumerate(zip(dL_dq, lines, strict=True))
     ]
     found += [c for c in single if c is not None]
-    ignorable = {j for j, c in enumerate(single) if c is not None}
-    samples = _Samples(x.equations)
-    found += _symmetries(x, samples, lines, constraints, ignorable)
-    return [samples.named(x, c) for c in found]
+    shifts = [(j,) for j, c in enumerate(single) if c is None]
+    generators = [*shifts, *combinations(range(len(lines)), 2)]
+    if len(lines) > 1 and len(generators) <= MOST_GENERATORS and not x.equations.laws:
+        momenta = [line.momentum for line in lines]
+        functions = [
+            (x.sympy(dL_dq), momenta),
+            *((c.A, ()) for c in constraints),
+            ([line.terms["Q"] for line in lines], ()),
+        ]
+        found += _symmetries(x, generators, functions, momenta)
+    return _named(x, found)
 
 
 def _energy(
@@ -123,275 +127,136 @@ def _slips(c: Condition, v: Any) -> bool:
     return any(v in s.free_symbols for s in c.law.get("slip", ()))
 
 
-def _terms_of(g: Graph, L: int) -> list[int]:
-    """Give the terms that L is the sum of, products of sums multiplied out.
-
-    So a weak term in a factor is one of them. What makes too many stays a product.
-    """
-    found = []
-    stack = [(L, False)]
-    while stack:
-        node, negative = stack.pop()
-        op, args = g.ops[node], g.args[node]
-        if op in ("add", "sub"):
-            stack += [(args[1], negative ^ (op == "sub")), (args[0], negative)]
-        elif op == "neg":
-            stack.append((args[0], not negative))
-        else:
-            terms = _multiplied_out(g, node)
-            found += [g.call("neg", x) for x in terms] if negative else terms
-    return found
-
-
-def _multiplied_out(g: Graph, node: int) -> list[int]:
-    op, args = g.ops[node], g.args[node]
-    if op not in ("mul", "div"):
-        return [node]
-    first = _terms_of(g, args[0])
-    second = _terms_of(g, args[1]) if op == "mul" else [args[1]]
-    if not 1 < len(first) * len(second) <= MOST_TERMS:
-        return [node]
-    return [g.call(op, a, b) for a in first for b in second]
-
-
-class Moves(NamedTuple):
-    """Generators: coordinates that are shifted, and pairs that are turned."""
-
-    shifts: Sequence[int]
-    turns: Sequence[tuple[int, int]]
-
-
-class _Samples:
-    """Random states and parameters, and what the graph gives there.
-
-    Attributes
-    ----------
-    slopes : list of int
-        Of each part of L, its slopes in the coordinates and in the velocities (2 n,);
-        of each constraint its row, and zeros.
-    """
-
-    def __init__(self, e: Equations) -> None:
-        self.e = e
-        g = e.graph
-        self._random = np.random.default_rng(7)
-        parts = self._parts_of_one_size()
-        state = [g.variable(name) for name in (*e.q, *e.velocities)]
-        self.slopes = [x for part in parts for x in gradient(g, part, state)]
-        for row in e.rows:
-            self.slopes += [*row.A, *[g.zero] * len(e.q)]
-
-    def _parts_of_one_size(self) -> list[int]:
-        """Give sums of terms of L: T and V apart, and what is small beside others.
-
-        Parameters are near 1 here, but numbers in the file are as they are.
-        """
-        e, g = self.e, self.e.graph
-        state = {*e.q, *e.velocities}
-        terms = [x for x in _terms_of(g, e.model.lagrangian) if g.depends([x]) & state]
-        moving = g.dependent(terms, e.velocities)
-        at = self.values()
-        sizes = np.abs(evaluate(g, terms, at))
-        found: list[int] = []
-        for with_velocities in (True, False):
-            chosen = [
-                k for k, x in enumerate(terms) if (x in moving) == with_velocities
-            ]
-            before = math.nan
-            for k in sorted(chosen, key=lambda k: sizes[k]):
-                if sizes[k] <= BESIDE * before:
-                    found[-1] = g.call("add", found[-1], terms[k])
-                else:
-                    found.append(terms[k])
-                before = sizes[k]
-        return found
-
-    def values(self) -> dict[str, float]:
-        """Give a state and parameters, near 1 so that roots and logarithms exist."""
-        e, random = self.e, self._random
-        names = [p.name for p in e.model.parameters]
-        signs = {p.name: math.copysign(1.0, p.value) for p in e.model.parameters}
-        values = {n: signs[n] * random.uniform(0.5, 2.0) for n in names}
-        state = ("t", *e.q, *e.velocities)
-        return values | {n: random.uniform(0.3, 1.5) for n in state}
-
-    def named(self, x: Translation, c: Conserved) -> Conserved:
-        """Say which definition of the file it is, if one is."""
-        e = self.e
-        defined = [d for d in e.model.definitions if d.level is not Level.OUTPUT]
-        alike = {d.name for d in defined}
-        node = x.node(c.value, x.g.zero)
-        seen = 0
-        for _ in range(3 * TRIES):
-            if not alike or seen == TRIES:
-                break
-            at = self.values()
-            value, *found = evaluate(e.graph, [node, *(d.node for d in defined)], at)
-            if not math.isfinite(value):
-                continue
-            seen += 1
-            alike &= {
-                d.name
-                for d, y in zip(defined, found, strict=True)
-                if abs(y - value) <= ROUNDING * (abs(value) + abs(y))
-            }
-        if not alike or seen < TRIES:
-            return c
-        name = next(d.name for d in defined if d.name in alike)
-        return replace(c, definition=name)
-
-
 def _symmetries(
     x: Translation,
-    samples: _Samples,
-    lines: Sequence[Line],
-    constraints: Sequence[Condition],
-    ignorable: set[int],
+    generators: Sequence[Generator],
+    functions: Sequence[tuple[Sequence[Any], Sequence[Any]]],
+    momenta: Sequence[Any],
 ) -> list[Conserved]:
-    """Give what belongs to shifts of several coordinates, and to turns of pairs."""
-    n = len(lines)
-    shifts = [j for j in range(n) if j not in ignorable]
-    turns = list(combinations(range(n), 2))
-    many = len(shifts) + len(turns)
-    if n < 2 or many > MOST_GENERATORS or x.equations.laws:
+    """Give the momenta of what changes none of the functions.
+
+    Parameters
+    ----------
+    generators
+        Shifts, and turns.
+    functions
+        The slopes of each in the coordinates (n,), and in the velocities (n,) or none.
+    """
+    sums, changes = Sums(x.tidy.inner, Meter(MOST_PRODUCTS)), list[dict[int, Any]]()
+    states = [[sums.power(s) for s in level] for level in (x.q, x.v)]
+    try:
+        for slopes in functions:
+            terms = [[sums.of(_opened(e)) for e in level] for level in slopes]
+            changes += _changes(generators, terms, states).values()
+    except TooLongError:
         return []
-    moves = Moves(shifts, turns)
-    rows = _sampled(x.equations, samples, moves)
-    if rows is None:
-        return []
-    momenta = [line.momentum for line in lines]
     found = []
-    for vector in _exact(samples, moves, _simple_null_vectors(rows)):
-        change = _generator(x, moves, vector)
-        if not _holds(x, lines, constraints, change):
-            continue
-        moved = {shifts[k] for k in range(len(shifts)) if vector[k]}
-        turned = {
-            j for k, pair in enumerate(turns) if vector[len(shifts) + k] for j in pair
-        }
+    for vector in _null_vectors(changes, len(generators)):
+        chosen = {g: c for g, c in zip(generators, vector, strict=True) if c}
+        value = sp.Add(
+            *(
+                c * (x.q[g[0]] * momenta[g[1]] - x.q[g[1]] * momenta[g[0]])
+                if g[1:]
+                else c * momenta[g[0]]
+                for g, c in chosen.items()
+            )
+        )
+        turned = any(g[1:] for g in chosen)
         kind = "angular momentum" if turned else "total momentum"
-        of = tuple(x.q[j].name for j in sorted(moved | turned))
-        found.append(Conserved(kind, of, x.tidy(_along(change, momenta))))
+        of = tuple(x.q[j].name for j in sorted({j for g in chosen for j in g}))
+        found.append(Conserved(kind, of, x.tidy(value)))
     return found
 
 
-def _sampled(e: Equations, samples: _Samples, moves: Moves) -> Floats | None:
-    """Give the change of L and of each constraint under each generator, at samples.
+def _opened(e: Any) -> Any:
+    """Give choices as sums of their cases, each times 1 where it holds, else 0."""
 
-    (k, generators), each row scaled by its largest; None where there are no values.
-    """
-    wanted = len(moves.shifts) + len(moves.turns) + SPARE
-    rows: list[Floats] = []
-    for _ in range(TRIES * wanted):
-        at = samples.values()
-        flat = np.array(evaluate(e.graph, samples.slopes, at))
-        if np.all(np.isfinite(flat)):
-            of_each = flat.reshape(-1, 2 * len(e.q))
-            rows += [np.sum(_changes(e, x, at, moves), axis=1) for x in of_each]
-        if 2 * len(e.q) * len(rows) >= wanted * len(samples.slopes):
-            break
-    else:
-        return None
-    found = np.array(rows)
-    sizes = np.max(np.abs(found), axis=1, initial=0.0)
-    return np.asarray(found[sizes > 0] / sizes[sizes > 0][:, None])
+    def opened(choice: Any) -> Any:
+        values, asked = zip(*choice.args, strict=True)
+        units = ([int(i == k) for i in range(len(asked))] for k in range(len(asked)))
+        return sp.Add(
+            *(
+                value * sp.Piecewise(*zip(unit, asked, strict=True), evaluate=False)
+                for value, unit in zip(values, units, strict=True)
+            )
+        )
+
+    return e.xreplace({choice: opened(choice) for choice in e.atoms(sp.Piecewise)})
 
 
 def _changes(
-    e: Equations, slopes: Floats, at: Mapping[str, float], moves: Moves
-) -> Floats:
-    """Give what slopes (2 n,) make of each generator, in terms: (generators, 4)."""
-    n, shifts = len(e.q), list(moves.shifts)
-    first, second = np.array(moves.turns).T
-    found = np.zeros((len(shifts) + len(first), 4))
-    found[: len(shifts), 0] = slopes[shifts]  # a shift leaves the velocities alone
-    for level, names in enumerate((e.q, e.velocities)):
-        slope, x = slopes[level * n :][:n], np.array([at[name] for name in names])
-        found[len(shifts) :, 2 * level] = slope[second] * x[first]
-        found[len(shifts) :, 2 * level + 1] = -slope[first] * x[second]
+    generators: Sequence[Generator],
+    slopes: Sequence[Sequence[Terms]],
+    states: Sequence[Sequence[int]],
+) -> dict[int, dict[int, Any]]:
+    """Give what generators change: for each product, by how much each changes it.
+
+    A turn of coordinates turns the velocities, too; a shift leaves them.
+    """
+    found: dict[int, dict[int, Any]] = {}
+
+    def add(k: int, terms: Terms, factor: int, sign: int) -> None:
+        for product, number in terms.items():
+            row = found.setdefault(product + factor, {})
+            row[k] = row.get(k, 0) + sign * number
+
+    for k, (i, *turned) in enumerate(generators):
+        if not turned:
+            add(k, slopes[0][i], 0, 1)
+        for slope, state in zip(slopes, states, strict=True) if turned else ():
+            for j in turned if slope else ():
+                add(k, slope[j], state[i], 1)
+                add(k, slope[i], state[j], -1)
     return found
 
 
-def _exact(
-    samples: _Samples, moves: Moves, vectors: Sequence[Sequence[int]]
-) -> list[Sequence[int]]:
-    """Give those vectors along which each part of L changes by its rounding at most.
-
-    However weak what breaks the symmetry is, beside a large force or in the argument of
-    a function. All are looked at together: the graph is evaluated TRIES times.
-    """
-    if not vectors:
-        return []
-    e, weights, seen = samples.e, np.array(vectors, float), 0
-    kept = np.ones(len(vectors), bool)
-    for _ in range(TRIES * SPARE):
-        at = samples.values()
-        exact = {name: (value, 0.0) for name, value in at.items()}
-        found = np.array(evaluate_with_error(e.graph, samples.slopes, exact))
-        if not np.all(np.isfinite(found)):
-            continue
-        seen += 1
-        for slopes, errors in found.T.reshape(2, -1, 2 * len(e.q)).swapaxes(0, 1):
-            terms = _changes(e, slopes, at, moves)
-            noise = np.abs(_changes(e, errors, at, moves))
-            bounds = np.abs(weights) @ (noise + UNIT_ROUNDOFF * np.abs(terms))
-            kept &= np.abs(weights @ terms.sum(1)) <= LARGER * bounds.sum(1)
-        if seen == TRIES:
-            return [v for v, stays in zip(vectors, kept, strict=True) if stays]
-    return []
-
-
-def _simple_null_vectors(rows: Floats) -> list[list[int]]:
+def _null_vectors(
+    rows: Iterable[Mapping[int, Any]], size: int
+) -> Iterable[Sequence[int]]:
     """Give a basis of the null space, those of its vectors made of -1, 0 and 1."""
-    size = rows.shape[1]
-    basis = np.eye(size)
-    if len(rows):
-        # The triangular factor has the same null space, and is small.
-        _, sizes, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-        basis = right[int(np.sum(sizes > ROUNDING * sizes[0])) :].copy()
-    pivots: list[int] = []
-    for row in range(len(basis)):  # to echelon form, from the first column on
-        left = [c for c in range(size) if c not in pivots]
-        column = next(c for c in left if np.max(np.abs(basis[row:, c])) > ROUNDING**0.5)
-        best = row + int(np.argmax(np.abs(basis[row:, column])))
-        basis[[row, best]] = basis[[best, row]]
-        basis[row] /= basis[row, column]
-        for other in range(len(basis)):
-            if other != row:
-                basis[other] -= basis[other, column] * basis[row]
-        pivots.append(column)
-    whole = np.rint(basis)
-    return [
-        [int(c) for c in w]
-        for w, b in zip(whole, basis, strict=True)
-        if np.max(np.abs(w - b)) < ROUNDING**0.5 and np.max(np.abs(w)) == 1
-    ]
+    found = ({j: _rounded(c) for j, c in row.items() if c} for row in rows)
+    entries = [row for row in found if row]
+    shape = len(entries), size
+    matrix = DomainMatrix(dict(enumerate(entries)), shape, sp.QQ)
+    basis, _ = matrix.nullspace().rref()
+    for vector in basis.to_Matrix().tolist():
+        if any(vector) and all(abs(c) <= 1 and c.is_Integer for c in vector):
+            yield [int(c) for c in vector]
 
 
-def _generator(x: Translation, moves: Moves, vector: Sequence[int]) -> dict[int, Any]:
-    """Give dq, without zeros."""
-    change: dict[int, list[Any]] = {}
-    for j, c in zip(moves.shifts, vector, strict=False):
-        change.setdefault(j, []).append(sp.Integer(c))
-    for (i, k), c in zip(moves.turns, vector[len(moves.shifts) :], strict=True):
-        if c:
-            change.setdefault(k, []).append(c * x.q[i])
-            change.setdefault(i, []).append(-c * x.q[k])
-    sums = {j: sp.Add(*terms) for j, terms in sorted(change.items())}
-    return {j: dq for j, dq in sums.items() if dq != 0}
+def _rounded(x: int | Fraction) -> Any:
+    """Give a number without what rounding has added to its digits: 1/3 has none."""
+    x = min(Fraction(DIGITS.divide(x.numerator, x.denominator)), Fraction(x),
+            key=lambda c: c.denominator)  # fmt: skip
+    return sp.QQ(x.numerator, x.denominator)
 
 
-def _along(change: Mapping[int, Any], row: Sequence[Any]) -> Any:
-    """Give the sum of the row's entries times dq."""
-    return sp.Add(*(row[j] * dq for j, dq in change.items()))
+def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
+    """Say which definitions of the file they are, by the values at random states.
 
-
-def _holds(
-    x: Translation,
-    lines: Sequence[Line],
-    constraints: Sequence[Condition],
-    change: Mapping[int, Any],
-) -> bool:
-    """Tell whether forces and constraints are seen to respect the symmetry."""
-    rows = [[line.terms["Q"] for line in lines], *(c.A for c in constraints)]
-    return all(x.tidy.is_zero(_along(change, row)) for row in rows)
+    Parameters are random too. All are near 1, so that roots and logarithms exist.
+    """
+    model, random = x.equations.model, np.random.default_rng(7)
+    defined = [d for d in model.definitions if d.level is not Level.OUTPUT]
+    if not (found and defined):
+        return list(found)
+    nodes = [*(x.node(c.value, x.g.zero) for c in found), *(d.node for d in defined)]
+    state = ("t", *x.equations.q, *x.equations.velocities)
+    rows = []
+    for _ in range(STATES):
+        at = {name: random.uniform(0.3, 1.5) for name in state}
+        for p in model.parameters:
+            at[p.name] = math.copysign(random.uniform(0.5, 2.0), p.value)
+        rows.append(evaluate(x.g, nodes, at))
+    values = np.array(rows).T
+    named = []
+    for c, value in zip(found, values, strict=False):
+        finite = np.isfinite(value)
+        names = (
+            d.name
+            for d, other in zip(defined, values[len(found) :], strict=True)
+            if any(finite)
+            and np.allclose(other[finite], value[finite], rtol=COMPUTED_ZERO, atol=0.0)
+        )
+        named.append(replace(c, definition=next(names, "")))
+    return named

@@ -33,7 +33,7 @@ from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.model.model import Level
 from lagsim.show.names import Name
-from lagsim.show.tidy import Roles, Tidier, circular
+from lagsim.show.tidy import Tidier, circular
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -200,7 +200,7 @@ class Translation:
         moving_names = {*self.q, *moving, self.t}
         still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
         constants = frozenset((*parameters, *still))
-        self.tidy = Tidier(Roles(constants, frozenset(moving)))
+        self.tidy = Tidier(constants, frozenset(moving))
         self._sizes: dict[int, int] = {}
         self._operations = 0
 
@@ -311,8 +311,7 @@ class Translation:
         self._operations += sum(sizes[n] for n in nodes)
         if self._operations > limits.DERIVED_OPERATIONS:
             most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
-            text = f"the equations, written out, have more than {most}"
-            raise InputError([Problem("too-long", text, None, HINT)])
+            raise _too_long(f"the equations, written out, have more than {most}")
 
     def node(self, e: Any, original: int) -> int:
         """Give a node for `e`, the tidy form of `original`.
@@ -428,7 +427,11 @@ TWINS: dict[str, type[Spelled]] = {
 _JOINED = ("add", "sub", "mul", "div", "neg")
 # The digits of a common denominator of small fractions.
 _OF_A_SUM = 6.0
-HINT = "`--format python` takes them as they are"
+
+
+def _too_long(text: str) -> InputError:
+    hint = "`--format python` takes them as they are"
+    return InputError([Problem("too-long", text, None, hint)])
 
 
 class _Size(NamedTuple):
@@ -499,19 +502,17 @@ def refuse_endless(
     if size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH:
         about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
         most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
-        text = (
+        raise _too_long(
             f"the energies, written out, have {about}, nested {depth} deep, and the "
             f"limits are {most}"
         )
-        raise InputError([Problem("too-long", text, None, HINT)])
     digits = max((sizes[n].digits for n in sizes), default=0.0)
     if digits > limits.EXACT_DIGITS:
         about = f"about {digits:.2g} digits" if digits < 1e12 else "no end of digits"
-        text = (
+        raise _too_long(
             "the energies, written out, have numbers to the power of numbers with "
             f"{about}, and the limit is {limits.EXACT_DIGITS}"
         )
-        raise InputError([Problem("too-long", text, None, HINT)])
 
 
 def _size(
@@ -591,10 +592,9 @@ def its_time(seconds: float = limits.DERIVING_SECONDS) -> Iterator[None]:
                 done.set()
                 _raise_in(worker, None)  # what is not raised yet
     except _TimeIsUp:
-        text = (
+        raise _too_long(
             f"the equations are not derived within {seconds:.3g} s, which is the limit"
-        )
-        raise InputError([Problem("too-long", text, None, HINT)]) from None
+        ) from None
 
 
 def _raise_in(thread: int, error: type[BaseException] | None) -> None:

@@ -14,7 +14,6 @@ from lagsim.language.series import (
     ORDERS,
     Recurrence,
     recurrence,
-    series_operations,
     taylor_series,
 )
 from lagsim.methods.taylor import order_for
@@ -92,14 +91,21 @@ def motion_series(
 
 @remembered
 def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) -> Cost:
-    length = series_operations(g, state, rates, order)
-    straight = length + WAITING * max(0, length - CACHED)
     loop = _recurrence(g, state, rates)
-    variables = (*ORDERS, *(str(g.payload(n)) for n in (*loop.carried, *loop.sums)))
-    body = PER_NODE * len(g.dependent(loop.made, variables))
+    body, products = _order_cost(g, loop)
+    length = order * body + order * order * products
+    straight = length + WAITING * max(0.0, length - CACHED)
     sums = 0.5 * order * PER_TERM * len(loop.sums)
-    looped = len(g.cone(loop.rates)) + order * (PER_ORDER + body + sums)
+    looped = len(g.cone(loop.rates)) + order * (PER_ORDER + PER_NODE * body + sums)
     return Cost(int(min(straight, looped)), looped < straight)
+
+
+def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
+    """Give the operations of an order, and its sums of products; of squares half."""
+    names = [str(g.payload(n)) for n in loop.variables]
+    squares = sum(a == b for a, b in loop.factors)
+    body = len(g.dependent(loop.made, (*ORDERS, *names)))
+    return body, len(loop.sums) - 0.5 * squares
 
 
 def _state(equations: Equations) -> tuple[int, ...]:
@@ -121,7 +127,12 @@ def _shorter(
     names = [str(g.payload(v)) for v in state]
     moving = g.dependent(rates, [*names, "t"])
     forms = rates, tuple(normal_form(g, rates, moving))
-    return min(forms, key=lambda nodes: series_operations(g, state, nodes, 10))
+
+    def operations(nodes: tuple[int, ...]) -> float:
+        body, products = _order_cost(g, _recurrence(g, state, nodes))
+        return body + 10.0 * products
+
+    return min(forms, key=operations)
 
 
 Entry = tuple[int, int, int]  # row, column, node

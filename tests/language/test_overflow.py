@@ -11,7 +11,7 @@ from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.language.series import Series
+from lagsim.language.series import taylor_series
 
 
 def logistic(u: float) -> float:
@@ -64,12 +64,13 @@ ORDER = 6
 
 
 def series_at(text: str, x: float) -> list[float]:
-    """Give the coefficients along x' = 1, after the value."""
+    """Give the coefficients along x' = 1, after the value: those of y' = it."""
     g = Graph()
     v = g.variable("x")
     node = parse(text).build(g, g.variable)
-    series = Series(g, {v: g.one})
-    return list(evaluate(g, [series.at(node, k) for k in range(1, ORDER)], {"x": x}))
+    rows = taylor_series(g, [v, g.variable("y")], [g.one, node], ORDER)
+    made = [g.call("mul", g.constant(k), y) for k, (_, y) in enumerate(rows)]
+    return list(evaluate(g, made[2:], {"x": x}))
 
 
 EXACT = {

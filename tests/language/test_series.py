@@ -12,15 +12,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import normal_form
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import Graph
-from lagsim.language.series import (
-    OVER_K,
-    OVER_NEXT,
-    TIME,
-    K,
-    Series,
-    recurrence,
-    taylor_series,
-)
+from lagsim.language.series import recurrence, taylor_series
 from tests.language._cases import CASES, DIGITS
 from tests.language._programs import OutsideError, on_graph, programs, states
 
@@ -44,10 +36,10 @@ def value(coefficients, t):
 
 
 def coefficients(g, node, **values):
-    series = Series(g, {g.variable("t"): g.one})
-    series.extend([node], ORDER)
-    nodes = [series.at(node, k) for k in range(ORDER + 1)]
-    return evaluate(g, nodes, {"t": START, **values})
+    """Give those of `node` in t: y' = node has them divided by k + 1 at k + 1."""
+    rows = taylor_series(g, [g.variable("y")], [node], ORDER + 1)
+    nodes = [g.call("mul", g.constant(k), y) for k, (y,) in enumerate(rows)]
+    return evaluate(g, nodes[1:], {"t": START, **values})
 
 
 def assert_taylor(found, exact):
@@ -157,56 +149,15 @@ def _value(op, args):
     return x
 
 
-def by_recurrence(g, state, rates, order, values):
-    """Give y_0 ... y_order from the recurrence, each sum made by itself."""
-    r = recurrence(g, state, rates)
-    names = [g.payload(n) for n in (*r.carried, *r.sums)]
-    rows = [evaluate(g, nodes, values) for nodes in (r.state, r.rates)]
-    made = []
-    for k in range(1, order):
-        back = made[::-1]
-        sums = [
-            math.fsum(a[2 * i] * b[2 * i + 1] for a, b in zip(made, back, strict=True))
-            for i in range(len(r.sums))
-        ]
-        known = dict(zip(names, [*rows[-1], *sums], strict=True))
-        known |= {K: k, OVER_K: 1 / k, OVER_NEXT: 1 / (k + 1), TIME: float(k == 1)}
-        found = evaluate(g, r.made, {**values, **known})
-        rows.append(found[: len(state)])
-        made.append(found[len(state) :])
-    return rows
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_every_function_by_the_recurrence(name):
-    # y' = f(a(t), b(t)): y_(k+1) = f_k/(k + 1).
-    g = Graph()
-    laws = [MOVED.get(name, X), Y][: len(CASES[name].domain)]
-    node = g.call(name, *(moving(g, law) for law in laws))
-    rows = by_recurrence(g, [g.variable("y")], [node], ORDER + 1, {"t": START, "y": 2})
-    assert rows[0] == [2]
-    found = [row[0] * k for k, row in enumerate(rows)][1:]
-    exact = CASES[name].exact
-    assert_taylor(found, lambda t: exact(*(value(c, t) for c in laws)))
-
-
-@pytest.mark.parametrize("p", [2, 3, -2, 1.5, 2.3, 65])
-def test_powers_by_the_recurrence(p):
-    g = Graph()
-    node = g.call("pow", moving(g, Y), g.constant(p))
-    rows = by_recurrence(g, [g.variable("y")], [node], ORDER + 1, {"t": START, "y": 2})
-    found = [row[0] * k for k, row in enumerate(rows)][1:]
-    assert_taylor(found, lambda t: mp.power(value(Y, t), mp.mpf(p)))
-
-
-def test_a_motion_by_the_recurrence():
+def test_a_motion_of_several():
     # x' = v, v' = -x: neither coefficient may be taken for the next one.
     g = Graph()
     x, v = map(g.variable, "xv")
-    rows = by_recurrence(g, [x, v], [v, g.call("neg", x)], 8, {"x": 1.0, "v": 0.0})
+    rows = taylor_series(g, [x, v], [v, g.call("neg", x)], 7)
     for k, row in enumerate(rows):
+        found = evaluate(g, row, {"x": 1.0, "v": 0.0})
         sign = (-1.0) ** ((k + 1) // 2) / math.factorial(k)
-        assert row == pytest.approx([sign * (1 - k % 2), sign * (k % 2)], rel=1e-15)
+        assert found == pytest.approx([sign * (1 - k % 2), sign * (k % 2)], rel=1e-15)
 
 
 def test_what_is_only_compared_takes_no_sum():

@@ -13,7 +13,7 @@ from lagsim.model.reader import read
 from lagsim.show.lagrange import _Derivation, content
 from lagsim.show.symbols import Translation
 from lagsim.show.text import as_text
-from lagsim.show.tidy import Meter, Roles, Tidier, cost
+from lagsim.show.tidy import Tidier, cost
 from tests.show.cases import equations_of, s
 
 sin, cos = sp.sin, sp.cos
@@ -21,8 +21,8 @@ m, a, b, u, v, w = s.m, s.a, s.b, s.u, s.v, s.w
 l = s.l  # noqa: E741  a length
 
 
-def tidier(most: int = 10_000) -> Tidier:
-    return Tidier(Roles(frozenset((m, l)), frozenset((v, w))), most=most)
+def tidier(**budget: int) -> Tidier:
+    return Tidier(frozenset((m, l)), frozenset((v, w)), **budget)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +64,7 @@ def test_tidy_forms_are_equal_to_what_they_came_from() -> None:
 
 def test_a_spent_budget_leaves_the_expression_and_says_so() -> None:
     given = (v * cos(a) + w * cos(b)) ** 2 + (v * sin(a) + w * sin(b)) ** 2
-    for tidy in (tidier(most=5), Tidier(tidier().roles, Meter(5))):
+    for tidy in (tidier(most=5), tidier(left=5)):
         assert tidy(given) == given
         assert tidy.cut
     assert not tidier().cut
