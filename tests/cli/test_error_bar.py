@@ -58,12 +58,6 @@ def test_the_result_is_the_same_with_and_without(lagsim, write):
         assert documents[0][key] == documents[1][key]
 
 
-def test_another_word(lagsim, write):
-    called = lagsim("run", write(SWING), "--error-bar", "sometimes")
-    assert called.code == 2
-    assert "sometimes" in called.err
-
-
 @pytest.mark.parametrize("plots", [[], ["--no-plots"]])
 def test_past_the_horizon(lagsim, plots):
     model = MODELS / "double-pendulum.yaml"

@@ -82,14 +82,6 @@ def test_the_rows_are_at_the_output_times(lagsim, write):
     assert manifest("out")["rows"] == 30
 
 
-def test_the_table_is_rfc_4180(lagsim, write):
-    lagsim("run", write(PENDULUM), "--no-plots", "-o", "out")
-    content = Path("out/trajectory.csv").read_bytes()
-    assert content.endswith(b"\r\n")
-    assert content.count(b"\r\n") == content.count(b"\n") == content.count(b"\r") == 22
-    assert not {b'"', b"#", b" "} & {content[i : i + 1] for i in range(len(content))}
-
-
 @pytest.mark.parametrize("form", ["svg", "pdf"])
 def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, form):
     model = write(PENDULUM + "output: {plots: [{x: t, y: theta}]}\n")
@@ -103,12 +95,6 @@ def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, 
         listed = manifest("out")["files"]
         assert named <= set(listed)
         assert len(listed) == len(names("out"))
-
-
-def test_an_unknown_format_is_unusable(lagsim, write):
-    called = lagsim("run", write(PENDULUM), "-o", "out", "--format", "gif")
-    assert called.code == 2
-    assert "png" in called.err
 
 
 TYPES = {

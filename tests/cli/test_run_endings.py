@@ -164,20 +164,6 @@ def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
     assert b"interrupted" in err
 
 
-@pytest.mark.slow
-def test_a_killed_run_leaves_the_old_results(lagsim, write):
-    lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
-    before = {name: Path("out", name).read_bytes() for name in names("out")}
-    run = started("out", write(ENDLESS, "endless.yaml"))
-    run.kill()
-    finished(run)
-    for name, content in before.items():
-        assert Path("out", name).read_bytes() == content
-    # The next run takes the folder, and removes what was begun.
-    assert lagsim("run", "model.yaml", "-o", "out", "--no-plots").code == 0
-    assert names("out") == sorted(before)
-
-
 @pytest.fixture
 def small_disk():
     """Let no file grow beyond 200 kB while the context lasts: EFBIG, as ENOSPC."""

@@ -57,13 +57,6 @@ def test_a_line_of_units(lagsim, write):
     assert float(first[0]) == 0.0
 
 
-def test_another_format_takes_the_place_of_the_first(lagsim, write):
-    for form in ("csv", "npz", "csv"):
-        options = ("-o", "out", "--table", form, "--no-plots")
-        assert lagsim("run", write(MODEL), *options).code == 0
-        assert names("out") == sorted(["run.json", f"trajectory.{form}"])
-
-
 def test_what_python_writes_is_the_same(lagsim, write):
     path = write(MODEL)
     result = python.simulate(python.load(path))

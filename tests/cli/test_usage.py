@@ -95,6 +95,8 @@ USAGE = {
     "unknown option": (["run", "a.yaml", "--bogus"], "--bogus"),
     "unknown command": (["simulate"], "simulate"),
     "option without value": (["run", "a.yaml", "--rtol"], "--rtol"),
+    "unknown format": (["run", "a.yaml", "--format", "gif"], "png"),
+    "unknown choice": (["run", "a.yaml", "--error-bar", "sometimes"], "sometimes"),
 }
 
 

@@ -36,27 +36,6 @@ def document_of(text, bar="not asked for"):
     )  # fmt: skip
 
 
-def test_the_document_survives_the_round_trip():
-    document = document_of(BROKEN)
-    assert json.loads(encode(document)) == document
-    assert encode(document).endswith(b"}\n")
-
-
-def test_what_the_document_tells():
-    document = document_of(BROKEN)
-    assert document["parameters"] == {"k": 2.0}
-    assert document["formulation"] == "projection"
-    assert document["columns"]["force"] == "N"
-    assert document["columns"]["x_dot"] == "m/s"
-    assert document["columns"]["t"] == "s"
-    assert document["error"] is None
-    assert all(
-        event.keys() >= {"time", "kind", "constraint"} for event in document["events"]
-    )
-    counts = ("steps", "rejections", "evaluations", "factorisations", "rows")
-    assert all(type(document[key]) is int for key in counts)
-
-
 def test_the_error_bar_in_the_document():
     bar = ErrorBar(
         method="dop853",

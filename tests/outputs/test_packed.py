@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.outputs import Format, packed
 from lagsim.outputs.table import table_writer
 from tests.outputs.test_table import Full
@@ -80,13 +77,3 @@ def test_a_full_disk_leaves_whole_rows(tmp_path):
     writer.finish()
     writer.close()
     assert np.array_equal(columns_of(path)["u"], ROWS[:5, 3])
-
-
-def test_parquet_says_what_it_needs(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
-    with pytest.raises(InputError) as told:
-        packed.check_format(Format.PARQUET, show_units=False)
-    [problem] = told.value.problems
-    assert problem.code == "missing-package"
-    assert "pip install pyarrow" in problem.hint

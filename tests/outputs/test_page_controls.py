@@ -175,16 +175,6 @@ def test_trails_last_a_third_of_the_run_or_five_seconds(span, long):
     assert page.near(page.ends(first)[0], [x, HIGH / 2], 0.05)
 
 
-def test_the_end_of_shorter_runs():
-    short, long = run((0.0, 4.0), name="short"), run(name="long")
-    steps = [*QUIET, ("hash", "#t=4"), ("hash", "#t=4.001"), ("click", "together")]
-    seen = page.played([short, long], steps)
-    assert [one["panels"][0]["classes"] for one in seen[2:4]] == [[], ["ended"]]
-    assert seen[3]["panels"][1]["classes"] == []
-    assert [p["hidden"] for p in seen[-1]["panels"]] == [True, True, False]
-    assert seen[-1]["texts"]["clock"] == "t = 4.001 s of 8.00"
-
-
 def test_one_row_is_a_picture_that_does_not_play():
     made = page.film(
         [0.0], {"bob": ([np.array([1.0]), np.array([2.0])],) * 2, "o": [0, 0]}

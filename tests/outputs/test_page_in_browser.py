@@ -25,23 +25,6 @@ energy: {kinetic: q_dot^2/2, potential: q^2/2}
 initial: {q: 1}
 simulation: {duration: 10, output_step: 0.5}
 """
-# Falls from 4.9 m in 1 s, and rises again with half of the speed for 0.5 s.
-BALL = """\
-coordinates: {y: {unit: m}}
-energy: {kinetic: y_dot^2/2, potential: 9.8*y}
-constraints: {floor: {relation: y >= 0, restitution: 0.5}}
-initial: {y: 4.9}
-simulation: {duration: 1.9, output_step: 0.3}
-scene: {points: {ball: [0, y], floor: [0, 0]}}
-"""
-CIRCLE = """\
-parameters: {r: 3}
-coordinates: {a: }
-energy: {kinetic: a_dot^2/2, potential: 0}
-initial: {a: 0, a_dot: 1}
-simulation: {start: 1, end: 7, output_step: 0.1}
-scene: {points: {hub: [0, 0, 1], rim: [r*cos(a), r*sin(a), 1]}, links: [[hub, rim]]}
-"""
 
 
 def written(text, folder):
@@ -53,17 +36,6 @@ def written(text, folder):
 
 def result_files(folder):
     return {path.name for path in folder.iterdir()}
-
-
-@pytest.mark.slow
-def test_between_rows(tmp_path):
-    page = written(SPRING, tmp_path / "results")
-    t, points = shown(page, tmp_path / "home", "#t=2.3")
-    assert t == 2.3
-    x, y = points["point"]
-    # Hermite's cubic is off by at most step^4/384 of the fourth derivative.
-    assert math.isclose(x, math.cos(2.3), abs_tol=0.5**4 / 384)
-    assert math.isclose(y, 2 * math.cos(2.3), abs_tol=2 * 0.5**4 / 384)
 
 
 # How far the last bar reaches below the upper edge of the controls, before anyone
@@ -106,27 +78,6 @@ def test_bars_are_in_the_page_and_their_names_apart(tmp_path, width, count):
     found = said(page, tmp_path / "home", "#t=1", f"--window-size={width},940")
     assert float(found["below"]) <= 0
     assert float(found["apart"]) >= 5
-
-
-@pytest.mark.slow
-def test_beside_an_impact(tmp_path):
-    page = written(BALL, tmp_path / "results")
-    # 0.05 s after it, between the impact at 1 s and the row at 1.2 s: a parabola, which
-    # a cubic meets; across the impact it would be far off.
-    _, points = shown(page, tmp_path / "home", "#t=1.05")
-    assert points["floor"] == [0, 0]
-    expected = 4.9 * 0.05 - 4.9 * 0.05**2
-    assert math.isclose(points["ball"][1], expected, abs_tol=4.9 * ROUNDED)
-
-
-@pytest.mark.slow
-def test_in_space_and_at_the_ends(tmp_path):
-    page = written(CIRCLE, tmp_path / "results")
-    t, points = shown(page, tmp_path / "home", "#t=100")
-    assert t == 7.0
-    assert points["hub"] == [0, 0, 1]
-    expected = [3 * math.cos(6), 3 * math.sin(6), 1]
-    assert np.allclose(points["rim"], expected, rtol=ROUNDED, atol=1e-9)
 
 
 @pytest.mark.slow

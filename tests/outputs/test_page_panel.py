@@ -180,16 +180,6 @@ def test_play_loop_and_speed():
     assert seen[-1]["pressed"]["loop"] == "false"
 
 
-@pytest.mark.parametrize(
-    ("span", "speed"), [(1.0, "0.1×"), (1.5, "1×"), (90.0, "1×"), (400.0, "50×")]
-)
-def test_usual_speed(span, speed):
-    seen = page.played([swing(np.linspace(0, span, 41))], page.QUIET)[-1]
-    assert seen["texts"]["speed"] == speed
-    clock = f"t = 0 s of {page.digits(span, span / 200)}"
-    assert seen["texts"]["clock"] == clock
-
-
 def test_keys_and_line():
     events = [Event(3.0, "impact"), Event(5.0, "impact")]
     names = ["End", "ArrowLeft", "Home", "PageDown", "PageDown", "PageUp", "ArrowRight"]
@@ -346,19 +336,6 @@ def test_space_is_turned(drag):
     assert page.near([page.ends(line) for line in lines], wanted, 1e-3)
     [square] = page.strokes(seen, op="fillRect", colour="ground")
     assert page.near(square["box"], [*np.array(pixels([0, 0, 0])) - 4, 8, 8])
-
-
-def test_what_is_nearer_is_drawn_last():
-    t = T
-    front = ([0 * t + 1, -np.sqrt(2) + 0 * t, 0 * t], [0 * t, 0 * t, 0 * t])
-    back = ([-1 + 0.01 * t, np.sqrt(2) + 0 * t, 0 * t], [0.01 + 0 * t, 0 * t, 0 * t])
-    moving = ([0 * t, 0 * t, 0.01 * t], [0 * t, 0 * t, 0.01 + 0 * t])
-    made = page.film(t, {"front": front, "back": back, "middle": moving})
-    [*_, seen] = page.played([made], page.QUIET)
-    drawn = page.strokes(seen)
-    colours = [one["colour"] for one in drawn if one["op"] in ("fill", "fillRect")
-               and one["colour"] in ("#0072B2", "#D55E00", "ground")]  # fmt: skip
-    assert colours == ["#0072B2", "#D55E00", "ground"]
 
 
 def test_pixels_of_a_fine_screen():

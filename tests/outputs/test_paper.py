@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -27,33 +23,6 @@ def sheets():
 
 def made(form):
     return [content(sheet, form) for sheet in sheets()]
-
-
-SCRIPT = """
-import hashlib, sys
-sys.path.insert(0, {folder!r})
-from tests.outputs.test_paper import made
-for form in ("png", "svg", "pdf"):
-    for content in made(form):
-        print(hashlib.sha256(content).hexdigest())
-assert "matplotlib.pyplot" not in sys.modules
-"""
-
-
-@pytest.mark.slow
-def test_the_same_bytes_in_every_process():
-    root = str(Path(__file__).parents[2])
-    found = set()
-    for seed in ("1", "2"):
-        script = SCRIPT.format(folder=root)
-        around = os.environ | {"PYTHONHASHSEED": seed, "SOURCE_DATE_EPOCH": seed * 9}
-        command = [sys.executable, "-c", script]
-        done = subprocess.run(
-            command, env=around, capture_output=True, text=True, check=True
-        )
-        assert len(done.stdout.split()) == 12
-        found.add(done.stdout)
-    assert len(found) == 1
 
 
 @pytest.mark.slow

@@ -131,14 +131,3 @@ def test_a_power_is_a_line_where_both_axes_are_and_what_is_not_positive_a_gap():
     assert len(x) == 100
     slope, start = np.polyfit(x, y, 1)
     assert np.allclose(slope * x + start, y, atol=1e-6)
-
-
-def test_after_a_second_axis_powers_of_ten_stand_in_labels_alone():
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": T}
-    wanted = Plot(Curve(0, "t"), (Curve(0, "x"),), (Curve(0, "F"),))
-    drawn(plots.plot, record(columns), 0, wanted, NOWHERE)
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": 1e-11 * T}
-    drawing = drawn(plots.plot, record(columns), 0, against("t", "x"), NOWHERE)
-    [panel] = drawing.panels
-    assert panel.labels[1] == "x (10⁻¹¹)"
-    assert not [text for text in drawing.written() if "1e" in text]
