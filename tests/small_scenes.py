@@ -148,6 +148,17 @@ def fall(until, *, y="h", v=0, duration=5, more=""):
     return _FALL.format(until=until, y=y, v=v, duration=duration, more=more)
 
 
+def bounced(t, e, height=1.0, g=9.81):
+    """Give the place of a ball let go at `height`, and at rest once its bounces end."""
+    begin, v = math.sqrt(2.0 * height / g), e * math.sqrt(2.0 * height * g)
+    y = np.where(t < begin, height - g * t**2 / 2.0, 0.0)
+    while v > 1e-12 and begin <= np.max(t):
+        s, flight = t - begin, 2.0 * v / g
+        y = np.where((s >= 0.0) & (s < flight), v * s - g * s**2 / 2.0, y)
+        begin, v = begin + flight, e * v
+    return y
+
+
 def expected_times(start, end, step):
     rows = itertools.takewhile(
         lambda t: t < end - 1e-9 * step, (start + k * step for k in itertools.count())

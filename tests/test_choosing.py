@@ -74,11 +74,11 @@ def sources():
             yield path.relative_to(ROOT), path.read_text("utf-8")
 
 
-def pytest_of(folder, text, *options, **environment):
+def pytest_of(folder, text, **environment):
     """Run a test file with this project's settings and conftest."""
     (folder / "test_one.py").write_text(text)
     command = ["-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--rootdir", folder]
-    command += ["-n", "0", "-p", "no:cacheprovider", "-p", "tests.conftest", *options]
+    command += ["-n", "0", "-p", "no:cacheprovider", "-p", "tests.conftest"]
     return subprocess.run(
         [sys.executable, *map(str, command), str(folder)],
         cwd=folder, capture_output=True, text=True, timeout=120 * PATIENCE,
@@ -103,22 +103,27 @@ def test_a_slow_test_without_its_fixture_fails_a_quick_run(tmp_path):
     assert "nowhere of test_one.py::test_a" in done.stdout + done.stderr
 
 
-SKIPS = "import pytest\n@pytest.mark.skip(reason='none')\ndef test_a(): pass\n"
+TWO = """\
+import time, pytest
+@pytest.mark.skip(reason='none')
+def test_a(): pass
+def test_b(): time.sleep(1.0)
+"""
 
 
-@pytest.mark.parametrize(("most", "code"), [("0", 1), ("1", 0), ("", 0)])
-def test_more_skips_than_expected_fail(tmp_path, most, code):
-    done = pytest_of(tmp_path, SKIPS, LAGSIM_TEST_SKIPS=most)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert ("1 tests are skipped, 0 may be" in done.stdout) == bool(code)
-
-
-def test_patience_moves_every_timeout(tmp_path):
-    text = "import time\ndef test_a(): time.sleep(1.0)\n"
-    late = pytest_of(tmp_path, text, LAGSIM_TEST_PATIENCE="0.001")
-    assert late.returncode != 0
-    assert "in test_a" in late.stdout + late.stderr
-    assert pytest_of(tmp_path, text, LAGSIM_TEST_PATIENCE="1").returncode == 0
+@pytest.mark.parametrize(
+    ("variables", "fails", "shown"),
+    [
+        ({"LAGSIM_TEST_SKIPS": "0"}, True, "1 tests are skipped, 0 may be"),
+        ({"LAGSIM_TEST_SKIPS": "1"}, False, "1 passed, 1 skipped"),
+        ({"LAGSIM_TEST_PATIENCE": "0.001"}, True, "in test_b"),
+    ],
+    ids=str,
+)
+def test_skips_are_counted_and_timeouts_are_moved(tmp_path, variables, fails, shown):
+    done = pytest_of(tmp_path, TWO, **variables)
+    assert bool(done.returncode) == fails
+    assert shown in done.stdout + done.stderr
 
 
 def test_a_process_that_hangs_shows_where():

@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 246
 LINES = 68_100
-LINES_OF_TESTS = 56_900
+LINES_OF_TESTS = 55_200
 
 
 def lines(folder):

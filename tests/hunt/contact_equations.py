@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
+from tests.hunt.scene import Item, Law
+from tests.sympy_oracle import Oracle
+
 if TYPE_CHECKING:
-    from tests.hunt.contacts import ContactScene
+    from tests.hunt.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -26,67 +28,39 @@ class Row:
     until: float = np.inf
 
 
+def rows_of(scene: Scene) -> list[tuple[Row, str, str]]:
+    """Give each row with its expression and its bound: slips follow their contacts."""
+    found: list[tuple[Row, str, str]] = []
+    for law in scene.terms("laws"):
+        k = len(found)
+        row = Row(law.kind, k, e=law.e, until=law.until)
+        found.append((row, law.gap, law.limit or "0"))
+        if law.slip:
+            static = law.static or law.mu
+            slip = Row("slip", k + 1, mu=law.mu, static=static, normal=k)
+            found.append((slip, law.slip, "0"))
+    return found
+
+
 class Equations:
     """M, f and all rows as functions of t, q, v."""
 
-    def __init__(self, scene: ContactScene) -> None:
-        t = sp.Symbol("t", real=True)
-        q = [sp.Symbol(x, real=True) for x in scene.q]
-        v = [sp.Symbol(f"{x}_dot", real=True) for x in scene.q]
-        names = {str(s): s for s in [t, *q, *v]} | {
-            "hypot": lambda a, b: sp.sqrt(a**2 + b**2), "max": sp.Max,
-        }  # fmt: skip
-
-        def read(text: str) -> Any:
-            # The text is this hunt's own.
-            return sp.sympify(text.replace("^", "**"), locals=names)  # noqa: TID251
-
-        T, V = read(scene.kinetic), read(scene.potential)
-        L = T - V
-        p = [sp.diff(L, x) for x in v]
-        f = []
-        for i, x in enumerate(q):
-            moved = sum(sp.diff(p[i], y) * w for y, w in zip(q, v, strict=True))
-            force = read(scene.forces.get(scene.q[i], "0"))
-            f.append(sp.diff(L, x) - moved - sp.diff(p[i], t) + force)
-        self.rows: list[Row] = []
-        gaps, speeds, bounds = [], [], []
-
-        def add(gap: Any, speed: Any, kind: str, bound: Any = 0, **law: Any) -> int:
-            self.rows.append(Row(kind, len(self.rows), **law))
-            gaps.append(gap)
-            speeds.append(speed)
-            bounds.append(bound)
-            return len(self.rows) - 1
-
-        def rate(g: Any) -> Any:
-            along = sum(sp.diff(g, x) * w for x, w in zip(q, v, strict=True))
-            return along + sp.diff(g, t)
-
-        for law in scene.laws:
-            g = read(law.gap)
-            if law.kind == "limit":
-                add(sp.Integer(0), g, "limit", read(law.limit))
-            elif law.kind == "wheel":
-                add(sp.Integer(0), g, "wheel")
-            else:
-                k = add(g, rate(g), law.kind, e=law.e, until=law.until)
-                if law.slip:
-                    s = read(law.slip)
-                    add(
-                        sp.Integer(0), s, "slip", mu=law.mu,
-                        static=law.static or law.mu, normal=k,
-                    )  # fmt: skip
-        A = [[sp.diff(s, w) for w in v] for s in speeds]
-        b = [
-            -sum(sp.diff(s, x) * w for x, w in zip(q, v, strict=True)) - sp.diff(s, t)
-            for s in speeds
+    def __init__(self, scene: Scene) -> None:
+        every = rows_of(scene)
+        self.rows = [row for row, _, _ in every]
+        held = Item("held", laws=tuple(Law("equality", text) for _, text, _ in every))
+        items = tuple(replace(item, laws=()) for item in scene.items)
+        o = Oracle(replace(scene, items=(*items, held)).text())
+        speeds = {"wheel", "slip", "limit"}
+        gaps = [
+            sp.Integer(0) if row.kind in speeds else g
+            for row, g in zip(self.rows, o.constraints, strict=True)
         ]
-        M = [[sp.diff(x, w) for w in v] for x in p]
-        every = [*itertools.chain(*M), *f, *itertools.chain(*A), *b, *gaps, *speeds]
-        self.n, self.m = len(q), len(gaps)
+        bounds = [o.read(bound) for _, _, bound in every]
+        flat = [*sp.flatten(o.M), *o.f, *sp.flatten(o.A), *o.b, *gaps, *o.rates]
+        self.n, self.m = len(o.q), len(gaps)
         self._all = sp.lambdify(
-            [t, *q, *v], [*every, *bounds], modules=["math", {"Max": max, "Min": min,
+            o.inputs, [*flat, *bounds], modules=["math", {"Max": max, "Min": min,
             "Heaviside": lambda x, *_: float(x > 0)}], cse=True,
         )  # fmt: skip
 

@@ -3,40 +3,26 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
 from math import cos, sin
 from typing import TYPE_CHECKING, Any
+
+from tests.hunt.scene import Item, Law
 
 if TYPE_CHECKING:
     import random
 
 
-@dataclass(frozen=True)
-class Law:
-    """gap >= 0 of a contact, = 0 of an equality, speed of a wheel or a limit."""
-
-    kind: str
-    gap: str
-    e: float = 0.0
-    mu: float = 0.0
-    static: float = 0.0
-    slip: str = ""
-    limit: str = ""
-    until: float = float("inf")
-
-
-@dataclass
-class Part:
-    """Something that moves. loose : coordinates whose start may be anything."""
-
-    q: list[str]
-    kinetic: str
-    potential: str
-    laws: list[Law]
-    start: list[float]
-    speeds: list[float]
-    forces: dict[str, str] = field(default_factory=dict)
-    loose: list[bool] = field(default_factory=list)
+def part(
+    q: list[str], kinetic: str, potential: str, laws: list[Law], start: list[float],
+    speeds: list[float], forces: dict[str, str] | None = None, loose: Any = (),
+) -> Item:  # fmt: skip
+    """Give something that moves: its coordinates begin at `start` with `speeds`."""
+    states = zip(start, speeds, strict=True)
+    return Item(
+        "part", coordinates=dict(zip(q, states, strict=True)), kinetic=(kinetic,),
+        potential=(potential,), forces=tuple((forces or {}).items()), laws=tuple(laws),
+        loose=tuple(loose),
+    )  # fmt: skip
 
 
 def restitution(r: random.Random) -> float:
@@ -55,7 +41,7 @@ def some(r: random.Random, low: float, high: float) -> float:
     return round(r.uniform(low, high), 3)
 
 
-def line(r: random.Random, k: int) -> Part:
+def line(r: random.Random, k: int) -> Item:
     """Balls on a line, perhaps between walls, under weight or none."""
     count = r.randint(1, 4)
     q = [f"x{k}{i}" for i in range(count)]
@@ -77,14 +63,14 @@ def line(r: random.Random, k: int) -> Part:
     forces = {}
     if r.random() < 0.4:
         forces[r.choice(q)] = f"{some(r, 1, 8)}*sin({some(r, 1, 9)}*t)"
-    return Part(
+    return part(
         q, " + ".join(f"{w}*{x}_dot^2/2" for w, x in zip(m, q, strict=True)),
         potential, laws, start, [some(r, -2, 2) for _ in q], forces,
-        [True] * count,
+        q,
     )  # fmt: skip
 
 
-def disc(r: random.Random, k: int) -> Part:
+def disc(r: random.Random, k: int) -> Item:
     """Spinning balls over a floor that may move, beside a wall, and each other."""
     count = r.choice([1, 1, 2])
     q, T, V, laws, start, speeds = [], [], [], [], [], []
@@ -111,11 +97,11 @@ def disc(r: random.Random, k: int) -> Part:
         if r.random() < 0.4:
             gap = f"(x{k}1 - x{k}0)^2 + (y{k}1 - y{k}0)^2 - 0.04"
         laws.append(Law("contact", gap, restitution(r)))
-    return Part(q, " + ".join(T), " + ".join(V), laws, start, speeds, {},
-                [True] * len(q))  # fmt: skip
+    return part(q, " + ".join(T), " + ".join(V), laws, start, speeds, {},
+                q)  # fmt: skip
 
 
-def pendulum(r: random.Random, k: int) -> Part:
+def pendulum(r: random.Random, k: int) -> Item:
     """A pendulum with stops, in its angle or in x and y on a rod."""
     size, e, m = some(r, 0.4, 1.5), restitution(r), some(r, 0.3, 2)
     if r.random() < 0.5:
@@ -126,10 +112,10 @@ def pendulum(r: random.Random, k: int) -> Part:
         if r.random() < 0.3:
             laws.append(Law("limit", f"{a}_dot", limit=repr(some(r, 0.1, 1.5))))
         drive = f"{some(r, 0, 4)}*cos({some(r, 1, 6)}*t)"
-        return Part(
+        return part(
             [a], f"{m * size * size!r}*{a}_dot^2/2",
             f"-{m * 9.81 * size!r}*cos({a})", laws,
-            [some(r, 0.1, 0.45)], [some(r, -2, 2)], {a: drive}, [True],
+            [some(r, 0.1, 0.45)], [some(r, -2, 2)], {a: drive}, [a],
         )  # fmt: skip
     x, y, th = f"x{k}", f"y{k}", some(r, 0.3, 1.2)
     w = some(r, -1, 1)
@@ -139,13 +125,13 @@ def pendulum(r: random.Random, k: int) -> Part:
     ]
     if r.random() < 0.4:
         laws.append(Law("contact", f"{y} + {0.97 * size!r}", restitution(r)))
-    return Part(
+    return part(
         [x, y], f"{m}*({x}_dot^2 + {y}_dot^2)/2", f"{m * 9.81!r}*{y}", laws,
         [size * sin(th), -size * cos(th)], [size * cos(th) * w, size * sin(th) * w],
     )  # fmt: skip
 
 
-def string(r: random.Random, k: int) -> Part:
+def string(r: random.Random, k: int) -> Item:
     """A bob on a slack string, or in a bowl, in two or three dimensions."""
     q = [f"x{k}", f"y{k}"] + ([f"z{k}"] if r.random() < 0.4 else [])
     size, m, up = some(r, 0.4, 1), some(r, 0.3, 2), r.choice([1, 1, -1])
@@ -159,14 +145,14 @@ def string(r: random.Random, k: int) -> Part:
     if r.random() < 0.4:
         laws.append(Law("contact", f"{q[0]} + {some(r, 0, 0.3)}", restitution(r)))
     start = [some(r, 0.0, 0.25 * size) for _ in q]
-    return Part(
+    return part(
         q, f"{m}*({' + '.join(f'{x}_dot^2' for x in q)})/2",
         f"{m * up * 9.81!r}*{q[1]}", laws, start, [some(r, -2, 2) for _ in q], {},
-        [True] * len(q),
+        q,
     )  # fmt: skip
 
 
-def block(r: random.Random, k: int) -> Part:
+def block(r: random.Random, k: int) -> Item:
     """A block on an incline, a spring at it, a stop below, the floor perhaps a belt."""
     s, n, m, a = f"s{k}", f"n{k}", some(r, 0.5, 3), some(r, 0, 0.8)
     belt = r.choice(["0", "0", repr(some(r, -0.6, 0.6)), f"0.3*sin({some(r, 1, 8)}*t)"])
@@ -181,14 +167,14 @@ def block(r: random.Random, k: int) -> Part:
     forces = {}
     if r.random() < 0.3:  # a soft bumper: a kink
         forces[s] = f"{some(r, 50, 400)}*max(0, -0.02 - {s})"
-    return Part(
+    return part(
         [s, n], f"{m}*({s}_dot^2 + {n}_dot^2)/2", V, laws, [0.0, high],
         [some(r, -2, 2), 0.0 if high == 0.0 else some(r, -1, 1)], forces,
-        [True, high > 0.0],
+        [s, n] if high > 0.0 else [s],
     )  # fmt: skip
 
 
-def wheels(r: random.Random, k: int) -> Part:
+def wheels(r: random.Random, k: int) -> Item:
     """Two inertias: a freewheel or a clutch between them, a stop on one."""
     a, b = f"a{k}", f"b{k}"
     drive = {a: f"{some(r, 1, 10)}*sin({some(r, 1, 7)}*t)"}
@@ -203,18 +189,18 @@ def wheels(r: random.Random, k: int) -> Part:
     if r.random() < 0.5:
         laws.append(Law("contact", f"{some(r, 0.3, 2)} - {a}", restitution(r)))
     w = some(r, -3, 3)
-    return Part(
+    return part(
         [a, b], f"{some(r, 0.3, 2)}*{a}_dot^2/2 + {some(r, 0.3, 2)}*{b}_dot^2/2",
         f"{some(r, 0, 5)}*{b}^2/2", laws, [0.0, 0.0], [w, w + abs(some(r, 0, 2))],
-        drive, [True, True],
+        drive, [a, b],
     )  # fmt: skip
 
 
-def latch(r: random.Random, k: int) -> Part:
+def latch(r: random.Random, k: int) -> Item:
     """A mass that is held at its place until it is let go, over a floor."""
     y, m, e = f"y{k}", some(r, 0.3, 2), restitution(r)
     laws = [
         Law("equality", f"{y} - 0.4", until=some(r, 0.1, 0.8)),
         Law("contact", y, e),
     ]
-    return Part([y], f"{m}*{y}_dot^2/2", f"{m * 9.81!r}*{y}", laws, [0.4], [0.0])
+    return part([y], f"{m}*{y}_dot^2/2", f"{m * 9.81!r}*{y}", laws, [0.4], [0.0])

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tests.hunt.impacts import Equations, Faller
+from tests.hunt.contact_equations import Equations
+from tests.hunt.impacts import Faller
 from tests.hunt.integrator import NoTruthError
-from tests.hunt.verdict import Verdict
+from tests.hunt.verdict import Verdict, broken
 
 if TYPE_CHECKING:
     from tests.hunt.contacts import ContactScene
-    from tests.hunt.lagsim_runs import Answer
+    from tests.hunt.lagsim_runs import Lagsim
+    from tests.hunt.scene import Scene
 
 # The start of the second motion is this much aside, and what that does is what a state
 # that is known so well may do.
@@ -26,7 +28,15 @@ GRANTED, GAIN = 1e-8, 30.0
 ULP = 2.0**-52
 
 
-def truth(scene: ContactScene) -> tuple[Any, Any, Any]:
+def sizes(rows: Any) -> Any:
+    """Give the size of each column (2n,): positions, and velocities among others."""
+    size = np.max(np.abs(rows), axis=0) + 1e-3
+    n = len(size) // 2
+    size[n:] = np.maximum(size[n:], np.max(size[n:]) * 1e-3)
+    return size
+
+
+def truth(scene: Scene) -> tuple[Any, Any, Any]:
     """Give rows (k, 2n), how far they are known, and the impacts' times."""
     equations = Equations(scene)
     with warnings.catch_warnings():
@@ -34,19 +44,15 @@ def truth(scene: ContactScene) -> tuple[Any, Any, Any]:
         first = Faller(scene, equations, 1e-12, 0.0, 3e-9).path(scene.times)
         second = Faller(scene, equations, 1e-10, NUDGE, 1e-7).path(scene.times)
     a, b = np.array(first.rows), np.array(second.rows)
-    size = np.max(np.abs(a), axis=0) + 1e-3
-    n = len(scene.q)
-    size[n:] = np.maximum(size[n:], np.max(size[n:]) * 1e-3)
-    off = np.maximum.accumulate(np.abs(a - b), axis=0)
-    near = _beside(scene, first.impacts)
     # At a row beside an impact the velocities are those of before or after.
-    off = np.maximum.accumulate(np.where(near[:, None], 0.0, np.abs(a - b)), axis=0)
-    if np.max(off / size) > TRUSTED:
-        raise NoTruthError(f"the two motions differ by {np.max(off / size):.1e}")
-    return a, off / size, first
+    near = _beside(scene, first.impacts)[:, None]
+    off = np.maximum.accumulate(np.where(near, 0.0, np.abs(a - b)), axis=0) / sizes(a)
+    if np.max(off) > TRUSTED:
+        raise NoTruthError(f"the two motions differ by {np.max(off):.1e}")
+    return a, off, first
 
 
-def _beside(scene: ContactScene, impacts: Any) -> Any:
+def _beside(scene: Scene, impacts: Any) -> Any:
     times = np.array(scene.times)
     if not impacts:
         return np.zeros(len(times), dtype=bool)
@@ -54,50 +60,49 @@ def _beside(scene: ContactScene, impacts: Any) -> Any:
     return away < 1e-6 * scene.duration
 
 
-def judged(scene: ContactScene, answer: Answer, exact: Any) -> Verdict:
+def tried(told: ContactScene, lagsim: Lagsim) -> Verdict:
+    """Run a scene on both sides and judge."""
+    try:
+        exact = truth(told.scene)
+    except NoTruthError as fault:
+        return Verdict("uncounted", str(fault))
+    return judged(told, lagsim, exact)
+
+
+def judged(told: ContactScene, lagsim: Lagsim, exact: Any) -> Verdict:
     """Say what a run is worth."""
-    rows, known, path = exact
-    if answer.code == -1:
-        return Verdict("hang", answer.told)
-    if answer.code == 70:
-        return Verdict("crash", answer.told[-900:])
-    record = answer.record
-    if answer.code != 0 or record is None or not record["complete"]:
-        reason = record.get("reason") if record else answer.told
-        return Verdict(f"refused-{answer.code}", str(reason)[-900:])
-    told = scene.told
-    t = (answer.column("t") - told.start) / told.time
+    scene, (rows, known, path) = told.scene, exact
+    model = told.told()
+    answer = lagsim.run(model.text())
+    if fault := broken(answer):
+        return fault
+    t = (answer.column("t") - model.shift) * model.scale
     times = np.array(scene.times)
-    at = np.searchsorted(t, times + 1e-7 * scene.step, side="right") - 1
-    if np.any(np.abs(t[at] - times) > 1e-7 * scene.step):
+    step = scene.output_step
+    at = np.searchsorted(t, times + 1e-7 * step, side="right") - 1
+    if np.any(np.abs(t[at] - times) > 1e-7 * step):
         return Verdict("wrong-rows", "rows at other times")
-    found = scene.back(answer.header, answer.rows)[at]
-    n = len(scene.q)
-    size = np.max(np.abs(rows), axis=0) + 1e-3
-    size[n:] = np.maximum(size[n:], np.max(size[n:]) * 1e-3)
-    far = [abs(told.shifts.get(x, 0.0) / told.length)
-           + abs(told.boosts.get(x, 0.0)) * scene.duration * told.time / told.length
-           for x in scene.q]  # fmt: skip
-    fast = [abs(told.boosts.get(x, 0.0)) * told.time / told.length for x in scene.q]
-    rounding = ULP * (max(far) + max(fast) + abs(told.start / told.time)) / NUDGE
+    names = [*scene.q, *(f"rate_{x}" for x in scene.q)]
+    found = np.stack([answer.column(name)[at] for name in names], axis=1)
+    size, rounding = sizes(rows), ULP * told.rounding
     off = np.abs(found - rows) / size
     near = _beside(scene, path.impacts)
-    grain = GRANTED + GAIN * known * (1.0 + 10.0 * rounding)
-    grain = grain + 1e3 * ULP * (np.array([*far, *fast]) / size)
+    grain = GRANTED + GAIN * known * (1.0 + 10.0 * rounding / NUDGE)
+    grain = grain + 1e3 * rounding / size
     over = np.where(near[:, None], 0.0, off / grain)
     k, i = np.unravel_index(int(np.argmax(over)), over.shape)
-    name = [*scene.q, *(f"{x}_dot" for x in scene.q)][i]
+    record = answer.record
+    assert record is not None
     warned = tuple(w["code"] for w in record["warnings"])
     text = (
-        f"{name} at t = {times[k]!r}: lagsim {found[k, i]!r}, truth {rows[k, i]!r}, "
-        f"granted {grain[k, i] * size[i]:.1e}; first off at "
+        f"{names[i]} at t = {times[k]!r}: lagsim {found[k, i]!r}, truth "
+        f"{rows[k, i]!r}, granted {grain[k, i] * size[i]:.1e}; first off at "
         f"{times[int(np.argmax(np.any(over > 1, axis=1)))]}; method "
         f"{record['method']}, warned {warned}; impacts {path.impacts[:8]}; events "
         f"{[(e['time'], e['kind']) for e in record['events']][:10]}"
     )
-    if over[k, i] > 1.0 and "impact-order" in warned:
+    kind = "wrong" if over[k, i] > 1.0 else "fine"
+    if kind == "wrong" and "impact-order" in warned:
         # Impacts by turns that accumulate end as the last bits have it, and it is told.
         return Verdict("uncounted", text, None, warned)
-    if over[k, i] > 1.0:
-        return Verdict("wrong", text, float(over[k, i]), warned)
-    return Verdict("fine", text, float(over[k, i]), warned)
+    return Verdict(kind, text, float(over[k, i]), warned)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,6 @@ from tests.hunt.shrinking import MOST, shrunk
 from tests.hunt.verdict import Truth, Verdict, judge, truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from tests.hunt.lagsim_runs import Lagsim
@@ -56,26 +56,15 @@ def tried(scene: Scene, lagsim: Lagsim) -> tuple[Verdict, Truth | None]:
     return judge(scene, answer, exact), exact
 
 
-def hunt(
-    seed: str, count: int, lagsim: Lagsim, told: Callable[[Scene, Verdict], None]
-) -> Tally:
+def hunt(seed: str, count: int, lagsim: Lagsim) -> Tally:
     """Try scenes of a seed until so many have counted."""
     tally = Tally()
-    for scene in scenes(seed):
-        verdict, _ = tried(scene, lagsim)
-        tally.add(scene, verdict)
-        told(scene, verdict)
+    for number in itertools.count():
         if tally.counted >= count:
-            return tally
+            break
+        scene = scene_of(f"{seed}-{number}")
+        tally.add(scene, tried(scene, lagsim)[0])
     return tally
-
-
-def scenes(seed: str) -> Iterator[Scene]:
-    """Give the scenes of a seed, one after the other."""
-    number = 0
-    while True:
-        yield scene_of(f"{seed}-{number}")
-        number += 1
 
 
 def small(scene: Scene, verdict: Verdict, lagsim: Lagsim, most: int = MOST) -> Scene:
@@ -89,7 +78,6 @@ def report(scene: Scene, verdict: Verdict, exact: Truth | None, folder: Path) ->
     place = folder / f"{kind}-{scene.seed}"
     place.mkdir(parents=True, exist_ok=True)
     (place / "scene.yaml").write_text(scene.text(), encoding="utf-8")
-    (place / "scene.json").write_text(scene.to_json(), encoding="utf-8")
     document = {"seed": scene.seed, "kind": verdict.kind, "text": verdict.text}
     if exact is not None:
         document["names"] = [*scene.q, *(f"{q}_dot" for q in scene.q)]

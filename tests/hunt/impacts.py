@@ -21,7 +21,7 @@ from tests.hunt.integrator import NoTruthError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tests.hunt.contacts import ContactScene
+    from tests.hunt.scene import Scene
 
 # What is this near to zero, against the terms it is made of, is zero.
 NEAR = 1e-10
@@ -46,17 +46,18 @@ class Faller:
     """
 
     def __init__(
-        self, scene: ContactScene, equations: Equations, tolerance: float,
+        self, scene: Scene, equations: Equations, tolerance: float,
         nudge: float, over: float,
     ) -> None:  # fmt: skip
         self.eq, self.scene, self.tolerance = equations, scene, tolerance
         self.over = over
-        y = np.array([*scene.start, *scene.speeds])
+        states = scene.gathered("coordinates")
+        y = np.array([state[k] for k in (0, 1) for state in states.values()])
         random = np.random.default_rng(7)
         if nudge:
             size = np.maximum(np.abs(y), np.max(np.abs(y)))
-            free = np.array([*scene.loose, *scene.loose])
-            y = y + nudge * size * np.abs(random.normal(size=len(y))) * free
+            free = [q in scene.terms("loose") for q in states]
+            y = y + nudge * size * np.abs(random.normal(size=len(y))) * [*free, *free]
         self.y, self.t = y, 0.0
         self.mode: dict[int, int | None] = {}
 

@@ -3,11 +3,47 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from tests.sympy_oracle import FUNCTIONS
+
 _WORD = re.compile(r"[^\W\d]\w*")
+
+
+@dataclass(frozen=True)
+class Law:
+    """A constraint that holds at times, or that may give way.
+
+    kind : "contact" and "wheel" keep `gap` from below 0, "limit" and "equality" at 0
+    until : the time up to which it is in force
+    """
+
+    kind: str
+    gap: str
+    e: float = 0.0
+    mu: float = 0.0
+    static: float = 0.0
+    slip: str = ""
+    limit: str = ""
+    until: float = math.inf
+
+    def text(self) -> str:
+        """Give what a model file says of it."""
+        sign = "=" if self.kind in ("limit", "equality") else ">="
+        found: dict[str, Any] = {"relation": f"{self.gap} {sign} 0"}
+        if self.kind == "contact":
+            found["restitution"] = self.e
+        if self.kind == "limit":
+            found["limit"] = self.limit
+        if self.slip:
+            both = {"static": self.static, "dynamic": self.mu}
+            found |= {"friction": both if self.static else self.mu, "slip": self.slip}
+        if self.until < math.inf:
+            found["when"] = f"t < {self.until!r}"
+        return json.dumps(found)
 
 
 @dataclass(frozen=True)
@@ -21,6 +57,7 @@ class Item:
     forces : (key, text)
     breaks : times at which something in the texts jumps
     features : (text of an argument, its width): what a large step would not see
+    loose : coordinates whose start may be anything that its laws admit
     """
 
     tag: str
@@ -34,6 +71,8 @@ class Item:
     forces: tuple[tuple[str, str], ...] = ()
     breaks: tuple[float, ...] = ()
     features: tuple[tuple[str, float], ...] = ()
+    laws: tuple[Law, ...] = ()
+    loose: tuple[str, ...] = ()
 
     @property
     def needs(self) -> set[str]:
@@ -96,7 +135,9 @@ class Scene:
         """Give the scene with these items, less those that miss something by it."""
         kept = list(items)
         while True:
-            known = {"t", "pi", *_FUNCTIONS}.union(*(item.makes for item in kept))
+            known = {"t", "pi", "and", "or", "not", *FUNCTIONS}.union(
+                *(item.makes for item in kept)
+            )
             sound = [item for item in kept if item.needs <= known]
             if len(sound) == len(kept):
                 break
@@ -128,6 +169,9 @@ class Scene:
         lines += _mapping("forces", {k: _sum(v) for k, v in forces.items()})
         constraints = self.gathered("constraints")
         lines += _mapping("constraints", constraints)
+        if laws := self.terms("laws"):
+            lines += ["constraints:"]
+            lines += [f"  c{k}: {law.text()}" for k, law in enumerate(laws)]
         lines += ["initial:"]
         for name, (q, _) in self.gathered("coordinates").items():
             v = self.start_velocity(name)
@@ -140,48 +184,6 @@ class Scene:
         lines += [f"  until: {self.until}"] if self.until else []
         lines += [f"  {k}: {v}" for k, v in self.settings.items()]
         return "\n".join(lines) + "\n"
-
-    def to_json(self) -> str:
-        kept = {k: v for k, v in vars(self).items() if k != "items"}
-        return json.dumps(kept | {"items": [vars(i) for i in self.items]}, indent=1)
-
-    @classmethod
-    def from_json(cls, text: str) -> Scene:
-        document = json.loads(text)
-        items = [_item(entry) for entry in document.pop("items")]
-        return cls(items=tuple(items), **document)
-
-
-_FUNCTIONS = frozenset(
-    [
-        "sin",
-        "cos",
-        "tan",
-        "exp",
-        "sqrt",
-        "tanh",
-        "abs",
-        "sign",
-        "max",
-        "min",
-        "hypot",
-        "atan",
-        "log",
-        "cosh",
-        "and",
-        "or",
-        "not",
-    ]
-) | {"if"}
-
-
-def _item(entry: dict[str, Any]) -> Item:
-    tuples = ("kinetic", "potential", "dissipation", "breaks")
-    for name in tuples:
-        entry[name] = tuple(entry[name])
-    for name in ("forces", "features"):
-        entry[name] = tuple(tuple(pair) for pair in entry[name])
-    return Item(**entry)
 
 
 def _sum(terms: list[str]) -> str:

@@ -84,16 +84,25 @@ def truth(scene: Scene) -> Truth:
     return Truth(motion, state, known, spread)
 
 
-def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
-    """Say what a run is worth."""
+def broken(answer: Answer) -> Verdict | None:
+    """Say what is wrong with a run that has no rows to compare."""
     if answer.code == -1:
         return Verdict("hang", answer.told)
     if answer.code == 70:
-        return Verdict("crash", answer.told[-600:])
+        return Verdict("crash", answer.told[-900:])
     record = answer.record
     if answer.code != 0 or record is None or not record["complete"]:
         reason = record.get("reason") if record else answer.told
-        return Verdict(f"refused-{answer.code}", str(reason)[-600:])
+        return Verdict(f"refused-{answer.code}", str(reason)[-900:])
+    return None
+
+
+def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
+    """Say what a run is worth."""
+    if fault := broken(answer):
+        return fault
+    record = answer.record
+    assert record is not None
     warned = tuple(w["code"] for w in record["warnings"] if w["code"] not in IDLE)
     if record["outcome"] != ("until" if exact.motion.stopped else "done"):
         end = float(exact.motion.end)

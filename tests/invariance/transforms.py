@@ -89,12 +89,14 @@ class Document:
 
 
 def _in_all(change: Any, text: Any) -> Any:
-    """Change a text, or each of a list: the slips on a disc."""
+    """Change a text, or each of several: slips on a disc, two coefficients."""
+    if isinstance(text, dict):
+        return {name: change(x) for name, x in text.items()}
     return [change(x) for x in text] if isinstance(text, list) else change(text)
 
 
-def document(text: str) -> Document:
-    """Read a model file, less what only its output needs."""
+def document(text: str, keep: tuple[str, ...] = ()) -> Document:
+    """Read a model file, less what only its output needs but for `keep`."""
     # BaseLoader keeps all scalars text.
     raw = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
     parameters = _texts(raw.get("parameters"), "value")
@@ -122,12 +124,13 @@ def document(text: str) -> Document:
         for name, entry in (raw.get("constraints") or {}).items()
         if isinstance(entry, dict)
     }
-    used = [*energy.values(), *forces, *forces.values(), *constraints.values()]
+    used = [*keep, *energy.values(), *forces, *forces.values(), *constraints.values()]
     for text in (text for law in laws.values() for text in law.values()):
-        used += text if isinstance(text, list) else [text]
+        several = text.values() if isinstance(text, dict) else text
+        used += [text] if isinstance(text, str) else several
     used.append(simulation.get("until", ""))
     duration = number(simulation["duration"])
-    asked = ("method", "rtol", "formulation")
+    asked = ("method", "rtol", "step", "formulation")
     kept = {k: v for k, v in simulation.items() if k in asked}
     return Document(
         parameters, tuple(raw["coordinates"]),
@@ -209,8 +212,12 @@ def seconds(model: Document, factor: float) -> Document:
         }
         for name, law in changed.laws.items()
     }
+    settings = dict(changed.settings)
+    if "step" in settings:
+        settings["step"] = f"({settings['step']})/{factor!r}"
     return replace(
-        changed, energy=energy, laws=laws, initial=initial, start=model.start / factor,
+        changed, energy=energy, laws=laws, initial=initial, settings=settings,
+        start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
         scale=factor,
     )  # fmt: skip

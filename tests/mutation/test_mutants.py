@@ -78,24 +78,18 @@ def test_the_same_of_a_commit_others_of_another(rooms):
         assert compiles(mutant, text)
 
 
-def test_a_room_over_its_budget():
+def test_rooms_and_all_of_them_over_their_budgets():
     mutant = Mutant("page", "view.js", 1, 0, "+", "-")
     # A quarter of eight and twice their spread, 2.4, are less than five.
     tried = [(mutant, k < 5) for k in range(8)]
     assert over_budget(tried) == ["page: 5 of 8 live", "all: 5 of 8 live"]
     assert over_budget([(mutant, k < 4) for k in range(8)]) == []
     assert over_budget([(mutant, True)]) == []
-
-
-def test_many_rooms_that_are_each_within_theirs():
     # Two of three in each say nothing of it; of all rooms together they do.
-    tried = [
-        (Mutant(room, "a", 1, 0, "+", "-"), k < 2) for room in ROOMS for k in range(3)
-    ]
-    [told] = over_budget(tried)
+    every = [mutant._replace(room=room) for room in ROOMS for _ in range(3)]
+    [told] = over_budget([(one, k % 3 < 2) for k, one in enumerate(every)])
     assert told == f"all: {2 * len(ROOMS)} of {3 * len(ROOMS)} live"
-    third = [(mutant, k % 3 == 0) for k, (mutant, _) in enumerate(tried)]
-    assert over_budget(third) == []
+    assert over_budget([(one, k % 3 == 0) for k, one in enumerate(every)]) == []
 
 
 @pytest.mark.slow

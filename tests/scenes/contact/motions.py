@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -30,9 +31,14 @@ def scene(
     forces: dict[str, str] | None = None,
     **simulation: Any,
 ) -> str:
-    """Write a model file; `coordinates` are names with spaces between."""
+    """Write a model file; `coordinates` are names with spaces between.
+
+    Gravity `g` is a parameter where a text has it.
+    """
+    texts = str([kinetic, potential, constraints, initial, parameters, forces])
+    weight = {"g": G} if re.search(r"\bg\b", texts) else {}
     document: dict[str, Any] = {
-        "parameters": {"g": G} | (parameters or {}),
+        "parameters": weight | (parameters or {}),
         "coordinates": {q: {} for q in coordinates.split()},
         "energy": {"kinetic": kinetic, "potential": potential},
         "constraints": constraints,

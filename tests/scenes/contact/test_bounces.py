@@ -12,6 +12,7 @@ from scipy.special import ellipk, ellipkinc
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene
 from tests.scenes.reference import PROBLEMS, model_text, states
+from tests.small_scenes import bounced
 
 # Every error of a row is of the size of the tolerance, some hundred times it at most.
 TOLERANCES = {"1e-11": 1e-9, "1e-12": 1e-10}
@@ -72,40 +73,11 @@ def test_infinitely_many_bounces_end_when_the_geometric_series_does(e):
     close(found["lambda_floor"][rests], 2 * G)
 
 
-def test_after_a_rebound_there_remain_2v_over_g_by_1_minus_e():
-    found = play(scenes.ball(0.8, duration=5, output_step=0.02))
-    (end,) = found.times("zeno")
-    # The last one ends the series: the state is brought to where that ends.
-    for t in found.times("impact")[:-1]:
-        before, after = found.pair("y_dot", t)
-        assert after == pytest.approx(-0.8 * before, rel=GLOBAL)
-        # Where little remains, the time itself is known to GLOBAL and no better.
-        assert end - t == pytest.approx(2 * after / (G * 0.2), abs=2 * GLOBAL)
-
-
 def test_a_ball_follows_its_parabolas():
-    found = play(scenes.ball(0.8, duration=3, output_step=0.02))
-    times = impacts(0.8, 10)
-    speeds = [0.8 ** (k + 1) * math.sqrt(2 * G) for k in range(10)]
-    flights = [
-        (0.0, 1.0, 0.0),
-        *((t, 0.0, v) for t, v in zip(times, speeds, strict=True)),
-    ]
-    y = [
-        lambda t, f=f: f[1] + f[2] * (t - f[0]) - G / 2 * (t - f[0]) ** 2
-        for f in flights
-    ]
-    v = [lambda t, f=f: f[2] - G * (t - f[0]) for f in flights]
-    close(found["y"], found.piecewise(y))
-    close(found["y_dot"], found.piecewise(v))
-    close(found["y_ddot"], np.full(len(found.t), -G))
-
-
-def test_the_energy_lost_at_impacts_enters_the_work():
     found = play(scenes.ball(0.8, duration=5, output_step=0.02))
-    balance = found["energy"] - found["work"]
-    close(balance, np.full(len(balance), 2 * G))
-    assert found["energy"][-1] == pytest.approx(0.0, abs=1e-10)
+    close(found["y"], bounced(found.t, 0.8, g=G))
+    flies = found.t < 4.0  # its bounces end at 4.06
+    close(found["y_ddot"][flies], np.full(np.sum(flies), -G))
 
 
 def many(count):
@@ -162,20 +134,6 @@ def test_an_oscillator_against_a_stop():
     assert len(times) >= 4
     assert found.times("impact") == pytest.approx(times, abs=GLOBAL)
     close(found["x"], found.piecewise(pieces))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["auto", "rk4"])
-def test_every_kind_of_method_bounces(method):
-    # Steps of rk4 are a thousandth of the period: an error of 1e-11.
-    options = {"step": 1e-3} if method == "rk4" else {}
-    text = scenes.oscillator("x >= 0", 0.5, duration=6, output_step=0.1)
-    found = play(text, method=method, **options)
-    assert found.times("impact") == pytest.approx(
-        [math.pi / 2, 1.5 * math.pi], abs=1e-8
-    )
-    pieces = [math.cos, lambda t: -0.5 * math.cos(t), lambda t: 0.25 * math.cos(t)]
-    close(found["x"], found.piecewise(pieces), 1e-8)
 
 
 def test_a_pendulum_held_by_an_equality_strikes_a_wall():

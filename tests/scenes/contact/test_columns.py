@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import numpy as np
 import pytest
 
-from lagsim.run.events.sequence import Flights
 from tests.scenes.contact.motions import GLOBAL, G, contact, play, scene
 
 # When the last ball rests: by another integrator, with another search and another law
@@ -101,65 +98,3 @@ def test_where_it_rests_does_not_depend_on_the_tolerance():
     coarse, fine = (play(column(10, 0.5), rtol=rtol) for rtol in (1e-10, 1e-12))
     ends = [max(found.times("zeno")) for found in (coarse, fine)]
     assert ends[0] == pytest.approx(ends[1], abs=100 * GLOBAL)
-
-
-def flights(times, speeds):
-    series = Flights()
-    for time, speed in zip(times, speeds, strict=True):
-        series.add(time, speed)
-    return series
-
-
-def test_what_is_left_of_a_geometric_series():
-    # Flights of 1, 0.9, 0.81, ... end at 10. Under a constant force one that leaves at
-    # a speed v, for a time d, goes v d/4 up and as far down.
-    series = flights([0, 1, 1.9, 2.71], [1 / 0.729, 1 / 0.81, 1 / 0.9, 1])
-    left = sum(0.9**k * 0.81 * 0.9**k / 2 for k in range(1, 400))
-    assert series.end(2.71, 1.0, least=1.001 * left) == pytest.approx(10.0)
-    assert series.end(2.71, 1.0, least=0.999 * left) is None
-
-
-def test_a_series_does_not_end_before_a_flight_is_none():
-    # Of flights of 1, 0.1, 0.01, ... hardly anything is left, but the last was one.
-    series = flights([0, 1, 1.1, 1.11], [1, 0.1, 0.01, 0.001])
-    assert series.end(1.11, 0.001, least=1.001e-5) == pytest.approx(10 / 9)
-    assert series.end(1.11, 0.001, least=0.999e-5) is None
-
-
-def test_a_series_that_is_none():
-    few = flights([0, 1, 1.5], [4, 2, 1])
-    grows = flights([0, 1, 2.5, 5], [1, 2, 3, 4])
-    steady = flights([0, 1, 2, 3], [1, 1, 1, 1])
-    for series, now in ((Flights(), 0), (few, 1.5), (grows, 5), (steady, 3)):
-        assert series.end(now, 1.0, least=1e9) is None
-
-
-def test_strikes_in_no_time_that_get_hardly_slower_are_no_series():
-    # Each flight is the square of the one before, each strike half as fast.
-    took = [1e-1, 1e-2, 1e-4, 1e-8]
-    series = flights([0, *accumulate(took)], [16, 8, 4, 2, 1])
-    assert series.end(sum(took), 1.0, least=1e-3) is None
-
-
-def test_strikes_by_turns_end_where_none_got_anywhere():
-    uneven = [0, 1.0, 1.2, 1.9, 2.0]
-    speeds = [1, 1e-6, 1e-6, 1e-6, 1e-6]
-    assert flights(uneven, speeds).end(2.0, 1e-6, least=2e-6) == 2.0
-    assert flights(uneven, speeds).end(2.0, 1.0, least=2e-6) is None
-    # One of the last flights did.
-    assert flights(uneven, [1, 1e-6, 1, 1e-6, 1e-6]).end(2.0, 1e-6, 2e-6) is None
-
-
-def test_what_has_not_struck_for_long_is_in_flight():
-    series = flights([0, 1, 1.5, 1.75], [8, 4, 2, 1])
-    assert series.end(4.2, 0.0, least=10.0) is not None
-    assert series.end(4.3, 0.0, least=10.0) is None
-
-
-def test_a_series_ends_at_its_limit_whenever_it_is_asked():
-    # What touches is asked also where another strikes, and where all of the last
-    # flights were no motion.
-    series = flights([0, 1, 1.5, 1.75, 1.875], [16, 8, 4, 2, 1])
-    for now, least in ((1.875, 8.0), (1.9, 8.0), (1.875, 0.3), (1.9, 0.3)):
-        assert series.end(now, 1.0, least) == pytest.approx(2.0)
-    assert series.end(2.5, 1.0, least=8.0) == 2.5

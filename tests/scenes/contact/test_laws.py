@@ -168,18 +168,3 @@ def test_a_place_must_be_met_when_it_begins_to_hold(place, fits):
     pinned = found.t > math.pi / 2
     assert np.max(np.abs(found["x"][pinned])) < 1e-9 + 1e-7 * ("-" in place)
     assert np.max(np.abs(found["lambda_pin"][pinned])) < 1e-9
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_a_clutch_slips_beside_a_rod_as_it_does_alone(first):
-    # Two inertias that slip on each other: J w' = F; the pendulum is none of theirs.
-    rod = {"rod": "x^2 + y^2 = 1"}
-    clutch = {"clutch": {"relation": "a_dot = b_dot", "limit": 0.4}}
-    found = play(scene(
-        "a b x y", "(a_dot^2 + b_dot^2 + x_dot^2 + y_dot^2)/2", "3*y",
-        rod | clutch if first else clutch | rod,
-        {"a": 0, "b": 0, "a_dot": -1, "b_dot": 1, "x": 1, "y": 0},
-        duration=1, output_step=0.1,
-    ))  # fmt: skip
-    close(found["a_dot"], -1 + 0.4 * found.t)
-    close(found["b_dot"], 1 - 0.4 * found.t)

@@ -16,20 +16,6 @@ def shipped(name):
     return play((MODELS / f"{name}.yaml").read_text(encoding="utf-8"))
 
 
-def test_bouncing_ball():
-    found = shipped("bouncing-ball")
-    assert found.times("zeno", "floor") == pytest.approx([4.063712769], abs=1e-9)
-    assert found.at("y", 1) == pytest.approx(0.468004453, abs=1e-9)
-    assert found.at("y", 3) == pytest.approx(0.068707461, abs=1e-9)
-
-
-def test_sliding_ladder():
-    found = shipped("sliding-ladder")
-    assert [e.kind for e in found.result.events] == ["release"]
-    assert found.times("release", "wall") == pytest.approx([0.562302616], abs=1e-9)
-    assert found["x_dot"][-1] == pytest.approx(1.012970080, abs=1e-9)
-
-
 def test_slack_string():
     found = shipped("slack-string")
     assert [e.kind for e in found.result.events] == ["release", "impact", "contact"]

@@ -6,25 +6,18 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
+import lagsim
 from lagsim.methods import dop853
+from lagsim.model.reader import read_file
 from lagsim.run.observers.monitors import ResidualMonitor
-from tests.small_scenes import pendulum
 from tests.support import MODELS, run
 
 
 def changed(name, **values):
-    """Give the text of a failing model with other values of its parameters."""
-    text = (MODELS / "failing" / f"{name}.yaml").read_text(encoding="utf-8")
-    lines = text.split("\n")
-    for parameter, value in values.items():
-        [k] = [
-            i for i, x in enumerate(lines) if x.startswith(f"  {parameter}: {{value")
-        ]
-        start, _, rest = lines[k].partition(",")
-        lines[k] = f"{start.split('value')[0]}value: {value!r},{rest}"
-    return "\n".join(lines)
+    """Give a failing model with other values of its parameters."""
+    sets = {key: repr(value) for key, value in values.items()}
+    return read_file(str(MODELS / "failing" / f"{name}.yaml"), sets)
 
 
 def rows_of(found, *names):
@@ -113,55 +106,36 @@ def test_the_rounding_of_a_stiff_force_shortens_no_steps():
     assert np.max(np.abs(tight["x"] - exact["x"])) < 1e-12
 
 
-def eccentric(h, count, *, swing):
-    """Give the energy error of the midpoint rule on Kepler's ellipse, e = 0.3.
-
-    Fixed steps, or steps that vary by +-`swing` with a period of their own.
-    """
-    y = np.array([0.7, 0.0, 0.0, math.sqrt(1.3 / 0.7)])
-
-    def rate(y):
-        r3 = math.hypot(y[0], y[1]) ** 3
-        return np.array([y[2], y[3], -y[0] / r3, -y[1] / r3])
-
-    def energy(y):
-        return 0.5 * (y[2] ** 2 + y[3] ** 2) - 1.0 / math.hypot(y[0], y[1])
-
-    start, worst = energy(y), 0.0
-    for _ in range(count):
-        # Shorter near the sun, by the state at the start of the step: not reversible.
-        step = h * (1.0 + swing * (math.hypot(y[0], y[1]) - 1.0))
-        middle = y + 0.5 * step * rate(y)
-        for _ in range(30):
-            new = y + 0.5 * step * rate(middle)
-            if np.max(np.abs(new - middle)) < 1e-15:
-                break
-            middle = new
-        y = y + step * rate(middle)
-        worst = max(worst, abs(energy(y) - start))
-    return worst
+EXCITED = """
+parameters: {K: 1e8, l: 1, g: 9.8}
+coordinates: {theta: {}, u: {}}
+definitions: {fast: u_dot^2/2 + K*(u - (g*cos(theta) + theta_dot^2)/K)^2/2}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {theta: 1, u: 1e-4}
+output: {columns: [fast]}
+simulation: {duration: 1, output_step: 0.05}
+"""
 
 
-@pytest.mark.slow
-def test_the_midpoint_rule_with_steps_that_vary_drifts():
-    # Conserving energy on the whole is a property of one step size: an error of order 2
-    # that swings, against one that adds up over orbits.
-    fixed = [eccentric(0.1, n, swing=0.0) for n in (1000, 4000)]
-    varied = [eccentric(0.1, n, swing=1.0) for n in (1000, 4000)]
-    assert fixed[1] < 1.1 * fixed[0]
-    assert varied[1] > 2.0 * varied[0]
-    assert varied[1] > 2.0 * fixed[1]
+def test_radau_damps_a_fast_mode_silently_at_loose_tolerance():
+    found = run(EXCITED, method="radau", rtol=1e-2, duration=3)
+    assert found.trajectory.outcome.word == "done"
+    # An oscillation of 1e-4 of the length is below the tolerance.
+    assert found["fast"][-1] < 0.03 * found["fast"][0]
+    # The slow motion is right nevertheless.
+    exact = run(EXCITED, method="dop853", rtol=1e-9, duration=3)
+    assert np.max(np.abs(found["theta"] - exact["theta"])) < 1e-2
+    assert exact["fast"][-1] == pytest.approx(exact["fast"][0], rel=0.05)
+    tight = run(EXCITED, method="radau", rtol=1e-7, duration=0.05, output_step=0.01)
+    assert tight["fast"][-1] == pytest.approx(tight["fast"][0], rel=0.05)
 
 
 # Switches
 
 
-def test_a_pulse_is_stepped_over_where_nothing_is_located():
-    def rate(t, y):
-        return [y[1], -y[0] + 1000.0 * (50.0 < t < 50.001)]
-
-    blind = solve_ivp(rate, (0.0, 100.0), [0.0, 0.0], method="DOP853", rtol=1e-8)
-    assert np.max(np.abs(blind.y[0])) == 0.0
+def test_a_pulse_between_two_steps_is_located():
     found = run("failing/pulse")
     # A push of 1 spread over d = 1 ms gives the amplitude 2 sin(d/2)/d.
     t, d = found["t"], 1e-3
@@ -173,15 +147,10 @@ def test_a_pulse_is_stepped_over_where_nothing_is_located():
     assert times == pytest.approx([50.0, 50.001], abs=1e-12)
 
 
-def test_jumps_that_are_not_located_waste_work():
-    def rate(t, y):
-        return [y[1], np.sign(np.sin(t)) - y[0]]
-
-    blind = solve_ivp(
-        rate, (0.0, 60.0), [0.0, 0.0], method="DOP853", rtol=1e-10, atol=1e-10
-    )
+def test_jumps_that_are_located_cost_little():
     found = run("failing/square-wave", method="dop853", rtol=1e-10)
-    assert blind.nfev > 2 * found.trajectory.statistics.evaluations
+    # Those of scipy's DOP853, which locates nothing, are 14,546 at this tolerance.
+    assert found.trajectory.statistics.evaluations < 14_546 / 2
     # x'' = s - x, s = +-1: (x - s, x') turns by pi between two jumps, so that
     # |x| grows by 2 in each of the 19 pieces begun.
     k = np.floor(found["t"] / math.pi)
@@ -190,48 +159,6 @@ def test_jumps_that_are_not_located_waste_work():
     expected = s * (1.0 - (2.0 * k + 1.0) * np.cos(turned))
     inside = (turned > 1e-6) & (turned < math.pi - 1e-6)
     assert found["x"][inside] == pytest.approx(expected[inside], abs=1e-7)
-
-
-@pytest.mark.slow
-def test_events_on_a_cubic_lose_the_order_of_the_method():
-    # The pendulum from pi/2 passes its lowest point after a quarter of its period.
-    from scipy.special import ellipk
-
-    def rate(_t, y):
-        return [y[1], -math.sin(y[0])]
-
-    quarter = float(ellipk(0.5))
-    solution = solve_ivp(
-        rate, (0.0, 3.0), [math.pi / 2, 0.0], method="DOP853", rtol=1e-10,
-        atol=1e-10, dense_output=True,
-    )  # fmt: skip
-    k = int(np.flatnonzero(solution.y[0] < 0.0)[0])
-    t0, t1 = solution.t[k - 1 : k + 1]
-    (y0, v0), (y1, v1) = solution.y[:, k - 1], solution.y[:, k]
-    h = t1 - t0
-
-    def cubic(t):
-        x = (t - t0) / h
-        u = 1.0 - x
-        bend = u * (h * v0 - (y1 - y0)) - x * (h * v1 - (y1 - y0))
-        return y0 + x * (y1 - y0 + u * bend)
-
-    def root(f):
-        low, high = t0, t1
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if f(middle) > 0.0 else (low, middle)
-        return low
-
-    on_cubic = abs(root(cubic) - quarter)
-    on_dense = abs(root(lambda t: solution.sol(t)[0]) - quarter)
-    found = run(
-        pendulum("pi/2", "duration: 3, until: a <= 0, rtol: 1e-10, method: dop853")
-    )
-    ours = abs(found.trajectory.end - quarter)
-    assert on_cubic > 1e-7
-    assert on_dense < 1e-3 * on_cubic
-    assert ours < 1e-9
 
 
 # Constraints
@@ -250,13 +177,9 @@ def test_a_duplicated_row_shares_its_force():
 
 
 def test_a_contradictory_row_is_refused():
-    from lagsim.admissibility.examination import examine
-    from lagsim.mechanics.equations import derive
-    from lagsim.model.reader import read
-
-    start = examine(derive(read(changed("duplicate-row", gap=0.1), "model.yaml")))
-    assert not start.admissible
-    assert not start.repair
+    found = lagsim.check(lagsim.load(MODELS / "failing/duplicate-row.yaml", gap=0.1))
+    assert not found.admissible
+    assert not found.repair
 
 
 def test_multipliers_grow_where_forces_do_not():
@@ -299,39 +222,52 @@ def test_a_nonlinear_velocity_constraint_does_work():
     assert residuals.energy_drift < 1e-11
 
 
-def partitioned(rtol):
-    """Give where a pendulum in x alone ends, y = -sqrt(1 - x^2) by Newton's method.
-
-    Coordinate partitioning with x for the independent coordinate all along, y from
-    the last y: sound while |x| < 1.
-    """
-    y = [-1.0]
-
-    def dependent(x):
-        for _ in range(50):
-            y[0] -= (x * x + y[0] * y[0] - 1.0) / (2.0 * y[0])
-        return y[0]
-
-    def rate(_t, state):
-        x, v = state
-        down = dependent(x)
-        w = -x * v / down
-        lam = (9.81 * down - v * v - w * w) / 2.0
-        return [v, 2.0 * x * lam]
-
-    end = solve_ivp(rate, (0.0, 2.0), [0.0, 7.0], rtol=rtol, method="RK45")
-    x = end.y[0, -1]
-    return np.array([x, dependent(x)]) if end.success else np.full(2, np.nan)
+# Contact
 
 
-def test_coordinate_partitioning_loses_its_branch():
-    # Fast enough to go over the top: x cannot tell up from down past y = 0.
-    text = (MODELS / "failing" / "rod.yaml").read_text(encoding="utf-8")
-    text = text.replace("  x: -l\n  y: 0\n", "  x: 0\n  y: -l\n  x_dot: 7\n")
-    right = run(text, duration=2)
-    exact = np.array([right["x"][-1], right["y"][-1]])
-    assert right.drift < 1e-8
-    for rtol in (1e-3, 1e-6):
-        with np.errstate(all="ignore"):
-            found = partitioned(rtol)
-        assert not np.max(np.abs(found - exact)) < 0.1
+def impacts(found):
+    return [e.time for e in found.trajectory.events if e.kind == "impact"]
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-8, -1e-8])
+def test_a_graze_is_found_by_the_rate_of_the_gap(depth):
+    found = run(changed("graze", depth=depth))
+    if depth < 0.0:  # it passes beside the post
+        assert impacts(found) == []
+        assert found["y_dot"] == pytest.approx(0.0, abs=1e-15)
+        return
+    # cos(a) = 1 - depth where it touches; it is thrown off by 2 a. Rounding of the
+    # place, 1e-16, is 1e-16/depth of the depth and half of that of the angle.
+    a = 2 * math.asin(math.sqrt(depth / 2))
+    within = 1e-15 / depth + 1e-11
+    [met] = impacts(found)
+    assert met == pytest.approx(10.0 - math.sin(a), abs=math.sin(a) * within + 1e-14)
+    assert found["y_dot"][-1] == pytest.approx(math.sin(2 * a), rel=within)
+    assert found["x_dot"][-1] == pytest.approx(math.cos(2 * a), rel=1e-14)
+    assert np.min(found["residual_post"]) > -1e-12
+
+
+ROW = {
+    # Newton's law on every gap that closes or touches, and the sum of m v:
+    "three at once": ({}, [-1 / 3, 2 / 3, 2 / 3], 2),
+    "1, 2, 1 at once": ({"m2": 2, "gap": 1, "v3": -1}, [-1, 0, 1], 2),
+    # Pair by pair: each keeps its sum of m v and turns its difference of v.
+    "three one by one": ({"gap": 1e-6}, [0, 0, 1], 2),
+    "1, 2, 1 one by one": (
+        {"m2": 2, "gap": 1 + 1e-6, "v3": -1}, [-13 / 27, -10 / 27, 33 / 27], 3
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROW)
+def test_balls_in_a_row_go_by_the_order_of_impacts(name):
+    values, speeds, count = ROW[name]
+    found = run(changed("balls-in-a-row", **values))
+    got = [found[f"{x}_dot"][-1] for x in ("x1", "x2", "x3")]
+    assert got == pytest.approx(speeds, abs=1e-12)
+    assert len(impacts(found)) == count
+    # The energy does not tell which is right: all keep it.
+    assert np.ptp(found["energy"]) < 1e-12
+    told = [w.text for w in found.trajectory.warnings if w.code == "impact-order"]
+    assert len(told) == (1 if name.endswith("at once") else 0)
+    assert all("simultaneous" in text for text in told)

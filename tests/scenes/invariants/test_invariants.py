@@ -10,24 +10,12 @@ import pytest
 from tests.support import MODELS, at_outputs, has_laws, run
 
 SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
-CONSTRAINED = [
-    name
-    for name in SHIPPED
-    # Those that hold at times: tests/scenes/contact.
-    if "\nconstraints:" in (MODELS / f"{name}.yaml").read_text() and not has_laws(name)
-]
 # Chaotic: the errors of both tolerances grow tenfold in 2 s, to 1e-4 of the angles.
 CHAOTIC = {"double-pendulum"}
 
 
-def balance(found):
-    """Give energy - work in every row."""
-    has_work = "work" in found.system.columns.names
-    return found["energy"] - (found["work"] if has_work else 0.0)
-
-
 @pytest.mark.parametrize("name", SHIPPED)
-def test_energy_minus_work_is_constant_in_every_model(name):
+def test_energy_constraints_and_tolerances_of_every_model(name):
     found = run(name)
     assert found.trajectory.outcome.word == "done"
     # The largest energy that moves in the scene, not the free constant of a potential:
@@ -39,6 +27,32 @@ def test_energy_minus_work_is_constant_in_every_model(name):
     # Ten times the default tolerance: each step's error stays. The largest are those of
     # chaotic motion, a fifth of this.
     assert found.drift < 1e-10 * scale
+    # Those that hold at times: tests/scenes/contact.
+    for row in () if has_laws(name) else found.equations.rows:
+        scale = found[f"scale.{row.name}"]
+        # Projected to rounding: a few hundred units in the last place of the terms.
+        assert np.all(np.abs(found[f"residual_{row.name}"]) <= 1e-13 * scale + 1e-15)
+    if name not in CHAOTIC:
+        tight_enough(found, run(name, rtol="1e-13"))
+
+
+def tight_enough(default, tight):
+    """Hold default tolerances within 1e-8 of the larger of range and scale."""
+    settings = default.session.case.settings
+    rows, others = (
+        at_outputs(found["t"], settings.start, settings.output_step)
+        for found in (default, tight)
+    )
+    groups = [default.equations.q, default.equations.velocities]
+    if default.equations.rows:
+        groups.append(tuple(f"Qc_{q}" for q in default.equations.q))
+    for group in groups:
+        for column in group:
+            exact = tight[column][others]
+            scale = max(np.ptp(exact), np.max(np.abs(exact)))
+            if scale < 1e-9 * max(np.max(np.abs(tight[c])) for c in group):
+                continue  # it should stay zero and is rounding
+            assert np.max(np.abs(default[column][rows] - exact)) < 1e-8 * scale, column
 
 
 CONSTANTS = ("elastic-pendulum", "kepler", "double-pendulum", "forced-oscillator")
@@ -56,37 +70,6 @@ def test_a_constant_in_the_potential_changes_nothing(name, constant):
     moved = with_it["energy"] - plain["energy"]
     # Rounded to a few units in the last place of the constant.
     assert np.max(np.abs(moved - float(constant))) < 1e-15 * abs(float(constant))
-
-
-@pytest.mark.parametrize("name", CONSTRAINED)
-def test_constraints_hold_in_every_row(name):
-    found = run(name)
-    assert found.equations.rows
-    for row in found.equations.rows:
-        scale = found[f"scale.{row.name}"]
-        # Projected to rounding: a few hundred units in the last place of the terms.
-        assert np.all(np.abs(found[f"residual_{row.name}"]) <= 1e-13 * scale + 1e-15)
-
-
-@pytest.mark.parametrize("name", [n for n in SHIPPED if n not in CHAOTIC])
-def test_the_default_tolerances_are_tight_enough(name):
-    """Against rtol 1e-13: within 1e-8 of the larger of range and scale."""
-    default, tight = run(name), run(name, rtol="1e-13")
-    settings = default.session.case.settings
-    rows, others = (
-        at_outputs(found["t"], settings.start, settings.output_step)
-        for found in (default, tight)
-    )
-    groups = [default.equations.q, default.equations.velocities]
-    if default.equations.rows:
-        groups.append(tuple(f"Qc_{q}" for q in default.equations.q))
-    for group in groups:
-        for column in group:
-            exact = tight[column][others]
-            scale = max(np.ptp(exact), np.max(np.abs(exact)))
-            if scale < 1e-9 * max(np.max(np.abs(tight[c])) for c in group):
-                continue  # it should stay zero and is rounding
-            assert np.max(np.abs(default[column][rows] - exact)) < 1e-8 * scale, column
 
 
 def test_kepler_keeps_momentum_and_perihelion():
@@ -143,82 +126,3 @@ def test_momentum_and_angular_momentum_without_outer_forces():
     spin = spin + 3 * (found["x2"] * p["y2"] - found["y2"] * p["x2"])
     # Positions reach 50, where they are right to 1e-11 of that at best.
     assert np.max(np.abs(spin - spin[0])) < 1e-8
-
-
-# In other units of length and mass: every parameter by its own power of each.
-CURVE = """
-parameters: {{l: {l!r}, g: {g!r}, K: {K!r}, M: {M!r}}}
-coordinates: {{theta: {{}}, u: {{}}}}
-energy:
-  kinetic: M*((l + u)*theta_dot)^2/2 + M*u_dot^2/2
-  potential: M*g*(l - (l + u)*cos(theta)) + K*u^2/2
-constraints: {{path: u = l - l*theta^2}}
-initial: {{theta: 1, u: l - l*theta^2}}
-simulation: {{duration: 20, output_step: 0.02}}
-"""
-
-
-def curve(length, mass):
-    return CURVE.format(l=1.0 * length, g=9.8 * length, K=25.6 * mass, M=1.0 * mass)
-
-
-def chain(length, mass):
-    text = (MODELS / "chain-cartesian.yaml").read_text()
-    for old, new in (("9.81", 9.81 * length), ("0.1", 0.1 * length), ("1.0", mass)):
-        text = text.replace(f"{{value: {old},", f"{{value: {new!r},")
-    return text
-
-
-def steered(length, mass):
-    text = curve(length, mass).replace(
-        "path: u = l - l*theta^2",
-        "path: u_dot*cos(theta + 5*u/l) = l*theta_dot*sin(theta + 5*u/l)",
-    )
-    return text.replace(
-        "theta: 1, u: l - l*theta^2",
-        "theta: 0.2, u: l/2, theta_dot: 1, u_dot: {guess: 0}",
-    )
-
-
-def free(length, mass):
-    text = curve(length, mass)
-    start = text.index("constraints:")
-    end = text.index("initial:")
-    return text[:start] + text[end:]
-
-
-@pytest.mark.parametrize("scene", [curve, chain, steered, free])
-@pytest.mark.parametrize(
-    ("length", "mass"), [(1e3, 1.0), (1e3, 1e3), (1e-6, 1.0), (1.0, 1e-9)]
-)
-def test_units_do_not_matter(scene, length, mass):
-    """Metres, millimetres and megametres, kilograms and others: the same motion."""
-    one, other = run(scene(1.0, 1.0)), run(scene(length, mass))
-    is_angle = {"theta": 0}
-    for q in one.equations.q:
-        power = is_angle.get(q, 1)
-        pairs = {q: length**power, f"{q}_dot": length**power}
-        if one.equations.rows:
-            pairs[f"Qc_{q}"] = mass * length ** (2 - power)
-        for column, unit in pairs.items():
-            size = np.ptp(one[column])
-            off = np.max(np.abs(other[column] / unit - one[column]))
-            assert off < 1e-9 * size, column
-    # Nothing of the control hangs on a unit; rounding may shift a step or two.
-    ours, theirs = one.trajectory.statistics, other.trajectory.statistics
-    assert abs(ours.steps - theirs.steps) <= 0.01 * ours.steps + 1
-
-
-def test_a_unit_of_time_does_not_matter():
-    # Seconds and milliseconds: g and K by 1e-6, times by 1e3.
-    one = run(free(1.0, 1.0))
-    text = free(1.0, 1.0).replace("9.8", "9.8e-6").replace("25.6", "25.6e-6")
-    text = text.replace(
-        "duration: 20, output_step: 0.02", "duration: 20e3, output_step: 20"
-    )
-    other = run(text)
-    for q in ("theta", "u"):
-        assert np.max(np.abs(other[q] - one[q])) < 1e-9 * np.ptp(one[q])
-        rate = f"{q}_dot"
-        assert np.max(np.abs(other[rate] * 1e3 - one[rate])) < 1e-9 * np.ptp(one[rate])
-    assert abs(one.trajectory.statistics.steps - other.trajectory.statistics.steps) <= 5

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from tests.small_scenes import bounced
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -81,17 +83,6 @@ def _bent(t):
         np.cos(2 * t),
         np.where(t < second, -np.sin(4 * (t - first)) / 2, np.sin(2 * (t - second))),
     )
-
-
-def _ball(t, h=0.5, g=9.81, e=0.5):
-    x = np.where(t * t * g / 2 < h, h - g * t * t / 2, 0.0)
-    at = np.sqrt(2 * h / g)
-    v = e * g * at
-    while v > 1e-12:
-        last = at + 2 * v / g
-        x = np.where((t >= at) & (t < last), _parabola(t, at, 0.0, v, -g), x)
-        at, v = last, e * v
-    return x
 
 
 def _brake(t, v, a):
@@ -168,7 +159,7 @@ FRAGMENTS = (
     Fragment(
         "contact",
         ("0.5", "0"),
-        lambda t: {"x$": _ball(t)},
+        lambda t: {"x$": bounced(t, 0.5, 0.5)},
         "9.81*x$",
         constraints={"floor$": "{relation: x$ >= 0, restitution: 0.5}"},
     ),

@@ -1,0 +1,127 @@
+"""Scenes whose motion is known exactly, by name, and how a run is held against it.
+
+Each stands once, in plain words; `tests/invariance` tells how to say the same far away,
+in a moving frame, in other units, later, or beside others.
+"""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import lagsim
+from tests.invariance.same import CHANGES, EPS, Sizes
+from tests.invariance.transforms import document
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+SIZES = Sizes(length=1.0, speed=2.0, time=2.0)
+GLOBAL = 1e-9
+# Of forces that begin at 0 the time itself is rounding, in other words than its own.
+ROUNDED, AT_ONCE = 1e-3, 1e-12
+
+
+def _unknown(_t: Any) -> dict[str, Any]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Exact:
+    """A model and what it does.
+
+    text : the model file
+    motion : t (rows,) -> coordinate -> (rows,), nan where it is not known
+    also : the same of other columns, which other words change
+    events : kind -> times of all that happens after the start, and of impacts at it
+    fails : the code and the time of a run that cannot go on
+    still : coordinates that rest to the last bit
+    within : of the largest of all coordinates, or of 1 where none moves
+    steps : it takes fewer, and rejects fewer than a tenth of that
+    error : the error bar, as a part of the range, is less
+    warned : codes of its warnings
+    unlike : changes of words that make another scene of it
+    """
+
+    text: str
+    motion: Callable[[Any], Mapping[str, Any]] = _unknown
+    also: Callable[[Any], Mapping[str, Any]] = _unknown
+    events: Mapping[str, Sequence[float]] | None = None
+    fails: tuple[str, float] | None = None
+    still: str = ""
+    within: float = GLOBAL
+    steps: int | None = None
+    error: float | None = None
+    warned: frozenset[str] = frozenset()
+    unlike: tuple[str, ...] = ()
+
+    def words(self, name: str, count: int) -> list[str]:
+        """Give some changes of words that say the same, others for each name."""
+        known = [word for word in CHANGES if word not in self.unlike]
+        first = zlib.crc32(name.encode())
+        return [known[(first + 5 * k) % len(known)] for k in range(count)]
+
+
+def check(scene: Exact, word: str = "") -> None:
+    """Hold a run against its scene, in plain words or in others."""
+    text, shift, scale, rounding = scene.text, 0.0, 1.0, 0.0
+    if word:
+        changed = CHANGES[word].put(document(text), SIZES)
+        text, shift, scale = changed.text(), changed.shift, changed.scale
+        rounding = 100.0 * EPS * CHANGES[word].rounding
+    asked = "never" if scene.error is None else "auto"
+    found = lagsim.simulate(lagsim.load(text), error_bar=asked)
+    t = (found.t - shift) * scale
+    within = max(scene.within, GLOBAL) if word else scene.within
+    assert {w.code for w in found.warnings} == scene.warned
+    if scene.fails:
+        failure = found.record["failure"]["code"], t[-1]
+        assert failure == (scene.fails[0], pytest.approx(scene.fails[1], abs=GLOBAL))
+    else:
+        assert found.complete, found.reason
+    _compared(found, scene.motion(t), within, rounding)
+    for name in scene.still.split():
+        assert np.ptp(found[name]) == 0.0, name
+    if scene.events is not None:
+        _happened(found, scene, (t[0], shift, scale), within + rounding, word)
+    shared = found.t[1:][np.diff(found.t) == 0.0]
+    assert [*shared] == sorted({e.time for e in found.events if e.kind == "impact"})
+    if scene.steps is not None:
+        assert found.record["steps"] < scene.steps
+        assert found.record["rejections"] < scene.steps / 10
+    if scene.error is not None:
+        assert found.record["error"]["horizon"] is None
+        assert found.record["error"]["relative"] < scene.error
+    if not word:
+        _compared(found, scene.also(t), within, 0.0)
+        work = found["work"] if "work" in found.columns else 0.0
+        size = max(1.0, np.max(np.abs(found["energy"])))
+        assert np.ptp(found["energy"] - work) < max(within, GLOBAL) * size
+
+
+def _compared(found: Any, exact: Any, within: float, rounding: float) -> None:
+    largest = [np.nanmax(np.abs(x), initial=0.0) for x in exact.values()]
+    size = max(largest, default=0.0) or 1.0
+    for name, x in exact.items():
+        known = np.isfinite(x)
+        bound = within * size + rounding
+        assert found[name][known] == pytest.approx(x[known], abs=bound), name
+
+
+def _happened(found: Any, scene: Exact, clock: Any, bound: float, word: str) -> None:
+    """Hold all events after the start against those that are known."""
+    start, shift, scale = clock
+    first = start + (ROUNDED if word else AT_ONCE)
+    times: dict[str, set[float]] = {}
+    for event in found.events:
+        at = (event.time - shift) * scale
+        if at > first or event.kind == "impact":
+            times.setdefault(event.kind, set()).add(at)
+    expected = {k: [*x] for k, x in scene.events.items() if len(x)}  # type: ignore[union-attr]
+    assert times.keys() == expected.keys()
+    for kind, some in times.items():
+        assert sorted(some) == pytest.approx(expected[kind], abs=10.0 * bound), kind
