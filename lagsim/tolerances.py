@@ -126,6 +126,10 @@ shrinking."""
 SAME_STEP = 1e-9
 """Steps, and times, that differ by this part of a step are the same."""
 
+HALF_OF_DIGITS = 1e-6
+"""What is solved for, beside 1 or its scale, is known to about half of the digits:
+roots, shares and directions that differ by less are the same, or none."""
+
 LEAST_PIVOT = 1e-13
 """The least pivot, or inertia in passing, as a part of the terms that it is left of:
 three digits are right then, which is enough for iterations."""

@@ -50,6 +50,7 @@ from lagsim.admissibility.verdict import (
 from lagsim.language.graph import TooMuchError
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
+from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -165,8 +166,6 @@ AROUND = 1.0
 TURN = 2.0 * math.pi
 # Whether a dense M (n, n) is positive takes n**3 / DECOMPOSED operations.
 DECOMPOSED = 2000.0
-# The rows that share in a least residual: their distances, against the largest.
-SHARES = 1e-6
 
 
 def examine(
@@ -382,12 +381,14 @@ class _Examiner:
             lengths = np.linalg.norm(J, axis=1)
             lengths[lengths == 0] = 1.0
             far = np.abs(residual) / lengths
-            shared = zip(relations.wanted, far > SHARES * np.max(far), strict=True)
+            shared = zip(
+                relations.wanted, far > HALF_OF_DIGITS * np.max(far), strict=True
+            )
             named = [f"`{x.name}`" for x, is_in in shared if is_in]
             together = " together" if len(named) > 1 else ""
             reason = f"{' and '.join(named)} cannot be satisfied{together} near there"
             reason = f"{reason}: {least}"
-        elif found.trouble is Trouble.RUNS_AWAY:
+        elif found.trouble is Trouble.DIVERGES:
             reason = f"the guess diverges: no finite value satisfies `{name}`: {least}"
         else:
             reason = f"`{name}` has no finite value near {where}"
@@ -478,7 +479,7 @@ class _Examiner:
             if not other.converged:
                 continue
             x = _unwound(relations, other.x)
-            if all(np.max(np.abs(x - r) / size) > 1e-6 for r in roots):
+            if all(np.max(np.abs(x - r) / size) > HALF_OF_DIGITS for r in roots):
                 roots.append(x)
         if len(roots) == 1:
             return found
@@ -504,15 +505,15 @@ class _Examiner:
 
     def _analysed(self, point: Point, levels: Sequence[str]) -> _Judged:
         sizes = point.sizes
-        ways = [
+        moved = [
             np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes)
             for x, x0 in zip((point.q, point.v), self.origin, strict=True)
         ]
-        double = ways[0] if self.double else None
+        double = moved[0] if self.double else None
         point = self._inexact(point)
         ranks, thin = analyse(point, levels, double=double), None
         if levels == LEVELS:
-            around = (np.zeros(self.n) if double is None else double, ways[1])
+            around = (np.zeros(self.n) if double is None else double, moved[1])
             thin, real = thin_set(point, ranks.dependences, around)
             ranks = ranks._replace(
                 dependences=tuple(
@@ -622,7 +623,7 @@ def _unwound(relations: Relations, x: Floats) -> Floats:
         turn[k] = TURN
         for at in (x, near + 0.1 * (x - near)):
             (r, J), (turned, slopes) = relations(at), relations(at + turn)
-            size = 1e-9 * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
+            size = COMPUTED_ZERO * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
             same = np.all(np.abs(turned - r) <= size)
             if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
                 turns[k] = 0.0

@@ -18,7 +18,7 @@ from lagsim.admissibility.newton import reach, relations_of
 from lagsim.admissibility.point import of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
-from lagsim.tolerances import DEPENDENT_FIELDS
+from lagsim.tolerances import DEPENDENT_FIELDS, HALF_OF_DIGITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -223,11 +223,11 @@ class _Distribution:
         for row, form in zip(self.rows, self.scaled, strict=True):
             if row.holonomic:
                 known.extend(form, DEPENDENT_FIELDS)
-        blocked = null_space(np.vstack([span.basis, known.basis]), 1e-6)
+        blocked = null_space(np.vstack([span.basis, known.basis]), HALF_OF_DIGITS)
         shares = least_squares(self.scaled.T, blocked, DEPENDENT_FIELDS)
         names = tuple(
             row.name
             for row, share in zip(self.rows, shares, strict=True)
-            if not row.holonomic and np.any(np.abs(share) > 1e-6)
+            if not row.holonomic and np.any(np.abs(share) > HALF_OF_DIGITS)
         )
         return Reach(span.size - 1, blocked.shape[1], names)

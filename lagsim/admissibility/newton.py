@@ -26,7 +26,12 @@ from lagsim.admissibility.algebra import (
 )
 from lagsim.admissibility.point import conditions
 from lagsim.language.derivatives import tangent
-from lagsim.tolerances import CONVERGED, STATE_ROUNDOFF, TERM_ROUNDOFF
+from lagsim.tolerances import (
+    CONVERGED,
+    HALF_OF_DIGITS,
+    STATE_ROUNDOFF,
+    TERM_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -176,17 +181,17 @@ def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Rela
 #
 # `x = sqrt(1 + x^2)` has no solution; its residual falls as 1/(2 x), and its terms
 # grow, until at some 1e7 the one is rounding of the other. A root is where a relation
-# begins to be satisfied: on the way to it, it is not. There its slope tells the root
+# begins to be satisfied: on the path to it, it is not. There its slope tells the root
 # from its neighbours.
 
-# Not a root: that part of the way before it, the relation is satisfied as well.
+# Not a root: that part of the distance before it, the relation is satisfied as well.
 BACKWARD = 0.1
-# And what its slope there makes of the whole way is no more than so many times its
-# residual, or than the rounding of its slopes along the way.
+# And what its slope there makes of the whole distance is no more than so many times its
+# residual, or than the rounding of its slopes on the path.
 LEVEL = 8.0
 
 
-def runs_away(
+def diverges(
     relations: Relations,
     at: Callable[[Floats], tuple[Floats, Any]],
     x0: Floats,
@@ -197,16 +202,16 @@ def runs_away(
 
     at : x -> r (m,) and dr/dx (m, k), dense or sparse.
     """
-    way = x - x0
-    if not np.any(way):
+    moved = x - x0
+    if not np.any(moved):
         return False
-    back = x - BACKWARD * way
+    back = x - BACKWARD * moved
     r, J = at(x)
     first, slopes = at(x0)
-    linear = np.abs(J @ way)
+    linear = np.abs(J @ moved)
     if not np.all(np.isfinite(linear)):
         return False
-    rounding = np.maximum(np.abs(r), TERM_ROUNDOFF * (abs(slopes) @ np.abs(way)))
+    rounding = np.maximum(np.abs(r), TERM_ROUNDOFF * (abs(slopes) @ np.abs(moved)))
     rounding = np.maximum(rounding, TERM_ROUNDOFF * np.abs(first))
     gone = ~(linear > LEVEL * rounding)
     if not np.any(gone):
@@ -242,7 +247,7 @@ class Trouble(Enum):
     NONE = ""
     DOUBLE_ROOT = "double root"
     MINIMUM = "positive minimum"
-    RUNS_AWAY = "no root at a finite distance"
+    DIVERGES = "no root at a finite distance"
     NOT_FINITE = "values that are not finite"
 
 
@@ -270,7 +275,7 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
         return Found(x0, converged=True)
     reached = reach(relations, x0, metric)
     if far and not reached.converged:
-        # In the metric the way can be a narrow valley.
+        # In the metric the path can be a narrow valley.
         other = reach(relations, x0, _by_size(x0, metric))
         reached = other if other.converged else reached
     best = _descend(relations, x0, reached.x, metric) if reached.converged else None
@@ -282,7 +287,9 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
             x = _descend(relations, x0, other.x, metric)
             if best is None:
                 reached, best = other, x
-            elif _square(x - x0, metric) < (1 - 1e-6) * _square(best - x0, metric):
+            elif _square(x - x0, metric) < (1 - HALF_OF_DIGITS) * _square(
+                best - x0, metric
+            ):
                 best = x
     if best is None:
         return _explained(relations, reached, metric)
@@ -313,9 +320,9 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
         # should be zero ends where steps no longer become shorter.
         length = float(np.sqrt(step @ (M @ step)))
         if np.all(np.abs(step) <= CONVERGED * np.abs(x)) or length > SHORTER * last:
-            way = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
-            errors = STATE_ROUNDOFF * (np.abs(x) + way)
-            gone = runs_away(relations, relations.sparse, x0, x, errors)
+            moved = np.sqrt((x - x0) @ (M @ (x - x0)) / M.diagonal())
+            errors = STATE_ROUNDOFF * (np.abs(x) + moved)
+            gone = diverges(relations, relations.sparse, x0, x, errors)
             return (
                 Found(x, converged=True)
                 if relations.hold(x, errors) and not gone
@@ -379,9 +386,9 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
     L = cholesky(metric)
     r, J = relations(x)
     # What x is left with: the rounding of the largest that each value has been, and of
-    # the way that all of them went together.
+    # the distance that all of them went together.
     largest, ulp = np.abs(x), STATE_ROUNDOFF / np.sqrt(np.diag(metric))
-    way = 0.0
+    moved = 0.0
     halvings, last, before = 0, np.inf, np.inf
     jump, jumped, polished = -MOST_STEPS, False, 0
     for k in range(MOST_STEPS):
@@ -399,7 +406,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
         if halvings >= HALVINGS:  # take the rest of a geometric series, at one go
             jump, step = k, step / (1.0 - part)
             halvings = 0
-        hold = relations.hold(x, STATE_ROUNDOFF * largest + way * ulp)
+        hold = relations.hold(x, STATE_ROUNDOFF * largest + moved * ulp)
         jumped |= hold and not polished and k - jump <= ARRIVED
         polished += hold
         damped = _damped(relations, x, r, lengths, step, once=hold)
@@ -407,11 +414,11 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
             break  # no decrease: rounding, or a minimum of |r|
         x, r, J = damped
         largest = np.maximum(largest, np.abs(x))
-        way = max(way, float(np.linalg.norm(L.T @ (x - x0))))
-    errors = STATE_ROUNDOFF * largest + way * ulp
+        moved = max(moved, float(np.linalg.norm(L.T @ (x - x0))))
+    errors = STATE_ROUNDOFF * largest + moved * ulp
     hold = not np.any(r) or relations.hold(x, errors)
-    if hold and runs_away(relations, relations, guess, x, errors):
-        return Found(x, converged=False, trouble=Trouble.RUNS_AWAY)
+    if hold and diverges(relations, relations, guess, x, errors):
+        return Found(x, converged=False, trouble=Trouble.DIVERGES)
     # Far from a simple root steps can shrink so, too; then the last ones do not.
     jumped |= not polished and k - jump <= ARRIVED
     trouble = Trouble.DOUBLE_ROOT if jumped and hold else Trouble.NONE
@@ -448,7 +455,7 @@ def _rows(J: Floats, L: Floats) -> tuple[Floats, Floats]:
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     """Say why the relations were not reached; give the point of least |r|."""
-    if reached.trouble in (Trouble.NOT_FINITE, Trouble.RUNS_AWAY):
+    if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
 
@@ -472,8 +479,8 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     )
     z: Floats = np.asarray(fit.x, dtype=float)
     x = back(z)
-    way = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
-    if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + way)):
+    moved = float(np.linalg.norm(z - L.T @ reached.x)) / np.sqrt(np.diag(metric))
+    if relations.hold(x, STATE_ROUNDOFF * (np.abs(x) + moved)):
         return Found(x, converged=True)
     return Found(x, converged=False, trouble=Trouble.MINIMUM)
 
@@ -501,7 +508,10 @@ class _Slope:
         H = H if np.all(np.isfinite(H)) else self.metric
         curvatures, directions = np.linalg.eigh(self.kernel.T @ H @ self.kernel)
         along = directions.T @ self.gradient
-        if self.steepness <= CONVERGED * self.change and curvatures[0] < -1e-6:
+        if (
+            self.steepness <= CONVERGED * self.change
+            and curvatures[0] < -HALF_OF_DIGITS
+        ):
             # A ridge, not a valley: leave it on the side that is the same each time.
             return np.asarray(0.1 * self.change * (self.kernel @ directions[:, 0]))
         down = -along / np.maximum(np.abs(curvatures), 1e-3)
@@ -522,7 +532,11 @@ class _Slope:
                 level = there.change <= (1 + 1e-10) * self.change
                 if level and there.steepness < 0.5 * self.steepness:
                     return there
-                if level and damping == 1.0 and self.steepness < 1e-6 * self.change:
+                if (
+                    level
+                    and damping == 1.0
+                    and self.steepness < HALF_OF_DIGITS * self.change
+                ):
                     return None
             damping /= 2
         return None

@@ -6,11 +6,11 @@ is safely positive and the rows are safely independent; where they are not, dens
 matrices are used, which take time proportional to the cube of the number of
 coordinates.
 
-A relation is as long as the way along a coordinate on which its gradient changes by as
-much as it is long: for a rod its length, for a curve its radius, for a sine one radian.
-Moved elsewhere, or measured in other units, it has the same length, while its terms and
-|q_i dg/dq_i| grow with the distance from the origin. A relation that is affine has no
-length of its own; its coordinates have those of the other relations in which they
+The length of a relation is the distance along a coordinate over which its gradient
+changes by its own length: of a rod its length, of a curve its radius, of a sine one
+radian. Moved elsewhere, or measured in other units, it has the same length, while its
+terms and |q_i dg/dq_i| grow with the distance from the origin. An affine relation has
+no length of its own; its coordinates have those of the other relations in which they
 stand.
 """
 
@@ -129,7 +129,7 @@ class Point:
     ) -> dict[str, float]:
         """Give the errors of values that were solved for.
 
-        Their own rounding; that of the way that all went together from `origin`; and
+        Their own rounding; that of the distance that all went from `origin`; and
         what the rounding of the relations in which they stand makes of them: one that
         should be zero is left with that of its neighbours.
         """
@@ -322,19 +322,19 @@ class _Form(NamedTuple):
     table : (2 k + 1, columns)
         The gradient, then its first and second derivative by each of the positions
         that it depends on.
-    ways : dict of int to float
-        Each of these: the way along it on which the gradient changes by its own length;
-        0 where the gradient vanishes, inf where it does not change.
+    lengths : dict of int to float
+        Each of these: the distance along it over which the gradient changes by its own
+        length; 0 where it vanishes, inf where it does not change.
     """
 
     columns: list[int]
     table: Floats
-    ways: dict[int, float]
+    lengths: dict[int, float]
 
     @property
     def shortest(self) -> float:
-        """The shortest of the ways; inf where the condition is affine."""
-        return min(self.ways.values(), default=np.inf)
+        """The shortest of the lengths; inf where the condition is affine."""
+        return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
         """Give the greatest slope * length of those that have one; -inf without."""
@@ -387,7 +387,7 @@ class Lengths:
             rounding = STATE_ROUNDOFF * float(size[1::2] @ np.abs(self.u[ways]))
             size[0] = size[0] if size[0] > rounding else 0.0
             pairs = zip(ways, size[1::2], size[2::2], strict=True)
-            own = {k: _way(size[0], first, second) for k, first, second in pairs}
+            own = {k: _length(size[0], first, second) for k, first, second in pairs}
             forms.append(_Form(columns, table, own))
         return forms
 
@@ -395,14 +395,14 @@ class Lengths:
         """Give the shortest lengths (n,) that are more than `least`, handed on.
 
         One that is more than `most` of a form's shortest is only that of a special
-        direction, as along a rod: the shortest stands for it. Affine forms hand
+        direction, as along a rod: the shortest takes its place. Affine forms hand
         lengths on, from those of their coordinates that have one.
         """
         found = np.full(self.point.n, np.inf)
         for form in self.forms:
-            for k, own in form.ways.items():
-                way = form.shortest if own > most * form.shortest else own
-                found[k] = min(found[k], way) if way > least else found[k]
+            for k, own in form.lengths.items():
+                length = form.shortest if own > most * form.shortest else own
+                found[k] = min(found[k], length) if length > least else found[k]
         for _ in range(LINKS):
             before = found.copy()
             for form in self.forms:
@@ -422,8 +422,8 @@ class Lengths:
         cannot be told here (at a double root) it is the others', in the metric of M;
         without any it is the coordinate's own size.
         """
-        ways = [(k, way) for form in self.forms for k, way in form.ways.items()]
-        known = [way for _, way in ways if 0.0 < way < np.inf]
+        own = [item for form in self.forms for item in form.lengths.items()]
+        known = [length for _, length in own if 0.0 < length < np.inf]
         size = max(known, default=0.0)
         lengths = self._shortest(VANISHING_LENGTH * size, 1.0)
         other = np.full(self.point.n, size)
@@ -431,7 +431,7 @@ class Lengths:
             other[:] = float(np.linalg.norm(self.u)) or 1.0
             other = np.where(self.u != 0.0, np.abs(self.u), other)
         lengths = np.where(np.isinf(lengths), other, lengths)
-        moves = np.isin(np.arange(self.point.n), [k for k, _ in ways])
+        moves = np.isin(np.arange(self.point.n), [k for k, _ in own])
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:
@@ -475,7 +475,7 @@ class Lengths:
         if np.isinf(shortest) or not np.all(np.isfinite(table)):
             return np.inf
         # Derivatives count as what they make of the gradient over the shortest length.
-        factors = [1.0, *[shortest, shortest**2] * len(form.ways)]
+        factors = [1.0, *[shortest, shortest**2] * len(form.lengths)]
         seen = table * np.array(factors)[:, None]
         v = (self.weights * self.point.v)[form.columns]
         self.point.g.count(seen.size * min(seen.shape) / FITTED)
@@ -489,7 +489,7 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
     return Lengths(point, asked)
 
 
-def _way(size: float, first: float, second: float) -> float:
+def _length(size: float, first: float, second: float) -> float:
     """Give how far a gradient of this size and these derivatives stays what it is."""
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf

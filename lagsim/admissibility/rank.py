@@ -32,12 +32,13 @@ from lagsim.admissibility.algebra import (
     scaled,
     solving_metric,
 )
-from lagsim.admissibility.newton import Trouble, reach, relations_of
+from lagsim.admissibility.newton import Relations, Trouble, reach, relations_of
 from lagsim.admissibility.point import of_rows
 from lagsim.tolerances import (
+    COMPUTED_ZERO,
     CONTRADICTION,
     DEPENDENT_ROWS,
-    DOUBLE_ROOT,
+    HALF_OF_DIGITS,
     SAFELY_INDEPENDENT,
     STATE_ROUNDOFF,
 )
@@ -56,12 +57,8 @@ LEVELS = ("position", "velocity", "acceleration")
 NEARBY = 0.05
 SAMPLES = 3
 TRIALS = 8
-# Newton's method leaves such states a little off, and dependent rows a little less so.
-GENERIC_RANK = 1e-9
-# Rank that is won on the way to such a state is won by more than this part of the way.
+# Rank that is won on the path to such a state is more than this part of the distance.
 TRACE = 1e-4
-# What vanishes at a double root is known to half of the digits.
-HALF = 64.0 * DOUBLE_ROOT
 
 
 class Dependence(NamedTuple):
@@ -87,7 +84,7 @@ class Dependence(NamedTuple):
         """Give the combination as text, `c3 = 2 c1 - c2`."""
         text = ""
         for name, c in self.combination:
-            size = "" if abs(abs(c) - 1) < 1e-9 else f"{abs(c):.6g} "
+            size = "" if abs(abs(c) - 1) < COMPUTED_ZERO else f"{abs(c):.6g} "
             text += f"{' - ' if c < 0 else ' + '}{size}{name}"
         if text.startswith(" - "):
             text = "-" + text.removeprefix(" - ")
@@ -143,8 +140,8 @@ def analyse(
         Those on which contradictions are looked for: what the state satisfies, and the
         first one that it does not.
     double
-        The way to the state, where it was found as a double root and is known to half
-        of the digits of that.
+        The displacement to the state, where it was found as a double root and is known
+        to half of the digits of that.
     """
     rows = point.e.rows
     if not rows:
@@ -156,7 +153,7 @@ def analyse(
     Y, lengths = scaled_rows(point, rounded=True)
     if double is not None:
         lengths = _without_traces(point, Y, lengths, double)
-    flags = dependent_rows(Y, DEPENDENT_ROWS if double is None else HALF)
+    flags = dependent_rows(Y, DEPENDENT_ROWS if double is None else HALF_OF_DIGITS)
     rank = flags.count(False)
     left, sizes, _ = np.linalg.svd(Y)
     smallest = float(sizes[rank - 1]) if rank else 1.0
@@ -173,7 +170,7 @@ def analyse(
         against = _contradictions(demands, i, coefficients)
         dependences.append(Dependence(rows[i].name, combination, everywhere, against))
     # The rows that are part of some combination that vanishes.
-    shared = np.any(np.abs(left[:, rank:]) > 1e-9, axis=1)
+    shared = np.any(np.abs(left[:, rank:]) > COMPUTED_ZERO, axis=1)
     names = tuple(row.name for row, is_in in zip(rows, shared, strict=True) if is_in)
     # Rank can only be lost at a state, not won.
     if generic is None or generic.rank < rank:
@@ -284,7 +281,7 @@ def _combinations(
         i: {
             j: float(c * lengths[i] / lengths[j])
             for j, c in zip(independent, k, strict=True)
-            if abs(c) > 1e-9
+            if abs(c) > COMPUTED_ZERO
         }
         for i, k in zip(dependent, K.T, strict=True)
     }
@@ -337,7 +334,7 @@ class Neighbourhood:
 
     Parameters
     ----------
-    ways
+    moved
         How far positions and velocities were moved to get to the point, (n,) each: that
         far around a double root lengths are not known.
 
@@ -350,16 +347,16 @@ class Neighbourhood:
     """
 
     def __init__(
-        self, point: Point, ways: Sequence[Floats | None] = (None, None)
+        self, point: Point, moved: Sequence[Floats | None] = (None, None)
     ) -> None:
         self.point, v = point.at(errors={}), point.v
         self.metric = rank_metric(point.mass_matrix, point.gradients)
         speed = np.sqrt(v @ self.metric @ v) or 1.0
-        own = np.where(v != 0, np.abs(v), speed / np.sqrt(np.diag(self.metric)))
-        self.spreads = [of_rows(point, point.e.rows).spread, own]
-        for k, (spread, way) in enumerate(zip(self.spreads, ways, strict=True)):
-            if way is not None:
-                self.spreads[k] = np.where(spread > 0.0, np.fmax(spread, way), 0.0)
+        rates = np.where(v != 0, np.abs(v), speed / np.sqrt(np.diag(self.metric)))
+        self.spreads = [of_rows(point, point.e.rows).spread, rates]
+        for k, (spread, own) in enumerate(zip(self.spreads, moved, strict=True)):
+            if own is not None:
+                self.spreads[k] = np.where(spread > 0.0, np.fmax(spread, own), 0.0)
 
     def varied(
         self, size: float, random: np.random.Generator, *, velocities: bool
@@ -394,34 +391,31 @@ class Neighbourhood:
             double |= reached.trouble is Trouble.DOUBLE_ROOT
         return near, double
 
-    def states(
-        self, rows: Sequence[Row], count: int, *, velocities: bool
-    ) -> list[Floats]:
-        """Give of `count` positions, or velocities, around those that `rows` admit."""
+    def states(self, relations: Relations, count: int) -> list[Floats]:
+        """Give of `count` states around those that satisfy relations of all values."""
         random = np.random.default_rng(7)  # the same each time
-        relations = relations_of(self.point, rows, velocities=velocities)
         found = []
         for _ in range(count):
-            x = self.varied(FAINT, random, velocities=velocities)
-            if not rows:
+            x = self.varied(FAINT, random, velocities=relations.velocities)
+            if not relations.wanted:
                 found.append(x)
             elif (reached := reach(relations, x, self.metric)).converged:
                 found.append(reached.x)
         return found
 
-    def dimension(self, rows: Sequence[Row], *, velocities: bool) -> int | None:
-        """Give the dimension of the set that `rows` admit; None: not found."""
-        n, x = self.point.n, self.point.v if velocities else self.point.q
+    def dimension(self, relations: Relations) -> int | None:
+        """Give the dimension of the set that relations make; None: not found."""
+        n, k = self.point.n, relations.velocities
         if n > MOST:
             return None
-        spread, weights = self.spreads[velocities], np.sqrt(np.diag(self.metric))
+        spread, weights = self.spreads[k], np.sqrt(np.diag(self.metric))
         size = np.max(spread * weights, initial=0.0) or 1.0
-        spread = self.spreads[velocities] = np.where(spread > 0, spread, size / weights)
-        states = self.states(rows, n + 2, velocities=velocities)
+        spread = self.spreads[k] = np.where(spread > 0, spread, size / weights)
+        states = self.states(relations, n + 2)
         if len(states) < n + 1:
             return None
-        ways = (np.array(states) - x) / (FAINT * spread)
-        return int(np.sum(np.linalg.svd(ways, compute_uv=False) > THIN))
+        moved = (np.array(states) - relations.x0) / (FAINT * spread)
+        return int(np.sum(np.linalg.svd(moved, compute_uv=False) > THIN))
 
 
 class _Generic(NamedTuple):
@@ -451,11 +445,11 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
         Y, lengths = scaled_rows(state, rounded=True)
         if is_double:
             _without_traces(state, Y, lengths, size * around.spreads[0])
-        flags = dependent_rows(Y, HALF if is_double else GENERIC_RANK)
+        flags = dependent_rows(Y, HALF_OF_DIGITS if is_double else COMPUTED_ZERO)
         sizes = np.linalg.svd(Y, compute_uv=False)
         rank = flags.count(False)
         if rank > least and sizes[rank - 1] < TRACE * size:
-            # More than that grows on the way; this is what Newton's method left.
+            # More than that grows on the path; this is what Newton's method left.
             flags = dependent_rows(Y, TRACE * size)
         rank = max(flags.count(False), least)
         smallest = float(sizes[rank - 1]) if rank else 1.0
@@ -465,14 +459,14 @@ def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None
     return max(found, key=lambda g: (g.rank, g.smallest), default=None)
 
 
-def _without_traces(point: Point, Y: Floats, lengths: Floats, way: Floats) -> Floats:
+def _without_traces(point: Point, Y: Floats, lengths: Floats, moved: Floats) -> Floats:
     """Take rows of Y for zero that nearly vanish here, and not so far; give lengths."""
     random = np.random.default_rng(6)
     usual = np.zeros_like(lengths)
     for _ in range(SAMPLES):
         kick = np.clip(random.standard_normal(point.n), -1.0, 1.0)
-        usual = np.fmax(usual, scaled_rows(point.at(point.q + way * kick))[1])
-    gone = lengths <= HALF * usual
+        usual = np.fmax(usual, scaled_rows(point.at(point.q + moved * kick))[1])
+    gone = lengths <= HALF_OF_DIGITS * usual
     Y[gone] = 0.0
     return np.asarray(np.where(gone, 0.0, lengths))
 
@@ -482,10 +476,10 @@ def _without_traces(point: Point, Y: Floats, lengths: Floats, way: Floats) -> Fl
 # How far, against their lengths, states are varied, and how often.
 FAINT = 1e-2
 THIN_SAMPLES = 8
-# What a state misses a row by is rounding below this part of what the way changes.
+# What a state misses a row by is rounding below this part of what moving changes.
 MISSED = 1e-10
 # Coordinates up to which the dimension of a set is measured; points that lie apart by
-# less than this part of the way that they were sent do not span it.
+# less than this part of the distance that they were sent do not span it.
 MOST = 60
 THIN = 0.05
 
@@ -521,13 +515,13 @@ class ThinSet(NamedTuple):
 
 
 def thin_set(
-    point: Point, dependences: Sequence[Dependence], ways: tuple[Floats, Floats]
+    point: Point, dependences: Sequence[Dependence], moved: tuple[Floats, Floats]
 ) -> tuple[ThinSet | None, tuple[str, ...]]:
     """Find the rows that hold as multiple roots on the whole set through the point.
 
     Parameters
     ----------
-    ways
+    moved
         See `Neighbourhood`.
 
     Returns
@@ -540,62 +534,57 @@ def thin_set(
     if not suspects or point.is_large:
         return None, ()
     dependent = {d.name for d in dependences}
-    rows = point.e.rows
+    around, rows, real = Neighbourhood(point, moved), point.e.rows, list[str]()
+    moving = frozenset(point.e.velocities)
     held = [row for row in rows if row.holonomic]
-    around = Neighbourhood(point, ways)
-    thin, real = _thin_rows(around, held, suspects, dependent, velocities=False)
-    if thin:
-        dimension = around.dimension(held, velocities=False)
+    for k, those in enumerate((held, rows)):
+        if k:
+            # Of positions there are no others; of velocities those that are curved.
+            curved = {
+                row.name
+                for row in rows
+                if not row.holonomic
+                and point.g.depends(row.A.entries.values()) & moving
+            }
+            suspects = [d for d in suspects if d.name in curved]
+        found = _violated(around, those, suspects, dependent, velocities=bool(k))
+        real += [d.name for d in found]
+        thin = tuple(d.name for d in found if d.everywhere)
+        if not thin:
+            continue
+        dimension = around.dimension(relations_of(point, those, velocities=bool(k)))
+        if k:
+            return ThinSet(thin, None, dimension), tuple(real)
         free = {row.name for row in rows if not row.holonomic} - dependent
         freedom = None if dimension is None else dimension - len(free)
-        return ThinSet(thin, dimension, freedom), real
-    names = frozenset(point.e.velocities)
-    curved = {
-        row.name
-        for row in rows
-        if not row.holonomic and point.g.depends(row.A.entries.values()) & names
-    }
-    suspects = [d for d in suspects if d.name in curved]
-    thin, more = _thin_rows(around, rows, suspects, dependent, velocities=True)
-    if not thin:
-        return None, real + more
-    return ThinSet(thin, None, around.dimension(rows, velocities=True)), real + more
+        return ThinSet(thin, dimension, freedom), tuple(real)
+    return None, tuple(real)
 
 
-def _thin_rows(
+def _violated(
     around: Neighbourhood,
     rows: Sequence[Row],
     dependences: Sequence[Dependence],
     dependent: Collection[str],
     *,
     velocities: bool,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Give the dependent rows that make the set thin, and those that others miss."""
-    known = {row.name: row for row in rows}
+) -> list[Dependence]:
+    """Give the dependent rows that states violate which all others admit."""
+    known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]
-    # Where they leave no way but the state itself, no other state tells anything.
-    if not suspects or len(independent) >= around.point.n:
-        return (), ()
-    states = around.states(independent, THIN_SAMPLES, velocities=velocities)
-    if not states:
-        return (), ()
+    # Where they leave nothing but the state itself, no other state tells anything.
+    if not suspects or len(independent) >= point.n:
+        return []
+    others = relations_of(point, independent, velocities=velocities)
     own = [known[d.name] for d in suspects]
-    relations = relations_of(around.point, own, velocities=velocities)
+    relations = relations_of(point, own, velocities=velocities)
     # What rounding may leave in the rows at these states.
     L, x0 = cholesky(around.metric), relations.x0
     slopes = np.linalg.norm(np.linalg.solve(L, relations(x0)[1].T), axis=0)
-    missed = np.any(
-        [
-            relations.violated(x, STATE_ROUNDOFF * np.abs(x))
-            & (
-                np.abs(relations(x)[0])
-                > MISSED * np.linalg.norm(L.T @ (x - x0)) * slopes
-            )
-            for x in states
-        ],
-        axis=0,
-    )
-    real = [d for d, is_missed in zip(suspects, missed, strict=True) if is_missed]
-    thin = tuple(d.name for d in real if d.everywhere)
-    return thin, tuple(d.name for d in real)
+    missed = np.zeros(len(suspects), bool)
+    for x in around.states(others, THIN_SAMPLES):
+        far = MISSED * np.linalg.norm(L.T @ (x - x0)) * slopes
+        violated = relations.violated(x, STATE_ROUNDOFF * np.abs(x))
+        missed |= violated & (np.abs(relations(x)[0]) > far)
+    return [d for d, is_missed in zip(suspects, missed, strict=True) if is_missed]

@@ -17,7 +17,12 @@ from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
-from lagsim.tolerances import DEPENDENT_ROWS, LEAST_PIVOT, UNIT_ROUNDOFF
+from lagsim.tolerances import (
+    DEPENDENT_ROWS,
+    HALF_OF_DIGITS,
+    LEAST_PIVOT,
+    UNIT_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -209,7 +214,7 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
     return cone[int(np.argmin(slopes))], "has no finite slope"
 
 
-def _rests(point: Point, node: int) -> bool:
+def _depends_on_rest(point: Point, node: int) -> bool:
     """Tell whether a node depends on a velocity that is 0."""
     rates = zip(point.e.velocities, point.v, strict=True)
     return bool(point.g.depends([node]) & {name for name, rate in rates if not rate})
@@ -218,7 +223,7 @@ def _rests(point: Point, node: int) -> bool:
 def _hint(point: Point, node: int) -> str:
     g = point.g
     op, args = g.ops[node], g.args[node]
-    if _rests(point, node):
+    if _depends_on_rest(point, node):
         return DIRECTION
     values = point.array(args)
     if op in ("sqrt", "log", "log10") and values[0] < 0.0:
@@ -315,7 +320,7 @@ def _admissible(rows: Floats) -> Floats:
 
 
 def _factor(c: float) -> str:
-    if abs(abs(c) - 1) < 1e-6:
+    if abs(abs(c) - 1) < HALF_OF_DIGITS:
         return "-" if c < 0 else ""
     return f"{c:.4g} "
 
@@ -329,7 +334,7 @@ def _of_inertia(
     parts = [
         f"{_factor(c)}{name}"
         for name, c in zip(names, direction, strict=True)
-        if abs(c) > 1e-6
+        if abs(c) > HALF_OF_DIGITS
     ]
     along = " + ".join(parts).replace("+ -", "- ")
     what = "coordinate" if len(parts) == 1 else "combination of coordinates"

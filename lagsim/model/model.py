@@ -275,7 +275,7 @@ class Stated(Protocol):
     def settings(self, options: Mapping[str, str]) -> Settings:
         """Give how the file wants to be run; see `Model.settings`."""
 
-    def rests_on(self, names: Collection[str]) -> bool:
+    def depends_on(self, names: Collection[str]) -> bool:
         """Tell whether any other number of the file may follow these.
 
         A parameter, a start value or a setting whose expression names one of these

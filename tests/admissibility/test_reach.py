@@ -119,22 +119,13 @@ TEN = " ".join(f"q{k}" for k in range(10))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "relations",
-    [
-        [f"q{k}_dot = q{k + 1}*q9_dot" for k in range(4)],
-        [
-            f"sin(q{k})*q{k + 1}_dot*exp(q7)"
-            f" = cos(q{k})*q{k + 2}_dot + q{k + 3}*q{k}_dot"
-            for k in range(4)
-        ],
-        [f"q{k}_dot = q{k + 4}*q8_dot + q8*q{k + 4}_dot" for k in range(4)],
-    ],
-)
-def test_ten_coordinates_and_four_relations_take_less_than_a_second(relations):
-    text = scene(
-        {f"c{k}": r for k, r in enumerate(relations)}, zeros(TEN, q4=0.3, q5=0.2)
-    )
+def test_ten_coordinates_and_four_relations_take_less_than_a_second():
+    relations = {
+        f"c{k}": f"sin(q{k})*q{k + 1}_dot*exp(q7)"
+        f" = cos(q{k})*q{k + 2}_dot + q{k + 3}*q{k}_dot"
+        for k in range(4)
+    }
+    text = scene(relations, zeros(TEN, q4=0.3, q5=0.2))
     start = time.process_time()
     found = judged(text, classify=True).reach
     assert time.process_time() - start < 1.0 * PATIENCE

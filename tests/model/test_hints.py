@@ -8,7 +8,6 @@ blanks stand between texts that mean the same.
 
 from __future__ import annotations
 
-import ast
 import math
 import re
 
@@ -18,11 +17,9 @@ from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive
-from lagsim.model.reader import hints, read
+from lagsim.model.reader import read
 from lagsim.model.reader.fields import MAX_GUESSES
-from tests.model._files import completed, problems
-from tests.model.test_faults import CASES as FAULTS
-from tests.support import ROOT
+from tests.model._files import problems
 
 MODEL = """\
 parameters:
@@ -480,71 +477,3 @@ def test_so_many_faults_are_looked_at_and_no_more():
     found = [problem.hint == "write sin(2)" for problem in problems(text)]
     assert MAX_GUESSES == 200
     assert found == [True] * 200 + [False] * 5
-
-
-# --- Every hint of the reader has a case above
-
-# Hints of the reader that no table of these tests brings about, and where they are.
-ELSEWHERE = {
-    "a model file holds one document", "an expression in braces is best quoted",
-    "numbers are decimal", "each coordinate needs a start value",
-    "give a `name`: results are called by it",
-    "give `kinetic` and `potential`, or `lagrangian`",
-    "parts of it may be definitions", "write the relation with a simple zero",
-}  # fmt: skip
-
-
-def texts(node):
-    """Give the texts that a node of the source may be, `*` for what is filled in."""
-    if isinstance(node, ast.Constant) and isinstance(node.value, str):
-        return [node.value] if node.value else []
-    if isinstance(node, ast.JoinedStr):
-        parts = (v.value if isinstance(v, ast.Constant) else "*" for v in node.values)
-        return ["".join(map(str, parts))]
-    if isinstance(node, ast.IfExp):
-        return texts(node.body) + texts(node.orelse)
-    if isinstance(node, ast.BoolOp):
-        return [text for part in node.values for text in texts(part)]
-    return []
-
-
-# Calls that take a hint, and as which of their arguments.
-HINTED = {"add": 3, "Problem": 3, "_fault": 3, "ExpressionError": 3, "fault": 2}
-
-
-def hints_of_the_source():
-    """Give the hints that stand in the reader, the nodes and the parser."""
-    for _, meant in hints.patterns():
-        if isinstance(meant, str):
-            yield re.sub(r"\{\d\}", "*", meant).replace("{{", "{").replace("}}", "}")
-    files = [*(ROOT / "lagsim/model").rglob("*.py")]
-    files.append(ROOT / "lagsim/language/parser.py")
-    for file in sorted(files):
-        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-            if isinstance(node, ast.Assign):
-                if any(getattr(name, "id", "") == "hint" for name in node.targets):
-                    yield from texts(node.value)
-            elif isinstance(node, ast.Call):
-                called = getattr(node.func, "attr", getattr(node.func, "id", ""))
-                if len(node.args) > HINTED.get(called, 99):
-                    yield from texts(node.args[HINTED[called]])
-
-
-@pytest.mark.slow  # it reads four hundred models
-def test_every_hint_of_the_reader_is_brought_about():
-    given = [text_with(where, text) for where, text, _ in SPELT]
-    given += [FILE.replace(old, new, 1) for old, new, *_ in [*MISTAKES, *ADVISED]]
-    given = [re.sub("[⟪⟫]", "", text) for text in given]
-    given += [completed(re.sub("[⟪⟫]", "", case[2])) for case in FAULTS.values()]
-    found = set()
-    for text in given:
-        try:
-            read(text, "model.yaml")
-        except InputError as error:
-            found |= {p.whole.hint for p in error.problems}
-    left = []
-    for text in hints_of_the_source():
-        pattern = ".*".join(map(re.escape, text.split("*")))
-        if not any(re.search(pattern, hint) for hint in found):
-            left.append(text)
-    assert set(left) == ELSEWHERE

@@ -31,9 +31,8 @@ from lagsim.model.nodes import (
     words,
 )
 from lagsim.model.reader import equations, runs, values
-from lagsim.model.reader.expressions import Expressions
+from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
-from lagsim.model.reader.names import Kind, Names, check_columns
 from lagsim.model.reader.sections import (
     OUTPUT_KEYS,
     SCENE,
@@ -324,8 +323,8 @@ class File:
         found = (leaf for node in self._numbers().values() for leaf in leaves(node))
         return [n.text for name, n in found if name in ("", ".value", ".guess")]
 
-    def rests_on(self, names: Collection[str]) -> bool:
-        """Tell whether other numbers follow these, see `Model.rests_on`."""
+    def depends_on(self, names: Collection[str]) -> bool:
+        """Tell whether other numbers follow these, see `Model.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
         given = {**self._numbers(), **asked}

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
-from lagsim.model.reader.expressions import NUMBERS, STATE
+from lagsim.model.reader.expressions import NUMBERS, STATE, Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, listed
-from lagsim.model.reader.names import Kind, check_name
 from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
 
 if TYPE_CHECKING:

@@ -18,9 +18,8 @@ from lagsim.model.model import (
 )
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import OUTPUT, STATE
+from lagsim.model.reader.expressions import OUTPUT, STATE, Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
-from lagsim.model.reader.names import Kind, check_name
 from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.errors import Place
-    from lagsim.model.reader.expressions import Expressions
-    from lagsim.model.reader.names import Names
+    from lagsim.model.reader.expressions import Expressions, Names
 
 MAX_ROWS = 10**8
 

@@ -35,12 +35,12 @@ from lagsim.model.reader.expressions import (
     OF_DEFINITIONS,
     OUTPUT,
     STATE,
+    Kind,
     Resolved,
     highest,
     level_of_kind,
 )
 from lagsim.model.reader.fields import belongs, entries, fields, is_mapping, kind_of
-from lagsim.model.reader.names import Kind
 from lagsim.model.reader.sections import COORDINATE, START, VALUE
 from lagsim.tolerances import UNIT_ROUNDOFF
 

@@ -406,7 +406,7 @@ class Batch:
         if not needs_no_solve(equations):
             return "start values are solved for by the constraints"
         names = {axis.name for axis in self.grid.axes}
-        self._follow = equations.model.stated.rests_on(names) or any(
+        self._follow = equations.model.stated.depends_on(names) or any(
             axis.says(names) for axis in self.grid.axes
         )
         powers = names_in_exponents(equations, ())
