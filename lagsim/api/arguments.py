@@ -88,12 +88,12 @@ def with_settings(function: F) -> F:
 
 
 def settings() -> list[str]:
-    """Give the keys of `simulation` that functions take."""
+    """Return the keys of `simulation` that functions take."""
     return [*Settings.__annotations__, *options()]
 
 
 def given(options: Mapping[str, Any]) -> dict[str, float | str]:
-    """Give the options that are not None.
+    """Return the options that are not None.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def number_or_text(name: str, value: object) -> None:
 
 
 def one_of(name: str, value: str, known: Sequence[str]) -> str:
-    """Give a word that must be one of some.
+    """Return a word that must be one of some.
 
     Raises
     ------
@@ -139,7 +139,7 @@ def one_of(name: str, value: str, known: Sequence[str]) -> str:
 
 
 def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
-    """Give the values to sweep, each a list of numbers and texts.
+    """Return the values to sweep, each a list of numbers and texts.
 
     Raises
     ------

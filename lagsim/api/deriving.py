@@ -41,7 +41,7 @@ class Derivation:
         return self.as_text()
 
     def as_text(self, *, ascii_only: bool = False) -> str:
-        """Give text for a terminal; in ASCII, as in model files, if so asked."""
+        """Return text for a terminal; in ASCII, as in model files, if so asked."""
         from lagsim.show.text import as_text
 
         return as_text(self._content, ascii_only=ascii_only)

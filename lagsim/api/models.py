@@ -15,6 +15,7 @@ from lagsim.mechanics.equations import derive
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
 from lagsim.outputs.notebook import block, heading, listed, paragraph, table
+from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 
 Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
-
-# What is less independent than this, of scaled rows, counts as dependent.
-DEPENDENT = 1e-12
 
 
 class Motion(NamedTuple):
@@ -66,39 +64,32 @@ class Accelerations:
             raise LagsimError(text)
         self._equations, self._name = e, model.name
         self._numbers = {p.name: p.value for p in model.parameters}
-        self._entries = list(e.mass_entries.items())
-        self._slopes = [
-            (r, i, node)
-            for r, row in enumerate(e.rows)
-            for i, node in row.A.entries.items()
-        ]
-        self._nodes = [node for _, node in self._entries]
-        self._nodes += e.f
-        self._nodes += [node for _, _, node in self._slopes]
-        self._nodes += [row.b for row in e.rows]
+        entries = [(i, j, node) for (i, j), node in e.mass_entries.items()]
+        for r, row in enumerate(e.rows, len(e.q)):
+            for i, node in row.A.entries.items():
+                entries += [(r, i, node), (i, r, node)]
+        self._places = [i for i, _, _ in entries], [j for _, j, _ in entries]
+        self._nodes = [node for _, _, node in entries]
+        self._nodes += [*e.f, *(row.b for row in e.rows)]
 
     def __call__(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Floats:
-        """Give q'' (n,) or (k, n)."""
+        """Return q'' (n,) or (k, n)."""
         return self.motion(t, q, q_dot).accelerations
 
     def motion(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Motion:
-        """Give the accelerations and the multipliers of the constraints."""
+        """Return the accelerations and the multipliers of the constraints."""
         n, m = len(self._equations.q), len(self._equations.rows)
-        x, v = (
-            self._states(name, x) for name, x in (("q", q), ("q_dot", q_dot))
-        )  # fmt: skip
+        x, v = self._states("q", q), self._states("q_dot", q_dot)
         if x.shape != v.shape:
             text = f"q has the shape {x.shape} and q_dot {v.shape}"
             raise ValueError(f"{text}: they must be the same")
-        states = x.reshape(-1, n), v.reshape(-1, n)
-        count = len(states[0])
         try:
             times = np.broadcast_to(np.asarray(t, dtype=float), x.shape[:-1])
         except ValueError:
             text = f"t has the shape {np.shape(t)}: a number"
             text += f" or the shape {x.shape[:-1]} is expected"
             raise ValueError(text) from None
-        found = self._solved(times.reshape(-1), *states, count)
+        found = self._solved(times.reshape(-1), x.reshape(-1, n), v.reshape(-1, n))
         return Motion(
             found[:, :n].reshape(x.shape), -found[:, n:].reshape(*x.shape[:-1], m)
         )
@@ -112,26 +103,19 @@ class Accelerations:
             raise ValueError(f"{text}, one for each of {names}")
         return x
 
-    def _solved(self, t: Floats, q: Floats, v: Floats, count: int) -> Floats:
-        """Solve M q'' - A^T lambda = f, A q'' = b for (q'', -lambda) (count, n + m)."""
+    def _solved(self, t: Floats, q: Floats, v: Floats) -> Floats:
+        """Solve M q'' - A^T lambda = f, A q'' = b for (q'', -lambda) (k, n + m)."""
         e = self._equations
-        n, m = len(e.q), len(e.rows)
+        n, m, k = len(e.q), len(e.rows), len(t)
         values: dict[str, float | Floats] = {**self._numbers, "t": t}
         values |= dict(zip(e.q, q.T, strict=True))
         values |= dict(zip(e.velocities, v.T, strict=True))
-        numbers = iter(evaluate_rows(e.graph, self._nodes, values, count))
-        K, right = np.zeros((count, n + m, n + m)), np.zeros((count, n + m))
-        for (i, j), _ in self._entries:
-            K[:, i, j] = next(numbers)
-        for i in range(n):
-            right[:, i] = next(numbers)
-        for r, i, _ in self._slopes:
-            K[:, n + r, i] = K[:, i, n + r] = next(numbers)
-        for r in range(m):
-            right[:, n + r] = next(numbers)
-        found = np.full_like(right, np.nan)
-        for k in np.flatnonzero(np.isfinite(K).all((1, 2)) & np.isfinite(right).all(1)):
-            found[k] = _solution(K[k], right[k], n)
+        numbers = evaluate_rows(e.graph, self._nodes, values, k).T
+        K, right = np.zeros((k, n + m, n + m)), numbers[:, len(self._places[0]) :]
+        K[:, *self._places] = numbers[:, : len(self._places[0])]
+        found = np.full((k, n + m), np.nan)
+        for row in np.flatnonzero(np.isfinite(numbers).all(axis=1)):
+            found[row] = _solution(K[row], right[row], n)
         return found
 
     def __repr__(self) -> str:
@@ -153,9 +137,9 @@ def _solution(K: Floats, right: Floats, n: int) -> Floats:
     sizes = np.max(moved * coordinates, axis=1, initial=0.0)
     scale = np.append(coordinates, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
     scaled = scale[:, None] * K * scale
-    found, _, rank, _ = np.linalg.lstsq(scaled, scale * right, rcond=DEPENDENT)
+    found, _, rank, _ = np.linalg.lstsq(scaled, scale * right, rcond=DEPENDENT_ROWS)
     if rank < len(K):
-        independent = np.linalg.svd(scaled[n:, :n], compute_uv=False) > DEPENDENT
+        independent = np.linalg.svd(scaled[n:, :n], compute_uv=False) > DEPENDENT_ROWS
         if rank < n + np.count_nonzero(independent):
             return np.full_like(right, np.nan)
     return np.asarray(scale * found)
@@ -186,7 +170,7 @@ class Model(Read):
         /,
         **values: float | str,
     ) -> Model:
-        """Give the model with other values of parameters, or start values.
+        """Return the model with other values of parameters, or start values.
 
         Parameters and start values that are expressions of others follow them.
 
@@ -245,20 +229,17 @@ class Model(Read):
         head = ("coordinate", "at the start", "its rate", "unit", "")
         parts = [heading(self.name), paragraph(self.description)]
         parts.append(table(coordinates, head))
-        if self.parameters:
-            values = [
-                (p.name, f"{p.value:.6g}", p.unit, p.description)
-                for p in self.parameters
-            ]
-            parts.append(table(values, ("parameter", "value", "unit", "")))
-        if self.constraints:
-            rows = [(c.name, c.relation.text, c.description) for c in self.constraints]
-            parts.append(table(rows, ("constraint", "", "")))
+        values = [
+            (p.name, f"{p.value:.6g}", p.unit, p.description) for p in self.parameters
+        ]
+        parts.append(table(values, ("parameter", "value", "unit", "")))
+        rows = [(c.name, c.relation.text, c.description) for c in self.constraints]
+        parts.append(table(rows, ("constraint", "", "")))
         return "\n".join(part for part in parts if part)
 
 
 def model_of(source: Read | str | Path) -> Model:
-    """Give a model from what may denote one: itself, a path or a text.
+    """Return a model from what may denote one: itself, a path or a text.
 
     Raises
     ------

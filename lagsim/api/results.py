@@ -16,9 +16,8 @@ from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, counted, heading, listed, picture, table
-from lagsim.outputs.packed import check_format
+from lagsim.outputs.packed import check_format, table_writer
 from lagsim.outputs.results import MANIFEST, open_results
-from lagsim.outputs.table import table_writer
 from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Moments
@@ -62,7 +61,7 @@ class Error(ErrorBar):
 
     @classmethod
     def of(cls, bar: ErrorBar, model: str, units: Mapping[str, str]) -> Error:
-        """Give an estimate with the names and units of its model."""
+        """Return an estimate with the names and units of its model."""
         new = cls(*bar)
         new.model, new.units = model, units
         return new
@@ -114,7 +113,7 @@ class Error(ErrorBar):
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:
-    """Give columns, by their names, as a pandas DataFrame.
+    """Return columns, by their names, as a pandas DataFrame.
 
     Raises
     ------
@@ -162,7 +161,7 @@ class Animation:
 
 
 def rows_at(made: Attempt, times: Floats) -> Floats:
-    """Give the rows (times, columns) of a run at any times of it.
+    """Return the rows (times, columns) of a run at any times of it.
 
     The run is repeated with the same steps, up to the last of the times. What a method
     gives between its steps is then what it gives for a row.
@@ -251,7 +250,7 @@ class Result:
     def at(
         self, t: float | Sequence[float] | Floats
     ) -> dict[str, float] | dict[str, Floats]:
-        """Give all columns at any time of the run, as exactly as in its rows.
+        """Return all columns at any time of the run, as exactly as in its rows.
 
         The run is repeated with the same steps, up to the last time that is asked for,
         and the method interpolates within its own steps as it does for rows. One call
@@ -281,7 +280,7 @@ class Result:
         return {name: values.reshape(times.shape) for name, values in columns}
 
     def to_dataframe(self) -> Any:
-        """Give the table as a pandas DataFrame; units are in its `attrs`.
+        """Return the table as a pandas DataFrame; units are in its `attrs`.
 
         Raises
         ------
@@ -321,7 +320,7 @@ class Result:
         return figure(model.name, drawn[against], others)
 
     def animate(self, *, height: int = 640) -> Animation:
-        """Give the page that plays the motion, as `lagsim run --animate` writes it.
+        """Return the page that plays the motion, as `lagsim run --animate` writes it.
 
         A notebook shows it at the end of a cell.
 
@@ -344,14 +343,14 @@ class Result:
         return Animation(page.decode(), self._name, height)
 
     def _frames(self) -> Frames:
-        """Give the rows for the page."""
+        """Return the rows for the page."""
         session = self._made.session
         frames = frames_of(session.case.equations, session.system.columns.names)
         frames.add(self._rows)
         return frames
 
     def spectrum(self, column: str) -> Spectrum:
-        """Give how large a sine of each frequency is in a column.
+        """Return how large a sine of each frequency is in a column.
 
         Raises
         ------
@@ -404,7 +403,7 @@ class Result:
         return "\n".join(parts)
 
     def _thinned(self) -> Thinning:
-        """Give the rows for pictures."""
+        """Return the rows for pictures."""
         session = self._made.session
         model = session.case.equations.model
         thin = picture_thinning(model, session.system.columns.names)

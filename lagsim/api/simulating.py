@@ -86,7 +86,7 @@ class InadmissibleError(LagsimError):
 
 
 def check(model: Model | str | Path) -> Examination:
-    """Tell whether the start of a model is admissible, and what its constraints are.
+    """Return whether the start of a model is admissible, and what its constraints are.
 
     Parameters
     ----------

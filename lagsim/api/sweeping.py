@@ -54,7 +54,7 @@ class Sweep:
         return len(self._found.rows)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
-        """Give a column (runs,): numbers, nan where there is none; words; or truths."""
+        """Return a column (runs,): numbers, nan where unknown; words; or truths."""
         if name not in self._cells:
             raise KeyError(f"there is no column `{name}`: {', '.join(self.columns)}")
         cells = self._cells[name]
@@ -63,7 +63,7 @@ class Sweep:
         return np.array(cells, dtype=float)
 
     def to_dataframe(self) -> Any:
-        """Give the table as a pandas DataFrame.
+        """Return the table as a pandas DataFrame.
 
         Raises
         ------

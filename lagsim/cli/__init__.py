@@ -29,7 +29,7 @@ COMMANDS = (
 
 
 def main() -> int:
-    """Run the command line; give the exit code."""
+    """Run the command line; return the exit code."""
     from lagsim.cli import _signals, _streams
     from lagsim.run.interrupt import Terminated
 
@@ -44,7 +44,7 @@ def main() -> int:
 
 
 def entry() -> int:
-    """Run the command line as a process of its own; give the exit code."""
+    """Run the command line as a process of its own; return the exit code."""
     for kind in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(kind) is not signal.SIG_IGN:
             signal.signal(kind, _leave)
@@ -81,6 +81,7 @@ def _leave(number: int, _frame: object) -> NoReturn:
 def _application() -> typer.Typer:
     import typer
 
+    from lagsim.cli._faults import reporting
     from lagsim.cli._shared import ask_version
 
     # Only the command that is called is loaded; all of them where none is, for help and
@@ -97,9 +98,9 @@ def _application() -> typer.Typer:
     app.callback()(ask_version)
     for name in called or COMMANDS:
         command = import_module(f"lagsim.cli.{name}").command
-        # Said, it is wrapped; what is taken from the long help is cut to a line.
+        # Given so, it is wrapped; what is taken from the long help is cut to a line.
         summary = (command.__doc__ or "").partition("\n")[0]
-        app.command(name, short_help=summary)(command)
+        app.command(name, short_help=summary)(reporting(command))
     return app
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.cli._shared import coloured, counted, progress_bar
 from lagsim.cli._streams import complain, say
-from lagsim.cli._writing import commit, sorted_out
+from lagsim.cli._writing import commit, drawn
 from lagsim.errors import Problem
 from lagsim.outputs.table import table_of
 
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from lagsim.outputs.attempted import Made
     from lagsim.run.interrupt import Interrupt
 
     Progress = Callable[[float], None] | None
@@ -61,13 +59,12 @@ def experiment(
     quiet: bool,
     as_json: bool,
 ) -> int:
-    """Measure; write and report what is found; give the exit code.
+    """Measure; write and report what is found; return the exit code.
 
     `measure` ends early where it is interrupted, and may give remarks instead: then
     nothing is written. A signal leaves the chart out, and so does what keeps it from
     being drawn.
     """
-    from lagsim.outputs.attempted import attempted
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
 
@@ -78,13 +75,16 @@ def experiment(
         if isinstance(found, list):
             complain("\n".join(found))
             return 128 + (interrupt.signal or 0)
-        made: list[Made] = []
-        if found.draw is not None:
-            draw = partial(attempted, found.chart, found.draw)
-            interrupt.cut(lambda: made.append((found.chart, draw())))
-        drawn, warnings = sorted_out(made)
-        files = {**found.tables, **drawn}
-        document = found.document | {"files": [*files, manifest]} | warnings
+        files, warnings = dict(found.tables), list[Any]()
+
+        def draw() -> None:
+            content = found.draw and drawn(found.chart, found.draw, warnings)
+            if content:
+                files[found.chart] = content
+
+        interrupt.cut(draw)
+        document = found.document | {"files": [*files, manifest]}
+        document |= {"warnings": warnings} if warnings else {}
         commit(results, document, files)
     documents.append(document)
     for remark in found.remarks:
@@ -95,20 +95,20 @@ def experiment(
 
 
 def csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> bytes:
-    """Give a table of the rows that a document holds."""
+    """Return a table of the rows that a document holds."""
     return table_of(columns, ([row[name] for name in columns] for row in rows))
 
 
 def numbers(
+    problems: list[Problem],
     option: str,
     text: str,
-    problems: list[Problem],
     *,
     what: str,
     example: str,
     allowed: Callable[[float, float], bool],
 ) -> tuple[float, float] | None:
-    """Take A:B apart: two finite numbers, the smaller first; else add a problem."""
+    """Return the numbers of A:B, the smaller first; else add a problem."""
     try:
         low, high = sorted(float(part) for part in text.split(":"))
     except ValueError:
@@ -121,14 +121,14 @@ def numbers(
 
 
 def headline(document: Mapping[str, Any], *counts: tuple[int, str]) -> str:
-    """Give the first of the closing lines: whether it is done, and how much."""
+    """Return the first of the closing lines: whether it is done, and how much."""
     state, colour = ("done", "32") if document["complete"] else ("interrupted", "31")
     counted_up = " by ".join(counted(*count) for count in counts)
     return f"{coloured(state, colour)}: {document['model']['name']}, {counted_up}"
 
 
 def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
-    """Give the closing lines of methods that do not apply, by their reasons."""
+    """Return the closing lines of methods that do not apply, by their reasons."""
     by_reason: dict[str, list[str]] = {}
     for one in refused:
         by_reason.setdefault(one["reason"], []).append(one["method"])
@@ -136,5 +136,5 @@ def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
 
 
 def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Give lines of a table of which the first alone has a name."""
+    """Return lines of a table of which the first alone has a name."""
     return [("" if k else name, text) for k, text in enumerate(texts)]

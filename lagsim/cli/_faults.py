@@ -2,109 +2,93 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
 import platform
 import re
 import sys
 import time
+from functools import wraps
 from typing import TYPE_CHECKING, Any
 
+from lagsim.cli._shared import show_json
 from lagsim.cli._streams import annotate_problem, complain, width_of
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable
     from pathlib import Path
-
-
-# Has lagsim print what a report of a bug holds as well.
-TRACEBACK = "--traceback"
-
-
-def kept(told: str) -> Path | None:
-    """Write a report of a bug to a file of the user's cache; None without room."""
-    from lagsim.native.link.cache import folder
-    from lagsim.outputs.manifest import versions
-    from lagsim.version import __version__
-
-    where = folder("reports")
-    if where is None:
-        return None
-    known = ", ".join(f"{name} {version}" for name, version in versions().items())
-    text = (
-        f"lagsim {__version__}; {known}; {platform.platform()}\n"
-        f"{' '.join(map(repr, sys.argv[1:]))}\n\n{told}"
-    )
-    now = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
-    path = where / f"lagsim-{now}-{os.getpid()}-{time.monotonic_ns() % 10**6:06}.txt"
-    try:
-        with path.open("x", encoding="utf-8", errors="backslashreplace") as file:
-            file.write(text)
-    except OSError:
-        return None
-    return path
-
 
 # Exit codes of what is no fault of the input.
 BUG, STARVED = 70, 3
+# Has lagsim print what a report of a bug holds as well.
+TRACEBACK = "--traceback"
+# Their faults are not the model's.
+_OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
 
 
-@contextlib.contextmanager
-def faults_shown(
-    documents: list[Any] | None = None,
-    *,
-    file: str | None = None,
-    raised: list[LagsimError] | None = None,
-) -> Iterator[list[int]]:
-    """Print the faults of the input, or why a start is not admissible.
+def reporting(command: Callable[..., int]) -> Callable[..., int]:
+    """Return a command that reports the faults of its input, and ends with their code.
 
-    The list that is given gets the exit code.
+    They are printed, or with `--json` given as a document.
+    """
+
+    @wraps(command)
+    def called(**given: Any) -> int:
+        documents: list[Any] = []
+        try:
+            return command(**given)
+        except LagsimError as error:
+            as_json = given.get("as_json") or str(given.get("form")) == "json"
+            several = given.get("models", ())
+            file = given.get("model") or (several[0] if len(several) == 1 else None)
+            code = reported(error, documents if as_json else None, file)
+        for document in documents:
+            show_json(document)
+        return code
+
+    return called
+
+
+def reported(
+    error: LagsimError, documents: list[Any] | None = None, file: str | None = None
+) -> int:
+    """Print an error, or add its document to `documents`; return the exit code.
 
     Parameters
     ----------
-    documents
-        Gets them instead, as the document that `--json` prints.
     file
-        Named with faults that have no place in it.
-    raised
-        Gets what was raised, too.
+        Named with faults of a model that have no place in it.
     """
-    code: list[int] = []
-    try:
-        yield code
-    except StartError as error:
-        code.append(error.exit_code)
+    if isinstance(error, StartError):
         from lagsim.cli._verdict import annotate_start, report
         from lagsim.outputs.examined import document
 
-        if raised is not None:
-            raised.append(error)
         annotate_start(error.equations, error.examined)
         if documents is None:
             complain(report(error.equations, error.examined))
         else:
             documents.append(document(error.equations, error.examined))
-    except LagsimError as error:
-        code.append(error.exit_code)
-
-        problems = [Problem(error.code, str(error)).whole]
-        if isinstance(error, InputError):
-            problems = list(error.problems)
-        if raised is not None:
-            raised.append(error)
-        for problem in problems:
-            annotate_problem(problem, None if problem.code in _OUTSIDE else file)
-        if documents is None:
-            _print_problems(problems)
-        else:
-            documents.append(errors_document(problems, file))
+        return error.exit_code
+    problems = [Problem(error.code, str(error)).whole]
+    if isinstance(error, InputError):
+        problems = list(error.problems)
+    for problem in problems:
+        annotate_problem(problem, None if problem.code in _OUTSIDE else file)
+    if documents is None:
+        width = width_of(sys.stderr)
+        window = WINDOW if width is None else min(WINDOW, width - 2)
+        complain("\n\n".join(problem.shown(window) for problem in problems))
+        if len(problems) > 1:
+            complain(f"\n{len(problems)} problems")
+    else:
+        documents.append(errors_document(problems, file))
+    return error.exit_code
 
 
 def plain(error: LagsimError) -> str:
-    """Give what `faults_shown` prints of an error, for what is no terminal."""
+    """Return what `reported` prints of an error, for what is no terminal."""
     if isinstance(error, StartError):
         from lagsim.cli._verdict import faults
 
@@ -112,31 +96,17 @@ def plain(error: LagsimError) -> str:
     return str(error)
 
 
-def _print_problems(problems: list[Problem]) -> None:
-    width = width_of(sys.stderr)
-    window = WINDOW if width is None else min(WINDOW, width - 2)
-    complain("\n\n".join(problem.shown(window) for problem in problems))
-    if len(problems) > 1:
-        complain(f"\n{len(problems)} problems")
-
-
 def errors_document(
     problems: Iterable[Problem], file: str | None = None
 ) -> dict[str, Any]:
-    """Give the document that unusable input gives."""
+    """Return the document of unusable input."""
     return {"errors": [_as_mapping(problem, file) for problem in problems]}
 
 
-# Their faults are not the model's.
-_OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
-
-
-def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
-    if problem.code in _OUTSIDE:
-        file = None
+def _as_mapping(problem: Problem, file: str | None) -> dict[str, Any]:
     place = problem.place
     return {
-        "file": problem.file or file,
+        "file": problem.file or (None if problem.code in _OUTSIDE else file),
         "line": problem.line,
         "column": problem.column,
         "length": place.length if place else None,
@@ -149,6 +119,8 @@ def _as_mapping(problem: Problem, file: str | None) -> Mapping[str, Any]:
     }
 
 
+# --- What is no fault of the input
+
 # What a system says that has no more to give; some of it comes as text alone.
 _STARVED = re.compile(
     r"^(MemoryError|numpy\S*MemoryError|Cannot allocate memory)|allocate memory|"
@@ -160,7 +132,7 @@ _FILES = "too many files are open (ulimit -n)"
 
 
 def unforeseen() -> int:
-    """Report an unforeseen exception; give the exit code.
+    """Report an unforeseen exception; return the exit code.
 
     It is a bug, unless the system has no more to give.
     """
@@ -168,18 +140,17 @@ def unforeseen() -> int:
 
     from lagsim.codes import number
 
-    told = traceback.format_exc()
-    starved = _MEMORY if _STARVED.search(told) else ""
-    if os.strerror(errno.EMFILE) in told or os.strerror(errno.ENFILE) in told:
+    trace = traceback.format_exc()
+    starved = _MEMORY if _STARVED.search(trace) else ""
+    if os.strerror(errno.EMFILE) in trace or os.strerror(errno.ENFILE) in trace:
         starved = _FILES
     if starved:
         complain(f"lagsim: {starved} [{number('starved')}]")
         return STARVED
-
-    path, asked = kept(told), TRACEBACK in sys.argv
+    path, asked = _report_file(trace), TRACEBACK in sys.argv
     if asked or path is None:
-        complain(told)
-    raised = told.rstrip("\n").rpartition("\n")[2]
+        complain(trace)
+    raised = trace.rstrip("\n").rpartition("\n")[2]
     complain(f"lagsim: {raised} [{number('bug')}]")
     what = "the lines above" if path is None else str(path)
     complain(
@@ -189,3 +160,27 @@ def unforeseen() -> int:
     if not asked:
         complain(f"  hint: the same command with {TRACEBACK} shows where it is raised")
     return BUG
+
+
+def _report_file(trace: str) -> Path | None:
+    """Write a report of a bug to a file of the user's cache; None without room."""
+    from lagsim.native.link.cache import folder
+    from lagsim.outputs.manifest import versions
+    from lagsim.version import __version__
+
+    where = folder("reports")
+    if where is None:
+        return None
+    known = ", ".join(f"{name} {version}" for name, version in versions().items())
+    text = (
+        f"lagsim {__version__}; {known}; {platform.platform()}\n"
+        f"{' '.join(map(repr, sys.argv[1:]))}\n\n{trace}"
+    )
+    now = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
+    path = where / f"lagsim-{now}-{os.getpid()}-{time.monotonic_ns() % 10**6:06}.txt"
+    try:
+        with path.open("x", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(text)
+    except OSError:
+        return None
+    return path

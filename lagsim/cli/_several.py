@@ -7,18 +7,14 @@ import gc
 import io
 import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._faults import BUG, errors_document, faults_shown, unforeseen
-from lagsim.cli._shared import (
-    aligned,
-    assignments,
-    coloured,
-    progress_bar,
-    show_json,
-)
+from lagsim.cli._faults import BUG, errors_document, reported, unforeseen
+from lagsim.cli._shared import aligned, assignments, coloured, progress_bar, show_json
 from lagsim.cli._streams import complain, say
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.model.loading import text_of
+from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt, Terminated
 from lagsim.studies.workers import Died, cores, spread
 
@@ -26,38 +22,25 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
 HEADS = ("model", "outcome", "end", "rows", "error", "drift", "seconds")
-# What a model is called that gave no run.json, by its exit code.
+# Outcomes of models without a run.json, by their exit codes.
 REFUSED = {1: "inadmissible", 2: "unusable"}
 INTERRUPTED = 130
 
 
-class Job(Protocol):
-    """A run of one model, see `cli.run`."""
-
-    def run(
-        self,
-        text: str,
-        file: str,
-        overrides: Mapping[str, str],
-        options: Mapping[str, str],
-    ) -> int:
-        """Run it; give the exit code."""
-
-
 class Piece(NamedTuple):
-    """A model that is to be run into a folder; `job` makes the job of it."""
+    """A model that is to be run into a folder; `job` makes a `run.Job` of it."""
 
     text: str
     file: str
     folder: Path
     overrides: Mapping[str, str]
     options: Mapping[str, str]
-    job: Callable[..., Job]
+    job: Callable[..., Any]
     as_json: bool
 
 
 class Done(NamedTuple):
-    """What came of a model: exit code, documents, and what was printed on stderr.
+    """The exit code of a model, its documents, and what was printed on stderr.
 
     Of `documents` the first is run.json, where the code is not one of REFUSED.
     """
@@ -70,21 +53,35 @@ class Done(NamedTuple):
 def done(piece: Piece, interrupt: Interrupt) -> Done:
     """Run one model."""
     documents: list[Any] = []
-    faults = documents if piece.as_json else None
-    with contextlib.redirect_stderr(io.StringIO()) as heard:
+
+    def work() -> int:
+        job = piece.job(piece.folder, documents=documents, interrupt=interrupt)
+        asked = piece.text, piece.file, piece.overrides, piece.options
         try:
-            with faults_shown(faults, file=piece.file) as code:
-                job = piece.job(piece.folder, documents=documents, interrupt=interrupt)
-                code.append(
-                    job.run(piece.text, piece.file, piece.overrides, piece.options)
-                )
+            return int(job.run(*asked))
+        except LagsimError:
+            raise
         except (KeyboardInterrupt, Terminated):
-            code = [INTERRUPTED]
+            return INTERRUPTED
         except Exception:  # noqa: BLE001  the others are run all the same
-            code = [unforeseen()]
+            return unforeseen()
+
+    found = _heard(work, piece.file, documents, as_json=piece.as_json)
     if not gc.isenabled():  # see `cli.entry`
         gc.collect()
-    return Done(code[-1], documents, heard.getvalue())
+    return found
+
+
+def _heard(
+    work: Callable[[], int], file: str, documents: list[Any], *, as_json: bool
+) -> Done:
+    """Return the exit code of some work, and what it prints on stderr."""
+    with contextlib.redirect_stderr(io.StringIO()) as printed:
+        try:
+            code = work()
+        except LagsimError as error:
+            code = reported(error, documents if as_json else None, file)
+    return Done(code, documents, printed.getvalue())
 
 
 class Batch:
@@ -100,13 +97,12 @@ class Batch:
         self,
         paths: Sequence[str],
         folder: Path | None,
-        job: Callable[..., Job],
+        job: Callable[..., Any],
         *,
         as_json: bool,
         quiet: bool,
     ) -> None:
-        self.paths, self.job = paths, job
-        self.folder = folder or Path("results")
+        self.paths, self.folder, self.job = paths, folder or Path("results"), job
         self.as_json, self.quiet = as_json, quiet
         self.names = [Path(path).name for path in paths]
         self.found: dict[int, Done] = {}
@@ -115,25 +111,22 @@ class Batch:
     def run(
         self, sets: Sequence[str] | None, options: Mapping[str, str], jobs: int | None
     ) -> int:
-        """Run them; give the worst exit code."""
-        refused: list[Any] = []
-        with faults_shown(refused if self.as_json else None) as code:
-            pieces = self._pieces(assignments(sets), options)
-            code.append(0)
-        if code[-1]:
-            for document in refused:
-                show_json(document)
-            return code[-1]
+        """Run them; return the worst exit code.
+
+        Raises
+        ------
+        InputError
+            Where two would write into one folder.
+        """
+        pieces = self._pieces(assignments(sets), options)
         interrupt, numbers = Interrupt(), list(pieces)
         with interrupt.noted(), progress_bar("models", quiet=self.quiet) as progress:
             for k, found in spread(done, pieces.values(), jobs or cores(), interrupt):
-                number = numbers[k]
-                if isinstance(found, Died):
-                    died = Problem("failed", found.reason, hint=self.paths[number])
-                    lost = Done(BUG, [errors_document([died])], found.reason)
-                    self._keep(number, lost)
-                else:
-                    self._keep(number, found)
+                number, kept = numbers[k], found
+                if isinstance(kept, Died):
+                    died = Problem("failed", kept.reason, hint=self.paths[number])
+                    kept = Done(BUG, [errors_document([died])], kept.reason)
+                self._keep(number, kept)
                 if progress is not None:
                     progress(len(self.found) / len(self.paths))
         self._report(len(self.paths))
@@ -149,37 +142,29 @@ class Batch:
     def _pieces(
         self, overrides: Mapping[str, str], options: Mapping[str, str]
     ) -> dict[int, Piece]:
-        """Read the models, for their names; of those with faults that is all.
-
-        Raises
-        ------
-        InputError
-            Where two would write into one folder.
-        """
-        from lagsim.model.loading import text_of
-        from lagsim.model.reader import read
-
-        pieces, first = {}, dict[str, str]()
+        """Read the models, for their names; of those with faults that is all."""
+        pieces, first = dict[int, Piece](), dict[str, str]()
         for k, path in enumerate(self.paths):
-            documents: list[Any] = []
-            with contextlib.redirect_stderr(io.StringIO()) as heard, faults_shown(
-                documents if self.as_json else None, file=path
-            ) as code:  # fmt: skip
+
+            def work(k: int = k, path: str = path) -> int:
                 text, file = text_of(path)
                 name = self.names[k] = read(text, file, overrides, options).name
-                code.append(0)
-            if code[-1]:
-                self._keep(k, Done(code[-1], documents, heard.getvalue()))
+                pieces[k] = Piece(
+                    text, file, self.folder / name, overrides, options, self.job,
+                    self.as_json,
+                )  # fmt: skip
+                return 0
+
+            found = _heard(work, path, [], as_json=self.as_json)
+            if found.code:
+                self._keep(k, found)
                 continue
+            name = self.names[k]
             if name in first:
                 one = f"{first[name]} and {path} have one name, `{name}`, and so one"
                 hint = "give one of them another `name`, or run them one by one with -o"
                 raise InputError([Problem("one-name", f"{one} folder", hint=hint)])
             first[name] = path
-            pieces[k] = Piece(
-                text, file, self.folder / name, overrides, options, self.job,
-                self.as_json,
-            )  # fmt: skip
         return pieces
 
     def _keep(self, number: int, found: Done) -> None:
@@ -200,7 +185,7 @@ class Batch:
         self._reported = end
 
     def _summary(self) -> str:
-        """Give a line for each model, and how many are done."""
+        """Return a line for each model, and how many are done."""
         rows: list[tuple[str, ...]] = [HEADS]
         for k, name in enumerate(self.names):
             rows.append((name, *_row(self.found.get(k))))
@@ -211,7 +196,7 @@ class Batch:
 
 
 def _row(found: Done | None) -> tuple[str, ...]:
-    """Give what the summary says of a model."""
+    """Return what the summary has of a model."""
     if found is None:
         return ("not begun",)
     record = found.documents[0] if found.documents else {}

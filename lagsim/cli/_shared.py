@@ -8,7 +8,7 @@ import sys
 import time
 from enum import Enum
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -19,52 +19,42 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-ModelPath = Annotated[
-    str, typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
-]
-Sets = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=EXPR",
-        help="Another value of a parameter, or another start value; may be repeated.",
-    ),
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        "-j",
-        "--jobs",
-        metavar="N",
-        min=1,
-        help="Number of processes; default one for each core.",
-    ),
-]
-
 
 class Picture(Enum):
-    """What pictures are written as."""
+    """Formats of pictures."""
 
     PNG = "png"
     SVG = "svg"
     PDF = "pdf"
 
 
-PictureForm = Annotated[
-    Picture, typer.Option("--format", help="Format of pictures; svg and pdf for print.")
-]
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print one JSON document on stdout.")
-]
-Quiet = Annotated[
-    bool, typer.Option("-q", "--quiet", help="Print nothing unless it fails.")
-]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit 1 if there are warnings.")]
+# Arguments and options of several commands, each with its default.
+MODEL: Any = typer.Argument(metavar="MODEL", help="Model file; - is standard input.")
+MODELS: Any = typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
+SETS: Any = typer.Option(
+    None, "--set", metavar="NAME=EXPR",
+    help="Another value of a parameter, or another start value; may be repeated.",
+)  # fmt: skip
+JOBS: Any = typer.Option(
+    None, "-j", "--jobs", metavar="N", min=1,
+    help="Number of processes; default one for each core.",
+)  # fmt: skip
+FORMAT: Any = typer.Option(
+    Picture.PNG, "--format", help="Format of pictures; svg and pdf for print."
+)
+NO_PLOTS: Any = typer.Option(False, "--no-plots", help="No pictures.")
+JSON: Any = typer.Option(False, "--json", help="Print one JSON document on stdout.")
+STRICT: Any = typer.Option(False, "--strict", help="Exit 1 if there are warnings.")
+
+
+def quiet(text: str = "Print nothing unless it fails.") -> Any:
+    """Return the option `-q`, with its help."""
+    return typer.Option(False, "-q", "--quiet", help=text)
 
 
 def output_folder(text: str) -> Any:
-    """Give the option `-o DIR`, with its help."""
-    return typer.Option("-o", "--output", metavar="DIR", help=text)
+    """Return the option `-o DIR`, with its help."""
+    return typer.Option(None, "-o", "--output", metavar="DIR", help=text)
 
 
 def _show_version(asked: bool) -> None:
@@ -74,25 +64,19 @@ def _show_version(asked: bool) -> None:
 
 
 def ask_version(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version",
-            help="Show the version and stop.",
-            callback=_show_version,
-            is_eager=True,
-        ),
-    ] = False,
-    traceback: Annotated[
-        bool,
-        typer.Option("--traceback", help="Print the traceback of a bug in lagsim."),
-    ] = False,
-) -> None:
+    version: bool = typer.Option(
+        False, "--version", help="Show the version and stop.", callback=_show_version,
+        is_eager=True,
+    ),
+    traceback: bool = typer.Option(
+        False, "--traceback", help="Print the traceback of a bug in lagsim."
+    ),
+) -> None:  # fmt: skip
     """From energies to motion: simulate a system written down as T and V."""
 
 
 def assignments(sets: Iterable[str] | None) -> dict[str, str]:
-    """Take `--set name=expr` apart.
+    """Return the expressions of `--set NAME=EXPR` by their names.
 
     Raises
     ------
@@ -116,10 +100,10 @@ def assignments(sets: Iterable[str] | None) -> dict[str, str]:
 
 
 def refused(name: str, codes: Iterable[str]) -> str:
-    """Say that `--strict` does not let warnings with these codes pass."""
+    """Return the line that `--strict` ends with where there are warnings."""
     codes = list(codes)
-    told = ", ".join(dict.fromkeys(codes))
-    return f"lagsim: {name}: {counted(len(codes), 'warning')} ({told}), and --strict"
+    named = ", ".join(dict.fromkeys(codes))
+    return f"lagsim: {name}: {counted(len(codes), 'warning')} ({named}), and --strict"
 
 
 def show_json(document: Any) -> None:
@@ -135,7 +119,7 @@ def show_json(document: Any) -> None:
 
 
 def coloured(text: str, code: str) -> str:
-    """Give `text` in a colour where stdout is a terminal that shows colours."""
+    """Return `text` in a colour where stdout is a terminal that shows colours."""
     plain = os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb"
     if plain or not sys.stdout.isatty():
         return text
@@ -143,22 +127,20 @@ def coloured(text: str, code: str) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Give `1 row`, `2 rows`, `2 switches`."""
+    """Return `1 row`, `2 rows`, `2 switches`."""
     ending = "es" if noun.endswith("ch") else "s"
     return f"{number} {noun}{ending if number != 1 else ''}"
 
 
-def table(rows: Iterable[tuple[str, str]], indent: str = "  ") -> str:
-    """Give rows of a name and a text, aligned."""
-    rows = list(rows)
-    width = max((len(name) for name, _ in rows), default=0)
-    return "\n".join(f"{indent}{name:<{width}}  {text}" for name, text in rows)
+def table(rows: Iterable[tuple[str, str]]) -> str:
+    """Return rows of a name and a text, aligned."""
+    return aligned(list(rows), lefts=2)
 
 
 def aligned(rows: Sequence[Sequence[str]], lefts: int = 1, indent: str = "  ") -> str:
-    """Give rows of texts, which may end early, in columns.
+    """Return rows of texts, which may end early, in columns.
 
-    The first `lefts` columns stand to the left, all others to the right.
+    The first `lefts` columns are aligned to the left, all others to the right.
     """
     widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
     lines = []
@@ -179,7 +161,7 @@ PATIENCE_SECONDS = 1.0
 def progress_bar(
     label: str, *, quiet: bool
 ) -> Iterator[Callable[[float], None] | None]:
-    """Give what is to be called with the fraction done; None without a terminal.
+    """Return what is to be called with the fraction done; None without a terminal.
 
     It ends where it stands: at 100 % if that was called with 1.
     """

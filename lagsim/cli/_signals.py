@@ -43,8 +43,8 @@ def again() -> None:
 
 
 def watch() -> None:
-    """See to it that signals end this process, whatever it does."""
-    sys.unraisablehook = _told
+    """Have signals end this process, whatever it does."""
+    sys.unraisablehook = _report_uncaught
     if sys.platform != "win32":  # where this takes a socket
         reads, writes = os.pipe()
         os.set_blocking(writes, False)
@@ -53,8 +53,8 @@ def watch() -> None:
 
 
 def is_watched() -> bool:
-    """Tell whether this process runs nothing but the command line: it is watched."""
-    return sys.unraisablehook is _told
+    """Return whether this process runs nothing but the command line."""
+    return sys.unraisablehook is _report_uncaught
 
 
 @contextlib.contextmanager
@@ -77,7 +77,7 @@ def raised() -> Iterator[None]:
             signal.signal(kind, handler)
 
 
-def _told(raised: sys.UnraisableHookArgs) -> None:
+def _report_uncaught(raised: sys.UnraisableHookArgs) -> None:
     """Report an exception that is not caught; one of a signal comes again."""
     if raised.exc_type not in (KeyboardInterrupt, Terminated):
         sys.__unraisablehook__(raised)

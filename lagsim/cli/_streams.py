@@ -59,17 +59,17 @@ def say(text: str) -> None:
 
 
 def width_of(stream: TextIO) -> int | None:
-    """Give how many letters a line takes; None where no terminal counts them."""
+    """Return how many letters a line takes; None where no terminal counts them."""
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
 def colour(text: str, code: str) -> str:
-    """Give a text in a colour, as `shown` lets it pass."""
+    """Return a text in a colour, as `shown` lets it pass."""
     return f"{_OWN}[{code}m{text}{_OWN}[0m"
 
 
 def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
-    """Give what a terminal shows, and does not act on, but for colours of our own.
+    """Return what a terminal shows, and does not act on, but for colours of our own.
 
     Parameters
     ----------
@@ -84,12 +84,12 @@ def shown(text: str, stream: TextIO, *, again: bool = False) -> str:
 
 
 def on_github() -> bool:
-    """Tell whether a runner of GitHub reads what is printed."""
+    """Return whether a runner of GitHub reads what is printed."""
     return os.environ.get("GITHUB_ACTIONS") == "true"
 
 
 def harmless(text: str) -> str:
-    """Give a text of which the runner takes no line for a command.
+    """Return a text of which the runner takes no line for a command.
 
     A mark takes the place of the first blank, so that columns stay where they are.
     """
@@ -99,7 +99,7 @@ def harmless(text: str) -> str:
 
 
 def unmarked(text: str) -> str:
-    """Give a text without the sign of older commands."""
+    """Return a text without the sign of older commands."""
     return text.replace("##[", "## [")
 
 
@@ -145,7 +145,7 @@ def put(write: Callable[[], object]) -> None:
 
 
 def full(error: OSError) -> int:
-    """Tell that stdout takes nothing more; give the exit code."""
+    """Report that stdout takes nothing more; return the exit code."""
     from lagsim.codes import number
 
     _mute()
@@ -200,7 +200,7 @@ def annotate_problem(problem: Problem, file: str | None = None) -> None:
 
 
 def _within(file: str | None) -> str | None:
-    """Give a file's path in the repository, which is what annotations name."""
+    """Return a file's path in the repository, which is what annotations name."""
     if file is None or file == "-" or file.startswith("<"):  # standard input
         return None
     root = os.environ.get("GITHUB_WORKSPACE")

@@ -1,4 +1,4 @@
-"""What people read of the start of a model."""
+"""The report on the start of a model, for people."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def report(
     *,
     repair: bool = False,
 ) -> str:
-    """Give the report for people; its first line is the verdict."""
+    """Return the report for people; its first line is the verdict."""
     name = equations.model.name
     rows: Sequence[object] = equations.rows
     if equations.laws:
@@ -56,7 +56,7 @@ def report(
 
 
 def faults(start: StartReport) -> list[str]:
-    """Say what keeps a start from being admissible."""
+    """Return what keeps a start from being admissible."""
     found = [d.contradiction() for d in start.contradictions]
     if start.thin is not None:
         found.append(str(start.thin))
@@ -105,7 +105,7 @@ def _sided(verdict: Verdict) -> str:
 
 
 def _status(verdict: Verdict, residual: float) -> str:
-    """Say what a constraint does that holds only at times."""
+    """Return the state of a constraint that holds only at times."""
     what = _sided(verdict) if verdict.kind == ONE_SIDED else "residual"
     text = f"{what} {residual:.3g}"
     if what == "gap" and verdict.rate is not None:
@@ -115,7 +115,7 @@ def _status(verdict: Verdict, residual: float) -> str:
 
 
 def _reached(equations: Equations, start: StartReport) -> list[str]:
-    """Say what inertia and velocity constraints mean for the motion."""
+    """Return what inertia and velocity constraints mean for the motion."""
     lines = []
     if start.augmented:
         lines.append(
@@ -138,7 +138,7 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
 
 
 def _repair(start: StartReport) -> list[str]:
-    """Give what to write into `initial:`, or why there is nothing to write."""
+    """Return what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
         if not start.changes:
             return ["  nothing to repair"]

@@ -8,11 +8,26 @@ from typing import TYPE_CHECKING, Any
 from lagsim.cli._streams import UnwritableError, complain
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-    from lagsim.outputs.attempted import Made
     from lagsim.outputs.results import Results
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Report what keeps a file from being written, or files into a folder.
+
+    Raises
+    ------
+    UnwritableError
+    """
+    try:
+        yield
+    except OSError as error:
+        where = path if path.parent.is_dir() else path.parent
+        text = f"lagsim: {where} cannot be written: {error.strerror}"
+        raise UnwritableError(text) from None
 
 
 def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
@@ -34,35 +49,29 @@ def put_file(path: Path, content: bytes, *, folders: bool = False) -> None:
 def put_picture(
     path: Path, draw: Callable[[], bytes], *, folders: bool = False
 ) -> bool:
-    """Write a picture beside a verdict; tell whether it could be drawn.
+    """Write a picture; return whether it could be drawn.
 
     Raises
     ------
     UnwritableError
         Where it cannot be written.
     """
-    from lagsim.outputs.attempted import attempted
-
-    drawn, _ = sorted_out([(path.name, attempted(path.name, draw))])
-    for content in drawn.values():
+    content = drawn(path.name, draw, [])
+    if content is not None:
         put_file(path, content, folders=folders)
-    return bool(drawn)
+    return content is not None
 
 
-@contextlib.contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Tell what keeps a file from being written, or files into a folder.
+def drawn(name: str, draw: Callable[[], bytes], warnings: list[Any]) -> bytes | None:
+    """Return a picture; where it cannot be drawn, report why, here and in a list."""
+    from lagsim.outputs import attempted
 
-    Raises
-    ------
-    UnwritableError
-    """
-    try:
-        yield
-    except OSError as error:
-        where = path if path.parent.is_dir() else path.parent
-        text = f"lagsim: {where} cannot be written: {error.strerror}"
-        raise UnwritableError(text) from None
+    content = attempted(name, draw)
+    if isinstance(content, bytes):
+        return content
+    complain(f"warning: {content.text} [{content.number}]")
+    warnings.append(content.record)
+    return None
 
 
 def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
@@ -79,15 +88,3 @@ def commit(results: Results, document: Any, files: Mapping[str, bytes]) -> None:
         for name, content in files.items():
             results.write(name, content)
         results.commit(encode(document))
-
-
-def sorted_out(made: Iterable[Made]) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Say what could not be drawn; give the files that are, and what documents say."""
-    files, warnings = {}, []
-    for name, content in made:
-        if isinstance(content, bytes):
-            files[name] = content
-        else:
-            complain(f"warning: {content.text} [{content.number}]")
-            warnings.append(content.record)
-    return files, {"warnings": warnings} if warnings else {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -17,20 +17,20 @@ from lagsim.cli._experiments import (
     listed,
     numbers,
 )
-from lagsim.cli._faults import faults_shown
+from lagsim.cli._faults import reported
 from lagsim.cli._shared import (
-    AsJson,
+    FORMAT,
+    JSON,
+    SETS,
     Picture,
-    PictureForm,
-    Quiet,
-    Sets,
     assignments,
     coloured,
     output_folder,
+    quiet,
     show_json,
     table,
 )
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case, wanted
@@ -61,74 +61,53 @@ SIGNALLED = 128
 
 
 def command(
-    models: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="MODEL...",
-            help="Model files; - is standard input. A work_precision.json is drawn "
-            "again, with --methods only for these.",
-        ),
-    ],
-    folder: Annotated[
-        Path | None,
-        output_folder(
-            "Output folder; default results/NAME/bench; DIR/NAME for several models."
-        ),
-    ] = None,
-    sets: Sets = None,
-    methods: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A,B",
-            help="Only these methods; scipy's solvers are scipy:DOP853 and so on.",
-        ),
-    ] = None,
-    tolerances: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A:B", help="Range of rtol, in decades; default 1e-3:1e-13."
-        ),
-    ] = None,
-    steps: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A:B",
-            help="Range of steps of fixed-step methods; each is half of the one "
-            "before.",
-        ),
-    ] = None,
-    budget: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Time limit for each model; default 180."),
-    ] = None,
-    form: PictureForm = Picture.PNG,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> int:
+    models: list[str] = typer.Argument(
+        metavar="MODEL...",
+        help="Model files; - is standard input. A work_precision.json is drawn again, "
+        "with --methods only for these.",
+    ),
+    folder: Path | None = output_folder(
+        "Output folder; default results/NAME/bench; DIR/NAME for several models."
+    ),
+    sets: list[str] | None = SETS,
+    methods: str | None = typer.Option(
+        None, metavar="A,B",
+        help="Only these methods; scipy's solvers are scipy:DOP853 and so on.",
+    ),
+    tolerances: str | None = typer.Option(
+        None, metavar="A:B", help="Range of rtol, in decades; default 1e-3:1e-13."
+    ),
+    steps: str | None = typer.Option(
+        None, metavar="A:B",
+        help="Range of steps of fixed-step methods; each is half of the one before.",
+    ),
+    budget: float | None = typer.Option(
+        None, metavar="SECONDS", help="Time limit for each model; default 180."
+    ),
+    form: Picture = FORMAT,
+    as_json: bool = JSON,
+    quiet: bool = quiet(),
+) -> int:  # fmt: skip
     """Compare the methods: error against computing time."""
-    documents: list[Any] = []
-    codes = [0]
-    faults: list[Any] = []
-    with faults_shown(faults if as_json else None) as code:
-        wish = _wish(methods, tolerances, steps, budget)
-        overrides = assignments(sets)
-        code.append(0)
-    codes += code
-    for path in models if code[-1] == 0 else []:
-        with faults_shown(faults if as_json else None, file=path) as code:
+    wish = _wish(methods, tolerances, steps, budget)
+    overrides = assignments(sets)
+    documents, faults, codes = list[Any](), list[Any](), [0]
+    for path in models:
+        try:
             asked = _drawn_again if path.endswith(".json") else _opened
             measure, usual = asked(path, overrides, wish, form.value)
             target = folder / Path(path).stem if folder and models[1:] else folder
-            code.append(
-                experiment(
-                    "bench", measure, target or usual, MANIFEST,
-                    documents, quiet=quiet, as_json=as_json,
-                )
+            code = experiment(
+                "bench", measure, target or usual, MANIFEST, documents, quiet=quiet,
+                as_json=as_json,
             )  # fmt: skip
-        codes += code
-        documents += [x for x in faults if "errors" not in x]  # inadmissible starts
-        faults = [x for x in faults if "errors" in x]
-        if codes[-1] > SIGNALLED:
+        except LagsimError as error:
+            found: list[Any] = []
+            code = reported(error, found if as_json else None, path)
+            for x in found:  # of an inadmissible start, or of faults
+                (faults if "errors" in x else documents).append(x)
+        codes.append(code)
+        if code > SIGNALLED:
             break
     if as_json:
         problems = [problem for fault in faults for problem in fault["errors"]]
@@ -139,7 +118,7 @@ def command(
 def _opened(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Give what measures a model, and the default of its folder."""
+    """Return what measures a model, and the default of its folder."""
     model = read_file(path, overrides)
     case = open_case(model, wanted(model, "bench"))
 
@@ -153,7 +132,7 @@ def _opened(
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Give what draws again what was measured, and where that stands.
+    """Return what draws a finished measurement again, and its folder.
 
     Raises
     ------
@@ -176,7 +155,7 @@ def _written(
     form: str,
     summary: Callable[[str], str],
 ) -> Measured:
-    """Give what is written of a document; the chart shows these rows."""
+    """Return what is written of a document; the chart shows these rows."""
 
     def draw() -> bytes:
         from lagsim.studies.bench.chart import chart
@@ -193,53 +172,49 @@ def _wish(
     steps: str | None,
     budget: float | None,
 ) -> Wish:
-    """Take the options apart.
+    """Return what the options ask for.
 
     Raises
     ------
     InputError
     """
     problems: list[Problem] = []
-    wanted = None
+    chosen = None
     if methods is not None:
-        wanted = tuple(name.strip() for name in methods.split(","))
-        problems += _unknown(wanted)
+        chosen = tuple(name.strip() for name in methods.split(","))
+        known = [*names(), *SCIPY]
+        hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
+        problems += [
+            Problem("unknown-method", f"there is no method `{name}`", hint=hint)
+            for name in chosen
+            if name not in known
+        ]
     between = _between("--tolerances", tolerances, problems) or TOLERANCES
     seconds = BUDGET if budget is None else budget
     if not 0.0 < seconds < float("inf"):
         text = f"--budget {seconds:g}: a number of seconds above 0 is expected"
         problems.append(Problem("usage", text))
-    wish = Wish(wanted, between, _between("--steps", steps, problems), seconds)
+    wish = Wish(chosen, between, _between("--steps", steps, problems), seconds)
     if problems:
         raise InputError(problems)
     return wish
 
 
-def _unknown(wanted: tuple[str, ...]) -> list[Problem]:
-    known = [*names(), *SCIPY]
-    hint = f"of {', '.join(known)}; `lagsim methods` describes those that are ours"
-    return [
-        Problem("unknown-method", f"there is no method `{name}`", hint=hint)
-        for name in wanted
-        if name not in known
-    ]
-
-
 def _between(
     option: str, text: str | None, problems: list[Problem]
 ) -> tuple[float, float] | None:
-    """Take A:B apart: two numbers above 0, the larger first."""
+    """Return the two numbers above 0 of A:B, the larger first."""
     if text is None:
         return None
     found = numbers(
-        option, text, problems, what="numbers above 0", example=f"{option} 1e-3:1e-9",
+        problems, option, text, what="numbers above 0", example=f"{option} 1e-3:1e-9",
         allowed=lambda low, _: low > 0.0,
     )  # fmt: skip
     return found and (found[1], found[0])
 
 
 def _summary(document: Mapping[str, Any], files: str) -> str:
-    """Give the closing lines."""
+    """Return the closing lines."""
     rows, reference = document["rows"], document["reference"]
     counts = (len(rows), "solve"), (len(curves(rows)), "method")
     refused = [x for x in document["refused"] if x["formulation"] == "auto"]
@@ -253,7 +228,7 @@ def _summary(document: Mapping[str, Any], files: str) -> str:
 
 
 def _time(document: Mapping[str, Any]) -> str:
-    """Give the time spent, and the curves that there was no time for."""
+    """Return the time spent, and the curves that there was no time for."""
     cut = curves(row for row in document["rows"] if row["outcome"] == OUT_OF_TIME)
     budget = document["budget"]
     text = f"{budget['spent']:.3g} s of {budget['seconds']:g}"

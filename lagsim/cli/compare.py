@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import typer
 
-from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import (
-    AsJson,
-    aligned,
-    coloured,
-    counted,
-    show_json,
-)
+from lagsim.cli._shared import JSON, aligned, coloured, counted, quiet, show_json
 from lagsim.cli._streams import say
 from lagsim.cli._writing import put_picture
 from lagsim.codes import failure, number
@@ -36,64 +30,46 @@ DIFFERS = "differs"
 
 
 def command(
-    golden: Annotated[
-        Path,
-        typer.Argument(
-            metavar="GOLDEN", help="The reference: a CSV file or a folder of results."
-        ),
-    ],
-    new: Annotated[
-        Path,
-        typer.Argument(
-            metavar="NEW",
-            help="The result to be compared with it: a CSV file or a folder.",
-        ),
-    ],
-    rtol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X",
-            help="Allowed difference relative to a column's scale; default: one unit "
-            "in the last place.",
-        ),
-    ] = None,
-    atol: Annotated[
-        str | None,
-        typer.Option(
-            metavar="X", help="Allowed absolute difference, added to that; default 0."
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Draw the columns that differ most into a PNG file."
-        ),
-    ] = None,
-    as_json: AsJson = False,
-    quiet: Annotated[
-        bool,
-        typer.Option(
-            "-q",
-            "--quiet",
-            help="Print nothing but faults; the exit code gives the result.",
-        ),
-    ] = False,
-) -> int:
+    golden: Path = typer.Argument(
+        metavar="GOLDEN", help="The reference: a CSV file or a folder of results."
+    ),
+    new: Path = typer.Argument(
+        metavar="NEW", help="The result to be compared with it: a CSV file or a folder."
+    ),
+    rtol: str | None = typer.Option(
+        None, metavar="X",
+        help="Allowed difference relative to a column's scale; default: one unit in "
+        "the last place.",
+    ),
+    atol: str | None = typer.Option(
+        None, metavar="X",
+        help="Allowed absolute difference, added to that; default 0.",
+    ),
+    plot: Path | None = typer.Option(
+        None, metavar="FILE", help="Draw the columns that differ most into a PNG file."
+    ),
+    as_json: bool = JSON,
+    quiet: bool = quiet(
+        "Print nothing but faults; the exit code gives the result."
+    ),
+) -> int:  # fmt: skip
     """Compare two results.
 
     The exit code is 0 within tolerance, 1 where they differ, 2 if unusable.
     """
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None) as code:
-        found = _compared(golden, new, _tolerances(rtol, atol), plot)
-        if as_json:
-            documents.append(document(found))
-        elif not quiet:
-            say(report(found))
-        code.append(0 if found.comparison.passed else 1)
-    for content in documents:
-        show_json(content)
-    return code[-1]
+    tolerances = _tolerances(rtol, atol)
+    # NumPy and SciPy let two threads read at the same time, for the most part.
+    with ThreadPoolExecutor(2) as pool:
+        tables = [pool.submit(read_results, path) for path in (golden, new)]
+        one, two = (table.result() for table in tables)
+    found = _Found(one, two, compare(one, two, *tolerances))
+    if plot is not None:
+        put_picture(plot, partial(_picture, found))
+    if as_json:
+        show_json(document(found))
+    elif not quiet:
+        say(report(found))
+    return 0 if found.comparison.passed else 1
 
 
 class _Found(NamedTuple):
@@ -102,24 +78,6 @@ class _Found(NamedTuple):
     golden: Table
     new: Table
     comparison: Verdict
-
-
-def _compared(
-    golden: Path,
-    new: Path,
-    tolerances: tuple[float | None, float | None],
-    plot: Path | None,
-) -> _Found:
-    from concurrent.futures import ThreadPoolExecutor
-
-    # NumPy and SciPy let two threads read at the same time, for the most part.
-    with ThreadPoolExecutor(2) as pool:
-        tables = [pool.submit(read_results, path) for path in (golden, new)]
-        one, two = (table.result() for table in tables)
-    found = _Found(one, two, compare(one, two, *tolerances))
-    if plot is not None:
-        put_picture(plot, partial(_picture, found))
-    return found
 
 
 def _picture(found: _Found) -> bytes:
@@ -160,7 +118,7 @@ def _tolerances(
 
 
 def report(found: _Found) -> str:
-    """Give what a person reads: the verdict, then the worst columns."""
+    """Return what a person reads: the verdict, then the worst columns."""
     comparison, rows = found.comparison, found.comparison.rows
     assert rows is not None
     passed = comparison.passed
@@ -174,7 +132,7 @@ def report(found: _Found) -> str:
     if comparison.failed:
         lines += differing(comparison)
     else:
-        lines += ["  " + line for line in listing(comparison.worst[:3])]
+        lines += listing(comparison.worst[:3])
     more = len(comparison.failed) - LISTED
     if more > 0:
         lines.append(f"  and {counted(more, 'more column')} that differ")
@@ -182,31 +140,25 @@ def report(found: _Found) -> str:
 
 
 def differing(verdict: Verdict) -> list[str]:
-    """Give lines of what differs: the first column to do so, then the worst."""
+    """Return lines of what differs: the first column to do so, then the worst."""
     first = verdict.first
     assert first is not None
     head = f"  the first to pass its bound: {first.column}, t = {first.first!r}"
-    return [head, *("  " + line for line in listing(verdict.failed[:LISTED]))]
+    return [head, *listing(verdict.failed[:LISTED])]
 
 
 def notes(found: _Found) -> list[str]:
-    """Tell of columns and times that only one table has, and of incomplete runs."""
+    """Return notes on what only one table has, and on incomplete runs."""
     comparison = found.comparison
-    told = [*found.golden.remarks, *found.new.remarks]
-    if comparison.missing:
-        told.append(f"missing: {_few(comparison.missing)}")
-    if comparison.extra:
-        told.append(f"extra: {_few(comparison.extra)}")
-    return [*told, *comparison.faults]
-
-
-def _few(names: Sequence[str], most: int = 8) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    lines = [*found.golden.remarks, *found.new.remarks]
+    for what, names in (("missing", comparison.missing), ("extra", comparison.extra)):
+        more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+        lines += [f"{what}: {', '.join(names[:8])}{more}"] if names else []
+    return [*lines, *comparison.faults]
 
 
 def listing(deviations: Sequence[Deviation]) -> list[str]:
-    """Give the worst cell of each column as an aligned table."""
+    """Return the worst cell of each column as an aligned table."""
     rows = [("column", "worst at t", "golden", "new", "difference", "bound", "cells")]
     rows += [
         (
@@ -215,11 +167,11 @@ def listing(deviations: Sequence[Deviation]) -> list[str]:
         )
         for d in deviations
     ]  # fmt: skip
-    return aligned(rows, lefts=len(rows[0]), indent="").splitlines()
+    return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
 def document(found: _Found) -> dict[str, Any]:
-    """Give the JSON document; keys are only ever added."""
+    """Return the JSON document; keys are only ever added."""
     comparison, rows = found.comparison, found.comparison.rows
     assert rows is not None
     first = comparison.first
@@ -240,15 +192,7 @@ def document(found: _Found) -> dict[str, Any]:
 
 
 def as_mapping(deviation: Deviation) -> dict[str, Any]:
-    """Give a column's worst cell for JSON."""
-    return {
-        "column": deviation.column,
-        "t": deviation.t,
-        "golden": deviation.golden,
-        "new": deviation.new,
-        "difference": deviation.difference,
-        "tolerance": deviation.tolerance,
-        "pass": deviation.passed,
-        "first": deviation.first,
-        "cells": deviation.cells,
-    }
+    """Return a column's worst cell for JSON."""
+    found = {**deviation._asdict(), "pass": deviation.passed}
+    del found["ratio"]
+    return found

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import textwrap
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, show_json, table
+from lagsim.cli._shared import JSON, show_json, table
 from lagsim.cli._streams import say
 from lagsim.codes import every, found
 from lagsim.errors import InputError, Problem
@@ -25,40 +24,27 @@ def _words() -> list[str]:
 
 
 def command(
-    code: Annotated[
-        str | None,
-        typer.Argument(help="Number or code, such as E104; without it all are listed.",
-                       autocompletion=_words),
-    ] = None,
-    as_json: AsJson = False,
+    code: str | None = typer.Argument(
+        None, help="Number or code, such as E104; without it all are listed.",
+        autocompletion=_words,
+    ),
+    as_json: bool = JSON,
 ) -> int:  # fmt: skip
     """Explain a message, and what to try."""
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None) as codes:
-        rows = _asked(code)
-        if as_json:
-            documents.append([_document(row) for row in rows])
-        elif code is None:
-            say(table((row.number, f"{row.code}: {row.happened}") for row in rows))
-        else:
-            say("\n\n".join(map(_page, rows)))
-        codes.append(0)
-    if as_json:
-        show_json(documents[0])
-    return codes[-1]
-
-
-def _asked(code: str | None) -> list[Row]:
-    if code is None:
-        return every()
-    rows = found(code)
-    if not rows:
+    rows = every() if code is None else found(code)
+    if not rows and code is not None:
         near = get_close_matches(code.upper(), _words(), 1)
         near = near or get_close_matches(code.lower(), _words(), 1)
         hint = f"did you mean `{near[0]}`?" if near else ""
         text = f"there is no message `{code}`"
         raise InputError([Problem("unknown-code", text, hint=hint)])
-    return rows
+    if as_json:
+        show_json([_document(row) for row in rows])
+    elif code is None:
+        say(table((row.number, f"{row.code}: {row.happened}") for row in rows))
+    else:
+        say("\n\n".join(map(_page, rows)))
+    return 0
 
 
 def _document(row: Row) -> dict[str, Any]:
@@ -72,14 +58,9 @@ def _document(row: Row) -> dict[str, Any]:
 
 
 def _page(row: Row) -> str:
-    lines = [
-        f"{row.number} {row.code}",
-        "",
-        textwrap.fill(row.happened, WIDTH),
-        *([textwrap.fill(f"Expected: {row.expected}", WIDTH)] if row.expected else []),
-        textwrap.fill(row.hint, WIDTH, initial_indent="  hint: ",
-                      subsequent_indent="        "),
-    ]  # fmt: skip
+    lines = [f"{row.number} {row.code}", "", textwrap.fill(row.happened, WIDTH)]
+    lines += [textwrap.fill(f"Expected: {row.expected}", WIDTH)] * bool(row.expected)
+    lines.append(textwrap.fill(f"  hint: {row.hint}", WIDTH, subsequent_indent=" " * 8))
     if row.commands:
         lines += ["", "Example"]
         if row.change:

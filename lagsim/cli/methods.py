@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from lagsim.cli._faults import faults_shown
-from lagsim.cli._shared import AsJson, show_json
+from lagsim.cli._shared import JSON, show_json
 from lagsim.cli._streams import say
 from lagsim.errors import InputError
 from lagsim.methods import WIDTH, method, method_problems, names, page
@@ -18,38 +17,29 @@ if TYPE_CHECKING:
 
 
 def command(
-    name: Annotated[
-        str | None, typer.Argument(help="Show the page on one.", autocompletion=names)
-    ] = None,
-    as_json: AsJson = False,
+    name: str | None = typer.Argument(
+        None, help="Show the page on one.", autocompletion=names
+    ),
+    as_json: bool = JSON,
 ) -> int:
     """List the integration methods, or show the page on one."""
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None) as code:
-        if name is not None and (problems := method_problems(name, auto=False)):
-            raise InputError(problems)
-        chosen = [method(n) for n in (names() if name is None else (name,))]
-        if as_json:
-            documents.append([_document(m) for m in chosen])
-        else:
-            say(_list(chosen) if name is None else _page(chosen[0]))
-        code.append(0)
+    if name is not None and (problems := method_problems(name, auto=False)):
+        raise InputError(problems)
+    chosen = [method(n) for n in (names() if name is None else (name,))]
     if as_json:
-        show_json(documents[0])
-    return code[-1]
+        show_json([_document(m) for m in chosen])
+    else:
+        say(_list(chosen) if name is None else _page(chosen[0]))
+    return 0
 
 
 def _document(module: ModuleType) -> dict[str, Any]:
-    return {
-        "name": module.NAME,
-        "title": module.TITLE,
-        "order": module.ORDER,
-        "dense_order": module.DENSE_ORDER,
-        "adaptive": module.ADAPTIVE,
-        "imaginary_limit": module.IMAGINARY_LIMIT,
-        "handles": module.HANDLES,
-        "page": page(module.NAME),
-    }
+    facts = (
+        "name", "title", "order", "dense_order", "adaptive", "imaginary_limit",
+        "handles",
+    )  # fmt: skip
+    found = {key: getattr(module, key.upper()) for key in facts}
+    return found | {"page": page(module.NAME)}
 
 
 def _list(modules: list[ModuleType]) -> str:

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import inspect
 import math
 import time
-from functools import partial, wraps
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, cast
 
 import typer
 
-from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
-    AsJson,
-    Jobs,
+    FORMAT,
+    JOBS,
+    JSON,
+    MODELS,
+    NO_PLOTS,
+    SETS,
+    STRICT,
     Picture,
-    PictureForm,
-    Quiet,
-    Sets,
-    Strict,
     assignments,
     coloured,
     counted,
     output_folder,
     progress_bar,
+    quiet,
     refused,
     show_json,
     table,
@@ -37,12 +39,13 @@ from lagsim.codes import failure
 from lagsim.errors import InputError, Problem
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names, options
+from lagsim.model.loading import text_of
 from lagsim.model.model import DEFAULT_ROWS, DEFAULT_RTOL, ROWS_TO_DECAY
 from lagsim.model.reader import read
 from lagsim.native.link.ahead import helped
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
-from lagsim.outputs.packed import check_format
+from lagsim.outputs.packed import check_format, table_writer
 from lagsim.outputs.results import (
     MANIFEST,
     RESTART,
@@ -50,18 +53,16 @@ from lagsim.outputs.results import (
     refuse_without_room,
     replaced,
 )
-from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted
 from lagsim.studies.attempts import Attempts, ErrorBars
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.model.model import Model
     from lagsim.notes import Event
-    from lagsim.outputs.attempted import Made
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter, Writer
     from lagsim.run.apart import Apart
@@ -75,7 +76,7 @@ if TYPE_CHECKING:
     from lagsim.studies.restart import Restart
 
 
-# The keys of `simulation` that commands take: what stands for the value, and the help.
+# The keys of `simulation` that commands take: placeholder and help.
 _HELP = {
     "method": "M Integration method; see `lagsim methods`.",
     "rtol": f"X Relative tolerance; default {DEFAULT_RTOL:g}.",
@@ -92,23 +93,11 @@ _HELP = {
     "duration": "T Duration of the run.",
     "output_step": f"H Time between rows; default duration/{DEFAULT_ROWS}.",
 }
-
-
-def _setting(key: str) -> Any:
-    metavar, _, text = _HELP[key].partition(" ")
-    known = (lambda: ["auto", *names()]) if key == "method" else None
-    option = typer.Option(metavar=metavar, help=text, autocompletion=known)
-    return Annotated[str | None, option]
-
-
-SETTINGS = {key: _setting(key) for key in _HELP}
-ErrorBar = Annotated[
-    ErrorBars,
-    typer.Option(
-        help="Repeat the run with a tighter tolerance to estimate its error; auto: if "
-        "that takes at most about 2 s."
-    ),
-]
+ERROR_BAR: Any = typer.Option(
+    ErrorBars.AUTO,
+    help="Repeat the run with a tighter tolerance to estimate its error; auto: if that "
+    "takes at most about 2 s.",
+)
 
 
 def with_settings(command: Callable[..., int]) -> Callable[..., int]:
@@ -117,57 +106,59 @@ def with_settings(command: Callable[..., int]) -> Callable[..., int]:
     The command gets those that are given, as a mapping.
     """
 
-    @wraps(command)
+    @functools.wraps(command)
     def called(**words: Any) -> int:
-        asked = {key: words.pop(key) for key in SETTINGS}
+        asked = {key: words.pop(key) for key in _HELP}
         given = {key: text for key, text in asked.items() if text is not None}
         return command(**words, options=given)
 
+    settings = []
+    for key, text in _HELP.items():
+        metavar, _, about = text.partition(" ")
+        known = (lambda: ["auto", *names()]) if key == "method" else None
+        option = typer.Option(metavar=metavar, help=about, autocompletion=known)
+        kind = inspect.Parameter.KEYWORD_ONLY
+        annotation = Annotated[str | None, option]
+        settings.append(
+            inspect.Parameter(key, kind, default=None, annotation=annotation)
+        )
     own = inspect.signature(command, eval_str=True)
     each: list[inspect.Parameter] = []
     for name, x in own.parameters.items():
-        more = [
-            x.replace(name=k, annotation=a, default=None) for k, a in SETTINGS.items()
-        ]
-        each += more if name == "options" else [x]
+        each += settings if name == "options" else [x]
     called.__signature__ = own.replace(parameters=each)  # type: ignore[attr-defined]
     return called
 
 
 @with_settings
 def command(
-    models: Annotated[
-        list[str], typer.Argument(metavar="MODEL...", help="Model files; - is stdin.")
-    ],
-    folder: Annotated[
-        Path | None,
-        output_folder(
-            "Output folder; default results/NAME; DIR/NAME for several models."
-        ),
-    ] = None,
-    jobs: Jobs = None,
-    sets: Sets = None,
+    models: list[str] = MODELS,
+    folder: Path | None = output_folder(
+        "Output folder; default results/NAME; DIR/NAME for several models."
+    ),
+    jobs: int | None = JOBS,
+    sets: list[str] | None = SETS,
     *,
     options: dict[str, str],
-    error_bar: ErrorBar = ErrorBars.AUTO,
-    table: Annotated[
-        Format, typer.Option(help="Format of the table: trajectory.csv and so on.")
-    ] = Format.CSV,
-    units: Annotated[
-        bool, typer.Option("--units", help="A line of units below the header of CSV.")
-    ] = False,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
-    form: PictureForm = Picture.PNG,
-    animate: Annotated[
-        bool, typer.Option("--animate", help="Write the page animation.html.")
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted run.")
-    ] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    strict: Strict = False,
-) -> int:
+    error_bar: ErrorBars = ERROR_BAR,
+    table: Format = typer.Option(
+        Format.CSV, help="Format of the table: trajectory.csv and so on."
+    ),
+    units: bool = typer.Option(
+        False, "--units", help="A line of units below the header of CSV."
+    ),
+    no_plots: bool = NO_PLOTS,
+    form: Picture = FORMAT,
+    animate: bool = typer.Option(
+        False, "--animate", help="Write the page animation.html."
+    ),
+    resume: bool = typer.Option(
+        False, "--resume", help="Continue an interrupted run."
+    ),
+    as_json: bool = JSON,
+    quiet: bool = quiet(),
+    strict: bool = STRICT,
+) -> int:  # fmt: skip
     """Check the start, integrate, write a table and pictures."""
     wish = Wish(
         error_bar, table, units, None if no_plots else form, animate, resume, quiet,
@@ -182,18 +173,15 @@ def command(
     job = Job(wish, folder, documents=documents)
     # The processor time so far is close to what starting and importing took.
     job.clock.timings["import"] = time.process_time()
-    with faults_shown(documents, file=models[0]) as code:
-        from lagsim.model.loading import text_of
-
-        code.append(job.run(*text_of(models[0]), assignments(sets), options))
+    code = job.run(*text_of(models[0]), assignments(sets), options)
     for document in documents or ():
         show_json(document)
-    return code[-1]
+    return code
 
 
 # Where results go by default.
 RESULTS = Path("results")
-# What a run has come to is kept from then on, for `--resume`; shorter ones begin again.
+# A run is kept from then on, for `--resume`; shorter ones begin again.
 KEPT_AFTER_SECONDS = 3.0
 # Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
 MANY = 1_000_000
@@ -218,7 +206,7 @@ class Job:
     Parameters
     ----------
     documents
-        Gets run.json, which nobody is told of then; None where a person reads.
+        Gets run.json, in place of what a person reads; None where one does.
     """
 
     def __init__(
@@ -241,7 +229,12 @@ class Job:
         overrides: Mapping[str, str],
         options: Mapping[str, str],
     ) -> int:
-        """Do it; give the exit code."""
+        """Run the model; return the exit code.
+
+        Raises
+        ------
+        InputError, StartError
+        """
         wish = self.wish
         if wish.table is not Format.CSV:
             if wish.resume:
@@ -249,7 +242,6 @@ class Job:
                 raise InputError([Problem("usage", text)])
             check_format(wish.table, show_units=wish.show_units)
         self.clock.lap("import")
-
         with self.interrupt.raised():
             model = read(text, file, overrides, options)
         aside: Any = contextlib.nullcontext()
@@ -258,40 +250,37 @@ class Job:
 
             aside = artist(model)
         with aside as self._draw:
-            return self._do(model, {**options, "set": {**overrides}})
-
-    def _do(self, model: Model, wishes: Mapping[str, Any]) -> int:
-        with self.interrupt.raised():
-            session, quiet = self._ready(model), self.wish.quiet
-        model = session.case.equations.model
-        folder = self.folder or RESULTS / model.name
-        self._ask_for_room(session, folder)
-        restart = partial(self._restart, folder, model.sha256, wishes)
-        known = restart() if self.wish.resume else None
-        first = None if known is None else known.rescue
-        with open_results(folder, first=first) as results:
-            if known is not None and known.stand is None and not quiet:
-                complain(f"lagsim: {folder} holds no interrupted run to continue")
-            made = restart if known is None else lambda: known
-            return self._integrate(session, results, made)
+            with self.interrupt.raised():
+                session = self._ready(model)
+            return self._made(session, {**options, "set": {**overrides}})
 
     def _ready(self, model: Model) -> Session:
         """Derive, examine, plan and compile."""
         settings = wanted(model, "run", hint="add it, or give --duration")
         self.clock.lap("read")
-
         with helped() if is_watched() else contextlib.nullcontext():
             return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
-    def _restart(self, folder: Path, sha256: str, wishes: Mapping[str, Any]) -> Restart:
-        """Give what keeps a run of these wishes, and goes on with it."""
-        from lagsim.studies.restart import Restart
+    def _made(self, session: Session, wishes: Mapping[str, Any]) -> int:
+        """Run a session into its folder; return the exit code."""
+        wish, model = self.wish, session.case.equations.model
+        folder = self.folder or RESULTS / model.name
+        self._ask_for_room(session, folder)
 
-        wish = self.wish
-        more = wish.error_bars, wish.show_units, wish.plots, wish.animate
-        options = f"{sorted(wishes.items())} {more}"
-        identity = {"model text": sha256, "set of options": options}
-        return Restart(folder, wish.table.file, identity)
+        @functools.cache
+        def restart() -> Restart:
+            from lagsim.studies.restart import Restart
+
+            more = wish.error_bars, wish.show_units, wish.plots, wish.animate
+            options = f"{sorted(wishes.items())} {more}"
+            identity = {"model text": model.sha256, "set of options": options}
+            return Restart(folder, wish.table.file, identity)
+
+        first = restart().rescue if wish.resume else None
+        with open_results(folder, first=first) as results:
+            if wish.resume and restart().stand is None and not wish.quiet:
+                complain(f"lagsim: {folder} holds no interrupted run to continue")
+            return self._integrate(session, results, restart)
 
     def _ask_for_room(self, session: Session, folder: Path) -> None:
         """Refuse a table that fills the disk, before it is computed.
@@ -312,7 +301,7 @@ class Job:
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]
     ) -> int:
-        """Integrate, and write table, events, record and pictures; give the code."""
+        """Integrate, and write table, events, record and pictures; return the code."""
         wish, interrupt = self.wish, self.interrupt
         units = of_table(session.case.equations, session.system.columns.of_table)
         try:
@@ -323,7 +312,9 @@ class Job:
         with contextlib.closing(writer), interrupt.noted():
             joined = None
             if wish.table is Format.CSV:
-                joined = partial(_Keeping(writer, restart), at_once=wish.resume)
+                joined = partial(
+                    _keep, writer=writer, restart=restart, at_once=wish.resume
+                )
             found = Attempts(
                 writer, interrupt, self.clock, error_bars=wish.error_bars,
                 thinned=wish.plots is not None, animated=wish.animate,
@@ -336,18 +327,20 @@ class Job:
     def _write(
         self, found: Attempt, results: Results, writer: Writer
     ) -> tuple[dict[str, Any], OSError | None]:
-        """Write what was found; give the record, and what kept a file out."""
-        wish, lost = self.wish, None
+        """Write what was found; return the record, and what kept a file out."""
+        wish, lost, full = self.wish, False, found.fault
         try:
             writer.finish()
         except OSError as error:
             results.drop(wish.table.file)
-            lost = error
-        full = lost or found.fault
+            lost, full = True, error
         if not full and found.session.lists_events:
             from lagsim.studies.drawing import events
 
-            full = _filled(results, events(found))
+            try:
+                list(results.fill(events(found)))
+            except OSError as error:
+                full = error
         cautions = found.cautions()
         self.clock.lap("output")
         files = [*results.names, MANIFEST]
@@ -359,7 +352,7 @@ class Job:
         if not full and (wish.plots or wish.animate):
             full = self._draw_all(found, results, document)
         if full:
-            document |= _cut_short(writer, found, full, lost=lost is not None)
+            document |= _cut_short(writer, found, full, lost=lost)
         document["sha256"] = results.digests()
         commit(results, document, {})
         if not full and document["outcome"] != "interrupted":
@@ -369,7 +362,7 @@ class Job:
     def _draw_all(
         self, found: Attempt, results: Results, document: dict[str, Any]
     ) -> OSError | None:
-        """Add page and pictures; give what kept one from being written.
+        """Add page and pictures; return what kept one from being written.
 
         The table and the record are in their places before: whatever becomes of
         pictures, rows are there. A signal ends the drawing: pictures can be drawn
@@ -399,7 +392,7 @@ class Job:
     def _code(
         self, found: Attempt, document: Mapping[str, Any], full: OSError | None
     ) -> int:
-        """Give the exit code, and say what a signal or `--strict` has cost."""
+        """Return the exit code; report what a signal or `--strict` has cost."""
         interrupt = self.interrupt
         if full:
             return UnwritableError.exit_code
@@ -413,9 +406,9 @@ class Job:
         if not (self.wish.strict and cautions):
             return 0
         model = found.session.case.equations.model
-        told = refused(model.name, [caution["code"] for caution in cautions])
-        complain(told)
-        annotate(ERROR, told.removeprefix("lagsim: "), model.file)
+        line = refused(model.name, [caution["code"] for caution in cautions])
+        complain(line)
+        annotate(ERROR, line.removeprefix("lagsim: "), model.file)
         return 1
 
     def _report(
@@ -436,42 +429,35 @@ class Job:
             say(summary(found, document, folder))
 
 
-class _Keeping:
-    """Has a run kept from some seconds on; before, nothing for that is loaded."""
+def _keep(
+    run: Run | Apart,
+    *,
+    relay: Relay,
+    session: Session,
+    writer: Writer,
+    restart: Callable[[], Restart],
+    at_once: bool,
+) -> None:
+    """Have a run kept from some seconds on; before, nothing for that is loaded.
 
-    def __init__(self, writer: Writer, made: Callable[[], Restart]) -> None:
-        self.writer, self.made = writer, made
+    `at_once`: it begins where another has ended.
+    """
+    due = time.monotonic() + KEPT_AFTER_SECONDS
 
-    def __call__(
-        self, run: Run | Apart, *, relay: Relay, session: Session, at_once: bool = False
-    ) -> None:
-        """Take a run that is about to begin; or put it where another was."""
-        due = time.monotonic() + KEPT_AFTER_SECONDS
+    def tick(run: Run | Apart) -> None:
+        if at_once or time.monotonic() > due:
+            restart().join(run, session, relay, cast("TableWriter", writer))
 
-        def tick(run: Run | Apart) -> None:
-            if at_once or time.monotonic() > due:
-                writer = cast("TableWriter", self.writer)
-                self.made().join(run, session, relay, writer)
-
-        if at_once:
-            tick(run)
-        else:
-            run.tick = tick
-
-
-def _filled(results: Results, made: Iterable[Made]) -> OSError | None:
-    """Write files of numbers; give what kept one from being written."""
-    try:
-        list(results.fill(made))
-    except OSError as error:
-        return error
-    return None
+    if at_once:
+        tick(run)
+    else:
+        run.tick = tick
 
 
 def _cut_short(
     writer: Writer, made: Attempt, full: OSError, *, lost: bool
 ) -> dict[str, Any]:
-    """Give what run.json says of a run whose results did not fit on the disk.
+    """Return what run.json holds of a run whose results did not fit on the disk.
 
     `lost`: not even the table did.
     """
@@ -506,7 +492,7 @@ MOST_NAMES = 2
 
 
 def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
-    """Give the closing lines of the run that `document`, its run.json, records."""
+    """Return the closing lines of the run that `document`, its run.json, records."""
     colour = "32" if document["complete"] else "31"
     head = (
         f"{coloured(document['outcome'], colour)}: {document['model']['name']}, "
@@ -545,7 +531,7 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
 
 
 def _happened(trajectory: Trajectory) -> list[str]:
-    """Report what happened to constraints that hold at times, and to switches."""
+    """Return counts of events, and the ends of what accumulates."""
     counts = [(kind, trajectory.event_counts.get(kind, 0)) for kind in COUNTED]
     parts = [counted(number, kind) for kind, number in counts if number]
     named = _named([e for e in trajectory.events if e.kind in COUNTED])
@@ -566,7 +552,7 @@ def _happened(trajectory: Trajectory) -> list[str]:
 
 
 def _named(events: Sequence[Event]) -> str:
-    """Give the constraints and switches of events, or their number where many."""
+    """Return the constraints and switches of events, or their number where many."""
     held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
     if len(held) + len(switches) <= MOST_NAMES:
@@ -584,7 +570,7 @@ def _accuracy(document: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _error(bar: Estimate | str) -> str:
-    """Give the estimate: the worst coordinate, how it grew, the horizon."""
+    """Return the estimate: the worst coordinate, how it grew, the horizon."""
     if isinstance(bar, str):
         return f"not estimated: {bar}"
     name, worst = max(bar.coordinates.items(), key=lambda item: item[1].relative)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from operator import lt
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -19,18 +19,17 @@ from lagsim.cli._experiments import (
     listed,
     numbers,
 )
-from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
-    AsJson,
-    ModelPath,
+    FORMAT,
+    JSON,
+    MODEL,
+    SETS,
     Picture,
-    PictureForm,
-    Quiet,
-    Sets,
     aligned,
     assignments,
     counted,
     output_folder,
+    quiet,
     show_json,
     table,
 )
@@ -45,7 +44,7 @@ from lagsim.tolerances import COMPUTED_ZERO, NEGLIGIBLE_RATE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from lagsim.cli._experiments import Measure, Progress
+    from lagsim.cli._experiments import Progress
     from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.session import Case
@@ -58,63 +57,33 @@ MOST_NAMED, MOST_OF_A_MODE = 8, 6
 
 
 def command(
-    model: ModelPath,
-    folder: Annotated[
-        Path | None, output_folder("Output folder; default results/NAME/stability.")
-    ] = None,
-    sets: Sets = None,
-    methods: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Only these methods; default all that apply."),
-    ] = None,
-    steps: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A:B",
-            help="Range of steps; default around the predicted stability limits.",
-        ),
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=A:B",
-            help="Vary a parameter: maps over it and the step; for methods that choose "
-            "their steps, their work.",
-        ),
-    ] = None,
-    form: PictureForm = Picture.PNG,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> int:
+    model: str = MODEL,
+    folder: Path | None = output_folder(
+        "Output folder; default results/NAME/stability."
+    ),
+    sets: list[str] | None = SETS,
+    methods: str | None = typer.Option(
+        None, metavar="A,B", help="Only these methods; default all that apply."
+    ),
+    steps: str | None = typer.Option(
+        None, metavar="A:B",
+        help="Range of steps; default around the predicted stability limits.",
+    ),
+    vary: list[str] | None = typer.Option(
+        None, metavar="NAME=A:B",
+        help="Vary a parameter: maps over it and the step; for methods that choose "
+        "their steps, their work.",
+    ),
+    form: Picture = FORMAT,
+    as_json: bool = JSON,
+    quiet: bool = quiet(),
+) -> int:  # fmt: skip
     """Map where each method is stable and where it fails."""
-    documents: list[Any] = []
-    with faults_shown(documents if as_json else None, file=model) as code:
-        wish = _wish(methods, steps, vary)
-        measure, usual = _opened(model, assignments(sets), wish, form.value)
-        code.append(
-            experiment(
-                "stability", measure, folder or usual, MANIFEST, documents,
-                quiet=quiet, as_json=as_json,
-            )
-        )  # fmt: skip
-    if as_json and documents:
-        show_json(documents[0])
-    return code[0]
-
-
-def _opened(
-    path: str, overrides: Mapping[str, str], wish: Wish, form: str
-) -> tuple[Measure, Path]:
-    """Give what measures a model, and the default of its folder.
-
-    Raises
-    ------
-    InputError, StartError
-    """
-    model = read_file(path, overrides)
-    settings = wanted(model, "stability")
-    _check_parameter(model, wish.name)
-    usual = open_case(model, settings)
+    wish = _wish(methods, steps, vary)
+    read = read_file(model, assignments(sets))
+    settings = wanted(read, "stability")
+    _check_parameter(read, wish.name)
+    usual = open_case(read, settings)
     stability.methods_for(usual, wish)
 
     def case(value: float | None) -> Case:
@@ -127,19 +96,26 @@ def _opened(
             problem = Problem("inadmissible", "the start is not admissible")
             raise InputError([problem]) from None
 
-    def measured(interrupt: Interrupt, progress: Progress) -> Measured:
+    def measure(interrupt: Interrupt, progress: Progress) -> Measured:
         document = stability.measure(case, wish, interrupt=interrupt, progress=progress)
 
         def draw() -> bytes:
             from lagsim.studies.bench.stability_chart import chart
 
-            return chart(document, form)
+            return chart(document, form.value)
 
         cells = csv(stability.columns(wish.name), document["cells"])
-        summary = partial(_summary, document)
-        return Measured(document, {TABLE: cells}, f"stability.{form}", draw, summary)
+        summary, picture = partial(_summary, document), f"stability.{form.value}"
+        return Measured(document, {TABLE: cells}, picture, draw, summary)
 
-    return measured, Path("results") / model.name / "stability"
+    documents: list[Any] = []
+    code = experiment(
+        "stability", measure, folder or Path("results") / read.name / "stability",
+        MANIFEST, documents, quiet=quiet, as_json=as_json,
+    )  # fmt: skip
+    if as_json and documents:
+        show_json(documents[0])
+    return code
 
 
 def _check_parameter(model: Model, name: str | None) -> None:
@@ -156,21 +132,22 @@ def _check_parameter(model: Model, name: str | None) -> None:
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
-    """Take the options apart.
+    """Return what the options ask for.
 
     Raises
     ------
     InputError
     """
     problems: list[Problem] = []
-    wanted = None
+    names = None
     if methods is not None:
-        wanted = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
-        for wish in wanted:
-            problems += method_problems(wish, auto=False)
+        names = tuple(dict.fromkeys(name.strip() for name in methods.split(",")))
+        for method in names:
+            problems += method_problems(method, auto=False)
+    different = partial(numbers, problems, what="different numbers", allowed=lt)
     between = None
     if steps is not None:
-        between = _range("--steps", steps, problems, "--steps 0.01:1")
+        between = different("--steps", steps, example="--steps 0.01:1")
     if between is not None and between[0] <= 0.0:
         problems.append(Problem("usage", f"--steps {steps}: steps are above 0"))
     name: str | None = None
@@ -181,22 +158,14 @@ def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wis
             problems.append(Problem("usage", text))
         name, _, after = vary[0].partition("=")
         name = name.strip()
-        values = _range(f"--vary {name}", after, problems, "--vary K=10:1000")
+        values = different(f"--vary {name}", after, example="--vary K=10:1000")
     if problems:
         raise InputError(problems)
-    return Wish(wanted, between, name, values)
-
-
-def _range(
-    option: str, text: str, problems: list[Problem], example: str
-) -> tuple[float, float] | None:
-    return numbers(
-        option, text, problems, what="different numbers", example=example, allowed=lt
-    )
+    return Wish(names, between, name, values)
 
 
 def _summary(document: Record, files: str) -> str:
-    """Give the closing lines."""
+    """Return the closing lines."""
     methods = sum(map(len, document["methods"].values()))
     head = headline(document, (methods, "method"))
     lines = [f"{head}, {counted(len(document['cells']), 'run')}"]
@@ -207,19 +176,19 @@ def _summary(document: Record, files: str) -> str:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
-    """Give rows in columns, all of which stand to the left."""
+    """Return rows in columns, all of which stand to the left."""
     return aligned(rows, lefts=len(rows[0])).splitlines()
 
 
 def _values(document: Record) -> list[np.ndarray[Any, np.dtype[np.complex128]]]:
-    """Give the eigenvalues at the start, and along the motion."""
+    """Return the eigenvalues at the start, and along the motion."""
     found = document["eigenvalues"]
     pairs = (np.array(found[key], float) for key in ("at_start", "along"))
     return [x.reshape(-1, 2) @ [1.0, 1j] for x in pairs]
 
 
 def _borders(document: Record) -> list[str]:
-    """Give the borders of each method, in h and in the fastest period."""
+    """Return the borders of each method, in h and in the fastest period."""
     borders, span = document["borders"], document["runs"]["duration"]
     if not borders:
         return []
@@ -237,7 +206,7 @@ def _borders(document: Record) -> list[str]:
 
 
 def _predicted(border: Record) -> str:
-    """Give the predictions: one where both are alike."""
+    """Return the predictions: one where both are alike."""
     first, second = (
         "none" if x is None else "every step grows" if x == 0.0 else f"{x:.3g}"
         for x in (border["predicted_at_start"], border["predicted_along"])
@@ -246,17 +215,19 @@ def _predicted(border: Record) -> str:
 
 
 def _over_parameter(document: Record) -> list[str]:
-    """Give the borders at the ends of the parameter's range, and the work."""
+    """Return the borders at the ends of the parameter's range, and the work."""
     name, values = document["vary"]["name"], document["vary"]["values"]
-    borders, work = {}, {}
-    for method, found in document["borders"].items():
-        for x in found:
-            if x["found"] is not None:
-                borders[method, x[name]] = f"{x['found']:.3g}"
-    for cell in document["cells"]:
-        if cell["step"] is None and cell["evaluations"] is not None:
-            text = f"{cell['evaluations']}, {cell['rejections']}"
-            work[cell["method"], cell[name]] = text
+    borders = {
+        (method, x[name]): f"{x['found']:.3g}"
+        for method, found in document["borders"].items()
+        for x in found
+        if x["found"] is not None
+    }
+    work = {
+        (cell["method"], cell[name]): f"{cell['evaluations']}, {cell['rejections']}"
+        for cell in document["cells"]
+        if cell["step"] is None and cell["evaluations"] is not None
+    }
     ends = values[0], values[-1]
     fixed, adaptive = document["methods"].values()
     rows: list[tuple[str, ...]] = []
@@ -271,7 +242,7 @@ def _over_parameter(document: Record) -> list[str]:
 
 
 def _eigenvalues(document: Record) -> list[tuple[str, str]]:
-    """Give them in short: fastest, slowest, damping."""
+    """Return them in short: fastest, slowest, damping."""
     if unknown := document["eigenvalues"]["unknown"]:
         return [("eigenvalues", f"none: {unknown}")]
     texts = []
@@ -291,12 +262,12 @@ def _eigenvalues(document: Record) -> list[tuple[str, str]]:
 
 
 def _number(value: float) -> str:
-    """Give three digits; what is only rounding beside 1 as 0."""
+    """Return three digits; what is only rounding beside 1 as 0."""
     return f"{value:.3g}" if abs(value) > COMPUTED_ZERO else "0"
 
 
 def _complex(value: complex) -> str:
-    """Give one of a pair."""
+    """Return one of a pair."""
     if abs(value.imag) <= COMPUTED_ZERO * abs(value):
         return f"{value.real:.4g}"
     if abs(value.real) <= COMPUTED_ZERO * abs(value):
@@ -305,7 +276,7 @@ def _complex(value: complex) -> str:
 
 
 def _modes(document: Record) -> list[str]:
-    """Give the equilibrium and the modes about it."""
+    """Return the equilibrium and the modes about it."""
     at = document["equilibrium"]
     if at is None:
         where = f"none: {document['equilibrium_reason']}"

@@ -6,28 +6,28 @@ import contextlib
 import json
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from lagsim.cli._experiments import Measured, experiment
-from lagsim.cli._faults import faults_shown
 from lagsim.cli._shared import (
-    AsJson,
-    Jobs,
-    ModelPath,
-    Quiet,
-    Sets,
+    JOBS,
+    JSON,
+    MODEL,
+    NO_PLOTS,
+    SETS,
     assignments,
     coloured,
     counted,
     output_folder,
+    quiet,
     show_json,
     table,
 )
 from lagsim.cli._streams import say
 from lagsim.cli._writing import writing
-from lagsim.cli.run import ErrorBar, with_settings
+from lagsim.cli.run import ERROR_BAR, with_settings
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.files import content
 from lagsim.model.reader import read_file
@@ -53,7 +53,7 @@ REASON = 160
 
 
 def _names(context: typer.Context, incomplete: str) -> list[str]:
-    """Give what may be swept of the model that stands before it."""
+    """Return what may be swept of the model that stands before it."""
     try:
         model = read_file(str(context.params["model"]))
     except (LagsimError, KeyError):
@@ -64,92 +64,77 @@ def _names(context: typer.Context, incomplete: str) -> list[str]:
 
 @with_settings
 def command(
-    model: ModelPath,
-    values: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="NAME=A:B:N|NAME=V1,V2,...",
-            help="A parameter or a start value, and its values: N values from A to B, "
-            "or a list; each may be an expression.",
-            autocompletion=_names,
-        ),
-    ],
-    folder: Annotated[
-        Path | None, output_folder("Output folder; default results/NAME/sweep.")
-    ] = None,
-    jobs: Jobs = None,
-    keep: Annotated[
-        bool, typer.Option("--keep", help="Keep the results of each run in DIR/run-K.")
-    ] = False,
-    ends: Annotated[
-        bool,
-        typer.Option(
-            "--ends",
-            help="Compute only the last value of each column: no rows, no error "
-            "estimate, much faster.",
-        ),
-    ] = False,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Continue an interrupted sweep.")
-    ] = False,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Address of a Dask scheduler, whose workers make the runs.",
-        ),
-    ] = None,
-    sets: Sets = None,
+    model: str = MODEL,
+    values: list[str] = typer.Argument(
+        metavar="NAME=A:B:N|NAME=V1,V2,...",
+        help="A parameter or a start value, and its values: N values from A to B, or a "
+        "list; each may be an expression.",
+        autocompletion=_names,
+    ),
+    folder: Path | None = output_folder("Output folder; default results/NAME/sweep."),
+    jobs: int | None = JOBS,
+    keep: bool = typer.Option(
+        False, "--keep", help="Keep the results of each run in DIR/run-K."
+    ),
+    ends: bool = typer.Option(
+        False, "--ends",
+        help="Compute only the last value of each column: no rows, no error estimate, "
+        "much faster.",
+    ),
+    resume: bool = typer.Option(
+        False, "--resume", help="Continue an interrupted sweep."
+    ),
+    dask: str | None = typer.Option(
+        None, metavar="ADDRESS",
+        help="Address of a Dask scheduler, whose workers make the runs.",
+    ),
+    sets: list[str] | None = SETS,
     *,
     options: dict[str, str],
-    error_bar: ErrorBar = ErrorBars.AUTO,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="No pictures.")] = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> int:
+    error_bar: ErrorBars = ERROR_BAR,
+    no_plots: bool = NO_PLOTS,
+    as_json: bool = JSON,
+    quiet: bool = quiet(),
+) -> int:  # fmt: skip
     """Run a model at all combinations of parameter values."""
+    if ends and (keep or error_bar is ErrorBars.ALWAYS):
+        what = "--keep" if keep else "--error-bar always"
+        text = f"--ends makes no rows, which {what} asks for"
+        raise InputError([Problem("usage", text, hint="leave one of them out")])
+    read = read_file(model, assignments(sets))
+    wanted(read, "sweep", options, "add it, or give --duration")
+    grid = parsed(read, values)
+    where = folder or Path("results") / read.name / "sweep"
+    kept = str(where.absolute()) if keep else None
+    plots = not no_plots
+    found = Found.of(
+        read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
+    )
+    known = _known(found, where) if resume else None
     documents: list[Any] = []
-    with faults_shown(documents if as_json else None, file=model) as code:
-        if ends and (keep or error_bar is ErrorBars.ALWAYS):
-            what = "--keep" if keep else "--error-bar always"
-            text = f"--ends makes no rows, which {what} asks for"
-            raise InputError([Problem("usage", text, hint="leave one of them out")])
-        read = read_file(model, assignments(sets))
-        wanted(read, "sweep", options, "add it, or give --duration")
-        grid = parsed(read, values)
-        where = folder or Path("results") / read.name / "sweep"
-        kept = str(where.absolute()) if keep else None
-        plots = not no_plots
-        found = Found.of(
-            read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
+    if known is not None:
+        documents.append(known)
+        code = _code(known)
+        if not quiet and not as_json:
+            say(f"nothing to do: {where} holds this sweep, complete")
+    else:
+        journal = Journal(where / JOURNAL, found)
+        measure = partial(
+            _measured, found, journal, jobs, dask, resume=resume, plots=plots,
+            quiet=quiet,
+        )  # fmt: skip
+        code = experiment(
+            "sweep", measure, where, MANIFEST, documents, quiet=quiet, as_json=as_json
         )
-        known = _known(found, where) if resume else None
-        if known is not None:
-            documents.append(known)
-            if not quiet and not as_json:
-                say(f"nothing to do: {where} holds this sweep, complete")
-            code.append(_code(known))
-        else:
-            journal = Journal(where / JOURNAL, found)
-            measure = partial(
-                _measured, found, journal, jobs, dask, resume=resume, plots=plots,
-                quiet=quiet,
-            )  # fmt: skip
-            code.append(
-                experiment(
-                    "sweep", measure, where, MANIFEST, documents, quiet=quiet,
-                    as_json=as_json,
-                )
-            )  # fmt: skip
-            if not found.missing:
-                journal.remove()
+        if not found.missing:
+            journal.remove()
     for document in documents if as_json else ():
         show_json(document)
-    return code[-1]
+    return code
 
 
 def _known(found: Found, folder: Path) -> Any:
-    """Give the record of a sweep that has come to its end before; None without."""
+    """Return the record of a sweep that has come to its end before; None without."""
     try:
         there = json.loads(content(folder / MANIFEST))
     except (OSError, ValueError):
@@ -170,7 +155,7 @@ def _measured(
     plots: bool,
     quiet: bool,
 ) -> Measured | list[str]:
-    """Make the runs that are missing; give what is written, or how to go on."""
+    """Make the runs that are missing; return what is written, or how to go on."""
     folder = journal.path.parent
     with contextlib.ExitStack() as stack:
         stack.enter_context(writing(folder))
@@ -226,7 +211,7 @@ def _code(document: Mapping[str, Any]) -> int:
 
 
 def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
-    """Give the closing lines."""
+    """Return the closing lines."""
     runs, complete = document["runs"], document["complete"]
     head = f"{coloured('done', '32' if complete == runs else '31')}: "
     head += (
@@ -236,15 +221,13 @@ def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
     first = {r.outcome: r.reason for _, r in sorted(found.rows.items(), reverse=True)}
     for outcome, count in document["outcomes"].items():
         if reason := first[outcome]:
-            text = f"{counted(count, 'run')}, the first: {_cut(reason)}"
+            if len(reason) > REASON:
+                reason = reason[:REASON].rstrip() + " ..."
+            text = f"{counted(count, 'run')}, the first: {reason}"
             rows.append((outcome, text))
     seconds = document["timings"]["runs"]
     rows.append(("took", f"{seconds:.3g} s, {seconds / runs * 1e3:.3g} ms a run"))
     return head + "\n" + table([*rows, ("files", files)])
-
-
-def _cut(reason: str) -> str:
-    return reason if len(reason) <= REASON else reason[:REASON].rstrip() + " ..."
 
 
 def _spread(values: Sequence[float]) -> str:

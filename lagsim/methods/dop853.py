@@ -48,7 +48,7 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     derivative,
 )
-from lagsim.native.kernels.words import apart, at, total, unrolled
+from lagsim.native.kernels.words import apart, total, unrolled
 from lagsim.native.layout import array, part
 from lagsim.tolerances import OVERFLOW
 
@@ -92,10 +92,10 @@ class Dop853(State):
 
     previous_error: float  # of the last accepted step, for PI control
     k: Floats = array(lambda s: STAGES * s.size)
-    z: Floats = array(lambda s: s.size)
-    new: Floats = array(lambda s: s.size)
+    z: Floats = array("size")
+    new: Floats = array("size")
     dense: Floats = array(lambda s: 8 * s.size)
-    errors: Floats = part("dense", lambda _: 0, lambda s: 2 * s.size)
+    errors: Floats = part("dense", lambda s: 2 * s.size)
 
 
 STATE = Dop853
@@ -103,13 +103,12 @@ STATE = Dop853
 
 def start(s: Dop853, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
-    k = s.k
-    derivative(s.t, s.y, p, k)
+    derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
     s.previous_error = 1e-4
     record_sizes(s, p)
-    s.h = first_step(s, p, ORDER, k)
+    s.h = first_step(s, p, ORDER, s.k)
     s.at_bound = 0.0
     if CONSTRAINED:
         s.h = leave_loss(s, p, s.h)
@@ -152,18 +151,18 @@ def step(s: Dop853, p: Parameters) -> int:
 
 def attempt(s: Dop853, p: Parameters, h: float) -> float:
     """Make the stages of a step and give its error in units of the tolerance."""
-    t, size, y, k, z, new, remainder = s.t, s.size, s.y, s.k, s.z, s.new, s.remainder
+    t, size, k, new = s.t, s.size, s.k, s.new
     if CONSTRAINED:
         p.least_sigma = 1.0
     for stage in unrolled(1, 12):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            z[i] = y[i] + h * slope
-        derivative(t + C[stage] * h, z, p, at(k, stage * size))
+            s.z[i] = s.y[i] + h * slope
+        derivative(t + C[stage] * h, s.z, p, k[stage * size :])
     s.evaluations += 11.0
     for i in apart(size):
-        new[i] = y[i]
-        remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
+        new[i] = s.y[i]
+        s.remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
     add_change(s, p, k, h, new)
     set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
@@ -184,7 +183,7 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
         removed = h * h * forget_removed(s, p, h, errors)
-        forget_removed(s, p, h, at(errors, size))
+        forget_removed(s, p, h, errors[size:])
         error = bent(s, removed, error_norm(s.n, size, h, errors, tolerances))
         error = passable(s, error)
     return error
@@ -232,17 +231,17 @@ def combined(error5: float, error3: float) -> float:
 
 def accept(s: Dop853, p: Parameters, h: float) -> None:
     """Take the new state, and make the dense output ready where a row needs it."""
-    size, y, k, new = s.size, s.y, s.k, s.new
-    derivative(s.t + h, new, p, at(k, 12 * size))
+    size, k, new = s.size, s.k, s.new
+    derivative(s.t + h, new, p, k[12 * size :])
     if LOCALIZED:
-        check_features(s, p, h, y, k, new, at(k, 12 * size))
+        check_features(s, p, h, s.y, k, new, k[12 * size :])
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
     s.evaluations += 1.0
-    last = at(k, 11 * size)
-    record_speed(s, h, IMAGINARY_LIMIT, new, at(k, 12 * size), s.z, last)
+    last = k[11 * size :]
+    record_speed(s, h, IMAGINARY_LIMIT, new, k[12 * size :], s.z, last)
     row = s.row_start + s.row * s.row_step
     watched = CONSTRAINED and s.watched > 0.0
     watched = watched or (LOCALIZED and s.feature_possible > 0.0)
@@ -252,24 +251,23 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
         counted = s.evaluations
         prepare_dense(s, p)
         s.evaluations = counted  # nothing that is decided by them depends on it
-    for i in range(size):
-        y[i] = new[i]
-        k[i] = k[12 * size + i]
+    s.y[:] = new
+    k[:size] = k[12 * size : 13 * size]
     keep_compensation(s)
     record_measured(s, p)
 
 
 def prepare_dense(s: Dop853, p: Parameters) -> None:
     """Evaluate the three extra stages, and the coefficients of the polynomial."""
-    h, size, y, k, z, new, dense = s.step_h, s.size, s.y, s.k, s.z, s.new, s.dense
+    h, size, y, k, dense = s.step_h, s.size, s.y, s.k, s.dense
     for stage in unrolled(13, 16):
         for i in apart(size):
             slope = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            z[i] = y[i] + h * slope
-        derivative(s.step_t + C[stage] * h, z, p, at(k, stage * size))
+            s.z[i] = y[i] + h * slope
+        derivative(s.step_t + C[stage] * h, s.z, p, k[stage * size :])
     s.evaluations += 3.0
     for i in apart(size):
-        change = new[i] - y[i]
+        change = s.new[i] - y[i]
         bend = h * k[i] - change
         dense[i] = y[i]
         dense[size + i] = change
@@ -282,24 +280,22 @@ def prepare_dense(s: Dop853, p: Parameters) -> None:
 
 def interpolate(s: Dop853, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step (II.6, (6.7))."""
-    size, dense = s.size, s.dense
     u = 1.0 - x
-    for i in apart(size):
+    for i in apart(s.size):
         value = 0.0
         for m in unrolled(7):
-            value = (value + dense[(7 - m) * size + i]) * (x if m % 2 == 0 else u)
-        out[i] = dense[i] + value
+            value = (value + s.dense[(7 - m) * s.size + i]) * (x if m % 2 == 0 else u)
+        out[i] = s.dense[i] + value
 
 
 def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
-    size, dense = s.size, s.dense
     u = 1.0 - x
-    for i in range(s.n, size):
+    for i in range(s.n, s.size):
         value = 0.0
         slope = 0.0
         for m in unrolled(7):
-            value = value + dense[(7 - m) * size + i]
+            value = value + s.dense[(7 - m) * s.size + i]
             if m % 2 == 0:
                 slope = slope * x + value
                 value = value * x

@@ -17,17 +17,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods import unrestricted
-from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
+    conclude,
     next_time,
     start,
     step_length,
-    take,
 )
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -54,23 +52,12 @@ STATE = Fixed
 
 def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size, y, k, slope, new = s.size, s.y, s.k, s.slope, s.new
     after = next_time(s)
     h = step_length(s, after)
-    for i in range(size):
-        new[i] = y[i] + h * k[i]
-    if not is_finite(size, new):
-        return NOT_FINITE
-    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
-        return PROJECTION_FAILED
-    derivative(after, new, p, slope)
-    s.evaluations += 1.0
-    take(s, p, after)
-    return DONE
+    s.new[:] = s.y + h * s.k
+    return conclude(s, p, after, h)
 
 
 def interpolate(s: Fixed, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: on the chord."""
-    size, y, old = s.size, s.y, s.old
-    for i in range(size):
-        out[i] = old[i] + x * (y[i] - old[i])
+    out[: s.size] = s.old + x * (s.y - s.old)

@@ -28,8 +28,8 @@ from lagsim.methods.parts.state import (
     PROJECTION_FAILED,
     linear,
 )
-from lagsim.native.kernels.words import at, unrolled
-from lagsim.native.layout import array, part
+from lagsim.native.kernels.words import unrolled
+from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, SAME_STEP, UNCOUPLED
 
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ class Exponential(State):
     forms: Floats = array(squares)  # ... and the forms P of the powers
     # What `linear` gives; then, for a step, exp - 1 by columns, and two to work with.
     given: Floats = array(lambda s: (1 + works(s)) * (1 + 3 * square(s)))
-    F: Floats = part("given", lambda _: 0, square)
-    x: Floats = part("given", square, square)
-    second: Floats = part("given", lambda s: 2 * square(s), square)
+    F: Floats = part("given", square)
+    x: Floats = after("F", square)
+    second: Floats = after("x", square)
     Q: Floats = array(squares)  # the forms of the works over a step
     d: Floats = array(lambda s: 2 * s.n + 1)  # the scales
     z: Floats = array(lambda s: 2 * s.n + 1)  # at the start of the step
@@ -126,20 +126,17 @@ STATE = Exponential
 def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
     m = 2 * s.n + 1
-    a, forms, given, d = s.A, s.forms, s.given, s.d
+    a, given, d = s.A, s.given, s.d
     linear(s.t, s.y, p, given)
-    for i in range(m * m):
-        a[i] = 0.0
+    a[: m * m] = 0.0
     count = fill(m, given, a)
     balance(m, a, d)
     for k in range(s.size - 2 * s.n):
-        form = at(forms, k * m * m)
-        for i in range(m * m):
-            form[i] = 0.0
-        count += fill(m, at(given, count), form)
+        form = s.forms[k * m * m :]
+        form[: m * m] = 0.0
+        count += fill(m, given[count:], form)
         for i in range(m):
-            for j in range(m):
-                form[i * m + j] = form[i * m + j] * d[i] * d[j]
+            form[i * m : (i + 1) * m] = form[i * m : (i + 1) * m] * d[i] * d
     s.norm = norm(m, m, a)
     make(s, s.fixed_step)
     s.evaluations += 1.0
@@ -167,7 +164,7 @@ def make(s: Exponential, h: float) -> None:
     """
     m = 2 * s.n + 1
     entries = m * m
-    a, forms, F, Q, x, y, d = s.A, s.forms, s.F, s.Q, s.x, s.second, s.d
+    F, Q, x, d = s.F, s.Q, s.x, s.d
     s.made_for = h
     tau = h
     doublings = 0
@@ -176,34 +173,31 @@ def make(s: Exponential, h: float) -> None:
         doublings += 1
     count = s.size - 2 * s.n
     for k in range(count):
-        begin_form(m, tau, a, at(forms, k * entries), at(Q, k * entries), x, y)
-    begin_exponential(m, tau, a, F, x)
+        begin_form(m, tau, s.A, s.forms[k * entries :], Q[k * entries :], x, s.second)
+    begin_exponential(m, tau, s.A, F, x)
     for _doubling in range(doublings):
         for k in range(count):
-            double_form(m, F, at(Q, k * entries), x, y)
+            double_form(m, F, Q[k * entries :], x, s.second)
         multiply(m, F, F, x)
-        for i in range(entries):
-            F[i] = 2.0 * F[i] + x[i]
+        F[:entries] = 2.0 * F[:entries] + x[:entries]
     for i in range(m):
         for j in range(m):
             x[j * m + i] = F[i * m + j] * d[i] / d[j]
             for k in range(count):
                 Q[k * entries + i * m + j] /= d[i] * d[j]
-    for i in range(entries):
-        F[i] = x[i]
+    F[:entries] = x[:entries]
 
 
 def step(s: Exponential, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size, n = s.size, s.n
+    n = s.n
     m = 2 * n + 1
     y, z, new, t = s.y, s.z, s.new, s.t
     after = next_time(s)
     h = after - t
     if abs(h - s.made_for) > SAME_STEP * s.made_for:
         make(s, h)
-    for i in range(m - 1):
-        z[i] = y[i]
+    z[: m - 1] = y[: m - 1]
     z[m - 1] = 1.0
     times_columns(m, s.F, z, new)
     for i in range(m - 1):
@@ -215,13 +209,11 @@ def step(s: Exponential, p: Parameters) -> int:
         if project(s, p, after, h, new, work) == 0:
             return PROJECTION_FAILED
         record_sigma(s, work[n + 1], h)
-    for i in range(m - 1):
-        y[i] = new[i]
-    Q, works_before = s.Q, s.works_before
-    for k in range(size - 2 * n):
+    y[: m - 1] = new[: m - 1]
+    for k in range(s.size - 2 * n):
         # What interpolation begins with, before y is the new state's.
-        works_before[k] = y[2 * n + k]
-        times_columns(m, at(Q, k * m * m), z, new)
+        s.works_before[k] = y[2 * n + k]
+        times_columns(m, s.Q[k * m * m :], z, new)
         for i in range(m):
             y[2 * n + k] += z[i] * new[i]
     s.step_t = t
@@ -238,36 +230,30 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
 
     N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
     """
-    size = s.size
     m = 2 * s.n + 1
-    count = size - 2 * s.n
-    forms, d, z, terms, new, found = s.forms, s.d, s.z, s.terms, s.new, s.found
-    works_before = s.works_before
-    for k in range(count):
-        found[k] = works_before[k]
+    count = s.size - 2 * s.n
+    terms, found = s.terms, s.found
+    found[:count] = s.works_before[:count]
     length = x * s.step_h
     parts = int(s.norm * length / SMALL) + 1
-    for i in range(m):
-        terms[i] = z[i] / d[i]
+    terms[:m] = s.z / s.d
     for _part in range(parts):
         make_terms(m, length / parts, s.A, terms)
         if count > 0:
             for node in unrolled(8):
-                sum_terms(m, TERMS, NODES[node], terms, new)
+                sum_terms(m, TERMS, NODES[node], terms, s.new)
                 for k in range(count):
-                    power = value_of(m, at(forms, k * m * m), new)
+                    power = value_of(m, s.forms[k * m * m :], s.new)
                     found[k] += length / parts * WEIGHTS[node] * power
         sum_terms(m, TERMS, 1.0, terms, terms)
-    for i in range(m - 1):
-        out[i] = terms[i] * d[i]
-    for k in range(count):
-        out[2 * s.n + k] = found[k]
+    out[: m - 1] = terms[: m - 1] * s.d[: m - 1]
+    out[2 * s.n : 2 * s.n + count] = found[:count]
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
     """Give z_k = (A tau)^k z_0 / k! from z_0 on."""
     for k in range(1, TERMS + 1):
-        before = at(terms, (k - 1) * m)
+        before = terms[(k - 1) * m :]
         for i in range(m):
             value = 0.0
             for j in range(m):
@@ -315,8 +301,7 @@ def balance(m: int, a: Floats, d: Floats) -> None:
     B. N. Parlett and C. Reinsch, Numer. Math. 13 (1969). No unit enters the number of
     squarings then. The last row is zero, so the last scale is free.
     """
-    for i in range(m):
-        d[i] = 1.0
+    d[:m] = 1.0
     changed = True
     for _sweep in range(SWEEPS):
         if changed:
@@ -403,77 +388,65 @@ def balancing(m: int, a: Floats, i: int) -> float:
 def rescale(m: int, a: Floats, d: Floats, i: int, factor: float) -> None:
     """Multiply column i by a power of two, divide row i by it, and note that in d."""
     d[i] = d[i] * factor
-    for j in range(m):
-        a[i * m + j] = a[i * m + j] / factor
+    a[i * m : (i + 1) * m] = a[i * m : (i + 1) * m] / factor
     for j in range(m):
         a[j * m + i] = a[j * m + i] * factor
 
 
 def begin_exponential(m: int, tau: float, a: Floats, F: Floats, x: Floats) -> None:
     """Set F to the series A tau (1 + A tau/2 (1 + A tau/3 (...)))."""
-    for i in range(m * m):
-        F[i] = 0.0
+    F[: m * m] = 0.0
     for back in range(TERMS):
         part = tau / (TERMS - back)
         multiply(m, a, F, x)
-        for i in range(m * m):
-            F[i] = part * (a[i] + x[i])
+        F[: m * m] = part * (a[: m * m] + x[: m * m])
 
 
 def begin_form(
     m: int, tau: float, a: Floats, form: Floats, Q: Floats, x: Floats, y: Floats
 ) -> None:
     """Set Q to the sum of tau^(k + 1)/(k + 1)! L^k(P), L(X) = X A + A^T X."""
-    for i in range(m * m):
-        y[i] = tau * form[i]
-        Q[i] = y[i]
+    y[: m * m] = tau * form[: m * m]
+    Q[: m * m] = y[: m * m]
     for k in range(FORM_TERMS):
         multiply(m, y, a, x)
         part = tau / (k + 2)
         for i in range(m):
             for j in range(m):
                 y[i * m + j] = part * (x[i * m + j] + x[j * m + i])
-        for i in range(m * m):
-            Q[i] += y[i]
+        Q[: m * m] += y[: m * m]
 
 
 def double_form(m: int, F: Floats, Q: Floats, x: Floats, y: Floats) -> None:
     """Replace Q by Q + (1 + F)^T Q (1 + F)."""
     multiply(m, Q, F, x)
-    for i in range(m * m):
-        y[i] = 0.0
+    y[: m * m] = 0.0
     for k in range(m):
         for i in range(m):
             factor = F[k * m + i]
             if factor != 0.0:
-                for j in range(m):
-                    y[i * m + j] += factor * x[k * m + j]
+                y[i * m : (i + 1) * m] += factor * x[k * m : (k + 1) * m]
     for i in range(m):
         for j in range(m):
             y[i * m + j] += x[i * m + j] + x[j * m + i]
-    for i in range(m * m):
-        Q[i] = 2.0 * Q[i] + y[i]
+    Q[: m * m] = 2.0 * Q[: m * m] + y[: m * m]
 
 
 def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
     """Give the product of two matrices (m, m)."""
     for i in range(m):
-        row = at(out, i * m)
-        for j in range(m):
-            row[j] = 0.0
+        row = out[i * m :]
+        row[:m] = 0.0
         for k in range(m):
             factor = a[i * m + k]
             if factor != 0.0:
-                for j in range(m):
-                    row[j] += factor * b[k * m + j]
+                row[:m] += factor * b[k * m : (k + 1) * m]
 
 
 def times_columns(m: int, a: Floats, z: Floats, out: Floats) -> None:
     """Give the product with a matrix that is stored by columns."""
-    for i in range(m):
-        out[i] = 0.0
+    out[:m] = 0.0
     for j in range(m):
-        column = at(a, j * m)
+        column = a[j * m :]
         factor = z[j]
-        for i in range(m):
-            out[i] += factor * column[i]
+        out[:m] += factor * column[:m]

@@ -22,13 +22,13 @@ from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
-    begin,
     interpolate,
     judge,
     next_time,
     step_length,
     take,
 )
+from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
     LOST,
     MOST,
@@ -49,7 +49,6 @@ from lagsim.methods.parts.state import (
     lagrangian,
     lagrangian_slopes,
 )
-from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import SAME_STEP
 
@@ -99,11 +98,11 @@ class Gauss(Fixed):
     stages: int
     due: float  # 1 where factors are to be made
     factored_h: float  # the step they belong to
-    nodes: Floats = array(lambda s: s.stages)  # the tableau: c, b, A
-    weights: Floats = array(lambda s: s.stages)
+    nodes: Floats = array("stages")  # the tableau: c, b, A
+    weights: Floats = array("stages")
     coefficients: Floats = array(lambda s: s.stages * s.stages)
-    z: Floats = array(lambda s: s.size)  # a state to ask at
-    momenta: Floats = array(lambda s: s.n)
+    z: Floats = array("size")  # a state to ask at
+    momenta: Floats = array("n")
     # Of each stage: the velocities, those of the step before, what `lagrangian` gives
     # and what `lagrangian_slopes` does.
     V: Floats = array(lambda s: s.stages * s.n)
@@ -115,8 +114,8 @@ class Gauss(Fixed):
     pivots: Floats = array(lambda s: s.stages * s.n)
     right: Floats = array(lambda s: s.stages * s.n)
     M: Floats = array(lambda s: s.n * s.n)
-    M_pivots: Floats = array(lambda s: s.n)
-    change: Floats = array(lambda s: s.n)
+    M_pivots: Floats = array("n")
+    change: Floats = array("n")
 
 
 def refusal(scene: Structure) -> str:
@@ -134,13 +133,11 @@ def refusal(scene: Structure) -> str:
 def start(s: Gauss, p: Parameters) -> None:
     """Begin an arc: momenta from velocities; the stages begin at the velocities."""
     begin(s, p)
-    n, y, momenta, V, out = s.n, s.y, s.momenta, s.V, s.found
-    lagrangian(s.t, y, p, out)
-    for i in range(n):
-        momenta[i] = out[i]
+    n = s.n
+    lagrangian(s.t, s.y, p, s.found)
+    s.momenta[:] = s.found[:n]
     for stage in range(s.stages):
-        for i in range(n):
-            V[stage * n + i] = y[n + i]
+        s.V[stage * n : (stage + 1) * n] = s.y[n : 2 * n]
     s.due = 1.0
 
 
@@ -164,9 +161,8 @@ def step(s: Gauss, p: Parameters) -> int:
 
 def predict(s: Gauss) -> None:
     """Extend the polynomial through the stages' velocities and the last one."""
-    n, y, nodes, V, stages, old = s.n, s.y, s.nodes, s.V, s.stages, s.V_before
-    for k in range(stages * n):
-        old[k] = V[k]
+    n, nodes, stages = s.n, s.nodes, s.stages
+    s.V_before[:] = s.V
     if s.step_h == 0.0:
         return
     for stage in range(stages):
@@ -176,19 +172,19 @@ def predict(s: Gauss) -> None:
             value = 0.0
             for j in range(stages + 1):
                 node = nodes[j] if j < stages else 1.0
-                part = old[j * n + i] if j < stages else y[n + i]
+                part = s.V_before[j * n + i] if j < stages else s.y[n + i]
                 for k in range(stages + 1):
                     if k != j:
                         other = nodes[k] if k < stages else 1.0
                         part *= (x - other) / (node - other)
                 value += part
-            V[stage * n + i] = value
+            s.V[stage * n + i] = value
 
 
 def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
     """Solve for the stages' velocities; give 0 where Newton's method fails."""
-    n, V, stages = s.n, s.V, s.stages
-    unknowns = stages * n
+    n = s.n
+    unknowns = s.stages * n
     right = s.right
     if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
@@ -198,19 +194,16 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
             return 0
         s.due = 0.0
         residual(s, p, h)
-        solve(unknowns, s.K, s.pivots, right)
+        solve(1, unknowns, s.K, s.pivots, right)
         moved = 0.0
         worst = 0
-        for stage in range(stages):
-            part = largest_part(1, s, h, at(V, stage * n), at(right, stage * n))
+        for stage in range(s.stages):
+            part = largest_part(1, s, h, s.V[stage * n :], right[stage * n :])
             if part > moved:
                 worst = stage * n
                 moved = part
-        for k in range(unknowns):
-            V[k] += right[k]
-        state = judge(
-            s, p, h, at(V, worst), at(right, worst), iteration, moved, previous
-        )
+        s.V[:] += right
+        state = judge(s, p, h, s.V[worst:], right[worst:], iteration, moved, previous)
         if state == SOLVED:
             return 1
         if state == LOST:
@@ -223,53 +216,53 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
 
 def residual(s: Gauss, p: Parameters, h: float) -> None:
     """Leave p0 + h sum a_ij F_j - dL/dq'(Q_i, V_i) as the right side."""
-    n, momenta, nodes, A, stages = s.n, s.momenta, s.nodes, s.coefficients, s.stages
-    out, right, z, width = s.found, s.right, s.z, s.size
+    n, stages = s.n, s.stages
+    out, width = s.found, s.size
     for stage in range(stages):
-        place(s, stage, h, z)
-        lagrangian(s.t + nodes[stage] * h, z, p, at(out, stage * width))
+        place(s, stage, h, s.z)
+        lagrangian(s.t + s.nodes[stage] * h, s.z, p, out[stage * width :])
     s.evaluations += stages
     for stage in range(stages):
         for i in range(n):
-            value = momenta[i] - out[stage * width + i]
+            value = s.momenta[i] - out[stage * width + i]
             for j in range(stages):
-                a = A[stage * stages + j]
+                a = s.coefficients[stage * stages + j]
                 value += h * a * out[j * width + n + i]
-            right[stage * n + i] = value
+            s.right[stage * n + i] = value
 
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
     """Give the state (Q, V) of a stage."""
-    n, y, A, V = s.n, s.y, s.coefficients, s.V
+    n = s.n
     for i in range(n):
         moved = 0.0
         for j in range(s.stages):
-            moved += A[stage * s.stages + j] * V[j * n + i]
-        z[i] = y[i] + h * moved
-        z[n + i] = V[stage * n + i]
-    for i in range(2 * n, s.size):
-        z[i] = y[i]
+            moved += s.coefficients[stage * s.stages + j] * s.V[j * n + i]
+        z[i] = s.y[i] + h * moved
+        z[n + i] = s.V[stage * n + i]
+    z[2 * n : s.size] = s.y[2 * n :]
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
     """Factor the Newton matrix at the present stages; give 0 where it is singular."""
-    n, nodes, stages = s.n, s.nodes, s.stages
+    n, stages = s.n, s.stages
     unknowns = stages * n
-    slopes, K, z = s.slopes, s.K, s.z
     block = 4 * n * n
     for stage in range(stages):
-        place(s, stage, h, z)
-        t = s.t + nodes[stage] * h
-        lagrangian_slopes(t, z, p, at(slopes, stage * block))
-    take_finite(stages * block, slopes)
+        place(s, stage, h, s.z)
+        t = s.t + s.nodes[stage] * h
+        lagrangian_slopes(t, s.z, p, s.slopes[stage * block :])
+    take_finite(stages * block, s.slopes)
     s.factorisations += 1.0
     s.factored_h = h
     for i in range(stages):
         for k in range(stages):
             for r in range(n):
                 for c in range(n):
-                    K[(i * n + r) * unknowns + k * n + c] = entry(s, h, i, k, r * n + c)
-    return decompose(unknowns, K, s.pivots)
+                    s.K[(i * n + r) * unknowns + k * n + c] = entry(
+                        s, h, i, k, r * n + c
+                    )
+    return decompose(1, unknowns, s.K, s.pivots)
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
@@ -289,43 +282,36 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 def conclude(s: Gauss, h: float) -> None:
     """Give the new positions, momenta and work; the velocities go on for a start."""
-    size, n, y, new, compensation = s.size, s.n, s.y, s.new, s.compensation
-    momenta = s.momenta
-    weights, stages, V, out = s.weights, s.stages, s.V, s.found
-    for i in range(size):
-        new[i] = y[i]
+    n, new, compensation = s.n, s.new, s.compensation
+    stages = s.stages
+    s.new[:] = s.y
     for stage in range(stages):
-        weight = h * weights[stage]
-        forces = at(out, stage * size + n)
-        add(n, new, compensation, weight, at(V, stage * n))
-        add(n, momenta, at(compensation, n), weight, forces)
-        add(
-            size - 2 * n, at(new, 2 * n), at(compensation, 2 * n), weight, at(forces, n)
-        )
-    for i in range(n):
-        new[n + i] = V[(stages - 1) * n + i]
+        weight = h * s.weights[stage]
+        forces = s.found[stage * s.size + n :]
+        add(n, new, compensation, weight, s.V[stage * n :])
+        add(n, s.momenta, compensation[n:], weight, forces)
+        add(s.size - 2 * n, new[2 * n :], compensation[2 * n :], weight, forces[n:])
+    new[n : 2 * n] = s.V[(stages - 1) * n : (stages - 1) * n + n]
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     """Solve dL/dq' = p for the velocities; give 0 where Newton's method fails."""
-    n, new, momenta, out, M, change = s.n, s.new, s.momenta, s.found, s.M, s.change
+    n, new, M, change = s.n, s.new, s.M, s.change
     previous = 0.0
     renewing = RENEW
     for iteration in range(MOST):
         if renewing == RENEW:
             inertia(t, new, p, M)
             s.factorisations += 1.0
-            if decompose(n, M, s.M_pivots) == 0:
+            if decompose(1, n, M, s.M_pivots) == 0:
                 return 0
-        lagrangian(t, new, p, out)
+        lagrangian(t, new, p, s.found)
         s.evaluations += 1.0
-        for i in range(n):
-            change[i] = momenta[i] - out[i]
-        solve(n, M, s.M_pivots, change)
-        moved = largest_part(1, s, h, at(new, n), change)
-        for i in range(n):
-            new[n + i] += change[i]
-        renewing = judge(s, p, h, at(new, n), change, iteration, moved, previous)
+        s.change[:] = s.momenta - s.found[:n]
+        solve(1, n, M, s.M_pivots, change)
+        moved = largest_part(1, s, h, new[n:], change)
+        new[n : 2 * n] += change
+        renewing = judge(s, p, h, new[n:], change, iteration, moved, previous)
         if renewing == SOLVED:
             return 1
         if renewing == LOST:
@@ -338,8 +324,8 @@ class Gauss4(Gauss):
     """Its tableau."""
 
     stages: int = 2
-    nodes: Floats = array(lambda s: s.stages, C)
-    weights: Floats = array(lambda s: s.stages, B)
+    nodes: Floats = array("stages", C)
+    weights: Floats = array("stages", B)
     coefficients: Floats = array(lambda s: s.stages**2, (*A[0], *A[1]))
 
 

@@ -19,16 +19,16 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import is_finite, largest_part, meet_constraints
+from lagsim.methods.parts.constraints import largest_part
 from lagsim.methods.parts.fixed import (
     Fixed,
-    begin,
+    conclude,
     interpolate,
     judge,
     next_time,
     step_length,
-    take,
 )
+from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
     LOST,
     MOST,
@@ -40,15 +40,7 @@ from lagsim.methods.parts.newton import (
     too_large,
 )
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DONE,
-    NEWTON_FAILED,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    derivative,
-    jacobian,
-)
-from lagsim.native.kernels.words import at
+from lagsim.methods.parts.state import DONE, NEWTON_FAILED, derivative, jacobian
 from lagsim.native.layout import array, option
 from lagsim.tolerances import SAME_STEP
 
@@ -133,12 +125,12 @@ class GeneralizedAlpha(Fixed):
     )  # fmt: skip
     due: float  # 1 where factors are to be made
     factored_h: float  # the step they belong to
-    a: Floats = array(lambda s: s.n)
-    a_new: Floats = array(lambda s: s.n)
-    change: Floats = array(lambda s: s.n)
+    a: Floats = array("n")
+    a_new: Floats = array("n")
+    change: Floats = array("n")
     J: Floats = array(lambda s: (s.size - s.n) * 2 * s.n)
     factors: Floats = array(lambda s: s.n * s.n)
-    pivots: Floats = array(lambda s: s.n)
+    pivots: Floats = array("n")
 
 
 STATE = GeneralizedAlpha
@@ -158,45 +150,34 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     first step an order worse (Arnold and Bruels, section 3). Where the step does not
     resolve the fast motion, a slope says nothing about it, and is left out.
     """
-    n, y, k, slope, z, a, J, h = s.n, s.y, s.k, s.slope, s.new, s.a, s.J, s.fixed_step
+    n, y, k, z, h = s.n, s.y, s.k, s.new, s.fixed_step
     radius = s.spectral_radius
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h
-    for i in range(n):
-        z[i] = y[i] + ahead * (y[n + i] + 0.5 * ahead * k[n + i])
-        z[n + i] = y[n + i] + ahead * k[n + i]
-    derivative(s.t + ahead, z, p, slope)
+    z[:n] = y[:n] + ahead * (y[n : 2 * n] + 0.5 * ahead * k[n : 2 * n])
+    z[n : 2 * n] = y[n : 2 * n] + ahead * k[n : 2 * n]
+    derivative(s.t + ahead, z, p, s.slope)
     s.evaluations += 1.0
-    jacobian(s.t, y, p, J)
+    jacobian(s.t, y, p, s.J)
     for i in range(n):
-        a[i] = k[n + i]
-        row = at(J, 2 * i * n)
+        s.a[i] = k[n + i]
+        row = s.J[2 * i * n :]
         if ahead * (h * abs(row[i]) + abs(row[n + i])) < RESOLVED:
-            change = slope[n + i] - k[n + i]
-            a[i] += change if off >= 0.0 else -change
+            change = s.slope[n + i] - k[n + i]
+            s.a[i] += change if off >= 0.0 else -change
 
 
 def step(s: GeneralizedAlpha, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size, n, y, k, slope, new, a = s.size, s.n, s.y, s.k, s.slope, s.new, s.a
-    a_new = s.a_new
     after = next_time(s)
     h = step_length(s, after)
     code = balance(s, p, after, h)
     if code != DONE:
         return code
-    for i in range(2 * n, size):
-        new[i] = y[i] + 0.5 * h * (k[i] + slope[i])
-    if not is_finite(size, new):
-        return NOT_FINITE
-    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
-        return PROJECTION_FAILED
-    derivative(after, new, p, slope)
-    s.evaluations += 1.0
-    for i in range(n):
-        a[i] = a_new[i]
-    take(s, p, after)
-    return DONE
+    for i in range(2 * s.n, s.size):
+        s.new[i] = s.y[i] + 0.5 * h * (s.k[i] + s.slope[i])
+    s.a[:] = s.a_new
+    return conclude(s, p, after, h)
 
 
 def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
@@ -204,13 +185,12 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
     """
-    n, new, slope, k, a, a_new = s.n, s.new, s.slope, s.k, s.a, s.a_new
+    n, new = s.n, s.new
     change, radius = s.change, s.spectral_radius
     alpha_m = share(radius)
     alpha_f = radius / (radius + 1.0)
     gamma = weight(radius)
-    for i in range(n):
-        a_new[i] = a[i]
+    s.a_new[:] = s.a
     advance(s, h)
     if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
@@ -219,18 +199,17 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
         if s.due > 0.0 and renew(s, p, after, h) == 0:
             return NEWTON_FAILED
         s.due = 0.0
-        derivative(after, new, p, slope)
+        derivative(after, new, p, s.slope)
         s.evaluations += 1.0
         for i in range(n):
-            new_force = (1.0 - alpha_f) * slope[n + i] + alpha_f * k[n + i]
-            change[i] = new_force - (1.0 - alpha_m) * a_new[i] - alpha_m * a[i]
-        solve(n, s.factors, s.pivots, change)
-        for i in range(n):
-            a_new[i] += change[i]
-            change[i] *= h * gamma
+            new_force = (1.0 - alpha_f) * s.slope[n + i] + alpha_f * s.k[n + i]
+            change[i] = new_force - (1.0 - alpha_m) * s.a_new[i] - alpha_m * s.a[i]
+        solve(1, n, s.factors, s.pivots, change)
+        s.a_new[:] += change
+        s.change[:] *= h * gamma
         advance(s, h)
-        moved = largest_part(1, s, h, at(new, n), change)
-        state = judge(s, p, h, at(new, n), change, iteration, moved, previous)
+        moved = largest_part(1, s, h, new[n:], change)
+        state = judge(s, p, h, new[n:], change, iteration, moved, previous)
         if state == SOLVED:
             return DONE
         if state == LOST:
@@ -243,13 +222,13 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
     """Give the new positions and velocities that belong to the new acceleration."""
-    n, y, new, a, a_new = s.n, s.y, s.new, s.a, s.a_new
+    n, y = s.n, s.y
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)
     for i in range(n):
-        mean = (0.5 - beta) * a[i] + beta * a_new[i]
-        new[i] = y[i] + h * (y[n + i] + h * mean)
-        new[n + i] = y[n + i] + h * ((1.0 - gamma) * a[i] + gamma * a_new[i])
+        mean = (0.5 - beta) * s.a[i] + beta * s.a_new[i]
+        s.new[i] = y[i] + h * (y[n + i] + h * mean)
+        s.new[n + i] = y[n + i] + h * ((1.0 - gamma) * s.a[i] + gamma * s.a_new[i])
 
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
@@ -263,8 +242,9 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     s.factorisations += 2.0
     s.factored_h = h
     for i in range(n):
-        row = at(J, 2 * i * n)
-        for j in range(n):
-            factors[i * n + j] = -positions * row[j] - velocities * row[n + j]
+        row = J[2 * i * n :]
+        factors[i * n : (i + 1) * n] = (
+            -positions * row[:n] - velocities * row[n : 2 * n]
+        )
         factors[i * n + i] += 1.0 - share(radius)
-    return decompose(n, factors, s.pivots)
+    return decompose(1, n, factors, s.pivots)

@@ -58,7 +58,7 @@ class KahanLi6(Composition):
     """The weights of its Verlet steps."""
 
     stages: int = 9
-    weights: Floats = array(lambda s: s.stages, WEIGHTS)
+    weights: Floats = array("stages", WEIGHTS)
 
 
 STATE = KahanLi6

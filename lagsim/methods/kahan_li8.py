@@ -21,32 +21,23 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import is_finite
-from lagsim.methods.parts.fixed import (
-    begin,
-    hermite,
-    next_time,
-    step_length,
-    take,
-)
+from lagsim.methods.parts.fixed import hermite
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import DONE, NOT_FINITE, derivative, power
+from lagsim.methods.parts.state import DONE, derivative, power
 from lagsim.methods.verlet import (
     Symplectic,
-    arrive,
     composed_amplification,
-    depart,
-    drift,
-    kick,
     refusal,
+    start,
 )
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.methods.verlet import step as compose
+from lagsim.native.kernels.words import total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-__all__ = ["refusal"]
+__all__ = ["refusal", "start"]
 
 NAME = "kahan-li8"
 TITLE = "Kahan-Li composition of 17 Verlet steps"
@@ -108,64 +99,28 @@ RISE = (
 
 
 class Composition(Symplectic):
-    """The Verlet steps that make a step, and the polynomials of the last one."""
+    """The polynomials of the last step."""
 
-    stages: int
-    weights: Floats = array(lambda s: s.stages)
-    ends: Floats = array(
-        lambda s: s.stages
-    )  # of the Verlet steps, as parts of the step
-    # Half of a step's kick before it and half after it; those that meet are one.
-    kicks: Floats = array(lambda s: s.stages + 1)
     r: Floats = array(lambda s: 4 * s.size)
-    c3: Floats = array(lambda s: s.size)  # the quintic
-    c4: Floats = array(lambda s: s.size)
-    c5: Floats = array(lambda s: s.size)
-    residuals: Floats = array(
-        lambda s: 4 * s.size
-    )  # what is left over at the four points
-    z: Floats = array(lambda s: s.size)
-
-
-def start(s: Composition, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    weights, ends, kicks = s.weights, s.ends, s.kicks
-    end = 0.0
-    before = 0.0
-    for stage in range(s.stages):
-        kicks[stage] = 0.5 * (before + weights[stage])
-        before = weights[stage]
-        end += before
-        ends[stage] = end
-    kicks[s.stages] = 0.5 * before
-    ends[s.stages - 1] = 1.0
-    begin(s, p)
+    c3: Floats = array("size")  # the quintic
+    c4: Floats = array("size")
+    c5: Floats = array("size")
+    residuals: Floats = array(lambda s: 4 * s.size)  # at the four points
+    z: Floats = array("size")
 
 
 def step(s: Composition, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    weights, ends, kicks, t = s.weights, s.ends, s.kicks, s.t
-    after = next_time(s)
-    h = step_length(s, after)
-    depart(s)
-    kick(s, p, t, kicks[0] * h)
-    for stage in range(s.stages):
-        drift(s, p, t + ends[stage] * h, weights[stage] * h)
-        kick(s, p, t + ends[stage] * h, kicks[stage + 1] * h)
-    if not is_finite(s.size, s.new):
-        return NOT_FINITE
-    s.evaluations += s.stages
-    arrive(s, p, after)
-    take(s, p, after)
-    make_dense(s, p)
-    return DONE
+    code = compose(s, p)
+    if code == DONE:
+        make_dense(s, p)
+    return code
 
 
 def make_dense(s: Composition, p: Parameters) -> None:
     """Make the polynomials: the quintic always, r where a row lies within the step."""
-    size, n, r, residuals = s.size, s.n, s.r, s.residuals
-    for i in range(4 * size):
-        r[i] = 0.0
+    size, n = s.size, s.n
+    s.r[:] = 0.0
     quintic(s)
     row = s.row_start + s.row * s.row_step
     extra = s.extras > 0.0 and s.extra < s.t
@@ -173,8 +128,10 @@ def make_dense(s: Composition, p: Parameters) -> None:
         look_within(s, p)
         for i in range(n):
             for m in unrolled(4):
-                some = total(BEND[m][j] * residuals[j * size + i] for j in unrolled(4))
-                r[m * size + i] = some
+                some = total(
+                    BEND[m][j] * s.residuals[j * size + i] for j in unrolled(4)
+                )
+                s.r[m * size + i] = some
         correct(s, n, 2 * n)
         if size > 2 * n:
             look_at_power(s, p)
@@ -183,77 +140,74 @@ def make_dense(s: Composition, p: Parameters) -> None:
 
 def quintic(s: Composition) -> None:
     """Coefficients of x^3, x^4, x^5 in the quintics (3, size) of the positions."""
-    n, h, y, old, before, k, c3 = s.n, s.step_h, s.y, s.old, s.before, s.k, s.c3
-    c4, c5 = s.c4, s.c5
+    n, h, old = s.n, s.step_h, s.old
     for i in range(n):
-        a0 = h * h * before[n + i]
-        rest = y[i] - old[i] - h * old[n + i] - 0.5 * a0
-        turn = h * (y[n + i] - old[n + i]) - a0
-        change = h * h * k[n + i] - a0
-        c3[i] = 10.0 * rest - 4.0 * turn + 0.5 * change
-        c4[i] = -15.0 * rest + 7.0 * turn - change
-        c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
+        a0 = h * h * s.before[n + i]
+        rest = s.y[i] - old[i] - h * old[n + i] - 0.5 * a0
+        turn = h * (s.y[n + i] - old[n + i]) - a0
+        change = h * h * s.k[n + i] - a0
+        s.c3[i] = 10.0 * rest - 4.0 * turn + 0.5 * change
+        s.c4[i] = -15.0 * rest + 7.0 * turn - change
+        s.c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
 
 
 def look_within(s: Composition, p: Parameters) -> None:
     """Residuals of the accelerations at the nodes (4, size)."""
-    size, n, h, before, slope, c3 = s.size, s.n, s.step_h, s.before, s.slope, s.c3
-    c4, c5, residuals, z = s.c4, s.c5, s.residuals, s.z
+    n, h, slope = s.n, s.step_h, s.slope
     for j in unrolled(4):
         x = NODES[j]
-        interpolate(s, x, z)
-        derivative(s.step_t + x * h, z, p, slope)
+        interpolate(s, x, s.z)
+        derivative(s.step_t + x * h, s.z, p, slope)
         s.evaluations += 1.0
         for i in range(n):
-            curved = x * (6.0 * c3[i] + x * (12.0 * c4[i] + x * 20.0 * c5[i]))
-            residuals[j * size + i] = h * h * (slope[n + i] - before[n + i]) - curved
-            residuals[j * size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
+            curved = x * (6.0 * s.c3[i] + x * (12.0 * s.c4[i] + x * 20.0 * s.c5[i]))
+            s.residuals[j * s.size + i] = (
+                h * h * (slope[n + i] - s.before[n + i]) - curved
+            )
+            s.residuals[j * s.size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
     """Residuals of the powers at the nodes, along the corrected path."""
-    size, h = s.size, s.step_h
+    h = s.step_h
     first = 2 * s.n
-    residuals, z = s.residuals, s.z
     for j in unrolled(4):
         x = NODES[j]
-        interpolate(s, x, z)
-        rates = at(residuals, j * size)
-        power(s.step_t + x * h, z, p, at(rates, first))
-        for i in range(first, size):
+        interpolate(s, x, s.z)
+        rates = s.residuals[j * s.size :]
+        power(s.step_t + x * h, s.z, p, rates[first:])
+        for i in range(first, s.size):
             rates[i] = h * rates[i] - steepness(s, i, x)
 
 
 def correct(s: Composition, first: int, end: int) -> None:
     """Corrections r of the components from `first` on, from residuals of rates."""
-    size, r, residuals = s.size, s.r, s.residuals
     for i in range(first, end):
         for m in unrolled(4):
-            some = total(RISE[m][j] * residuals[j * size + i] for j in unrolled(4))
-            r[m * size + i] = some
+            some = total(RISE[m][j] * s.residuals[j * s.size + i] for j in unrolled(4))
+            s.r[m * s.size + i] = some
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
     """Give how steep the cubic of component i is, times the step."""
-    h, old, before, k = s.step_h, s.old, s.before, s.k
+    h = s.step_h
     u = 1.0 - x
-    change = s.y[i] - old[i]
-    first = h * before[i] - change
-    last = h * k[i] - change
+    change = s.y[i] - s.old[i]
+    first = h * s.before[i] - change
+    last = h * s.k[i] - change
     return float(change + u * (u - 2.0 * x) * first + x * (x - 2.0 * u) * last)
 
 
 def interpolate(s: Composition, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step."""
-    size, n, h, old, before, c3, c4 = s.size, s.n, s.step_h, s.old, s.before, s.c3, s.c4
-    c5 = s.c5
+    n, h = s.n, s.step_h
     w = x * (1.0 - x)
     hermite(s, x, out)
     for i in range(n):
-        straight = x * h * (old[n + i] + 0.5 * x * h * before[n + i])
-        far = x * x * x * (c3[i] + x * (c4[i] + x * c5[i]))
-        out[i] = old[i] + straight + far + w * w * w * polynomial(s, i, x)
-    for i in range(n, size):
+        straight = x * h * (s.old[n + i] + 0.5 * x * h * s.before[n + i])
+        far = x * x * x * (s.c3[i] + x * (s.c4[i] + x * s.c5[i]))
+        out[i] = s.old[i] + straight + far + w * w * w * polynomial(s, i, x)
+    for i in range(n, s.size):
         out[i] += w * w * polynomial(s, i, x)
 
 
@@ -269,7 +223,7 @@ class KahanLi8(Composition):
     """The weights of its Verlet steps."""
 
     stages: int = 17
-    weights: Floats = array(lambda s: s.stages, WEIGHTS)
+    weights: Floats = array("stages", WEIGHTS)
 
 
 STATE = KahanLi8

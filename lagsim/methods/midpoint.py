@@ -50,8 +50,8 @@ class Midpoint(Gauss):
     """Its tableau."""
 
     stages: int = 1
-    nodes: Floats = array(lambda s: s.stages, C)
-    weights: Floats = array(lambda s: s.stages, B)
+    nodes: Floats = array("stages", C)
+    weights: Floats = array("stages", B)
     coefficients: Floats = array(lambda s: s.stages**2, A[0])
 
 

@@ -45,7 +45,6 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effort
-from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SETTLED_IMPULSE, SLIP_AT_REST
 
@@ -70,11 +69,11 @@ class Moreau(State):
 
     unsettled: float  # steps whose impulses were not found to the end
     multipliers: float  # where they begin in y
-    old: Floats = array(lambda s: s.size)
-    new: Floats = array(lambda s: s.size)
-    z: Floats = array(lambda s: s.size)
-    w: Floats = array(lambda s: s.n)
-    room: Floats = array(lambda s: s.size)
+    old: Floats = array("size")
+    new: Floats = array("size")
+    z: Floats = array("size")
+    w: Floats = array("n")
+    room: Floats = array("size")
 
 
 STATE = Moreau
@@ -92,27 +91,24 @@ def amplification(z: complex) -> float:
 
 def start(s: Moreau, p: Parameters) -> None:
     """Begin an arc: multipliers at its start are those of the step to come."""
-    y, new = s.y, s.new
     s.step_h = 0.0
     s.multipliers = s.size - p.met
     attempt(s, p, min(float(s.fixed_step), s.end - s.t))
     for i in range(s.size - p.met, s.size):
-        if abs(new[i]) < OVERFLOW:
-            y[i] = new[i]
+        if abs(s.new[i]) < OVERFLOW:
+            s.y[i] = s.new[i]
     record_extents(s)
 
 
 def step(s: Moreau, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    y, old, new, size = s.y, s.old, s.new, s.size
     after = next_time(s)
     if attempt(s, p, step_length(s, after)) == 0:
         s.unsettled += 1.0
-    if not is_finite(size, new):
+    if not is_finite(s.size, s.new):
         return NOT_FINITE
-    for i in range(size):
-        old[i] = y[i]
-        y[i] = new[i]
+    s.old[:] = s.y
+    s.y[:] = s.new
     s.step_t = s.t
     s.step_h = after - s.t
     s.t = after
@@ -123,26 +119,21 @@ def step(s: Moreau, p: Parameters) -> int:
 
 def attempt(s: Moreau, p: Parameters, h: float) -> int:
     """Leave the state after a step h; give 0 if the impulses are not quite right."""
-    n, y, z, w, new, room, pushes = s.n, s.y, s.z, s.w, s.new, s.room, p.pushes
+    n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
-    for i in range(s.size):
-        z[i] = y[i]
-        new[i] = y[i]
-    for i in range(n):
-        z[i] += 0.5 * h * y[n + i]
-        room[i] = y[n + i]
+    s.z[:] = y
+    s.new[:] = y
+    z[:n] += 0.5 * h * y[n : 2 * n]
+    s.room[:n] = y[n : 2 * n]
     balance(middle, z, p, p.balance)
     s.evaluations += 1.0
     factor(p)
-    for i in range(n):
-        w[i] = pushes[i]
+    s.w[:] = p.pushes[:n]
     respond(p, w)
-    for i in range(n):
-        w[i] = room[i] + h * w[i]
+    s.w[:] = s.room[:n] + h * w
     sweeps = meet_rows(s, p, h)
-    for i in range(n):
-        new[i] = z[i] + 0.5 * h * w[i]
-        new[n + i] = w[i]
+    s.new[:n] = z[:n] + 0.5 * h * w
+    s.new[n : 2 * n] = w
     if p.works > 0:
         add_work(s, p, middle, h)
     return sweeps
@@ -153,34 +144,29 @@ def meet_rows(s: Moreau, p: Parameters, h: float) -> int:
 
     The last ones are the guess.
     """
-    n = s.n
     first = s.size - p.met
-    y, z, new, acting, struck = s.y, s.z, s.new, p.acting, p.struck
-    count = gather(p, at(z, n), s.w, h, s.room)
-    for k in range(p.met):
-        new[first + k] = 0.0
+    count = gather(p, s.z[s.n :], s.w, h, s.room)
+    s.new[first : first + p.met] = 0.0
     for i in range(count):
-        struck[i] = h * y[first + int(acting[i])]
-    sweeps = relax(p, count, h, at(z, n), s.w)
+        p.struck[i] = h * s.y[first + int(p.acting[i])]
+    sweeps = relax(p, count, h, s.z[s.n :], s.w)
     for i in range(count):
-        new[first + int(acting[i])] = struck[i] / h
+        s.new[first + int(p.acting[i])] = p.struck[i] / h
     return sweeps
 
 
 def add_work(s: Moreau, p: Parameters, middle: float, h: float) -> None:
     """Add the works of the forces, and of the impulses at the mean velocities."""
-    n, works, worked, starts = s.n, p.works, p.worked, p.slope_starts
-    columns, y, z, new, room = p.slope_columns, s.y, s.z, s.new, s.room
-    for i in range(n):
-        z[n + i] = 0.5 * (y[n + i] + new[n + i])
-    effort(middle, z, p, room)
-    for i in range(works):
-        new[2 * n + i] = y[2 * n + i] + h * room[i]
+    n, works = s.n, p.works
+    z, new = s.z, s.new
+    z[n : 2 * n] = 0.5 * (s.y[n : 2 * n] + new[n : 2 * n])
+    effort(middle, z, p, s.room)
+    new[2 * n : 2 * n + works] = s.y[2 * n : 2 * n + works] + h * s.room[:works]
     for k in range(p.met):
         impulse = h * new[s.size - p.met + k]
         if impulse != 0.0:
-            own = int(worked[int(columns[int(starts[k])])])
-            moved = rate(p, k, at(z, n)) - p.met_offsets[k]
+            own = int(p.worked[int(p.slope_columns[int(p.slope_starts[k])])])
+            moved = rate(p, k, z[n:]) - p.met_offsets[k]
             new[2 * n + own] += impulse * moved
 
 
@@ -189,11 +175,8 @@ def interpolate(s: Moreau, x: float, out: Floats) -> None:
 
     Multipliers are those of the step.
     """
-    y, old = s.y, s.old
-    for i in range(s.size):
-        out[i] = old[i] + x * (y[i] - old[i])
-    for i in range(int(s.multipliers), s.size):
-        out[i] = y[i]
+    out[: s.size] = s.old + x * (s.y - s.old)
+    out[int(s.multipliers) : s.size] = s.y[int(s.multipliers) :]
 
 
 # --- impulses of the rows that act, by projected relaxation ---------------------------
@@ -229,35 +212,32 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     y ends with these.
     """
-    n, motion = p.n, p.motion
-    lam = at(y, p.size - p.met)
-    starts, places = p.slope_starts, p.slope_columns
+    motion = p.motion
+    lam = y[p.size - p.met :]
     balance(t, y, p, p.balance)
-    slopes, pushes = p.met_slopes, p.pushes
     factor(p)
-    for j in range(n):
-        motion[j] = pushes[j]
+    motion[: p.n] = p.pushes[: p.n]
     for k in range(p.met):
-        for e in range(int(starts[k]), int(starts[k + 1])):
-            motion[int(places[e])] += slopes[e] * lam[k]
+        for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
+            motion[int(p.slope_columns[e])] += p.met_slopes[e] * lam[k]
     respond(p, motion)
     columns(t, y, p, out)
 
 
 def factor(p: Parameters) -> None:
     """Factor M = L L^T within its envelope, once if it is constant."""
-    n, M, L, first = p.n, p.balance, p.inertia_factor, p.inertia_first
+    L = p.inertia_factor
     if p.factored >= 1.0:
         return
     p.factored = min(p.constant, 1.0)
     row = 0
-    for i in range(n):
-        begin = int(first[i])
+    for i in range(p.n):
+        begin = int(p.inertia_first[i])
         other = 0
         for j in range(i + 1):
-            before = int(first[j])
+            before = int(p.inertia_first[j])
             if j >= begin:
-                value = M[row + j - begin]
+                value = p.balance[row + j - begin]
                 for k in range(max(begin, before), j):
                     value -= L[row + k - begin] * L[other + k - before]
                 if j < i:
@@ -273,10 +253,10 @@ def factor(p: Parameters) -> None:
 
 def respond(p: Parameters, x: Floats) -> None:
     """Replace forces x (n,) by M^-1 x."""
-    n, L, first = p.n, p.inertia_factor, p.inertia_first
+    n, L = p.n, p.inertia_factor
     row = 0
     for i in range(n):
-        begin = int(first[i])
+        begin = int(p.inertia_first[i])
         value = x[i]
         for j in range(begin, i):
             value -= L[row + j - begin] * x[j]
@@ -284,7 +264,7 @@ def respond(p: Parameters, x: Floats) -> None:
         x[i] = value / L[row - 1]
     for back in range(n):
         i = n - 1 - back
-        begin = int(first[i])
+        begin = int(p.inertia_first[i])
         row -= i - begin + 1
         if x[i] != 0.0:
             x[i] /= L[row + i - begin]
@@ -297,19 +277,19 @@ def gather(p: Parameters, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
     """
-    kind, gaps, force, normal = p.met_kind, p.met_gaps, p.met_force, p.met_normal
-    acting, place, aims = p.acting, p.among, p.aims
+    kind, gaps = p.met_kind, p.met_gaps
+    place, aims = p.among, p.aims
     count = 0
     p.answer_starts[0] = 0.0
     for k in range(p.met):
         place[k] = 0.0
-        acts = force[k] != 0.0
+        acts = p.met_force[k] != 0.0
         if kind[k] == CONTACT and gaps[k] > 0.0:
             acts = gaps[k] <= NEAR * h * reach(p, k, v, w) and acts
         if kind[k] == SLIP:
-            acts = place[int(normal[k])] > 0.0
+            acts = place[int(p.met_normal[k])] > 0.0
         if acts and answer(p, k, count, room) > 0:
-            acting[count] = k
+            p.acting[count] = k
             place[k] = count + 1
             before = rate(p, k, v)
             aims[count] = 0.0
@@ -324,23 +304,21 @@ def gather(p: Parameters, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
 def answer(p: Parameters, k: int, count: int, room: Floats) -> int:
     """Note M^-1 A^T of row k, and its own part; give 0 where nothing answers."""
-    n, starts, places, slopes = p.n, p.slope_starts, p.slope_columns, p.met_slopes
-    answers, columns_of = p.answers, p.answer_columns
-    for j in range(n):
-        room[j] = 0.0
+    starts = p.slope_starts
+    room[: p.n] = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
-        room[int(places[e])] += slopes[e]
+        room[int(p.slope_columns[e])] += p.met_slopes[e]
     respond(p, room)
     own = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
-        own += slopes[e] * room[int(places[e])]
+        own += p.met_slopes[e] * room[int(p.slope_columns[e])]
     if not own > 0.0:
         return 0
     end = int(p.answer_starts[count])
-    for j in range(n):
+    for j in range(p.n):
         if room[j] != 0.0:
-            answers[end] = room[j]
-            columns_of[end] = j
+            p.answers[end] = room[j]
+            p.answer_columns[end] = j
             end += 1
     p.answer_starts[count + 1] = end
     p.yields[count] = own
@@ -349,28 +327,25 @@ def answer(p: Parameters, k: int, count: int, room: Floats) -> int:
 
 def rate(p: Parameters, k: int, v: Floats) -> float:
     """Give the rate of row k at velocities v (n,)."""
-    starts, places, slopes = p.slope_starts, p.slope_columns, p.met_slopes
     found = float(p.met_offsets[k])
-    for e in range(int(starts[k]), int(starts[k + 1])):
-        found += slopes[e] * v[int(places[e])]
+    for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
+        found += p.met_slopes[e] * v[int(p.slope_columns[e])]
     return found
 
 
 def reach(p: Parameters, k: int, v: Floats, w: Floats) -> float:
     """Give how large the rate of row k is at velocities v, and at w."""
-    starts, places, slopes = p.slope_starts, p.slope_columns, p.met_slopes
     found = abs(p.met_offsets[k])
-    for e in range(int(starts[k]), int(starts[k + 1])):
-        j = int(places[e])
-        found += abs(slopes[e]) * (abs(v[j]) + abs(w[j]))
+    for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
+        j = int(p.slope_columns[e])
+        found += abs(p.met_slopes[e]) * (abs(v[j]) + abs(w[j]))
     return float(found)
 
 
 def push(p: Parameters, i: int, impulse: float, w: Floats) -> None:
     """Add the response to an impulse of the row in place i to velocities w."""
-    starts, answers, places = p.answer_starts, p.answers, p.answer_columns
-    for e in range(int(starts[i]), int(starts[i + 1])):
-        w[int(places[e])] += answers[e] * impulse
+    for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
+        w[int(p.answer_columns[e])] += p.answers[e] * impulse
 
 
 def relax(p: Parameters, count: int, h: float, v: Floats, w: Floats) -> int:
@@ -379,9 +354,8 @@ def relax(p: Parameters, count: int, h: float, v: Floats, w: Floats) -> int:
     v : (n,), the velocities before. w : (n,), those that there would be without the
     impulses in `struck`, which are a guess; on return those after the step.
     """
-    struck = p.struck
     for i in range(count):
-        push(p, i, struck[i], w)
+        push(p, i, p.struck[i], w)
     for sweep in range(MOST_SWEEPS):
         beyond = BEYOND if sweep >= PATIENT else 1.0
         worst = 0.0
@@ -399,9 +373,8 @@ def meet(p: Parameters, i: int, h: float, v: Floats, w: Floats, beyond: float) -
     k = int(p.acting[i])
     kind = p.met_kind[k]
     pair = int(p.met_pair[k])
-    struck = p.struck
     own = p.yields[i]
-    before = struck[i]
+    before = p.struck[i]
     other = -1
     if pair >= 0:
         other = int(p.among[pair]) - 1
@@ -418,7 +391,7 @@ def meet(p: Parameters, i: int, h: float, v: Floats, w: Floats, beyond: float) -
         found = before + beyond * (found - before)
     if kind <= FREEWHEEL:
         found = max(found, 0.0)
-    struck[i] = found
+    p.struck[i] = found
     push(p, i, found - before, w)
     size = p.reaches[i] + own * max(abs(found), abs(before))
     return float(own * abs(found - before) / size) if size > 0.0 else 0.0

@@ -40,14 +40,11 @@ from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.newton import (
-    decompose_pair,
-    decompose_real,
-    factor_pair,
-    factor_real,
-    solve_pair,
-    solve_real,
-    sparse_pair,
-    sparse_real,
+    decompose_newton,
+    decompose_sparse,
+    solve_newton,
+    solve_sparse,
+    square,
     take_finite,
     too_large,
 )
@@ -64,13 +61,11 @@ from lagsim.methods.parts.state import (
     derivative,
     jacobian,
 )
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, TINY, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from lagsim.language.arrays import Floats
 
 NAME = "radau"
@@ -102,11 +97,10 @@ NOT_WORTH = 1.2
 
 def start(s: Radau, p: Parameters) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
-    size, slope, last = s.size, s.slope, s.last_slope
+    slope = s.slope
     derivative(s.t, s.y, p, slope)
     s.evaluations += 1.0
-    for i in range(size):
-        last[i] = slope[i]
+    s.last_slope[:] = slope
     s.rate = s.previous_h = s.previous_error = s.factored_h = 0.0
     s.jacobian = s.iterations = s.ceiling = s.step_h = 0.0
     s.left_over = 1.0
@@ -209,44 +203,39 @@ def attempt(s: Radau, p: Parameters, h: float) -> float:
 
     Negative where Newton's method did not converge; s.h is then the step to try next.
     """
-    size, y, new, Z = s.size, s.y, s.new, s.Z
     if CONSTRAINED:
         p.least_sigma = 1.0
-    set_tolerances(s, p, s.t, y, s.slope, h)
+    set_tolerances(s, p, s.t, s.y, s.slope, h)
     s.h = 0.5 * h
     if renew(s, p, h) == 0:
         return -1.0
     if converge(s, p, h) == 0:
         return -1.0
-    for i in range(size):
-        new[i] = y[i] + Z[2 * size + i]
-    slope = s.slope
-    set_tolerances(s, p, s.t + h, new, slope, h)
+    s.new[:] = s.y + s.Z[2 * s.size :]
+    set_tolerances(s, p, s.t + h, s.new, s.slope, h)
     error = estimate(s, p, h)
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and allow_roundoff(s, p, h, new, slope, sigma):
-        error = norm(size, s.errors, s.tolerances)
+    if error >= 1.0 and allow_roundoff(s, p, h, s.new, s.slope, sigma):
+        error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
 
 
 def estimate(s: Radau, p: Parameters, h: float) -> float:
     """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
-    size, y, slope, z, errors, F, Z = s.size, s.y, s.slope, s.z, s.errors, s.F, s.Z
+    size, errors, F = s.size, s.errors, s.F
     for i in range(size):
-        F[i] = total(ERROR[k] * Z[k * size + i] for k in unrolled(3)) / h
-        errors[i] = F[i] + slope[i]
+        F[i] = total(ERROR[k] * s.Z[k * size + i] for k in unrolled(3)) / h
+        errors[i] = F[i] + s.slope[i]
     error = filtered(s, p, h, errors)
     if error >= 1.0 and (s.previous_h == 0.0 or s.jacobian == 2.0):
-        for i in range(size):
-            z[i] = y[i] + errors[i]
-        derivative(s.t, z, p, errors)
+        s.z[:] = s.y + errors
+        derivative(s.t, s.z, p, errors)
         s.evaluations += 1.0
-        for i in range(size):
-            errors[i] += F[i]
+        s.errors[:] += F[:size]
         error = filtered(s, p, h, errors)
     return error
 
@@ -257,48 +246,37 @@ def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
     The estimate goes with h^4, the error of the whole motion with h^5: held to
     tolerance^(4/5), the result follows the tolerance (RADAU5 takes 2/3).
     """
-    size = s.size
-    solve_one(s, p, h, errors)
-    tolerances = s.tolerances
-    error = norm(size, errors, tolerances) * s.rtol**0.2
+    solve(1, s, p, errors)
+    error = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, s.t + h, s.new)
         removed = forget_removed(s, p, h, errors)
-        left = norm(size, errors, tolerances) * s.rtol**0.2
+        left = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
         error = bent(s, removed, left)
     return float(error)
 
 
 def accept(s: Radau, p: Parameters, h: float) -> None:
     """Take the new state; keep the polynomial through the slopes of the stages."""
-    size, y, slope, last, new = s.size, s.y, s.slope, s.last_slope, s.new
-    dense, Z = s.dense, s.Z
+    size, slope, new = s.size, s.slope, s.new
     for i in range(size):
-        a = total(A_INVERSE[0][k] * Z[k * size + i] for k in unrolled(3))
-        b = total(A_INVERSE[1][k] * Z[k * size + i] for k in unrolled(3))
-        c = total(A_INVERSE[2][k] * Z[k * size + i] for k in unrolled(3))
-        first = h * last[i]
-        dense[i] = y[i]
+        first = h * s.last_slope[i]
+        s.dense[i] = s.y[i]
         for m in unrolled(4):
-            dense[(m + 1) * size + i] = (
-                first * DENSE[0][m]
-                + a * DENSE[1][m]
-                + b * DENSE[2][m]
-                + c * DENSE[3][m]
+            s.dense[(m + 1) * size + i] = first * DENSE[m][0] + total(
+                DENSE[m][k + 1] * s.Z[k * size + i] for k in unrolled(3)
             )
-        last[i] = c / h
+        s.last_slope[i] = total(SLOPE[k] * s.Z[k * size + i] for k in unrolled(3)) / h
     s.previous_h = h
     s.evaluations += 1.0
     if LOCALIZED:
         before = s.z
-        for i in range(size):
-            before[i] = slope[i]
+        before[:size] = slope
         derivative(s.t + h, new, p, slope)
-        check_features(s, p, h, y, before, new, slope)
+        check_features(s, p, h, s.y, before, new, slope)
     else:
         derivative(s.t + h, new, p, slope)
-    for i in range(size):
-        y[i] = new[i]
+    s.y[:] = new
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
@@ -313,18 +291,17 @@ def interpolate(s: Radau, x: float, out: Floats) -> None:
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
-    size, dense = s.size, s.dense
-    for i in range(s.n, size):
+    for i in range(s.n, s.size):
         slope = 0.0
         for m in unrolled(4):
-            slope = slope * x + (4 - m) * dense[(4 - m) * size + i]
+            slope = slope * x + (4 - m) * s.dense[(4 - m) * s.size + i]
         out[i] = slope / s.step_h
 
 
 # --- the equations of a step, and Newton's method for them ----------------------------
-# With Z the increments of the stages and W = T^-1 Z, the simplified Newton iteration
-# falls apart into one real and one complex system of the size of the state, which are
-# made half as large, see `newton`.
+# For T^-1 Z, with Z the increments of the stages, the simplified Newton iteration falls
+# apart into one real and one complex system of the size of the state, which are made
+# half as large, see `newton`.
 #
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.8.
@@ -350,21 +327,24 @@ class Radau(State):
     jacobian: float  # 0: to be evaluated; 1: of an earlier state; 2: of this one
     iterations: float
     ceiling: float  # a step at which Newton's method failed, slowly forgotten; 0: none
-    slope: Floats = array(lambda s: s.size)  # y' at the start ...
-    last_slope: Floats = array(lambda s: s.size)  # ... as the polynomial before has it
-    z: Floats = array(lambda s: s.size)
-    new: Floats = array(lambda s: s.size)
-    errors: Floats = array(lambda s: s.size)
+    slope: Floats = array("size")  # y' at the start ...
+    last_slope: Floats = array("size")  # ... as the polynomial before has it
+    z: Floats = array("size")
+    new: Floats = array("size")
+    errors: Floats = array("size")
     dense: Floats = array(lambda s: 5 * s.size)  # y and four coefficients
     Z: Floats = array(lambda s: 3 * s.size)  # the increments of the stages
-    W: Floats = array(lambda s: 3 * s.size)  # T^-1 Z
-    F: Floats = array(lambda s: 3 * s.size)  # the right side
+    F: Floats = array(lambda s: 3 * s.size)  # their slopes
+    # The right side, then the change of T^-1 Z: real numbers, then complex ones.
+    W: Floats = array(lambda s: 3 * s.size)
     J: Floats = array(lambda s: s.entries or (s.size - s.n) * 2 * s.n)
-    K: Floats = array(lambda s: s.filled or s.n * s.n)  # real factors ...
-    pivots: Floats = array(lambda s: s.n)  # ... and their pivots, where they are full
-    pair: Floats = array(lambda s: 2 * s.filled or 4 * s.n * s.n)  # complex ones
-    pair_pivots: Floats = array(lambda s: 2 * s.n)
-    x: Floats = array(lambda s: 2 * max(s.n, s.unknowns))
+    # The factors of the real matrix and of the complex one; their pivots where they
+    # are full; the eigenvalues over h and their squares; room.
+    K: Floats = array(lambda s: s.filled or s.n * s.n)
+    pair: Floats = array(lambda s: 2 * (s.filled or s.n * s.n))
+    pivots: Floats = array(lambda s: 2 * s.n)
+    g: Floats = array(lambda _: 6)
+    x: Floats = array(lambda s: 2 * (s.n + max(s.n, s.unknowns)))
 
 
 STATE = Radau
@@ -383,52 +363,32 @@ def renew(s: Radau, p: Parameters, h: float) -> int:
         return 1
     s.factored_h = h
     s.factorisations += 2.0
-    done = factor(s, p, h)
-    if done == 0:
-        s.factored_h = 0.0
-    return done
+    s.g[0], s.g[2], s.g[3] = GAMMA / h, ALPHA / h, BETA / h
+    if factor(1, s, p) > 0 and factor(2, s, p) > 0:
+        return 1
+    s.factored_h = 0.0
+    return 0
 
 
-def factor(s: Radau, p: Parameters, h: float) -> int:
-    """Factor the real and the complex matrix; give 0 where one is singular."""
-    n, J = s.n, s.J
-    g = GAMMA / h
-    alpha = ALPHA / h
-    beta = BETA / h
+def factor(width: Static, s: Radau, p: Parameters) -> int:
+    """Factor the real matrix, or the complex one; give 0 where it is singular."""
+    g = s.g[2 * (width - 1) :]
+    K = s.K if width == 1 else s.pair
+    square(width, g)
     if SPARSE:
-        done = factor_real(p, g, J, s.K, s.x)
-        if done > 0:
-            done = factor_pair(p, alpha, beta, J, s.pair, s.x)
-    else:
-        done = decompose_real(n, g, J, s.K, s.pivots)
-        if done > 0:
-            done = decompose_pair(n, alpha, beta, J, s.pair, s.pair_pivots)
-    return done
+        return decompose_sparse(width, p, g, s.J, K, s.x)
+    return decompose_newton(width, s.n, g, s.J, K, s.pivots[(width - 1) * s.n :])
 
 
-def solve_one(s: Radau, p: Parameters, h: float, r: Floats) -> None:
-    """Replace r (size,) by the solution with the real matrix."""
-    g = GAMMA / h
+def solve(width: Static, s: Radau, p: Parameters, r: Floats) -> None:
+    """Replace r (size,) by the solution with the real matrix, or the complex one."""
+    g = s.g[2 * (width - 1) :]
+    K = s.K if width == 1 else s.pair
     if SPARSE:
-        sparse_real(p, g, s.J, s.K, r, s.x)
+        solve_sparse(width, p, g, s.J, K, r, s.x)
     else:
-        solve_real(s.n, s.size - 2 * s.n, g, s.J, s.K, s.pivots, r)
-
-
-def solve_two(
-    s: Radau, p: Parameters, h: float, real: Floats, imaginary: Floats
-) -> None:
-    """Replace real + i imaginary, (size,) each, by that with the complex one."""
-    n = s.n
-    alpha = ALPHA / h
-    beta = BETA / h
-    if SPARSE:
-        sparse_pair(p, alpha, beta, s.J, s.pair, real, imaginary, s.x)
-    else:
-        solve_pair(
-            n, s.size - 2 * n, alpha, beta, s.J, s.pair, s.pair_pivots, real,
-            imaginary, s.x,
-        )  # fmt: skip
+        pivots = s.pivots[(width - 1) * s.n :]
+        solve_newton(width, s.n, s.size - 2 * s.n, g, s.J, K, pivots, r, s.x)
 
 
 def converge(s: Radau, p: Parameters, h: float) -> int:
@@ -454,7 +414,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
             hopeless = coming >= 1.0 and left_over * size > limit
             # Quotients alternate where the errors of J do: one alone is no rate yet.
             if hopeless and (iteration > 1 or rate >= 0.99):
-                if is_rounding(s, p, h, size):
+                if is_rounding(s, p, size):
                     apply_step(s)
                     s.iterations = iteration + 1
                     return 1
@@ -472,94 +432,77 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
     return 0
 
 
-def is_rounding(s: Radau, p: Parameters, h: float, change: float) -> bool:
-    """Whether a change of W is no larger than the roundoff of the rates.
+def is_rounding(s: Radau, p: Parameters, change: float) -> bool:
+    """Whether a change of T^-1 Z is no larger than the roundoff of the rates.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
     comes no closer. What the estimate would not let pass is too large for that.
     """
-    size, roundoff, errors = s.size, s.roundoff, s.errors
+    errors = s.errors
     if change * s.rtol**0.2 >= 1.0:
         return False
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.slope, 1.0)
-    for i in range(size):
-        errors[i] = roundoff[i] if i >= s.n else 0.0
+    for i in range(s.size):
+        errors[i] = s.roundoff[i] if i >= s.n else 0.0
         if s.rounding_known == 0.0:
-            roundoff[i] = 0.0
-    solve_one(s, p, h, errors)
-    return change <= norm(size, errors, s.tolerances)
+            s.roundoff[i] = 0.0
+    solve(1, s, p, errors)
+    return change <= norm(1, s.size, errors, s.tolerances)
 
 
 def guess(s: Radau, h: float) -> None:
     """Start from the polynomial of the step before, or from nothing."""
-    size, y, Z, W = s.size, s.y, s.Z, s.W
+    s.Z[:] = 0.0
     if s.previous_h > 0.0:
         for stage in unrolled(3):
-            part = at(Z, stage * size)
+            part = s.Z[stage * s.size :]
             polynomial(s, 1.0 + C[stage] * h / s.previous_h, part)
-            for i in range(size):
-                part[i] -= y[i]
-    else:
-        for i in range(3 * size):
-            Z[i] = 0.0
-    for i in range(size):
-        for j in unrolled(3):
-            W[j * size + i] = total(
-                T_INVERSE[j][k] * Z[k * size + i] for k in unrolled(3)
-            )
+            part[: s.size] -= s.y
 
 
 def newton_step(s: Radau, p: Parameters, h: float) -> float:
-    """Leave the change of W where F was, and give its size against the tolerance."""
-    size, y, z, Z, W, F = s.size, s.y, s.z, s.Z, s.W, s.F
+    """Leave the change of T^-1 Z as W, and give its size against the tolerance."""
+    size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):
-        for i in range(size):
-            z[i] = y[i] + Z[stage * size + i]
-        derivative(s.t + C[stage] * h, z, p, at(F, stage * size))
+        s.z[:] = s.y + Z[stage * size : (stage + 1) * size]
+        derivative(s.t + C[stage] * h, s.z, p, F[stage * size :])
     s.evaluations += 3.0
-    g = GAMMA / h
-    alpha = ALPHA / h
-    beta = BETA / h
     for i in range(size):
-        a = total(T_INVERSE[0][k] * F[k * size + i] for k in unrolled(3))
-        b = total(T_INVERSE[1][k] * F[k * size + i] for k in unrolled(3))
-        c = total(T_INVERSE[2][k] * F[k * size + i] for k in unrolled(3))
-        F[i] = a - g * W[i]
-        F[size + i] = b - alpha * W[size + i] + beta * W[2 * size + i]
-        F[2 * size + i] = c - beta * W[size + i] - alpha * W[2 * size + i]
-    real = at(F, size)
-    imaginary = at(F, 2 * size)
-    solve_one(s, p, h, F)
-    solve_two(s, p, h, real, imaginary)
-    return (
-        norm(size, F, s.tolerances)
-        + norm(size, real, s.tolerances)
-        + norm(size, imaginary, s.tolerances)
-    )
+        a = total(T_INVERSE[0][k] * Z[k * size + i] for k in unrolled(3))
+        b = total(T_INVERSE[1][k] * Z[k * size + i] for k in unrolled(3))
+        c = total(T_INVERSE[2][k] * Z[k * size + i] for k in unrolled(3))
+        W[i] = total(T_INVERSE[0][k] * F[k * size + i] for k in unrolled(3))
+        real = total(T_INVERSE[1][k] * F[k * size + i] for k in unrolled(3))
+        imaginary = total(T_INVERSE[2][k] * F[k * size + i] for k in unrolled(3))
+        W[i] -= GAMMA / h * a
+        W[size + 2 * i] = real - ALPHA / h * b + BETA / h * c
+        W[size + 2 * i + 1] = imaginary - BETA / h * b - ALPHA / h * c
+    solve(1, s, p, W)
+    solve(2, s, p, W[size:])
+    real = norm(2, size, W[size:], s.tolerances)
+    imaginary = norm(2, size, W[size + 1 :], s.tolerances)
+    return norm(1, size, W, s.tolerances) + real + imaginary
 
 
 def apply_step(s: Radau) -> None:
-    """Add the change to W, and make Z of it."""
-    size, Z, W, F = s.size, s.Z, s.W, s.F
-    for i in range(3 * size):
-        W[i] += F[i]
+    """Add T W to Z."""
+    size, W = s.size, s.W
     for i in range(size):
         for j in unrolled(3):
-            Z[j * size + i] = total(
-                TRANSFORM[j][k] * W[k * size + i] for k in unrolled(3)
-            )
+            pair = T[j][1] * W[size + 2 * i] + T[j][2] * W[size + 2 * i + 1]
+            s.Z[j * size + i] += T[j][0] * W[i] + pair
 
 
-def norm(size: int, x: Floats, tolerances: Floats) -> float:
+def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
     """Give the mean size (root of the mean square) of x against the tolerances."""
     square = 0.0
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            part = against(x[i], tolerances[i])
+            part = against(x[stride * i], tolerances[i])
             square += part * part
             controlled += 1
     if controlled == 0:
@@ -569,104 +512,55 @@ def norm(size: int, x: Floats, tolerances: Floats) -> float:
 
 def polynomial(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step, or beyond it."""
-    size, dense = s.size, s.dense
-    for i in range(size):
+    for i in range(s.size):
         value = 0.0
         for m in unrolled(4):
-            value = (value + dense[(4 - m) * size + i]) * x
-        out[i] = dense[i] + value
+            value = (value + s.dense[(4 - m) * s.size + i]) * x
+        out[i] = s.dense[i] + value
 
 
-# --- coefficients, and what diagonalises them -----------------------------------------
-# The nodes are the zeros of N(x) = (x - 1)(x^2 - 4 x/5 + 1/10). A and B integrate
-# Lagrange's polynomials. An eigenvector of A^-1 for the eigenvalue mu is, at the nodes,
-# the polynomial N'/mu + N''/mu^2 + N'''/mu^3: its derivative less mu times itself is a
-# multiple of N, and it vanishes at 0.
-#
+# --- coefficients ---------------------------------------------------------------------
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # sections IV.5 and IV.8.
 
-Rows = tuple[tuple[float, ...], ...]
-
-
-def integrals(nodes: Sequence[float]) -> Rows:
-    """Give, for each node, the integral from 0 of its polynomial: x^1, x^2, ..."""
-    rows = []
-    for j, own in enumerate(nodes):
-        product, scale = [1.0], 1.0
-        for k, other in enumerate(nodes):
-            if k != j:
-                shifted = [0.0, *product]
-                product = [
-                    a - other * b for a, b in zip(shifted, [*product, 0.0], strict=True)
-                ]
-                scale *= own - other
-        rows.append(tuple(a / (scale * (k + 1)) for k, a in enumerate(product)))
-    return tuple(rows)
-
-
-def at_point(row: Sequence[float], x: float) -> float:
-    """Give the polynomial row[0] x + row[1] x^2 + ... ."""
-    value = 0.0
-    for a in reversed(row):
-        value = (value + a) * x
-    return value
-
-
-def inverse(A: Rows) -> Rows:
-    """Give the inverse (3, 3), by cofactors."""
-    minors = [
-        [
-            A[(i + 1) % 3][(j + 1) % 3] * A[(i + 2) % 3][(j + 2) % 3]
-            - A[(i + 1) % 3][(j + 2) % 3] * A[(i + 2) % 3][(j + 1) % 3]
-            for j in range(3)
-        ]
-        for i in range(3)
-    ]
-    whole = sum(a * b for a, b in zip(A[0], minors[0], strict=True))
-    return tuple(tuple(minors[j][i] / whole for j in range(3)) for i in range(3))
-
-
-C = ((4.0 - sqrt(6.0)) / 10.0, (4.0 + sqrt(6.0)) / 10.0, 1.0)
-A = tuple(tuple(at_point(row, c) for row in integrals(C)) for c in C)
-B = A[2]
-A_INVERSE = inverse(A)
-
-# The eigenvalues of A^-1: GAMMA, and ALPHA + i BETA with its conjugate.
-_cubes = (
-    9.0 ** (2.0 / 3.0) - 9.0 ** (1.0 / 3.0),
-    9.0 ** (2.0 / 3.0) + 9.0 ** (1.0 / 3.0),
+R = sqrt(6.0)
+A = (
+    ((88.0 - 7.0 * R) / 360.0, (296.0 - 169.0 * R) / 1800.0, (3.0 * R - 2.0) / 225.0),
+    ((296.0 + 169.0 * R) / 1800.0, (88.0 + 7.0 * R) / 360.0, (-3.0 * R - 2.0) / 225.0),
+    ((16.0 - R) / 36.0, (16.0 + R) / 36.0, 1.0 / 9.0),
 )
-GAMMA = 30.0 / (6.0 + _cubes[0])
-_complex = 1.0 / ((12.0 - _cubes[0] + 1j * sqrt(3.0) * _cubes[1]) / 60.0)
-ALPHA, BETA = _complex.real, abs(_complex.imag)
+B = A[2]
+C = ((4.0 - R) / 10.0, (4.0 + R) / 10.0, 1.0)
 
-
-def _eigenvector(mu: complex) -> list[complex]:
-    # N = x^3 - 9/5 x^2 + 9/10 x - 1/10
-    return [
-        (3.0 * c * c - 3.6 * c + 0.9) / mu
-        + (6.0 * c - 3.6) / (mu * mu)
-        + 6.0 / (mu * mu * mu)
-        for c in C
-    ]
-
-
-# A^-1 T = T [GAMMA, 0, 0; 0, ALPHA, -BETA; 0, BETA, ALPHA].
-_real, _pair = _eigenvector(GAMMA), _eigenvector(complex(ALPHA, BETA))
-TRANSFORM = tuple((a.real, b.real, -b.imag) for a, b in zip(_real, _pair, strict=True))
-T_INVERSE = inverse(TRANSFORM)
+# A^-1 T = T [GAMMA, 0, 0; 0, ALPHA, -BETA; 0, BETA, ALPHA]. Eigenvectors are, at the
+# nodes, the sum of N^(k)/mu^k over k, with N = (x - 1)(x^2 - 4 x/5 + 1/10).
+GAMMA = 3.6378342527444957
+ALPHA, BETA = 2.6810828736277521, 3.0504301992474105
+T = (
+    (0.036684729172915112, 0.013748450783639650, -0.033958232556650483),
+    (0.097195266112938672, -0.10468844842656654, 0.034056924834283473),
+    (0.38844991406148168, -0.044224957030740838, 0.24980495329668131),
+)
+T_INVERSE = (
+    (10.757419271537078, 0.84356517764397957, 1.3473460195349984),
+    (4.8233627757121459, -9.7576805582265367, 1.9859873137983349),
+    (-15.874007011153375, -3.0392344673271640, 2.2595779253684523),
+)
 
 # Error = (GAMMA/h - J)^-1 (f(y0) + sum ERROR_i Z_i / h), IV.8 (8.19): the difference to
 # an embedded formula of order 3 that also uses f(y0).
-ERROR = (
-    -(13.0 + 7.0 * sqrt(6.0)) / 3.0,
-    (-13.0 + 7.0 * sqrt(6.0)) / 3.0,
-    -1.0 / 3.0,
-)
+ERROR = (-(13.0 + 7.0 * R) / 3.0, (-13.0 + 7.0 * R) / 3.0, -1.0 / 3.0)
 
-# y0 + h sum_j y'_j (DENSE[j][0] x + ... + DENSE[j][3] x^4), y' at 0 and the nodes.
-DENSE = integrals((0.0, *C))
+# h times the slope at the end of the step, sum SLOPE_i Z_i: the last row of A^-1.
+SLOPE = (5.5319726474218083, -7.5319726474218083, 5.0)
+# The polynomial whose slopes at the nodes are those of the stages, and f(y0) at 0: of
+# x^1 to x^4 what h f(y0) counts, and the Z_i.
+DENSE = (
+    (1.0, 0.0, 0.0, 0.0),
+    (-4.5, 19.590050852146731, 4.0766158145199360, -7.0 / 6.0),
+    (6.0, -44.712074351715270, -0.62125898161806378, 4.0 / 3.0),
+    (-2.5, 25.122023499568539, -3.4553568329018722, 5.0 / 6.0),
+)
 
 TABLEAU = Tableau(A, B, C, ORDER)
 amplification = TABLEAU.amplification

@@ -33,9 +33,9 @@ from lagsim.methods.parts.constraints import (
 )
 from lagsim.methods.parts.fixed import (
     Fixed,
-    begin,
     interpolate,
     next_time,
+    start,
     step_length,
     take,
 )
@@ -49,7 +49,6 @@ from lagsim.methods.parts.state import (
     velocity_step,
 )
 from lagsim.methods.verlet import amplification, inseparable
-from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, UNIT_ROUNDOFF
 
@@ -57,7 +56,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
 
-__all__ = ["amplification", "interpolate"]
+__all__ = ["amplification", "interpolate", "start"]
 
 NAME = "rattle"
 TITLE = "RATTLE"
@@ -80,7 +79,7 @@ MOST = 30
 class Rattle(Fixed):
     """What holds the positions."""
 
-    probe: Floats = array(lambda s: s.size)  # a state to ask at
+    probe: Floats = array("size")  # a state to ask at
     change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives
     history: Floats = array(lambda s: MOST * s.n)  # the steps made so far
 
@@ -98,38 +97,29 @@ def refusal(scene: Structure) -> str:
     return inseparable(scene)
 
 
-def start(s: Rattle, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
-
-
 def step(s: Rattle, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size, n, y, k, slope, new = s.size, s.n, s.y, s.k, s.slope, s.new
+    n, y, slope, new = s.n, s.y, s.slope, s.new
     after = next_time(s)
     h = step_length(s, after)
-    for i in range(n):
-        new[n + i] = y[n + i] + 0.5 * h * k[n + i]
-        new[i] = y[i] + h * new[n + i]
+    new[n : 2 * n] = y[n : 2 * n] + 0.5 * h * s.k[n : 2 * n]
+    new[:n] = y[:n] + h * new[n : 2 * n]
     # The forces of the constraints that k holds are those of y'': what they lack, or
     # have too much, is along the same gradients.
     if CONSTRAINED and hold(s, p, after, h) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 1.0
-    for i in range(n):
-        new[n + i] += 0.5 * h * slope[n + i]
+    new[n : 2 * n] += 0.5 * h * slope[n : 2 * n]
     if CONSTRAINED and hold_velocities(s, p, after, h) == 0:
         return PROJECTION_FAILED
-    if size > 2 * n:
+    if s.size > 2 * n:
         derivative(after, new, p, slope)
         s.evaluations += 1.0
-        for i in range(2 * n, size):
-            new[i] = y[i] + 0.5 * h * (k[i] + slope[i])
-    if not is_finite(size, new):
+        s.new[2 * n :] = y[2 * n :] + 0.5 * h * (s.k[2 * n :] + slope[2 * n :])
+    if not is_finite(s.size, new):
         return NOT_FINITE
-    for i in range(n):
-        slope[i] = new[n + i]
+    slope[:n] = new[n : 2 * n]
     take(s, p, after)
     return DONE
 
@@ -143,7 +133,7 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     what the projection has taken away (C. T. Kelley, Iterative Methods for Linear and
     Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
-    n, y, masses, new, work, steps = s.n, s.y, s.masses, s.new, s.change, s.history
+    n, new, work = s.n, s.new, s.change
     previous = OVERFLOW
     for made in range(MOST):
         position_step(after, new, p, work)
@@ -158,32 +148,29 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
         if not residual < OVERFLOW:
             return 0
         previous = residual
-        moved = at(steps, made * n)
+        moved = s.history[made * n :]
         along_old(s, p, h, moved)
-        learn(n, made, masses, steps)
-        for i in range(n):
-            new[n + i] += moved[i]
-            new[i] = y[i] + h * new[n + i]
+        learn(n, made, s.masses, s.history)
+        new[n : 2 * n] += moved[:n]
+        new[:n] = s.y[:n] + h * new[n : 2 * n]
     return 0
 
 
 def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
-    n, y, probe, work = s.n, s.y, s.probe, s.change
-    for i in range(n):
-        probe[i] = y[i]
-        probe[n + i] = y[n + i] + work[i] / h
+    n, probe, work = s.n, s.probe, s.change
+    probe[:n] = s.y[:n]
+    probe[n : 2 * n] = s.y[n : 2 * n] + work[:n] / h
     # The old velocities are tangent: what is taken away is the part that is looked for.
     velocity_step(s.t, probe, p, work)
-    for i in range(n):
-        moved[i] = -work[i]
+    moved[:n] = -work[:n]
 
 
 def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
     """Replace the last of the steps (made + 1, n) by Broyden's."""
-    last = at(steps, made * n)
+    last = steps[made * n :]
     for j in range(made):
-        step = at(steps, j * n)
+        step = steps[j * n :]
         square = 0.0
         share = 0.0
         for i in range(n):
@@ -192,18 +179,15 @@ def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
         if square > 0.0:
             share /= square
         if j + 1 < made:
-            following = at(steps, (j + 1) * n)
-            for i in range(n):
-                last[i] += share * following[i]
+            following = steps[(j + 1) * n :]
+            last[:n] += share * following[:n]
         else:
-            for i in range(n):
-                last[i] /= 1.0 - share
+            last[:n] /= 1.0 - share
 
 
 def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Make the new velocities tangent; give 0 where that fails."""
-    n, new, work = s.n, s.new, s.change
-    if project_level(1, s, p, after, h, new, work) == 0:
+    if project_level(1, s, p, after, h, s.new, s.change) == 0:
         return 0
-    record_sigma(s, work[n + 1], h)
+    record_sigma(s, s.change[s.n + 1], h)
     return 1

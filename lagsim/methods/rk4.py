@@ -13,20 +13,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods import unrestricted
-from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.control import add_change, keep_compensation
 from lagsim.methods.parts.fixed import (
     Fixed,
     Tableau,
+    conclude,
     interpolate,
     next_time,
     start,
     step_length,
-    take,
 )
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
-from lagsim.native.kernels.words import at, total, unrolled
+from lagsim.methods.parts.state import derivative
+from lagsim.native.kernels.words import total, unrolled
 from lagsim.native.layout import array
 
 if TYPE_CHECKING:
@@ -60,7 +59,7 @@ class Rk4(Fixed):
     """The stages' slopes, and the state of a stage."""
 
     stages: Floats = array(lambda s: 4 * s.size)
-    z: Floats = array(lambda s: s.size)
+    z: Floats = array("size")
 
 
 STATE = Rk4
@@ -68,27 +67,19 @@ STATE = Rk4
 
 def step(s: Rk4, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
-    size, y, k, first, slope, z, new = s.size, s.y, s.stages, s.k, s.slope, s.z, s.new
-    remainder, t = s.remainder, s.t
+    size, k, t = s.size, s.stages, s.t
     after = next_time(s)
     h = step_length(s, after)
-    for i in range(size):
-        k[i] = first[i]
+    k[:size] = s.k
     for stage in unrolled(1, 4):
         for i in range(size):
             rate = total(A[stage][j] * k[j * size + i] for j in unrolled(stage))
-            z[i] = y[i] + h * rate
-        derivative(t + C[stage] * h, z, p, at(k, stage * size))
+            s.z[i] = s.y[i] + h * rate
+        derivative(t + C[stage] * h, s.z, p, k[stage * size :])
+    s.evaluations += 3.0
+    s.new[:] = s.y
     for i in range(size):
-        new[i] = y[i]
-        remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(4))
-    add_change(s, p, first, h, new)
-    if not is_finite(size, new):
-        return NOT_FINITE
-    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
-        return PROJECTION_FAILED
-    derivative(after, new, p, slope)
-    s.evaluations += 4.0
+        s.remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(4))
+    add_change(s, p, s.k, h, s.new)
     keep_compensation(s)
-    take(s, p, after)
-    return DONE
+    return conclude(s, p, after, h)

@@ -58,7 +58,7 @@ from lagsim.methods.parts.state import (
     STEP_TOO_SMALL,
     series,
 )
-from lagsim.native.kernels.words import at, fused
+from lagsim.native.kernels.words import fused
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
 
@@ -110,25 +110,24 @@ def amplification(z: complex) -> float:
 
 def start(s: Taylor, p: Parameters) -> None:
     """Begin an arc: the series at its start, the first step."""
-    size, y, c = s.size, s.y, s.series
+    c = s.series
     s.which = 0.0
-    series(s.t, y, p, c)
+    series(s.t, s.y, p, c)
     s.evaluations += 1.0
     s.step_h = 0.0
     begin_trials(s)
     record_sizes(s, p)
-    rates = at(c, 1 + size)
-    bound_roundoff(s, p, s.t, y, rates, 1.0)
+    rates = c[1 + s.size :]
+    bound_roundoff(s, p, s.t, s.y, rates, 1.0)
     foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest.
-    new = s.new
     # One that was taken back has a length to begin with.
     first = s.most_step if s.most_step > 0.0 else s.row_step
     s.h = min(float(first), s.end - s.t)
     for _ in range(LOOKS):
         before = s.h
-        lead(size, c, before, new)
-        set_tolerances(s, p, s.t, new, rates, before)
+        lead(s.size, c, before, s.new)
+        set_tolerances(s, p, s.t, s.new, rates, before)
         s.h = min(before, chosen_step(s, c, s.t))
         if s.h > SETTLED * before:
             break
@@ -146,7 +145,7 @@ def step(s: Taylor, p: Parameters) -> int:
         code = propose(s, p)
         if code != DONE:
             return code
-        series(s.t + s.trial, s.new, p, at(s.series, buffer(s.size, 1.0 - s.which)))
+        series(s.t + s.trial, s.new, p, s.series[buffer(s.size, 1.0 - s.which) :])
         if conclude(s, p):
             return DONE
         # Close to a loss of rank a series enlarges rounding by powers of the step.
@@ -209,14 +208,14 @@ def begin_trials(s: Taylor) -> None:
 
 def attempt(s: Taylor, p: Parameters, h: float) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
-    size, new = s.size, s.new
-    c = at(s.series, buffer(size, s.which))
+    size = s.size
+    c = s.series[buffer(size, s.which) :]
     if s.rtol < TIGHT and s.rejected == 0.0:
-        find_drift(s, p, at(c, 1 + size), s.drift)
-    reach(s, c, s.compensation, h, new)
+        find_drift(s, p, c[1 + size :], s.drift)
+    reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
     sum_rates(size, 0, c, h, s.rates)
-    return 1 if is_finite(size, new) else 0
+    return 1 if is_finite(size, s.new) else 0
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
@@ -226,36 +225,33 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     follows; the next step's series has y'.
     """
     size = s.size
-    c = at(s.series, buffer(size, s.which))
-    following = at(s.series, buffer(size, 1.0 - s.which))
-    new = s.new
+    c = s.series[buffer(size, s.which) :]
+    following = s.series[buffer(size, 1.0 - s.which) :]
     s.evaluations += 1.0
-    set_tolerances(s, p, s.t + h, new, at(c, 1 + size), h)
-    error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
+    set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
+    error = misfit(s, c[0], following[1 + size :], s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < OVERFLOW
-    if doubtful and allow_roundoff(s, p, h, new, at(c, 1 + size), 1.0):
-        error = misfit(s, c[0], at(following, 1 + size), s.rates, h)
+    if doubtful and allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
+        error = misfit(s, c[0], following[1 + size :], s.rates, h)
     return passable(s, error) if CONSTRAINED else error
 
 
 def accept(s: Taylor, p: Parameters, h: float) -> None:
     """Take the new state and its series; the old one is the dense output."""
-    size, y, new = s.size, s.y, s.new
-    following = at(s.series, buffer(size, 1.0 - s.which))
-    rates = at(following, 1 + size)
+    size, y = s.size, s.y
+    following = s.series[buffer(size, 1.0 - s.which) :]
+    rates = following[1 + size :]
     # First what the next step waits for; what follows here does not.
     next_ = chosen_step(s, following, s.t + h)
     if LOCALIZED:
-        before = at(s.series, buffer(size, s.which) + 1 + size)
-        check_features(s, p, h, y, before, new, rates)
+        before = s.series[buffer(size, s.which) + 1 + size :]
+        check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
         s.met = met_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
-    compensation, carried = s.compensation, s.carried
-    for i in range(size):
-        y[i] = new[i]
-        carried[i] = compensation[i]
+    s.y[:] = s.new
+    s.carried[:] = s.compensation
     keep_compensation(s)
     s.step_t = s.t
     s.step_h = h
@@ -274,13 +270,13 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step: the series there."""
-    before = at(s.series, buffer(s.size, 1.0 - s.which))
+    before = s.series[buffer(s.size, 1.0 - s.which) :]
     reach(s, before, s.carried, x * s.step_h, out)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
-    before = at(s.series, buffer(s.size, 1.0 - s.which))
+    before = s.series[buffer(s.size, 1.0 - s.which) :]
     sum_rates(s.size, s.n, before, x * s.step_h, out)
 
 
@@ -310,11 +306,11 @@ class Taylor(State):
     trouble: float  # the code of what was wrong with the last one
     rejected: float  # 1 once one was not accepted
     series: Floats = array(lambda s: buffer(s.size, 2.0))
-    new: Floats = array(lambda s: s.size)
-    rates: Floats = array(lambda s: s.size)  # the series' own at the new state
+    new: Floats = array("size")
+    rates: Floats = array("size")  # the series' own at the new state
     # The compensation at the start of the last step, and its rate.
-    carried: Floats = array(lambda s: s.size)
-    drift: Floats = array(lambda s: s.size)
+    carried: Floats = array("size")
+    drift: Floats = array("size")
 
 
 STATE = Taylor
@@ -334,10 +330,9 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
     size, remainder = s.size, s.remainder
     sum_bend(size, c, h, remainder)
     if s.rtol < TIGHT:
-        add_exactly(size, at(c, 1), at(c, 1 + size), h, out, remainder)
+        add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
         add_drift(s, s.drift, h)
-        for i in range(size):
-            remainder[i] += lost[i]
+        s.remainder[:] += lost[:size]
         add_compensated(size, out, remainder, out, remainder)
         return
     for i in range(size):
@@ -357,7 +352,6 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     """
     size = s.size
     order = int(c[0])
-    tolerances = s.tolerances
     arc = s.end - t
     if arc <= 0.0:
         return 0.0
@@ -366,8 +360,8 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
     third = 0.0
     fourth = 0.0
     for i in range(size):
-        if tolerances[i] > 0.0:
-            part = 1.0 / max(LEAST_NUMBER, tolerances[i])
+        if s.tolerances[i] > 0.0:
+            part = 1.0 / max(LEAST_NUMBER, s.tolerances[i])
             k = 1 + order * size + i
             last = max(last, abs(c[k]) * part)
             second = max(second, abs(c[k - size]) * part)
@@ -446,13 +440,12 @@ def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> fl
 
     One that is finite has a finite square.
     """
-    size, tolerances = s.size, s.tolerances
     part = h / (order + 1.0)
     worst = 0.0
-    for i in range(size):
-        if tolerances[i] > 0.0:
+    for i in range(s.size):
+        if s.tolerances[i] > 0.0:
             off = abs(slope[i] - rates[i]) * part
-            found = min(SQUARABLE, off / max(LEAST_NUMBER, tolerances[i]))
+            found = min(SQUARABLE, off / max(LEAST_NUMBER, s.tolerances[i]))
             worst = max(worst, found if off < OVERFLOW else OVERFLOW)
     return worst
 

@@ -30,20 +30,21 @@ from lagsim.methods.parts.fixed import (
     Fixed,
     interpolate,
     next_time,
-    start,
     step_length,
     take,
 )
+from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE, derivative, power
-from lagsim.native.kernels.words import at
+from lagsim.native.layout import array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.methods import Structure
 
-__all__ = ["interpolate", "start"]
+__all__ = ["interpolate"]
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"
@@ -58,22 +59,6 @@ NEEDS = ("power",)
 CONSTRAINED = False  # for what is shared with methods that can be
 
 
-def step(s: Symplectic, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    h = step_length(s, after)
-    depart(s)
-    kick(s, p, s.t, 0.5 * h)
-    drift(s, p, after, h)
-    kick(s, p, after, 0.5 * h)
-    if not is_finite(s.size, s.new):
-        return NOT_FINITE
-    s.evaluations += 1.0
-    arrive(s, p, after)
-    take(s, p, after)
-    return DONE
-
-
 # --- kicks and drifts: of Verlet's method and its compositions ------------------------
 # A kick moves the velocities at fixed positions, a drift the positions at fixed
 # velocities. Both are motions that can be made exactly where M is constant and the
@@ -86,7 +71,13 @@ def step(s: Symplectic, p: Parameters) -> int:
 
 
 class Symplectic(Fixed):
-    """`new` is the state between stages; `compensation` goes with it."""
+    """The Verlet steps that make a step; `new` is the state between them."""
+
+    stages: int = 1
+    weights: Floats = array("stages", 1.0)
+    ends: Floats = array("stages")  # as parts of the step
+    # Half of a Verlet step's kick before it and half after it; those that meet are one.
+    kicks: Floats = array(lambda s: s.stages + 1)
 
 
 STATE = Symplectic
@@ -151,37 +142,61 @@ def _composed(
 amplification = partial(composed_amplification, (1.0,))
 
 
-def depart(s: Symplectic) -> None:
-    """Put the state where it is moved from stage to stage."""
-    size, y, new, slope, k = s.size, s.y, s.new, s.slope, s.k
-    for i in range(size):
-        new[i] = y[i]
-        slope[i] = k[i]
+def start(s: Symplectic, p: Parameters) -> None:
+    """Begin an arc: evaluate at its start."""
+    end = 0.0
+    before = 0.0
+    for stage in range(s.stages):
+        s.kicks[stage] = 0.5 * (before + s.weights[stage])
+        before = s.weights[stage]
+        end += before
+        s.ends[stage] = end
+    s.kicks[s.stages] = 0.5 * before
+    s.ends[s.stages - 1] = 1.0
+    begin(s, p)
+
+
+def step(s: Symplectic, p: Parameters) -> int:
+    """Make one step, or give a code other than 0."""
+    after = next_time(s)
+    h = step_length(s, after)
+    s.new[:] = s.y
+    s.slope[:] = s.k
+    kick(s, p, s.t, s.kicks[0] * h)
+    for stage in range(s.stages):
+        t = s.t + s.ends[stage] * h
+        drift(s, p, t, s.weights[stage] * h)
+        kick(s, p, t, s.kicks[stage + 1] * h)
+    if not is_finite(s.size, s.new):
+        return NOT_FINITE
+    s.evaluations += s.stages
+    arrive(s, p, after)
+    take(s, p, after)
+    return DONE
 
 
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Drift: move the positions for a time h, and evaluate the forces at t."""
-    n, slope, new = s.n, s.slope, s.new
-    add(n, new, s.compensation, h, at(new, n))
-    derivative(t, new, p, slope)
+    new = s.new
+    add(s.n, new, s.compensation, h, new[s.n :])
+    derivative(t, new, p, s.slope)
 
 
 def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the velocities, and `work`, by the forces at the positions reached."""
-    size, n, slope, new, compensation = s.size, s.n, s.slope, s.new, s.compensation
-    if size > 2 * n:
-        add(n, at(new, n), at(compensation, n), 0.5 * h, at(slope, n))
-        power(t, new, p, at(slope, 2 * n))
-        add(size - 2 * n, at(new, 2 * n), at(compensation, 2 * n), h, at(slope, 2 * n))
-        add(n, at(new, n), at(compensation, n), 0.5 * h, at(slope, n))
+    n, slope, new, compensation = s.n, s.slope, s.new, s.compensation
+    if s.size > 2 * n:
+        add(n, new[n:], compensation[n:], 0.5 * h, slope[n:])
+        power(t, new, p, slope[2 * n :])
+        add(s.size - 2 * n, new[2 * n :], compensation[2 * n :], h, slope[2 * n :])
+        add(n, new[n:], compensation[n:], 0.5 * h, slope[n:])
     else:
-        add(n, at(new, n), at(compensation, n), h, at(slope, n))
+        add(n, new[n:], compensation[n:], h, slope[n:])
 
 
 def arrive(s: Symplectic, p: Parameters, t: float) -> None:
     """Make y' after the step: the velocities have moved since the forces were found."""
-    size, n, slope, new = s.size, s.n, s.slope, s.new
-    for i in range(n):
-        slope[i] = new[n + i]
-    if size > 2 * n:
-        power(t, new, p, at(slope, 2 * n))
+    n = s.n
+    s.slope[:n] = s.new[n : 2 * n]
+    if s.size > 2 * n:
+        power(t, s.new, p, s.slope[2 * n :])

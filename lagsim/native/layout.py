@@ -4,16 +4,17 @@
         t: float  # a number
         size: int  # a size: given when the memory is made; kernels only read it
         stages: int = 4  # one that is always the same
-        y: Floats = array(lambda s: s.size)
+        y: Floats = array("size")
         slopes: Floats = array(lambda s: s.stages * s.size)
-        last: Floats = part("slopes", lambda s: 3 * s.size, lambda s: s.size)
-        low: Floats = array(lambda s: s.size, inf)  # what it is filled with at first
+        first: Floats = part("slopes", "size")  # within `slopes`, at its beginning
+        second: Floats = after("first", "size")
+        low: Floats = array("size", inf)  # what it is filled with at first
 
 All of it lies in one flat array of numbers, so that it can be copied, kept and handed
-to native code as it is: first a word for each name, in the order of the declarations
+to native code as it is: first the words of each name, in the order of the declarations
 (those of a base class before its own, which may give some another value), then the
-arrays. The word of a number or a size is its value, that of an array is where it
-begins; who knows the words needs no sizes.
+arrays. The word of a number or a size is its value; an array has two, where it begins
+and its length.
 
 A kernel whose parameter `s` is annotated with such a class writes `s.t`, `s.y[i]`; the
 translator makes loads and stores of that. Under CPython, and beside numpy, an instance
@@ -24,7 +25,7 @@ from __future__ import annotations
 
 import inspect
 from ctypes import addressof, c_char
-from typing import TYPE_CHECKING, Any, ClassVar, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,20 +33,23 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
 
+# The name of a size, or a function of a memory's sizes.
+Length: TypeAlias = "str | Callable[[Any], int]"
+
 NUMBER: Final = "float"
 SIZE: Final = "int"
 ARRAY: Final = "Floats"
 
 
 class Field:
-    """A name in a memory, and its word; in an instance, what it stands for.
+    """A name in a memory, and its word; in an instance, the value or the array.
 
     Attributes
     ----------
     kind : str
         NUMBER, SIZE or ARRAY.
     word : int
-        Its index in the flat array.
+        Its index in the flat array; that of an array's length follows.
     value
         What is there at first.
     """
@@ -54,14 +58,14 @@ class Field:
         self,
         kind: str,
         value: float | Sequence[float] = 0.0,
-        length: Callable[[Any], int] | None = None,
-        first: tuple[str, Callable[[Any], int]] | None = None,
+        length: Length = "",
+        within: Callable[[Memory], int] | None = None,
     ) -> None:
         self.kind = kind
         self.word = 0
         self.value = value
-        self.length = length or (lambda _: 0)
-        self.first = first
+        self.length = length
+        self.within = within  # gives where it begins in the flat array
 
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
@@ -73,8 +77,8 @@ class Field:
             return int(memory.numbers[word])
         view = memory.views.get(word)
         if view is None:
-            begin = int(memory.numbers[word])
-            view = memory.flat[begin : begin + self.length(memory)]
+            begin, length = map(int, memory.numbers[word : word + 2])
+            view = memory.flat[begin : begin + length]
             memory.views[word] = view
         return view
 
@@ -97,14 +101,24 @@ def address(flat: Floats) -> int:
     return addressof(c_char.from_buffer(flat.data))
 
 
-def array(length: Callable[[Any], int], value: float | Sequence[float] = 0.0) -> Any:
-    """Declare an array: its length from the memory's sizes, and its first content."""
+def array(length: Length, value: float | Sequence[float] = 0.0) -> Any:
+    """Declare an array: its length, and its first content.
+
+    length : the name of a size, or a function of the memory's sizes.
+    """
     return Field(ARRAY, value, length)
 
 
-def part(whole: str, first: Callable[[Any], int], length: Callable[[Any], int]) -> Any:
-    """Declare an array within the array `whole`, from its element `first` on."""
-    return Field(ARRAY, 0.0, length, (whole, first))
+def part(whole: str, length: Length, first: Length = "") -> Any:
+    """Declare an array within the array `whole`, from its element `first` on or 0."""
+    return Field(
+        ARRAY, 0.0, length, lambda memory: memory.place(whole) + memory.size_of(first)
+    )
+
+
+def after(other: str, length: Length) -> Any:
+    """Declare an array that begins where another one ends, within the same one."""
+    return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 
 
 def option(value: float, least: float, most: float, about: str) -> Any:
@@ -136,6 +150,7 @@ class Memory:
     """
 
     fields: ClassVar[dict[str, Field]] = {}
+    words: ClassVar[int] = 0  # of all fields
 
     def __init__(self, flat: Floats) -> None:
         self.flat = flat
@@ -152,7 +167,9 @@ class Memory:
             if field.kind not in (NUMBER, SIZE) and field is not given:
                 raise TypeError(f"{name}: float, int, or an array with its length")
             before = cls.fields.get(name)
-            field.word = before.word if before else len(cls.fields)
+            field.word = before.word if before else cls.words
+            if before is None:
+                cls.words += 2 if field.kind == ARRAY else 1
             cls.fields[name] = field
             setattr(cls, name, field)
 
@@ -171,7 +188,7 @@ class Memory:
     def _laid_out(cls, sizes: Mapping[str, int]) -> Self:
         import numpy as np
 
-        end = len(cls.fields)
+        end = cls.words
         memory = cls(np.zeros(end))
         if unknown := sizes.keys() - cls.fields.keys():
             raise TypeError(f"{cls.__name__} has no {', '.join(sorted(unknown))}")
@@ -181,13 +198,12 @@ class Memory:
         for field in cls.fields.values():
             if field.kind != ARRAY:
                 continue
-            if field.first is None:
-                memory.flat[field.word] = end
-                end += field.length(memory)
-            else:
-                whole, first = field.first
-                memory.flat[field.word] = memory.place(whole) + first(memory)
-        more = np.zeros(end - len(cls.fields))
+            length = memory.size_of(field.length)
+            begin = field.within(memory) if field.within else end
+            memory.flat[field.word : field.word + 2] = begin, length
+            if not field.within:
+                end += length
+        more = np.zeros(end - cls.words)
         memory = cls(np.concatenate([memory.flat, more]))
         for name, field in cls.fields.items():
             if field.kind == ARRAY and field.value != 0.0:
@@ -197,6 +213,17 @@ class Memory:
     def place(self, name: str) -> int:
         """Give where an array begins in the flat one."""
         return int(self.numbers[self.fields[name].word])
+
+    def place_after(self, name: str) -> int:
+        """Give where an array ends in the flat one."""
+        word = self.fields[name].word
+        return int(self.numbers[word] + self.numbers[word + 1])
+
+    def size_of(self, length: Length) -> int:
+        """Give the length that an array is declared with; that of "" is 0."""
+        if callable(length):
+            return length(self)
+        return int(getattr(self, length)) if length else 0
 
     def copy(self) -> Self:
         """Give another memory with the same content."""
@@ -208,7 +235,7 @@ class Memory:
             field = self.fields[name]
             if field.kind == NUMBER:
                 setattr(self, name, getattr(other, name))
-            elif field.kind == ARRAY and field.first is None:
+            elif field.kind == ARRAY and not field.within:
                 mine, its = getattr(self, name), getattr(other, name)
                 if len(mine) == len(its):
                     mine[:] = its

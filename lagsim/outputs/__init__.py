@@ -1,10 +1,23 @@
 """What a run leaves behind: one file per thing written, each whole or not at all."""
 
+from __future__ import annotations
+
 from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
+
+from lagsim.notes import Caution
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# The name of a file, and its content or why it could not be drawn.
+Made: TypeAlias = "tuple[str, bytes | Caution]"
+T = TypeVar("T")
 
 
 class Format(StrEnum):
-    """How a table is kept, which is how its name ends."""
+    """Format of a table, which is the ending of its name."""
 
     CSV = "csv"
     NPZ = "npz"
@@ -14,3 +27,20 @@ class Format(StrEnum):
     def file(self) -> str:
         """The name of the table of a run."""
         return f"trajectory.{self.value}"
+
+
+def attempted(name: str, draw: Callable[[], T]) -> T | Caution:
+    """Return what is drawn, or the warning that `name` could not be drawn.
+
+    A picture that cannot be drawn costs that picture, and nothing else of a run.
+    """
+    import traceback
+
+    try:
+        return draw()
+    except Exception as error:  # noqa: BLE001  rows are worth more than any picture
+        place = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{Path(place.filename).name}, line {place.lineno}"
+        why = f"{type(error).__name__}: {error} ({where})"
+        text = f"`{name}` could not be drawn, all else is complete: {why}"
+        return Caution("not-drawn", text)

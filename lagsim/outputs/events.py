@@ -20,14 +20,14 @@ COLUMNS = (
 
 
 def table(events: Iterable[Event]) -> bytes:
-    """Give the file: what does not go with a kind of event is empty."""
+    """Return the file: what does not go with a kind of event is empty."""
     return table_of(COLUMNS, map(attrgetter(*COLUMNS), events))
 
 
 def marked(events: Iterable[Event]) -> dict[str, list[float]]:
-    """Give the times that pictures mark, by kind; what an impact brings is part of it.
+    """Return the times that pictures mark, by kind of event.
 
-    Where what bounces comes to rest, that is all there is to see.
+    Events at the time of an impact are part of it; so are those where bouncing ends.
     """
     times: dict[str, set[float]] = {}
     for e in events:
@@ -36,15 +36,15 @@ def marked(events: Iterable[Event]) -> dict[str, list[float]]:
             kind = "switch"
         if kind != "until":
             times.setdefault(kind, set()).add(e.time)
-    told = times.get("impact", set()) | times.get("zeno", set())
+    impacts = times.get("impact", set()) | times.get("zeno", set())
     found = {
-        kind: sorted(own if kind in ("impact", "zeno") else own - told)
+        kind: sorted(own if kind in ("impact", "zeno") else own - impacts)
         for kind, own in times.items()
     }
     return {kind: own for kind, own in found.items() if own}
 
 
 def unmarked(trajectory: Trajectory) -> str:
-    """Give the note below a picture that marks only the first events."""
+    """Return the note below a picture that marks only the first events."""
     listed, count = len(trajectory.events), sum(trajectory.event_counts.values())
     return f"marks: the first {listed} of {count} events" if listed < count else ""

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from lagsim.notes import Choice
 
 
-# What is told of a residual, by its keys.
+# Keys of a residual, and its attributes.
 LEVEL = {"residual": "value", "scale": "scale", "bound": "bound", "bound_reason": "why"}
 
 
 def document(
     equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
 ) -> dict[str, Any]:
-    """Give the content of `check --json`."""
+    """Return the content of `check --json`."""
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == START_VALUE]
     return {

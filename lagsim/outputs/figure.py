@@ -70,8 +70,8 @@ Pen: TypeAlias = dict[str, Any]
 Named: TypeAlias = tuple[str, str]
 NOTHING: Named = ("", "")
 
-# M. Okabe, K. Ito (2008), "Color Universal Design": told apart by the colour blind.
-# The dashes tell them apart in grey. Their yellow is left out: unreadable on white.
+# M. Okabe, K. Ito (2008), "Color Universal Design": distinct for the colour blind,
+# and by their dashes in grey. Their yellow is left out: unreadable on white.
 PENS: tuple[Pen, ...] = (
     {"color": "#0072B2"},
     {"color": "#E69F00", "dashes": (4.0, 1.4), "linewidth": 1.1},
@@ -141,7 +141,7 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
 
 @in_house_style
 def content(figure: Figure, form: str = "png") -> bytes:
-    """Give a figure as a file: png, svg or pdf; with letters as outlines in an svg."""
+    """Return a figure as a file: png, svg (with letters as outlines) or pdf."""
     file = io.BytesIO()
     how: dict[str, Any] = {"metadata": dict.fromkeys(NOBODY[form])}
     if form == "png":
@@ -327,7 +327,7 @@ class Picture(Figure):
         across: float = 0.0,
         down: float = 0.0,
     ) -> NDArray[Any]:
-        """Give a grid of panels (rows, columns), so far below the header.
+        """Return a grid of panels (rows, columns), so far below the header.
 
         Parameters
         ----------
@@ -351,7 +351,7 @@ class Picture(Figure):
         return np.asarray(found)
 
     def _repr_png_(self) -> bytes:
-        """Give what a notebook shows, without pyplot."""
+        """Return what a notebook shows, without pyplot."""
         return content(self)
 
 
@@ -365,7 +365,7 @@ def frame(
     above: bool | None = None,
     colour: str = INK,
 ) -> None:
-    """Give a panel its scales, and name what they show.
+    """Return a panel its scales, and name what they show.
 
     Parameters
     ----------
@@ -415,13 +415,13 @@ class Column(NamedTuple):
         return self.within(math.inf)
 
     def within(self, room: float) -> str:
-        """Give the same, cut to so many inches."""
+        """Return the same, cut to so many inches."""
         text = f"{self.name} ({self.unit})" if self.unit else self.name
         return mathtext(fitted(text, room))
 
 
 def stacked(found: Picture, count: int, height: float, top: float = 0.0) -> list[Axes]:
-    """Give so many panels above each other, on one scale that runs across."""
+    """Return so many panels above each other, on one scale that runs across."""
     width, top = found.width - LEFT - RIGHT, top + APART
     panels = found.panels([width], [height] * count, top=top, down=APART)[:, 0]
     for axes in panels[:-1]:
@@ -431,7 +431,7 @@ def stacked(found: Picture, count: int, height: float, top: float = 0.0) -> list
 
 
 def stack_height(count: int, height: float) -> float:
-    """Give what so many panels above each other take."""
+    """Return what so many panels above each other take."""
     return count * (APART + height) + BELOW_PANELS
 
 

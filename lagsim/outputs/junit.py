@@ -29,7 +29,7 @@ class Outcome(NamedTuple):
 
 
 def document(suite: str, cases: Sequence[Outcome]) -> bytes:
-    """Give the document."""
+    """Return the document."""
     whole = {
         "tests": str(len(cases)),
         "failures": str(sum(case.kind == "failure" for case in cases)),

@@ -40,7 +40,7 @@ class PictureNames(UnicodeNames):
     """Names with all that follows `_` as a subscript: `x_left`, `omega_1`."""
 
     def split(self, name: str) -> tuple[str, str]:
-        """Give the letter or word, and its subscript."""
+        """Return the letter or word, and its subscript."""
         base, below = super().split(name)
         digits, _, rest = below.partition("_")
         if not rest:
@@ -61,7 +61,7 @@ class Letters:
         self._typeset = PictureNames(names)
 
     def name(self, name: str) -> str:
-        """Give a name, or a column's: θ̇ for `theta_dot`, Qc with θ for `Qc_theta`."""
+        """Return a name, or a column's: θ̇ for `theta_dot`, Qc with θ for `Qc_theta`."""
         for prefix, written in PREFIXES.items():
             if name.startswith(prefix):
                 rest = self.name(name.removeprefix(prefix)).translate(_DIGITS)
@@ -76,18 +76,18 @@ class Letters:
         return self._typeset.show(Name(name))
 
     def text(self, text: str) -> str:
-        """Give an expression with its names written so."""
+        """Return an expression with its names written so."""
         return _NAME.sub(lambda found: self.name(found[0]), text)
 
 
 def letters_of(model: Model) -> Letters:
-    """Give how a model's names are written."""
+    """Return how a model's names are written."""
     names = [c.name for c in model.coordinates]
     return Letters([*names, *(d.name for d in model.definitions)])
 
 
 def mathtext(text: str) -> str:
-    """Give a text as matplotlib's mathtext has it; a `$` of its own is no formula."""
+    """Return a text as matplotlib's mathtext has it; a `$` of its own is no formula."""
     shown = text.replace("$", r"\$")
     if _FORMULA.search(text):
         shown = _SUBSCRIPT.sub(_below, shown)
@@ -105,10 +105,10 @@ def _dotted(found: re.Match[str]) -> str:
 
 
 def plain(text: str) -> str:
-    """Give a text that may be cut anywhere: λ_c for λ with c as its subscript."""
+    """Return a text that may be cut anywhere: λ_c for λ with c as its subscript."""
     return text.replace(BELOW, "_").replace(END, "")
 
 
 def raised(unit: str) -> str:
-    """Give a unit with its powers raised: m/s² for `m/s^2`."""
+    """Return a unit with its powers raised: m/s² for `m/s^2`."""
     return _POWER.sub(lambda found: found[1].translate(SUPERSCRIPTS), unit)

@@ -42,7 +42,7 @@ def manifest(
     timings: Mapping[str, float],
     files: Sequence[str],
 ) -> dict[str, Any]:
-    """Give the content of run.json; keys are only ever added."""
+    """Return the content of run.json; keys are only ever added."""
     model, plan = session.case.equations.model, session.plan
     counts = trajectory.statistics
     return {
@@ -93,7 +93,7 @@ def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
 
 
 def encode(document: Any) -> bytes:
-    """Give a JSON document as people can read it; what is not finite is null."""
+    """Return a JSON document as people can read it; what is not finite is null."""
     option = orjson.OPT_INDENT_2 | orjson.OPT_APPEND_NEWLINE
     try:
         return orjson.dumps(document, option=option)
@@ -102,7 +102,7 @@ def encode(document: Any) -> bytes:
 
 
 def _printable(document: Any) -> Any:
-    """Give the document with `?` for the bytes of names that are no letters."""
+    """Return the document with `?` for the bytes of names that are no letters."""
     if isinstance(document, str):
         return document.encode(errors="replace").decode()
     if isinstance(document, dict):
@@ -113,7 +113,7 @@ def _printable(document: Any) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """Give the versions of Python and of what numbers and pictures rest on.
+    """Return the versions of Python and of what numbers and pictures rest on.
 
     From the modules: reading the metadata of packages takes longer than integrating.
     """

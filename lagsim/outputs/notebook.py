@@ -15,7 +15,7 @@ _CELL = "text-align: left; vertical-align: top"
 
 
 def counted(number: int, word: str) -> str:
-    """Give `2 rows`, or `1 row`."""
+    """Return `2 rows`, or `1 row`."""
     ending = "s" if number != 1 else ""
     if word.endswith("degree of freedom"):
         return f"{number} degree{ending} of freedom"
@@ -23,7 +23,7 @@ def counted(number: int, word: str) -> str:
 
 
 def listed(items: Sequence[str], most: int = LINE - 13) -> str:
-    """Give `a, b, c`, or as many as fit: `a, b and 12 more`; of nothing `none`."""
+    """Return `a, b, c`, or as many as fit: `a, b and 12 more`; of nothing `none`."""
     whole = ", ".join(items) or "none"
     if len(whole) <= most:
         return whole
@@ -34,13 +34,13 @@ def listed(items: Sequence[str], most: int = LINE - 13) -> str:
 
 
 def short(text: str, most: int = LINE) -> str:
-    """Give a text on one line of so many letters at most."""
+    """Return a text on one line of so many letters at most."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 3].rstrip()}..."
 
 
 def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
-    """Give a text for `repr`: a head, and below it a line for each name and text."""
+    """Return a text for `repr`: a head, and below it a line for each name and text."""
     rows = list(rows)
     width = max((len(name) for name, _ in rows), default=0)
     lines = [f"  {name:<{width}}  {short(text, LINE - width)}" for name, text in rows]
@@ -48,19 +48,21 @@ def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
 
 
 def heading(text: str) -> str:
-    """Give a heading."""
+    """Return a heading."""
     return f"<strong>{escape(text)}</strong>"
 
 
 def paragraph(text: str) -> str:
-    """Give a paragraph; nothing where there is no text."""
+    """Return a paragraph; nothing where there is no text."""
     return f"<p>{escape(text)}</p>" if text else ""
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = ()) -> str:
-    """Give a table of texts."""
-    lines = [_row("th", head)] if head else []
-    lines += [_row("td", row) for row in rows]
+    """Return a table of texts; nothing where it has no rows."""
+    lines = [_row("td", row) for row in rows]
+    if not lines:
+        return ""
+    lines[:0] = [_row("th", head)] if head else []
     return "<table>\n" + "\n".join(lines) + "\n</table>"
 
 
@@ -70,7 +72,7 @@ def _row(tag: str, cells: Sequence[str]) -> str:
 
 
 def picture(png: bytes, about: str) -> str:
-    """Give a picture that lies in the page itself."""
+    """Return a picture that lies in the page itself."""
     source = f"data:image/png;base64,{base64.b64encode(png).decode()}"
     style = "max-width: 700px; width: 100%"
     return f'<img alt="{escape(about)}" style="{style}" src="{source}">'

@@ -43,7 +43,7 @@ BAR_LONG, BAR_HIGH, BAR_AT, BAR = 2.6, 0.1, 1.7, 0.3
 
 
 def pens(count: int) -> list[Pen]:
-    """Give pens that are told apart: by colour, and by dashes, also where those end."""
+    """Return distinct pens: by colour, and by dashes, also where colours end."""
     size = len(PENS)
     return [
         PENS[(k + k // size) % size] | {"color": PENS[k % size]["color"]}

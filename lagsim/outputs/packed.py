@@ -1,7 +1,7 @@
-"""Tables in NumPy's and in Parquet's format: spooled, and packed at the end.
+"""The table of a run: as CSV, or packed in the format of NumPy or Parquet.
 
-Both keep columns one after the other, so the rows go to a file of their own first, in
-the folder of the results, and nothing but blocks of them is ever in memory.
+Packed formats keep columns one after the other, so the rows go to a file of their own
+first, in the folder of the results; nothing but blocks of them is ever in memory.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem
 from lagsim.outputs import Format
+from lagsim.outputs.table import TableWriter, Writer, numberless
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -30,45 +31,34 @@ BLOCK = 1 << 20
 NO_DATE = (1980, 1, 1, 0, 0, 0)
 
 
-class PackedWriter:
-    """Writes rows as they come, as `TableWriter` does; `finish` packs them."""
+def table_writer(
+    form: Format, path: Path, units: Mapping[str, str], *, show_units: bool
+) -> Writer:
+    """Open a table for the columns that `units` names.
+
+    Parameters
+    ----------
+    show_units
+        CSV gets a line of them.
+
+    Raises
+    ------
+    OSError
+    """
+    if form is Format.CSV:
+        line = [numberless(unit) for unit in units.values()] if show_units else None
+        return TableWriter(path, list(units), line)
+    return PackedWriter(form, path, units)
+
+
+class PackedWriter(Writer):
+    """Writes rows to a file of its own; `finish` packs them."""
 
     def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
-        self.rows = 0
-        self.last: float | None = None
+        file = tempfile.TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115
+        super().__init__(file, len(units))
         self._path, self._units = path, units
-        self._pack: Pack = _as_npz
-        if form is Format.PARQUET:
-            self._pack = _as_parquet
-        self._file = tempfile.TemporaryFile(  # noqa: SIM115  (until `close`)
-            dir=path.parent, buffering=0
-        )
-
-    def add(self, rows: Floats) -> None:
-        """Keep rows (k, at least the columns).
-
-        Raises
-        ------
-        OSError
-            If there is no room for them; then whole rows are kept.
-        """
-        block = np.ascontiguousarray(rows[:, : len(self._units)])
-        left = memoryview(block.tobytes())
-        written = 0
-        try:
-            while written < len(left):
-                written += self._file.write(left[written:])
-        finally:
-            whole = written // (8 * len(self._units))
-            self.rows += whole
-            if whole:
-                self.last = float(block[whole - 1, 0])
-
-    def begin_anew(self) -> None:
-        """Take all rows back."""
-        self._file.seek(0)
-        self._file.truncate()
-        self.rows, self.last = 0, None
+        self._pack: Pack = _as_parquet if form is Format.PARQUET else _as_npz
 
     def finish(self) -> None:
         """Make the table of the rows.
@@ -81,18 +71,13 @@ class PackedWriter:
         self._pack(self._path, self._units, self.rows, self._blocks)
 
     def _blocks(self) -> Iterator[Floats]:
-        """Give the rows again, some at a time."""
-        width = len(self._units)
-        many = max(1, BLOCK // width)
+        """Return the rows, some at a time."""
+        many = max(1, BLOCK // self._width)
         self._file.seek(0)
         for start in range(0, self.rows, many):
             count = min(many, self.rows - start)
-            data = self._file.read(8 * count * width)
-            yield np.frombuffer(data).reshape(count, width)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+            data = self._file.read(8 * count * self._width)
+            yield np.frombuffer(data).reshape(count, self._width)
 
 
 def check_format(form: Format, *, show_units: bool) -> None:
@@ -111,7 +96,7 @@ def check_format(form: Format, *, show_units: bool) -> None:
 
 
 def arrow() -> Any:
-    """Give pyarrow's module of Parquet.
+    """Return pyarrow's module of Parquet.
 
     Raises
     ------

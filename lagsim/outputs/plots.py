@@ -10,19 +10,25 @@ import gc
 from itertools import pairwise, zip_longest
 from typing import TYPE_CHECKING, Any
 
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
 import numpy as np
+from matplotlib.colors import to_hex
 
 from lagsim.native.link import ahead
-from lagsim.outputs.attempted import attempted
+from lagsim.outputs import attempted
 from lagsim.outputs.curves import (
     LOST,
     MARKS,
     OTHERS,
     Mark,
+    curve,
     dotted,
     inches,
     marks,
     path,
+    point,
     series,
     shade,
     stems,
@@ -34,6 +40,7 @@ from lagsim.outputs.figure import (
     EDGE,
     INK,
     LEFT,
+    NAMES,
     NOTHING,
     PENS,
     RIGHT,
@@ -44,6 +51,7 @@ from lagsim.outputs.figure import (
     fitted,
     frame,
     in_house_style,
+    in_lines,
     legend_above,
     mark,
 )
@@ -52,7 +60,6 @@ from lagsim.outputs.scale import (
     extent,
     log_scale,
     noise_scale,
-    power_of_ten,
     read_off,
     size_of,
     spread_scale,
@@ -60,9 +67,8 @@ from lagsim.outputs.scale import (
     value_scale,
     with_one_power,
 )
-from lagsim.outputs.views import Views
 from lagsim.run.observers.thinning import DRIFT
-from lagsim.tolerances import ZERO_BESIDE
+from lagsim.tolerances import FLAT_RANGE, ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -70,7 +76,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lagsim.model.model import Model, Plot, Scene
-    from lagsim.outputs.attempted import Made
+    from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
     from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array
@@ -179,7 +185,7 @@ def in_pairs(
 
 
 def _is_pair(one: str, other: str) -> bool:
-    """Tell whether two names differ in an x and a y alone."""
+    """Return whether two names differ in an x and a y alone."""
     differ = [(a, b) for a, b in zip(one, other, strict=False) if a != b]
     return len(one) == len(other) and differ in ([("x", "y")], [("X", "Y")])
 
@@ -219,10 +225,7 @@ class Panels:
             [width] * abreast, [self._each] * self._rows, left=left, top=APART,
             across=NUMBERS, down=APART,
         )  # fmt: skip
-        sizes: dict[str, float] = {}
-        for name in (name for group in self._groups for name in group):
-            unit, height = record.unit(name), height_of(record.rows.series(name)[1])
-            sizes[unit] = max(sizes.get(unit, 0.0), height)
+        sizes = largest(record, [name for group in self._groups for name in group])
         under = self._groups[abreast:]
         for axes, group, follows in zip_longest(panels.flat, self._groups, under):
             if not group:
@@ -271,23 +274,40 @@ def tell(
     k = int(np.argmax(sizes))
     at = int(np.abs(every[k]).argmax())
     t, most = drawn[k][0], read_off(float(every[k][at]))
-    said = f"powers of ten beyond {read_off(scale.linear)}"
+    beyond = f"powers of ten beyond {read_off(scale.linear)}"
     width, _ = size_of(axes)
     if above:  # in a small panel it would stand across the curve
-        text = fitted(f"{most}; {said}", 0.68 * width, SMALL)
+        text = fitted(f"{most}; {beyond}", 0.68 * width, SMALL)
         axes.set_title(text, loc="right", color=DIM)
         return
     # Where the greatest value is not.
     x, side = (0.01, "left") if t[at] > 0.5 * (t[0] + t[-1]) else (0.99, "right")
-    text = fitted(f"{most} at t = {read_off(t[at], 5)}; {said}", width, SMALL)
+    text = fitted(f"{most} at t = {read_off(t[at], 5)}; {beyond}", width, SMALL)
     look: Pen = {"size": SMALL, "color": DIM, "transform": axes.transAxes}
     axes.text(x, 0.96, text, ha=side, va="top", **look)
 
 
+def largest(record: Record, names: Sequence[str]) -> dict[str, float]:
+    """Return the greatest size of columns of each unit."""
+    found: dict[str, float] = {}
+    for name in names:
+        unit, size = record.unit(name), _size(record, name)
+        found[unit] = max(found.get(unit, 0.0), size)
+    return found
+
+
+def _size(record: Record, name: str) -> float:
+    return height_of(record.rows.series(name)[1])
+
+
 def height_of(values: Array) -> float:
     """Return the greatest size among finite values; 0 where there are none."""
-    low, high = extent(values) or (0.0, 0.0)
-    return max(abs(low), abs(high))
+    return max(map(abs, _ends(values)))
+
+
+def _ends(*series: Array) -> tuple[float, float]:
+    """Return the least and the greatest finite value; 0 where there is none."""
+    return extent(*series) or (0.0, 0.0)
 
 
 # --- A plot that the model asks for
@@ -388,7 +408,7 @@ def _has_one_scale(
     scene: Scene,
     drawn: Mapping[str, tuple[Array, Array]],
 ) -> bool:
-    """Tell whether both directions are of one kind: then circles are round."""
+    """Return whether both directions are of one kind: then circles are round."""
     if wanted.y2 or wanted.log:
         return False
     curves = wanted.curves(number)
@@ -397,23 +417,30 @@ def _has_one_scale(
     is_known = units != {""} and len(units) == 1
     is_known |= all(curve.node in components for curve in curves.values())
     is_known |= all(curve.text in DIRECTIONS for curve in curves.values())
-    ends = [extent(*x) or (0.0, 0.0) for x in zip(*drawn.values(), strict=True)]
+    ends = [_ends(*x) for x in zip(*drawn.values(), strict=True)]
     spans = [high - low for low, high in ends]
     return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
 
 
 def _equal(scales: dict[str, Scale], widest: float) -> tuple[float, float]:
-    """Give both directions one scale; return width and height of the panel."""
+    """Return both directions one scale; return width and height of the panel."""
     ends = [(scales[axis].low, scales[axis].high) for axis in "xy"]
     spans = [high - low for low, high in ends]
     scale = max(spans[0] / widest, spans[1] / TALLEST)
     sides = max(spans[0] / scale, NARROWEST), max(spans[1] / scale, 0.5 * NARROWEST)
-    found = []
-    for (low, high), side in zip(ends, sides, strict=True):
-        middle, half = 0.5 * (low + high), 0.5 * scale * side
-        found.append(Scale(middle - half, middle + half))
-    scales |= dict(zip("xy", with_one_power(found), strict=True))
+    scales |= dict(zip("xy", _around(ends, sides, scale), strict=True))
     return sides
+
+
+def _around(
+    ends: Sequence[tuple[float, float]], sides: Sequence[float], scale: float
+) -> list[Scale]:
+    """Return ranges of these sides at one scale, about what they show."""
+    middles = [0.5 * (low + high) for low, high in ends]
+    halves = [0.5 * scale * side for side in sides]
+    return with_one_power(
+        [Scale(m - half, m + half) for m, half in zip(middles, halves, strict=True)]
+    )
 
 
 def _draw(
@@ -425,6 +452,180 @@ def _draw(
     dots = mark(".", 1.2, pen["color"])
     pen = dots if dotted(*inches(axes, x, y)) else pen
     path(axes, x, y, pen, record.trusted())
+
+
+# --- The paths of the points of a scene
+
+# Inches: between two views, with numbers and names; the least height of one, and the
+# greatest of one in the plane. In space none is higher than it is wide.
+BETWEEN, LOWEST, HIGHEST = 0.62, 0.9, 3.8
+WHOLE = WIDTH - LEFT - RIGHT
+HALF = (WHOLE - BETWEEN) / 2
+# What is above the views: their legend is in lines.
+ABOVE = 0.24
+# How much longer than the paths an axis is.
+FREE = 1.12
+# More names than this cannot be distinguished.
+MOST_NAMES = 14
+
+START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
+END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
+FIXED_MARK = mark("s", 3.4)
+
+# From light to dark along a chain with more points than there are pens.
+LIGHT, DARK = np.array((0.55, 0.76, 0.93)), np.array((0.0, 0.13, 0.35))
+
+# The directions that run across and up in the views of a plane, and of a space.
+PLANE, IN_SPACE = ((0, 1),), ((0, 2), (1, 2), (0, 1))
+# What runs right and up on paper, seen from 30 degrees to the right of ahead and 30
+# degrees above.
+OBLIQUE = np.array(((0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)))
+
+
+class Views:
+    """The views of a scene with the names of what is in it.
+
+    Attributes
+    ----------
+    height : how much of a picture they take; 0 without points or rows.
+    """
+
+    def __init__(self, record: Record, scene: Scene) -> None:
+        self._record, self._links = record, scene.links
+        self.height = 0.0
+        if not scene.points or not record.rows.row_count:
+            return
+        self._take(scene)
+        self._pens = self._pens_of_moving()
+        self._lines = in_lines(list(self._names()), WHOLE)
+        spans = [high - low for low, high in self._extents]
+        self._widths, tallest, ups = [WHOLE], HIGHEST, spans[1:]
+        if len(spans) == 3:
+            self._widths, tallest, ups = [HALF, HALF], HALF, [spans[2], spans[1]]
+        across = max(spans[: len(self._widths)])
+        self._scale = self._usable(max(across / self._widths[0], max(ups) / tallest))
+        self._heights = [max(LOWEST, FREE * up / self._scale) for up in ups]
+        gaps = (BETWEEN - 0.1) * (len(ups) - 1)
+        self._above = ABOVE + NAMES * len(self._lines)
+        self.height = self._above + sum(self._heights) + gaps + BELOW_PANELS
+
+    def _take(self, scene: Scene) -> None:
+        """Take the positions (directions, rows) of all points."""
+        record = self._record
+        dimension = max(len(parts) for parts in scene.points.values())
+        self._positions: dict[str, Array] = {}
+        units = set()
+        for name, parts in scene.points.items():
+            columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
+            # A point that stands at a number has none.
+            units |= {record.unit(column) for column in columns} - {""}
+            known = [record.rows.sampled(column) for column in columns]
+            flat = [np.zeros_like(known[0])] * (dimension - len(parts))
+            self._positions[name] = np.stack(known + flat)
+        self._unit = units.pop() if len(units) == 1 else ""
+        every = self._positions.values()
+        self._extents = [_ends(*(p[k] for p in every)) for k in range(dimension)]
+        # A scene at rest has no size of its own.
+        self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
+
+    def _usable(self, scale: float) -> float:
+        """Return how much an inch is, also where all points rest in one place."""
+        scale *= FREE
+        return scale if scale > FLAT_RANGE * self._size else self._size or 1.0
+
+    def _pens_of_moving(self) -> dict[str, Pen]:
+        """Return a pen for each point that moves, in their order."""
+        paths = {}
+        whole = max(high - low for low, high in self._extents) or 1.0
+        for name, position in self._positions.items():
+            spans = [high - low for low, high in map(_ends, position)]
+            if any(span > FLAT_RANGE * self._size for span in spans):
+                widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
+                paths[name] = position[widest] * (HIGHEST / whole)
+        share = np.linspace(0.0, 1.0, len(paths))[:, np.newaxis]
+        shades = LIGHT + share * (DARK - LIGHT)
+        pens: list[Pen] = [{"color": to_hex(c), "linewidth": 0.6} for c in shades]
+        if len(paths) <= len(PENS):
+            pens = list(PENS[: len(paths)])
+        return {
+            name: mark(".", 3.0, pen["color"]) if dotted(x, y) else pen
+            for (name, (x, y)), pen in zip(paths.items(), pens, strict=True)
+        }
+
+    def _names(self) -> Iterator[tuple[str, Pen]]:
+        names = list(self._pens)
+        if len(names) > MOST_NAMES:
+            yield names[0], self._pens[names[0]]
+            yield f"… {len(names) - 2} more, darker …", {}
+            names = names[-1:]
+        yield from ((name, self._pens[name]) for name in names)
+        if fixed := [name for name in self._positions if name not in self._pens]:
+            yield ", ".join(fixed), FIXED_MARK
+        if self._pens:
+            yield "start", mark("o", 4.6, fill="white")
+            yield "end", mark("o", 2.6)
+        if self._links:
+            yield "links at the start", START_LINK
+            yield "links at the end", END_LINK
+        if self._pens and (stride := self._record.rows.stride) > 1:
+            yield f"one of {stride} rows", {}
+
+    def draw(self, picture: Picture, top: float) -> None:
+        """Draw them below `top`, counted from the header."""
+        for k, line in enumerate(self._lines):
+            picture.name(LEFT, picture.top + top + 0.14 + k * NAMES, line, WHOLE)
+        panels = picture.panels(
+            self._widths, self._heights, top=top + self._above, across=BETWEEN,
+            down=BETWEEN - 0.1,
+        ).ravel()  # fmt: skip
+        ups = np.repeat(self._heights, len(self._widths))
+        views = IN_SPACE if len(self._extents) == 3 else PLANE
+        for axes, (across, up), height in zip(panels, views, ups, strict=False):
+            ends = self._extents[across], self._extents[up]
+            sides = self._widths[0], float(height)
+            frame(
+                axes, *_around(ends, sides, self._scale),
+                below=("xyz"[across], self._unit), up=("xyz"[up], self._unit),
+            )  # fmt: skip
+            flat = {name: p[[across, up]] for name, p in self._positions.items()}
+            self._draw(axes, flat)
+        if len(panels) > len(views):
+            self._draw_oblique(panels[-1])
+
+    def _draw_oblique(self, axes: Axes) -> None:
+        """Draw the view from aside, with the directions in its corner."""
+        flat = {name: OBLIQUE @ p for name, p in self._positions.items()}
+        ends = [_ends(*c) for c in zip(*flat.values(), strict=True)]
+        sides = self._widths[-1], self._heights[-1]
+        (left, right), (low, high) = ends
+        scale = self._usable(max((right - left) / sides[0], (high - low) / sides[1]))
+        x, y = _around(ends, sides, scale)
+        x.put(axes, "x", 0)
+        y.put(axes, "y", 0)
+        self._draw(axes, flat)
+        line = {"arrowstyle": "-", "color": DIM, "linewidth": 0.7}
+        for name, end in zip("xyz", 20.0 * OBLIQUE.T, strict=True):
+            axes.annotate(
+                name, (14.0, 18.0), tuple(end), "axes points", "offset points",
+                size=SMALL, color=DIM, ha="center", va="center", arrowprops=line,
+            )  # fmt: skip
+
+    def _draw(self, axes: Axes, shown: Mapping[str, Array]) -> None:
+        """Draw points, given as what runs across and up of their paths (2, rows)."""
+        for name, pen in self._pens.items():
+            x, y = shown[name]
+            path(axes, x, y, pen, self._record.trusted())
+        for row, pen in ((0, START_LINK), (-1, END_LINK)):
+            for a, b in self._links:
+                x, y = np.stack((shown[a][:, row], shown[b][:, row]), 1)
+                curve(axes, x, y, pen)
+        small = 0.6 if len(self._pens) > MOST_NAMES else 1.0
+        for row, size, fill in ((0, 4.6, "white"), (-1, 2.6, "")):
+            for name, pen in self._pens.items():
+                x, y = shown[name][:, row]
+                point(axes, x, y, mark("o", small * size, pen["color"], fill))
+        for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
+            point(axes, x, y, FIXED_MARK)
 
 
 # --- The pictures
@@ -470,7 +671,7 @@ def _drift(axes: Axes, record: Record) -> None:
     balance = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
-    size = max(height_of(record.rows.series("energy")[1]), height_of(values))
+    size = max(_size(record, "energy"), height_of(values))
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
@@ -478,16 +679,9 @@ def _drift(axes: Axes, record: Record) -> None:
     series(axes, t, drift, BLACK)
     what = "energy − work" if balance == DRIFT else "energy"
     worst = height_of(drift)
-    most = f"at most {_written(worst)} {unit}" if worst else "0 in every row"
+    most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"
     text = f"{what} minus its first value: {most}".rstrip()
     axes.set_title(fitted(text, WIDTH - LEFT - RIGHT, SMALL))
-
-
-def _written(value: float) -> str:
-    """Return a size in two digits, as one writes it by hand."""
-    digits, exponent = f"{value:.1e}".split("e")
-    power = int(exponent)
-    return f"{digits} × {power_of_ten(power)}" if power else digits
 
 
 @in_house_style
@@ -514,46 +708,22 @@ def constraint_forces(
     columns = record.rows.columns
     multipliers += [name for name in columns if name.startswith("friction.")]
     impulses = [name for name in columns if name.startswith(IMPULSE)]
-    total = len(forces) + len(multipliers) + len(impulses)
-    families = _acting(record, (forces, multipliers, impulses))
-    acting = sum(len(names) for names in families)
-    left = acting
-    shown: list[str] = []
-    for names in families:
-        room = MOST_PANELS - len(shown)
-        shown += chosen(
-            names, room if left <= room else max(1, room * len(names) // left)
-        )
-        left -= len(names)
+    names = [*forces, *multipliers, *impulses]
+    sizes, most = {name: _size(record, name) for name in names}, largest(record, names)
+    acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[record.unit(n)]]
+    acting = acting or forces[:1]
+    shown = chosen(acting, MOST_PANELS)
     subject = "constraint forces Qc and multipliers λ"
-    if families[2]:
+    if any(name in impulses for name in acting):
         subject = "constraint forces and impulses"
-    if acting < total:
-        subject = f"{subject}; {total - acting} more are 0"
+    if len(acting) < len(names):
+        subject = f"{subject}; {len(names) - len(acting)} more are 0"
     else:
-        subject = _counted(subject, len(shown), total)
+        subject = _counted(subject, len(shown), len(names))
     panels = Panels(record, [(name,) for name in shown])
     picture = begun(record, panels.height, subject)
     panels.draw(picture, above=True)
     return picture
-
-
-def _acting(
-    record: Record, families: Sequence[Sequence[str]]
-) -> Sequence[Sequence[str]]:
-    """Return the columns that are not 0 beside others of their unit, else the first."""
-    sizes: dict[str, dict[str, float]] = {}
-    for name in (name for names in families for name in names):
-        of_unit = sizes.setdefault(record.unit(name), {})
-        of_unit[name] = height_of(record.rows.series(name)[1])
-    acting = {
-        name
-        for own in sizes.values()
-        for name, size in own.items()
-        if size > ZERO_BESIDE * max(own.values())
-    }
-    found = [[name for name in names if name in acting] for names in families]
-    return found if acting else [families[0][:1], [], []]
 
 
 def _counted(subject: str, shown: int, total: int) -> str:
@@ -561,7 +731,7 @@ def _counted(subject: str, shown: int, total: int) -> str:
 
 
 def pictures(record: Record, model: Model) -> Iterator[Made]:
-    """Give file name and content of every picture of a run, one after the other."""
+    """Return file name and content of every picture of a run, one after the other."""
     files = dict(_files(record, model))
     # The one that takes as long as all others.
     files[LONG] = ahead.bring(files[LONG])
@@ -574,7 +744,7 @@ def pictures(record: Record, model: Model) -> Iterator[Made]:
 
 
 def _files(record: Record, model: Model) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """Give what makes the file of each picture, by its name."""
+    """Return what makes the file of each picture, by its name."""
 
     def file(draw: Callable[..., Picture], *about: Any) -> Callable[[], bytes]:
         return lambda: content(draw(record, *about), record.form)

@@ -26,7 +26,7 @@ class Record:
     rows : the thinned rows of the run.
     units : unit of each column that has one; that of `t` too.
     events : times to mark, by the kind of what happens.
-    note : said below the title: that and why a run is incomplete; else empty.
+    note : below the title: that and why a run is incomplete; else empty.
     horizon : rows past this time are no forecast; infinite where all are.
     letters : how names are written.
     form : png, svg or pdf.

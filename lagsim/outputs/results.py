@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from lagsim.model.model import Settings
-    from lagsim.outputs.attempted import Made
+    from lagsim.outputs import Made
 
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
@@ -75,7 +75,7 @@ class Results:
         _write(self.part(self.manifest), bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
-        """Give the path to write file `name` to until `commit`."""
+        """Return the path to write file `name` to until `commit`."""
         part = self._part(name)
         if name not in self._begun:
             self._begun.add(name)
@@ -109,7 +109,7 @@ class Results:
                 yield content
 
     def digests(self) -> dict[str, str]:
-        """Give the sha256 of each file, so that who reads them knows them for one set.
+        """Return the sha256 of each file, by which readers know them for one set.
 
         Raises
         ------
@@ -179,7 +179,7 @@ class Results:
                 (self.folder / name).unlink()
 
     def unusable(self, error: OSError) -> InputError:
-        """Give what tells that nothing can be written here."""
+        """Return what tells that nothing can be written here."""
         return _unusable(self.folder, f"cannot be written: {error.strerror}")
 
     def _part(self, name: str) -> Path:
@@ -189,7 +189,7 @@ class Results:
         return self.folder / PART.format(name)
 
     def before(self) -> dict[str, Any]:
-        """Give what an earlier run's manifest says; nothing where there is none."""
+        """Return what an earlier run's manifest says; nothing where there is none."""
         try:
             found = orjson.loads(files.content(self.folder / self.manifest))
         except (OSError, ValueError):
@@ -197,7 +197,7 @@ class Results:
         return found if isinstance(found, dict) else {}
 
     def _listed(self) -> set[str]:
-        """Give the files of the run before."""
+        """Return the files of the run before."""
         names = self.before().get("files")
         names = names if isinstance(names, list) else []
         own = {n for n in names if isinstance(n, str) and is_own(n)}
@@ -205,7 +205,7 @@ class Results:
 
 
 def is_own(name: str) -> bool:
-    """Tell whether lagsim gives a file that name, and may remove it."""
+    """Return whether lagsim gives a file that name, and may remove it."""
     return _OWN.fullmatch(name) is not None
 
 
@@ -235,7 +235,8 @@ def open_results(
     """
     results = Results(folder, manifest)
     lock = _Lock(folder)
-    try:
+    with contextlib.ExitStack() as stack:
+        stack.callback(lock.leave)
         try:
             if folder.exists() and not folder.is_dir():
                 raise _unusable(folder, "is not a folder")
@@ -244,17 +245,13 @@ def open_results(
         except OSError as error:
             raise results.unusable(error) from None
         (first or results.forget)()
+        stack.callback(results.discard)
+        results.discard()
         try:
-            results.discard()
-            try:
-                results.reserve()
-            except OSError as error:
-                raise results.unusable(error) from None
-            yield results
-        finally:
-            results.discard()
-    finally:
-        lock.leave()
+            results.reserve()
+        except OSError as error:
+            raise results.unusable(error) from None
+        yield results
 
 
 class _Lock:
@@ -425,17 +422,17 @@ def _free(folder: Path) -> int:
     return 1 << 62
 
 
-# What a record says of how a result was made; so many differences are told.
+# How a result was made, by the keys of a record; so many differences are listed.
 OPTIONS = ("method", "formulation", "rtol", "atol", "step")
-MOST_TOLD = 3
+MOST_LISTED = 3
 
 
 def replaced(
     before: Mapping[str, Any], now: Mapping[str, Any], folder: Path
 ) -> Caution | None:
-    """Tell of a result of the same file with other parameters, or of another file.
+    """Warn of a result of the same file with other parameters, or of another file.
 
-    A file that was edited since is what people do all day: nothing is said of that.
+    There is no warning of a file that was edited since.
 
     Parameters
     ----------
@@ -446,9 +443,9 @@ def replaced(
     if not isinstance(old, dict):
         return None
     if old.get("sha256") == new["sha256"]:
-        told = list(_differences(before, now))
-        more = f" and {len(told) - MOST_TOLD} more" if len(told) > MOST_TOLD else ""
-        what = f"with {', '.join(told[:MOST_TOLD])}{more}" if told else ""
+        found = list(_differences(before, now))
+        more = f" and {len(found) - MOST_LISTED} more" * (len(found) > MOST_LISTED)
+        what = f"with {', '.join(found[:MOST_LISTED])}{more}" if found else ""
     else:
         file = str(old.get("file"))
         what = f"of {file}" if Path(file) != Path(new["file"]) else ""

@@ -80,7 +80,7 @@ class Scale(NamedTuple):
         *,
         bare: bool = False,
     ) -> None:
-        """Give Axes this range and at most so many ticks, by default as many as fit.
+        """Return Axes this range and at most so many ticks, by default as many as fit.
 
         What numbers count in stands in the `label`; `bare` axes have none.
         """
@@ -111,7 +111,7 @@ class Scale(NamedTuple):
             axis.set_tick_params(labelbottom=False)
 
     def ticks(self, most: int) -> tuple[Locator, Formatter]:
-        """Give at most so many ticks, and how their numbers are written."""
+        """Return at most so many ticks, and how their numbers are written."""
         if not most:
             return NullLocator(), ScalarFormatter()
         if self.linear:
@@ -119,7 +119,7 @@ class Scale(NamedTuple):
         return self._powers(most) if self.log else self._round(most)
 
     def _beyond(self, most: int) -> Locator:
-        """Give ticks of both parts: 0, the ends of the linear one, powers beyond."""
+        """Return ticks of both parts: 0, the ends of the linear one, powers beyond."""
         powers = SymmetricalLogLocator(base=10.0, linthresh=self.linear)
         powers.set_params(numticks=most)
         ends = self.low, self.high
@@ -157,7 +157,7 @@ def size_of(axes: Axes) -> tuple[float, float]:
 
 
 class Counting(ScalarFormatter):
-    """Numbers that count from an offset in powers of ten, both told to the label."""
+    """Numbers that count from an offset in powers of ten, both in the label."""
 
     def counted(self) -> tuple[float, int]:
         """Return the offset, and the power of ten that the numbers count in."""
@@ -244,7 +244,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
 
 
 def with_one_power(scales: Sequence[Scale]) -> list[Scale]:
-    """Give scales whose numbers are counted in one power of ten."""
+    """Return scales whose numbers are counted in one power of ten."""
     spans = [s.high - s.low for s in scales]
     sizes = [
         size if size < 1e4 * span else span
@@ -312,7 +312,7 @@ def spread_scale(*drawn: tuple[Array, Array], size: float = 0.0) -> Scale:
 
 
 def _ends(drawn: tuple[tuple[Array, Array], ...]) -> bool:
-    """Tell whether the largest value is among the last."""
+    """Return whether the largest value is among the last."""
     for t, values in drawn:
         sizes = np.where(np.isfinite(values), np.abs(values), 0.0)
         largest = t[int(sizes.argmax())]

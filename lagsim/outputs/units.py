@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import once
 from lagsim.mechanics.equations import ACTION
 from lagsim.model.model import Level
+from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -60,7 +61,7 @@ SMALL = 12
 LEAST_PART = 0.02
 
 _SAME = frozenset(("neg", "abs", "floor", "ceil"))
-_ALIKE = frozenset(("add", "sub", "min", "max", "hypot"))
+_ALIKE = frozenset(("add", "sub", "min", "max", "hypot", "if"))
 _ROOTS = {"sqrt": 0.5, "cbrt": 1.0 / 3.0}
 
 
@@ -80,7 +81,7 @@ def parsed(text: str) -> Unit | None:
 
 
 def times(one: Unit, other: Unit, power: float = 1.0) -> Unit:
-    """Give one unit times a power of another."""
+    """Return one unit times a power of another."""
     found = dict(one)
     for symbol, exponent in other.items():
         found[symbol] = found.get(symbol, 0.0) + power * exponent
@@ -105,113 +106,117 @@ def _power(symbol: str, exponent: float) -> str:
     return symbol if exponent == 1.0 else f"{symbol}^{exponent:.0f}"
 
 
+class Quantity(NamedTuple):
+    """The unit of an expression: its powers, None where none follows, and its text.
+
+    The text is the unit as it is written, which sums and numbers in front keep. What is
+    `free` is made of numbers alone, and fits everything in a sum.
+    """
+
+    unit: Unit | None = None
+    text: str = ""
+    free: bool = False
+
+
 class Dimensions:
     """The units of the nodes of a graph, as far as they follow from some.
 
-    A number fits everything in a sum: it is in `free`, and so is what is made of such.
-    `texts` are units as they are written, which sums and numbers in front keep.
+    Parameters
+    ----------
+    given : dict of int to str
+        Units of nodes, as the file has them.
+    numbers
+        Nodes that have none.
     """
 
     def __init__(
-        self,
-        graph: Graph,
-        given: Mapping[int, Unit],
-        texts: Mapping[int, str] | None = None,
-        numbers: Iterable[int] = (),
+        self, graph: Graph, given: Mapping[int, str], numbers: Iterable[int] = ()
     ) -> None:
-        self.graph = graph
-        self.known: dict[int, Unit | None] = dict(given)
-        self.free: set[int] = set()
-        self.texts = dict(texts or {})
-        self.known |= {node: PURE for node in numbers if node not in self.known}
+        self.graph, self._texts = graph, given
+        self.known = dict.fromkeys(numbers, Quantity(PURE))
+        for node, text in given.items():
+            if (unit := parsed(text)) is not None:
+                self.known[node] = Quantity(unit, text)
 
-    def of(self, node: int) -> Unit | None:
-        """Give the unit of a node, None where none follows."""
-        graph = self.graph
+    def of(self, node: int) -> Quantity:
+        """Return the quantity of a node."""
         if node not in self.known:
-            cone = graph.cone([node], self.known)
+            cone = self.graph.cone([node], self.known)
             if len(cone) > MOST_NODES:
-                self.known[node] = None
-                return None
+                self.known[node] = Quantity()
+                return self.known[node]
             for k in cone:
                 if k not in self.known:
                     self.known[k] = self._made(k)
-        return None if node in self.free else self.known[node]
+        return self.known[node]
+
+    def unit(self, node: int) -> Unit | None:
+        """Return the unit of a node, None where none follows."""
+        found = self.of(node)
+        return None if found.free else found.unit
 
     def text(self, node: int) -> str:
-        """Give the unit of a node as it is written; "" where none follows."""
-        unit = self.of(node)
-        return "" if node in self.free else self.texts.get(node) or written(unit)
+        """Return the unit of a node as it is written; "" where none follows."""
+        found = self.of(node)
+        return "" if found.free else found.text or written(found.unit)
 
-    def _made(self, node: int) -> Unit | None:
-        graph, known = self.graph, self.known
+    def _made(self, node: int) -> Quantity:
+        graph = self.graph
         value = graph.value(node)
         if value is not None:
-            self.free.add(node)
-            return PURE if _is_pure(value) else None
-        op, args = graph.ops[node], graph.args[node]
-        if op not in OPERATIONS:  # a variable without a unit
-            return None
-        if all(a in self.free for a in args):
-            self.free.add(node)
-        if op in ("mul", "div"):
-            one, other = known[args[0]], known[args[1]]
-            if one is None or other is None:
-                return None
-            self._keep(node, self._scaled(op, args))
-            return times(one, other, 1.0 if op == "mul" else -1.0)
-        if op == "pow":
-            return self._powered(*args)
-        if op in _SAME:
-            self._keep(node, args)
-            return known[args[0]]
-        if op in _ALIKE or op == "if":
-            self._keep(node, args[-2:])
-            return self._agreed(args[-2:])
-        if op in _ROOTS:
-            base = known[args[0]]
-            return None if base is None else times(PURE, base, _ROOTS[op])
-        return PURE  # of sines and logarithms, and of conditions
+            return Quantity(PURE if _is_pure(value) else None, free=True)
+        given = self._texts.get(node, "")
+        if graph.ops[node] not in OPERATIONS:  # a variable without a unit
+            return Quantity(None, given)
+        args = graph.args[node]
+        parts = [self.known[a] for a in args]
+        unit, text = _combined(graph.ops[node], parts, graph.value(args[-1]))
+        return Quantity(unit, given or text, all(part.free for part in parts))
 
-    def _keep(self, node: int, parts: Iterable[int]) -> None:
-        """Write the unit of a node as that of its parts, where they have one text."""
-        texts = {self.texts.get(k, "") for k in parts if k not in self.free}
-        if len(texts) == 1 and (text := texts.pop()):
-            self.texts[node] = text
 
-    def _scaled(self, op: str, args: Sequence[int]) -> Sequence[int]:
-        """Give the factor whose unit a product has, the other being a number."""
-        one, other = args
-        if self.known[other] == PURE and not self.texts.get(other):
-            return (one,)
-        pure = self.known[one] == PURE and not self.texts.get(one)
-        return (other,) if pure and op == "mul" else ()
-
-    def _powered(self, base: int, exponent: int) -> Unit | None:
-        unit, power = self.known[base], self.graph.value(exponent)
-        if unit is None or not unit:
-            return unit
-        return None if power is None else times(PURE, unit, power)
-
-    def _agreed(self, nodes: Iterable[int]) -> Unit | None:
-        """Give the one unit of terms; a number has that of what it is added to."""
-        units = [self.known[k] for k in nodes if k not in self.free]
-        units = [unit for unit in units if unit is not None]
-        return units[0] if units and all(u == units[0] for u in units) else None
+def _combined(
+    op: str, parts: Sequence[Quantity], power: float | None
+) -> tuple[Unit | None, str]:
+    """Return unit and text of an operation; `power` is the number that comes last."""
+    one, other = parts[0], parts[-1]
+    if op in ("mul", "div"):
+        if one.unit is None or other.unit is None:
+            return None, ""
+        text = ""
+        if other.unit == PURE and not other.text:
+            text = one.text
+        elif op == "mul" and one.unit == PURE and not one.text:
+            text = other.text
+        return times(one.unit, other.unit, 1.0 if op == "mul" else -1.0), text
+    if op in _SAME:
+        return one.unit, one.text
+    if op in _ALIKE:  # a number has the unit of what it is added to
+        terms = [part for part in parts[-2:] if not part.free]
+        texts = {part.text for part in terms}
+        units = [part.unit for part in terms if part.unit is not None]
+        agreed = units and all(unit == units[0] for unit in units)
+        return units[0] if agreed else None, texts.pop() if len(texts) == 1 else ""
+    if op in _ROOTS or op == "pow":
+        power = _ROOTS.get(op, power)
+        if not one.unit:
+            return one.unit, ""
+        return None if power is None else times(PURE, one.unit, power), ""
+    return PURE, ""  # of sines and logarithms, and of conditions
 
 
 def _is_pure(value: float) -> bool:
-    """Tell whether a number in a product is none that stands for a quantity."""
-    size, hundredths = abs(value), abs(value) * 100.0
+    """Return whether a number in a product is none that stands for a quantity."""
+    size = abs(value)
+    off = abs(size * 100.0 - round(size * 100.0))
     return (
         any(value * k % 1 == 0.0 and size * k <= SMALL for k in range(1, SMALL + 1))
         or any(size == k * math.pi for k in (0.25, 0.5, 1.0, 2.0, 4.0))
-        or (LEAST_PART <= size < 1.0 and abs(hundredths - round(hundredths)) < 1e-9)
+        or (LEAST_PART <= size < 1.0 and off < COMPUTED_ZERO)
     )
 
 
 def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]:
-    """Give the unit of each column as the file has it; "" where it has none."""
+    """Return the unit of each column as the file has it; "" where it has none."""
     model = equations.model
     found = {"t": "s"}
     for c in model.coordinates:
@@ -223,19 +228,19 @@ def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]
     return {name: found.get(name, "") for name in columns}
 
 
+def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
+    """Return the unit of each column of the table, "" where none follows."""
+    found = units(equations, columns)
+    return {name: found.get(name, "") for name in columns}
+
+
 def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
-    """Give the unit of each of these columns, and of what pictures show besides.
+    """Return the unit of each of these columns, and of what pictures show besides.
 
     Those that have none are left out.
     """
     key = ("units", equations.model.sha256, tuple(equations.q), tuple(columns))
     return once(equations.graph, key, lambda: _units(equations, columns))
-
-
-def of_table(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
-    """Give the unit of each column of the table, "" where none is known or follows."""
-    found = units(equations, columns)
-    return {name: found.get(name, "") for name in columns}
 
 
 def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
@@ -245,21 +250,27 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     named = {p.name: p.unit for p in model.parameters} | stated
     nodes = {graph.variable(name): text for name, text in named.items()}
     nodes |= {d.node: d.unit for d in model.definitions if d.unit}
-    texts = {k: text for k, text in nodes.items() if text and graph.value(k) is None}
-    given = {k: unit for k, text in texts.items() if (unit := parsed(text)) is not None}
+    given = {k: text for k, text in nodes.items() if text and graph.value(k) is None}
     found = {name: text for name, text in stated.items() if text and name in columns}
-    dimensions, energy = _consistent(equations, given, texts)
+    dimensions, energy = _consistent(equations, given)
     if energy:
-        for name in ENERGIES:
-            _follow(dimensions, found, name, energy, ("J",))
-        for name, unit in _forces(equations, dimensions, energy):
-            _follow(dimensions, found, name, unit, _FORCES)
-        _follow(dimensions, found, ACTION, times(energy, {"s": 1.0}), ("J s",))
-        _follow(dimensions, found, "gauss.G", times(energy, {"s": -2.0}), ("J/s^2",))
+        following: list[tuple[str, Unit, Sequence[str]]]
+        following = [(name, energy, ("J",)) for name in ENERGIES]
+        forces = _forces(equations, dimensions, energy)
+        following += [(name, unit, _FORCES) for name, unit in forces]
+        following.append((ACTION, times(energy, {"s": 1.0}), ("J s",)))
+        following.append(("gauss.G", times(energy, {"s": -2.0}), ("J/s^2",)))
+        for name, unit, names in following:
+            text = written(unit, names)
+            found.setdefault(name, text)
+            node = graph.variable(name)
+            if dimensions.known.get(node, Quantity()).unit is None:
+                dimensions.known[node] = Quantity(unit, text)
         for one in model.forces:
-            along = dimensions.of(one.direction)
-            if along == PURE and dimensions.of(one.node) == energy:
-                dimensions.texts.setdefault(one.node, "N m")
+            torque = dimensions.unit(one.direction) == PURE
+            force = dimensions.of(one.node)
+            if torque and dimensions.unit(one.node) == energy and not force.text:
+                dimensions.known[one.node] = force._replace(text="N m")
     for name, node in _shown(equations):
         text = dimensions.text(node)
         if text:
@@ -267,70 +278,52 @@ def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     return {name: text for name, text in found.items() if text}
 
 
-def _follow(
-    dimensions: Dimensions,
-    found: dict[str, str],
-    name: str,
-    unit: Unit,
-    names: Iterable[str],
-) -> None:
-    """Give a column a unit, where it has none, and what is made of it."""
-    text = written(unit, names)
-    found.setdefault(name, text)
-    node = dimensions.graph.variable(name)
-    if dimensions.known.get(node) is None:
-        dimensions.known[node] = unit
-        dimensions.texts[node] = text
-
-
 def _consistent(
-    equations: Equations, given: Mapping[int, Unit], texts: Mapping[int, str]
+    equations: Equations, given: Mapping[int, str]
 ) -> tuple[Dimensions, Unit]:
-    """Give the units of nodes, and that of all energies; none where these disagree.
+    """Return the units of nodes, and that of all energies; none where these disagree.
 
     Parameters without units are numbers, unless an energy or a force speaks against it.
     """
     model, graph = equations.model, equations.graph
-    bare = {
-        graph.variable(p.name): p.name
-        for p in model.parameters
-        if not p.unit and not p.follows
-    }
+    bare = [
+        graph.variable(p.name) for p in model.parameters if not p.unit and not p.follows
+    ]
+    names = {graph.variable(p.name): p.name for p in model.parameters}
     while True:
-        dimensions = Dimensions(graph, given, texts, bare)
+        dimensions = Dimensions(graph, given, bare)
         energy = _energy(equations, dimensions)
-        wanted: list[tuple[int, Unit]] = []
+        wrong = [] if energy else _energies(equations)
         if energy:
             for one in model.forces:
-                along = dimensions.of(one.direction)
+                along = dimensions.unit(one.direction)
                 if along is not None:
-                    wanted.append((one.node, _per(energy, along, one.level)))
+                    force = _per(energy, along, one.level)
+                    wrong += _against(dimensions, one.node, force)
             if model.dissipation is not None:
-                wanted.append((model.dissipation, times(energy, {"s": -1.0})))
-        wrong = [] if energy else _energies(equations)
-        for node, unit in wanted:
-            wrong += _against(dimensions, node, unit)
+                power = times(energy, {"s": -1.0})
+                wrong += _against(dimensions, model.dissipation, power)
         doubtful = graph.depends(wrong) if wrong else frozenset()
-        left = {node: name for node, name in bare.items() if name not in doubtful}
+        left = [node for node in bare if names[node] not in doubtful]
         if len(left) == len(bare):
             return dimensions, energy
         bare = left
 
 
 def _against(dimensions: Dimensions, node: int, wanted: Unit) -> list[int]:
-    """Give the terms of a sum that have another unit than the one wanted."""
+    """Return the terms of a sum that have another unit than the one wanted."""
     graph, below, terms = dimensions.graph, [node], list[int]()
     while below:
         k = below.pop()
         if graph.ops[k] in ("add", "sub", "neg"):
             below += graph.args[k]
-        elif dimensions.of(k) not in (None, wanted):
+        elif dimensions.unit(k) not in (None, wanted):
             terms.append(k)
     return terms
 
 
 def _per(energy: Unit, along: Unit, level: Level) -> Unit:
-    """Give the unit of a force that works on something; on a rate, it is a power's."""
+    """Return the unit of a force on a coordinate, or, by its power, on a rate."""
     force = times(energy, along, -1.0)
     return force if level is Level.POSITION else times(force, {"s": 1.0}, -1.0)
 
@@ -342,8 +335,8 @@ def _energies(equations: Equations) -> list[int]:
 
 
 def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
-    """Give the one unit of all energies that have one."""
-    known = [u for node in _energies(equations) if (u := dimensions.of(node))]
+    """Return the one unit of all energies that have one."""
+    known = [u for node in _energies(equations) if (u := dimensions.unit(node))]
     # Without a mass, what is called an energy is that of one that has no unit.
     if not known or any(set(unit) <= MOTION for unit in known):
         return PURE
@@ -351,7 +344,7 @@ def _energy(equations: Equations, dimensions: Dimensions) -> Unit:
 
 
 def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
-    """Give name and expression of columns that no rule names, and of what is drawn."""
+    """Return name and node of columns that no rule names, and of what is drawn."""
     for d in equations.model.definitions:
         yield d.name, d.node
     rows = [*equations.rows, *(law.row for law in equations.laws)]
@@ -368,25 +361,20 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
 def _forces(
     equations: Equations, dimensions: Dimensions, energy: Unit
 ) -> Iterator[tuple[str, Unit]]:
-    """Give constraint forces, multipliers and reactions: they work on what is known."""
-    for q in equations.q:
-        along = dimensions.of(equations.graph.variable(q))
-        if along is not None:
-            yield f"Qc_{q}", times(energy, along, -1.0)
+    """Return units of constraint forces, multipliers and reactions, by their work."""
+    work = {f"Qc_{q}": equations.graph.variable(q) for q in equations.q}
     defined = {d.name: d.node for d in equations.model.definitions}
-    for name in equations.model.output.reactions:
-        along = dimensions.of(defined[name])
-        if along is not None:
-            yield f"reaction.{name}", times(energy, along, -1.0)
+    reactions = equations.model.output.reactions
+    work |= {f"reaction.{name}": defined[name] for name in reactions}
     rows = {f"lambda_{row.name}": row for row in equations.rows}
     rows |= {law.multiplier: law.row for law in equations.laws}
-    for name, row in rows.items():
-        along = dimensions.of(row.residual)
+    work |= {name: row.residual for name, row in rows.items()}
+    for name, node in work.items():
+        along = dimensions.unit(node)
         if along is None:
             continue
-        force = times(energy, along, -1.0)
-        if not row.holonomic:
-            force = times(force, {"s": 1.0}, -1.0)
+        holonomic = name not in rows or rows[name].holonomic
+        force = _per(energy, along, Level.POSITION if holonomic else Level.VELOCITY)
         yield name, force
         if name.startswith("lambda_"):
             impulse = name.replace("lambda_", "impulse.", 1)

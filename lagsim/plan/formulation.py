@@ -97,16 +97,13 @@ def formulate(
     Raises
     ------
     InputError
-        Where the formulation asked for is not known or cannot be had.
+        Where the formulation asked for cannot be had.
     """
     asked, place = settings.formulation, settings.formulation_place
     if equations.laws and asked == "auto":
         return _at_times(equations, start)
     if asked == "auto":
         return _chosen(equations, start, suits)
-    problems = formulation_problems(asked, place)
-    if problems:
-        raise InputError(problems)
     try:
         return _asked(asked, equations, start, settings.decay)
     except _CannotError as error:

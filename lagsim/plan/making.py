@@ -24,7 +24,7 @@ from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
-from lagsim.methods import method, names, options_of
+from lagsim.methods import method, options_of
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_parts
 from lagsim.plan.formulation import formulate
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
-    from lagsim.mechanics.switches import Switches
     from lagsim.methods import Structure
     from lagsim.model.model import Settings
 
@@ -146,7 +145,7 @@ def choose(
     Raises
     ------
     InputError
-        Where the method asked for is not known or cannot handle the model.
+        Where the method asked for cannot handle the model.
     """
     if settings.method == "auto":
         plain = solved is not None and not switching and not equations.quadratures
@@ -166,9 +165,8 @@ def _automatic(
 ) -> Choice:
     if solved is not None:
         if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
-            return Choice(
-                "method: exponential", ("linear equations, and constant in time")
-            )
+            reason = "linear equations, and constant in time"
+            return Choice("method: exponential", reason)
         gain = _gain(equations, solved, rtol)
         if gain >= PAYS:
             reason = f"estimated {gain:.1f} times as fast as {ANY}"
@@ -194,12 +192,7 @@ def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
 def _asked(
     equations: Equations, scene: Structure, settings: Settings, choices: list[Choice]
 ) -> str:
-    asked, place = settings.method, settings.method_place
-    if asked not in names():
-        known = ", ".join(names())
-        hint = f"one of auto, {known}; `lagsim methods` describes them"
-        text = f"there is no method `{asked}`"
-        raise InputError([Problem("unknown-method", text, place, hint)])
+    asked = settings.method
     refuse(asked, method_refusal(asked, equations, scene), settings)
     choices.append(Choice(f"method: {asked}", "asked for"))
     given = dict(settings.options)
@@ -209,11 +202,13 @@ def _asked(
     return asked
 
 
-def refuse(name: str, why: str, settings: Settings) -> None:
+INSTEAD = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
+
+
+def refuse(name: str, why: str, settings: Settings, hint: str = INSTEAD) -> None:
     """Raise InputError where there is a reason why a method cannot handle a scene."""
     if why:
         text = f"`{name}` cannot handle this model: {why}"
-        hint = "`lagsim methods` lists what each handles; `auto` chooses one that suits"
         place = settings.method_place
         raise InputError([Problem("method-refused", text, place, hint)])
 
@@ -233,12 +228,12 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 def locates(name: str) -> bool:
     """Tell whether a method stops at switches and contacts; `auto` chooses such."""
-    return name not in names() or bool(getattr(method(name), "EVENTS", True))
+    return name == "auto" or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:
     """Tell whether the method that is asked for can handle `equations`."""
-    if asked not in names():
+    if asked == "auto":
         return True
     return not method_refusal(asked, equations, structure(equations))
 
@@ -268,8 +263,7 @@ def _check_straight(
             f"{MOST_OPERATIONS}"
         )
         hint += "; a larger --rtol makes the series shorter"
-    text = f"`{name}` cannot handle this model: {text}"
-    raise InputError([Problem("method-refused", text, settings.method_place, hint)])
+    refuse(name, text, settings, hint)
 
 
 # Loops of so many multiplications take a millisecond: that is no reason to do without
@@ -315,14 +309,13 @@ def eliminate(
             return None
     count = elimination.operations
     many = f"{count} multiplication{'s' * (count != 1)}"
-    where = (
-        ("of entries that are not zero") if equations.chains is None else "along chains"
-    )
+    if equations.chains is not None:
+        many += " along chains"
     if count <= BUDGET:
-        told = many if equations.chains is None else f"{many} {where}"
-        choices.append(Choice("solve: straight-line code", told))
+        choices.append(Choice("solve: straight-line code", many))
     else:
-        reason = f"{many} {where}; loops would take {dense}"
+        where = " of entries that are not zero" * (equations.chains is None)
+        reason = f"{many}{where}; loops would take {dense}"
         choices.append(Choice("solve: sparse elimination", reason))
     return elimination
 
@@ -384,11 +377,14 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     Raises
     ------
     InputError
-        Where the method or the formulation asked for is not known or cannot be had, or
-        `output` asks for what the model or the method has not.
+        Where the method or the formulation asked for cannot be had, or `output` asks
+        for what the model or the method has not.
     """
     if equations.model.output.gauss and start.augmented:
-        raise InputError([_no_unconstrained_acceleration()])
+        text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
+        text += "and the mass matrix of this model is singular without the constraints"
+        hint = "leave `gauss` out, or give every coordinate some mass"
+        raise InputError([Problem("singular-mass", text, hint=hint)])
     parts = _parts(equations, start, settings)
     if parts:  # the rows are those of the whole
         settings = settings._replace(formulation="full")
@@ -399,8 +395,12 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
     ]
     choices += found.choices
-    choices += _told(parts)
-    switches = _switches(equations, settings, choices)
+    choices += [_apart(parts)] if parts else []
+    switches = model_switches(equations, located=locates(settings.method))
+    if switches.sides:
+        reason = "forces jump or have a kink there: each is located, and the "
+        reason += "integration restarts"
+        choices.append(Choice(f"switches: {len(switches.sides)} located", reason))
     lengths = usual_lengths(equations, start, settings.output_step)
     if not locates(settings.method):
         elimination = None
@@ -411,14 +411,11 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     else:
         elimination = eliminate(equations, start, lengths, choices)
     if start.augmented:
-        choices.append(
-            Choice(
-                "mass matrix solved with the constraints",
-                ("it is singular without them"),
-            )
-        )
-    if start.augmented and not locates(settings.method):
-        raise InputError([_no_impulses(settings)])
+        solved_with = "mass matrix solved with the constraints"
+        choices.append(Choice(solved_with, "it is singular without them"))
+        if not locates(settings.method):
+            text = "its mass matrix is singular, and impulses would be infinite there"
+            refuse(settings.method, text, settings, "`--method dop853` handles it")
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape:
@@ -431,6 +428,9 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
     tape = tape or many_slopes(name, equations, elimination, choices)
+    constant = scene.constant_parts
+    # With the constraints, M is constant where they are.
+    known = constant if not start.augmented or constant == 2 else 0
     return Plan(
         method=name,
         formulation=found.name,
@@ -443,7 +443,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         smallest_singular_value=smallest,
         set_aside=set_aside(equations, start),
         lengths=lengths,
-        constant=_constant(scene, start),
+        constant=known,
         augmented=start.augmented,
         rtol=settings.tolerance if adaptive else None,
         atol=settings.atol if adaptive else None,
@@ -479,12 +479,10 @@ def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part
     return tuple(Part(x, make_plan(x.equations, x.start, own)) for x in found)
 
 
-def _told(parts: tuple[Part, ...]) -> list[Choice]:
-    if not parts:
-        return []
+def _apart(parts: tuple[Part, ...]) -> Choice:
     names = "; ".join(", ".join(x.subsystem.equations.q) for x in parts)
-    text = f"nothing couples them, and each takes its own steps: {names}"
-    return [Choice(f"subsystems: {len(parts)} integrated apart", text)]
+    reason = f"nothing couples them, and each takes its own steps: {names}"
+    return Choice(f"subsystems: {len(parts)} integrated apart", reason)
 
 
 def by_loops(plan: Plan) -> Plan:
@@ -505,46 +503,6 @@ def by_loops(plan: Plan) -> Plan:
     return replace(
         plan, method=name, elimination=None, tape=tape, choices=tuple(choices)
     )
-
-
-def _constant(scene: Structure, start: Start) -> int:
-    # With the constraints, M is constant where they are.
-    found = scene.constant_parts
-    return 0 if start.augmented and found < 2 else found
-
-
-def _no_unconstrained_acceleration() -> Problem:
-    return Problem(
-        "singular-mass",
-        (
-            "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
-            "and the mass matrix of this model is singular without the constraints"
-        ),
-        hint="leave `gauss` out, or give every coordinate some mass",
-    )
-
-
-def _no_impulses(settings: Settings) -> Problem:
-    return Problem(
-        "method-refused",
-        f"`{settings.method}` cannot handle this model: its mass matrix is singular, "
-        "and impulses would be infinite there",
-        settings.method_place,
-        hint="`--method dop853` handles it",
-    )
-
-
-def _switches(
-    equations: Equations, settings: Settings, choices: list[Choice]
-) -> Switches:
-    found = model_switches(equations, located=locates(settings.method))
-    if found.sides:
-        reason = (
-            "forces jump or have a kink there: each is located, and the integration "
-            "restarts"
-        )
-        choices.append(Choice(f"switches: {len(found.sides)} located", reason))
-    return found
 
 
 def _mass_matrix(scene: Structure) -> str:

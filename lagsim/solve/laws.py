@@ -138,11 +138,11 @@ def share_out(p: Parameters) -> None:
 
 def solve_rows(p: Parameters, count: int, x: Floats) -> None:
     """Solve S x = right side (count,) in place; nan where S is singular."""
-    if decompose(count, p.S, p.factors) == 0:
+    if decompose(1, count, p.S, p.factors) == 0:
         for k in range(count):
             x[k] = NAN
     else:
-        solve(count, p.S, p.factors, x)
+        solve(1, count, p.S, p.factors, x)
 
 
 def share(p: Parameters, out: Floats) -> None:

@@ -31,9 +31,9 @@ from lagsim.notes import Caution
 from lagsim.run.error import Failed
 from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor, gained
 from lagsim.run.overflow import Gaps
+from lagsim.run.system.functions import largest_beside
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.balances import balances, energy_error, jumps, without_jumps
-from lagsim.studies.error_bar import beside
 from lagsim.tolerances import (
     ENERGY_DRIFT,
     PLACE_BESIDE,
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
-    from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.equations import Equations, Instant
     from lagsim.run.error import ErrorBar
     from lagsim.run.overflow import Gap
     from lagsim.run.session import Session
@@ -290,6 +290,25 @@ def worst_residual(
         if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
+
+
+def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
+    """Return the largest range (n,) of other coordinates, each in the unit of its own.
+
+    As far as its inertia may be moved by it: of a heavier body no more than that body's
+    own range, so that what is light does not hide behind it; of a lighter one less, as
+    the roots of the masses. Where units differ, whichever is less.
+    """
+    return largest_beside(inertia_roots(equations, start), found)
+
+
+def inertia_roots(equations: Equations, start: Instant) -> Floats:
+    """Return the roots of the diagonal of M at the start (n,)."""
+    values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
+    values |= dict(zip(equations.q, start.q, strict=True))
+    values |= dict(zip(equations.velocities, start.v, strict=True))
+    diagonal = evaluate(equations.graph, equations.inertias, values)
+    return np.sqrt(np.fmax(diagonal, 0.0))
 
 
 def _changed(

@@ -22,7 +22,7 @@ from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import Evidence, alarms, audit, up_to
-from lagsim.studies.repeats import Allowance, Repeat, Repeats, by_other_means
+from lagsim.studies.error_bar import Allowance, Repeat, Repeats, by_other_means
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
 from lagsim.notes import Caution
-from lagsim.outputs.attempted import attempted
+from lagsim.outputs import attempted
 from lagsim.outputs.letters import Letters, letters_of
 from lagsim.outputs.record import Record
 from lagsim.studies.declared import decoded, encoded
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.model.model import Model
-    from lagsim.outputs.attempted import Made
+    from lagsim.outputs import Made
     from lagsim.run.observers.frames import Frames
     from lagsim.run.observers.thinning import Thinning
     from lagsim.studies.attempts import Attempt

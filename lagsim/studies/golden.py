@@ -66,7 +66,7 @@ MOST_CELLS = 2400
 # tolerance is one draw of where the steps fall, which says little of others nearby: the
 # largest of a few says what they reach.
 LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
-# No tolerance below this means anything (see `repeats`).
+# No tolerance below this means anything (see `error_bar`).
 TIGHTEST = 1e-14
 SEEDS = 4
 METHODS = ("dop853", "taylor", "radau")

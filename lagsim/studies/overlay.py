@@ -16,8 +16,7 @@ from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.notes import Event
 from lagsim.outputs import animation
-from lagsim.outputs.animation.film import page_units
-from lagsim.outputs.animation.tables import film_of_columns
+from lagsim.outputs.animation.film import film_of_columns, page_units
 from lagsim.outputs.results import MANIFEST
 from lagsim.studies.tables import of_another_run, read_results
 

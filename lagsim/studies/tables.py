@@ -115,6 +115,10 @@ def of_another_run(
     return (text,)
 
 
+class _FaultError(Exception):
+    """Why a file is not a table of numbers."""
+
+
 def read_table(path: Path) -> Table:
     """Read a table of numbers: CSV with a header, NPZ or Parquet, by its name's end.
 
@@ -126,27 +130,24 @@ def read_table(path: Path) -> Table:
     read = _PACKED.get(path.suffix, _read)
     try:
         with files.opened(path) as file:
-            _refuse_large(os.fstat(file.fileno()).st_size, str(path))
-            return read(file, str(path))
+            _refuse_large(os.fstat(file.fileno()).st_size)
+            return replace(read(file), name=str(path))
     except OSError as error:
-        why = error.strerror or "it is damaged"
-        raise unusable(str(path), f"cannot be read: {why}") from None
+        why = f"cannot be read: {error.strerror or 'it is damaged'}"
+    except _FaultError as error:
+        why = str(error)
+    raise InputError([Problem("bad-table", f"{path}: {why}")])
 
 
-def unusable(name: str, why: str) -> InputError:
-    """Give the error of a file that cannot be compared."""
-    return InputError([Problem("bad-table", f"{name}: {why}")])
-
-
-def _refuse_large(size: int, name: str) -> None:
+def _refuse_large(size: int) -> None:
     if size > limits.TABLE_BYTES:
         amount = f"{limits.size(size)} of numbers, more than the limit"
-        raise unusable(name, f"it has {amount} of {limits.size(limits.TABLE_BYTES)}")
+        raise _FaultError(f"it has {amount} of {limits.size(limits.TABLE_BYTES)}")
 
 
-def _read(file: BinaryIO, name: str) -> Table:
+def _read(file: BinaryIO) -> Table:
     head = file.readline(LONGEST_LINE)
-    columns = _header(head, name)
+    columns = _header(head)
     second = file.readline(LONGEST_LINE)
     units = _units(second, columns)
     body, line = len(head), 2
@@ -154,127 +155,119 @@ def _read(file: BinaryIO, name: str) -> Table:
         body, line = body + len(second), 3
     size = file.seek(0, io.SEEK_END)
     # Every row ends with a line break, but for the last one of a foreign table.
-    most = _line_breaks(file, body) + 1
+    file.seek(body)
+    breaks = sum(x.count(b"\n") for x in iter(lambda: file.read(BLOCK), b""))
     # No row is shorter than its commas: nothing else is made room for.
-    most = min(most, size // max(1, 2 * len(columns) - 1) + 1)
+    most = min(breaks + 1, size // max(1, 2 * len(columns) - 1) + 1)
     data = np.empty((len(columns), most))
     rows = 0
     file.seek(body)
-    for block in _blocks(file, name):
+    for block in _blocks(file):
         part = _plain(block, len(columns))
         if part is None:
-            part = _cells(block, columns, name, line)
+            part = _cells(block, columns, line)
         line += block.count(b"\n")
         data[:, rows : rows + part.shape[1]] = part
         rows += part.shape[1]
     if not rows:
-        raise unusable(name, "there are no rows after the header")
-    data = data[:, :rows]
-    return Table(name, columns, data, units)
+        raise _FaultError("there are no rows after the header")
+    return Table("", columns, data[:, :rows], units)
+
+
+def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
+    """Return the cells of a line, without blanks around; None where it is no CSV."""
+    try:
+        cells = next(csv.reader([line.decode(encoding).rstrip("\r\n")], strict=True))
+    except (UnicodeDecodeError, csv.Error, StopIteration):
+        return None
+    return [cell.strip() for cell in cells]
 
 
 def _units(line: bytes, columns: tuple[str, ...]) -> dict[str, str]:
-    """Give the units of columns, where a line is one of units and not a row.
+    """Return the units of columns, where a line is one of units and not a row.
 
     That is where no cell of it is a number, and time has a unit.
     """
-    try:
-        cells = next(csv.reader([line.decode().rstrip("\r\n")], strict=True))
-    except (UnicodeDecodeError, csv.Error, StopIteration):
-        return {}
-    cells = [cell.strip() for cell in cells]
+    cells = _cut(line) or []
     if len(cells) != len(columns) or any(numberless(cell) != cell for cell in cells):
         return {}
     found = dict(zip(columns, map(unguarded, cells), strict=True))
     return found if found["t"] == TIME else {}
 
 
-def _read_npz(file: BinaryIO, name: str) -> Table:
+def _read_npz(file: BinaryIO) -> Table:
     """Read an archive with an array of numbers for each column."""
     try:
         archive = np.load(file, allow_pickle=False)
         if isinstance(archive, np.ndarray):
-            raise unusable(name, "it is one array, and not one for each column")
-        _refuse_large(sum(x.file_size for x in archive.zip.infolist()), name)
-        return _joined({key: archive[key] for key in archive.files}, name)
+            raise _FaultError("it is one array, and not one for each column")
+        _refuse_large(sum(x.file_size for x in archive.zip.infolist()))
+        return _joined({key: archive[key] for key in archive.files})
     except (BadZipFile, ValueError, EOFError):
-        raise unusable(name, "it is no archive of arrays of numbers") from None
+        raise _FaultError("it is no archive of arrays of numbers") from None
 
 
-def _read_parquet(file: BinaryIO, name: str) -> Table:
+def _read_parquet(file: BinaryIO) -> Table:
     from lagsim.outputs.packed import arrow
 
     try:
         about = arrow().read_metadata(file)
-        _refuse_large(8 * about.num_rows * about.num_columns, name)
+        _refuse_large(8 * about.num_rows * about.num_columns)
         file.seek(0)
         found = arrow().read_table(file)
         arrays = {x: found[x].to_numpy() for x in found.column_names}
     except ValueError:
-        raise unusable(name, "it is no table in Parquet's format") from None
+        raise _FaultError("it is no table in Parquet's format") from None
     stated = {field.name: (field.metadata or {}).get(b"unit") for field in found.schema}
     units = {x: unit.decode() for x, unit in stated.items() if unit}
-    return replace(_joined(arrays, name), units=units)
+    return replace(_joined(arrays), units=units)
 
 
 _PACKED = {".npz": _read_npz, ".parquet": _read_parquet}
 
 
-def _joined(arrays: dict[str, Any], name: str) -> Table:
-    """Give the table of some columns, which must be numbers, and as many."""
+def _joined(arrays: dict[str, Any]) -> Table:
+    """Return the table of some columns, which must be numbers, and as many."""
     if "t" not in arrays:
-        raise unusable(name, "there is no column `t`, the time")
+        raise _FaultError("there is no column `t`, the time")
     many = np.shape(arrays["t"])
     for column, array in arrays.items():
         if array.dtype.kind not in "fiu" or array.ndim != 1 or array.shape != many:
-            raise unusable(name, f"{column} is no column of as many numbers as `t`")
+            raise _FaultError(f"{column} is no column of as many numbers as `t`")
     if not many[0]:
-        raise unusable(name, "there are no rows")
-    data = np.empty((len(arrays), *many))
-    for row, array in zip(data, arrays.values(), strict=True):
-        row[:] = array
-    return Table(name, tuple(arrays), data)
+        raise _FaultError("there are no rows")
+    return Table("", tuple(arrays), np.array([*arrays.values()], dtype=np.float64))
 
 
-def _header(head: bytes, name: str) -> tuple[str, ...]:
+def _header(head: bytes) -> tuple[str, ...]:
     if not head.strip():
-        raise unusable(name, "the file is empty" if not head else "line 1 is blank")
-    try:
-        text = head.decode("utf-8-sig").rstrip("\r\n")
-        columns = next(csv.reader([text], strict=True))
-    except (UnicodeDecodeError, csv.Error, StopIteration):
-        raise unusable(name, "line 1 is no header of a CSV file") from None
-    columns = [column.strip() for column in columns]
+        raise _FaultError("the file is empty" if not head else "line 1 is blank")
+    columns = _cut(head, "utf-8-sig")
+    if columns is None:
+        raise _FaultError("line 1 is no header of a CSV file")
     with contextlib.suppress(ValueError):
         float(columns[0])
-        raise unusable(name, "line 1 is no header: it begins with a number")
+        raise _FaultError("line 1 is no header: it begins with a number")
     if "t" not in columns:
-        raise unusable(name, "line 1: there is no column `t`, the time")
+        raise _FaultError("line 1: there is no column `t`, the time")
     if not all(columns):
-        raise unusable(name, "line 1: a column has no name")
+        raise _FaultError("line 1: a column has no name")
     twice = [column for column, number in Counter(columns).items() if number > 1]
     if twice:
-        raise unusable(name, f"line 1: the column `{twice[0]}` is given twice")
+        raise _FaultError(f"line 1: the column `{twice[0]}` is given twice")
     return tuple(columns)
 
 
-def _line_breaks(file: BinaryIO, start: int) -> int:
-    file.seek(start)
-    return sum(block.count(b"\n") for block in iter(lambda: file.read(BLOCK), b""))
-
-
-def _blocks(file: BinaryIO, name: str) -> Iterator[bytes]:
-    """Give the rest of a file in blocks of whole lines."""
+def _blocks(file: BinaryIO) -> Iterator[bytes]:
+    """Return the rest of a file in blocks of whole lines."""
     rest = b""
     while read := file.read(BLOCK):
         if len(rest) > LONGEST_LINE:
             most = limits.size(LONGEST_LINE)
-            raise unusable(name, f"a line has more than {most}, which is the limit")
-        read = rest + read
-        end = read.rfind(b"\n") + 1
-        rest = read[end:]
-        if end:
-            yield read[:end]
+            raise _FaultError(f"a line has more than {most}, which is the limit")
+        whole, newline, rest = (rest + read).rpartition(b"\n")
+        if newline:
+            yield whole + newline
     if rest:
         yield rest
 
@@ -293,49 +286,46 @@ def _plain(block: bytes, count: int) -> Floats | None:
     return rows.T if rows.shape == (lines, count) else None
 
 
-def _cells(block: bytes, columns: tuple[str, ...], name: str, line: int) -> Floats:
-    """Read rows cell by cell (columns, rows).
+def _cells(block: bytes, columns: tuple[str, ...], line: int) -> Floats:
+    """Read rows cell by cell (columns, rows); the first of them is that of a line.
 
     Raises
     ------
-    InputError
+    _FaultError
         That names the line of the first cell that is no number.
     """
     try:
         text = block.decode()
     except UnicodeDecodeError as error:
         line += block.count(b"\n", 0, error.start)
-        raise unusable(name, f"line {line} is not UTF-8") from None
+        raise _FaultError(f"line {line} is not UTF-8") from None
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     rows: list[list[float]] = []
-    blank = 0
-    while True:
-        here = line + reader.line_num
-        try:
-            cells = next(reader, None)
-        except csv.Error as error:
-            raise unusable(name, f"line {here}: {error}") from None
-        if cells is None:
-            return np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T
-        if blank and cells:
-            raise unusable(name, f"line {blank} is blank")
-        if not cells:
-            blank = blank or here
-            continue
-        if len(cells) != len(columns):
-            found = f"{len(cells)} cell{'s' * (len(cells) != 1)}"
-            why = f"line {here} has {found}, and the header {len(columns)} columns"
-            raise unusable(name, why)
-        pairs = zip(cells, columns, strict=True)
-        rows.append([_number(cell, column, name, here) for cell, column in pairs])
+    here, blank = line, 0
+    try:
+        for cells in reader:
+            if blank and cells:
+                raise _FaultError(f"line {blank} is blank")
+            if not cells:
+                blank = blank or here
+            elif len(cells) != len(columns):
+                found = f"{len(cells)} cell{'s' * (len(cells) != 1)}"
+                why = f"line {here} has {found}, and the header {len(columns)} columns"
+                raise _FaultError(why)
+            else:
+                pairs = zip(cells, columns, strict=True)
+                rows.append([_number(cell, column, here) for cell, column in pairs])
+            here = line + reader.line_num
+    except csv.Error as error:
+        raise _FaultError(f"line {here}: {error}") from None
+    return np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T
 
 
-def _number(cell: str, column: str, name: str, line: int) -> float:
+def _number(cell: str, column: str, line: int) -> float:
     try:
         if "_" not in cell:
             return float(cell)
     except ValueError:
         pass
     shown = f"`{cell[:40]}`" if cell.strip() else "empty"
-    what = f"line {line}: {column} is {shown}, and not a number"
-    raise unusable(name, what)
+    raise _FaultError(f"line {line}: {column} is {shown}, and not a number")

@@ -73,7 +73,7 @@ def test_past_the_horizon(lagsim, plots):
 
 
 def test_too_long_to_repeat(lagsim, write, monkeypatch):
-    monkeypatch.setattr("lagsim.studies.repeats.BUDGET", 1e3)
+    monkeypatch.setattr("lagsim.studies.error_bar.BUDGET", 1e3)
     called = lagsim("run", write(SWING), "-o", "out", "--no-plots")
     assert called.code == 0
     assert manifest("out")["error"] is None

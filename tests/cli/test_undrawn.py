@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from lagsim.notes import Caution
-from lagsim.outputs import plots, results
-from lagsim.outputs.attempted import attempted
+from lagsim.outputs import attempted, plots, results
 from tests.cli._results import manifest, names, table
 from tests.small_scenes import ON_THE_CURVE, PENDULUM
 

@@ -18,18 +18,7 @@ from lagsim.methods.parts.newton import (
     progress,
     solve,
 )
-from lagsim.methods.radau import (
-    A_INVERSE,
-    ALPHA,
-    BETA,
-    DENSE,
-    GAMMA,
-    T_INVERSE,
-    TRANSFORM,
-    A,
-    C,
-    at_point,
-)
+from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
 from tests.methods.test_registry import refusal_of
 from tests.support import run
 
@@ -66,49 +55,47 @@ simulation: {duration: 5, output_step: 0.5, method: METHOD, step: 0.5}
 """
 
 
-def test_lu_solves_and_sees_singular_matrices():
+@pytest.mark.parametrize("width", [1, 2])
+def test_lu_solves_and_sees_singular_matrices(width):
     random = np.random.default_rng(3)
+
+    def drawn(*shape):
+        parts = random.standard_normal((2, *shape))
+        return parts[0] + 1j * parts[1] if width == 2 else parts[0]
+
     for n in (1, 2, 5, 9):
-        A = random.standard_normal((n, n)) * 10.0 ** random.integers(-6, 6, (n, 1))
-        x = random.standard_normal(n)
-        right, factors, pivots = A @ x, A.copy().ravel(), np.zeros(n)
-        assert decompose(n, factors, pivots) == 1
-        solve(n, factors, pivots, right)
+        A, x = drawn(n, n) * 10.0 ** random.integers(-6, 6, (n, 1)), drawn(n)
+        right, factors = (np.array(a).ravel().view(float) for a in (A @ x, A))
+        pivots = np.zeros(n)
+        assert decompose(width, n, factors, pivots) == 1
+        solve(width, n, factors, pivots, right)
         scaled = np.linalg.cond(A / np.max(np.abs(A), axis=1, keepdims=True))
         # Backward stable, up to the growth of the elimination.
-        assert np.max(np.abs(right - x)) < 100 * scaled * 2.0**-53 * np.max(np.abs(x))
-    assert decompose(2, np.array([1.0, 2.0, 2.0, 4.0]), np.zeros(2)) == 0
-    assert decompose(2, np.array([0.0, 0.0, 2.0, 4.0]), np.zeros(2)) == 0
-    assert decompose(1, np.array([math.nan]), np.zeros(1)) == 0
+        off = np.abs(right.view(A.dtype) - x)
+        assert np.max(off) < 100 * scaled * 2.0**-53 * np.max(np.abs(x))
+    for singular in ([1.0, 2.0, 2.0, 4.0], [0.0, 0.0, 2.0, 4.0], [math.nan] * 4):
+        factors = np.zeros(4 * width)
+        factors[::width] = singular
+        assert decompose(width, 2, factors, np.zeros(2)) == 0
 
 
 def test_the_tables_of_radau():
-    # Published: Hairer and Wanner, table IV.5.6; the eigenvalues of IV.8.
-    root = math.sqrt(6.0)
-    published = [
-        [(88 - 7 * root) / 360, (296 - 169 * root) / 1800, (-2 + 3 * root) / 225],
-        [(296 + 169 * root) / 1800, (88 + 7 * root) / 360, (-2 - 3 * root) / 225],
-        [(16 - root) / 36, (16 + root) / 36, 1 / 9],
-    ]
+    # Collocation; Hairer and Wanner, IV.8, (8.12).
     rounding = 1e-14
-    assert np.allclose(A, published, rtol=0, atol=rounding)
-    assert np.allclose(np.array(A) @ A_INVERSE, np.eye(3), rtol=0, atol=rounding)
+    for k in range(1, 4):
+        assert A @ np.power(C, k - 1) == pytest.approx(np.power(C, k) / k)
+    inverse = np.linalg.inv(A)
     middle = [[GAMMA, 0, 0], [0, ALPHA, -BETA], [0, BETA, ALPHA]]
-    product = np.array(T_INVERSE) @ A_INVERSE @ np.array(TRANSFORM)
+    product = np.array(T_INVERSE) @ inverse @ np.array(T)
     assert np.allclose(product, middle, rtol=0, atol=rounding)
-    assert pytest.approx(3.6378342527444957, rel=1e-15) == GAMMA
-    assert pytest.approx((2.6810828736277521, 3.0504301992474105), rel=1e-15) == (
-        ALPHA,
-        BETA,
-    )
-    # The dense output integrates cubics exactly, and at the nodes gives the stages of
-    # anything whose slope at 0 does not count in them.
-    for x in (0.3, *C):
-        for k in range(4):
-            slopes = [c**k for c in (0.0, *C)]
-            value = sum(
-                s * at_point(row, x) for s, row in zip(slopes, DENSE, strict=True)
-            )
+    assert np.allclose(np.array(T_INVERSE) @ T, np.eye(3), rtol=0, atol=rounding)
+    assert np.allclose(SLOPE, inverse[2], rtol=0, atol=rounding)
+    # The dense output integrates cubics of slopes exactly.
+    for k in range(4):
+        increments = np.array(A) @ np.power(C, k)
+        for x in (0.3, *C):
+            terms = np.array(DENSE) @ [0.0**k, *increments]
+            value = terms @ x ** np.arange(1, 5)
             assert value == pytest.approx(x ** (k + 1) / (k + 1), abs=rounding)
 
 

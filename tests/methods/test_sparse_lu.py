@@ -12,10 +12,7 @@ from scipy.linalg import expm
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import newton as lu
-from lagsim.methods.parts.newton import (
-    factor_pair,
-    factor_real,
-)
+from lagsim.methods.parts.newton import decompose_sparse
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.model.reader import read
 from lagsim.plan.making import by_loops
@@ -57,11 +54,11 @@ def test_a_pivot_that_cancels_is_none(left):
     found = factored(entries, 2, {})
     p = Parameters.made(n=2, size=4, **found.sizes)
     found.fill(p)
-    values = np.array([1.0, 1.0, 1.0, 1.0 + left])
-    assert factor_real(p, 1.0, values, np.zeros(4), np.zeros(2)) == 0
-    assert factor_pair(p, 1.0, 0.0, values, np.zeros(8), np.zeros(4)) == 0
-    values[-1] = 1.5
-    assert factor_real(p, 1.0, values, np.zeros(4), np.zeros(2)) == 1
+    for last, done in ((1.0 + left, 0), (1.5, 1)):
+        values = np.array([1.0, 1.0, 1.0, last])
+        for width in (1, 2):
+            g, K, x = np.ones(4), np.zeros(4 * width), np.zeros(2 * width)
+            assert decompose_sparse(width, p, g, values, K, x) == done
 
 
 def test_operations_grow_with_the_chain():

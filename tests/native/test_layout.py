@@ -13,8 +13,7 @@ from lagsim.methods import method, names
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.keys import KernelError, fingerprint
 from lagsim.native.kernels.translation import translate
-from lagsim.native.kernels.words import apart
-from lagsim.native.layout import ARRAY, SIZE, Memory, array, part
+from lagsim.native.layout import ARRAY, SIZE, Memory, after, array, part
 from lagsim.native.link.engine import Engine, compile_object
 from tests.kernels import bind
 
@@ -28,10 +27,11 @@ class Walk(Memory):
     t: float
     size: int
     stages: int = 2
-    y: Floats = array(lambda s: s.size)
-    low: Floats = array(lambda s: s.size, inf)
+    y: Floats = array("size")
+    low: Floats = array("size", inf)
     slopes: Floats = array(lambda s: s.stages * s.size)
-    last: Floats = part("slopes", lambda s: s.size, lambda s: s.size)
+    first: Floats = part("slopes", "size")
+    last: Floats = after("first", "size")
 
 
 class Longer(Walk):
@@ -43,9 +43,7 @@ class Longer(Walk):
 
 
 def move(s: Longer, p: Walk, h: float) -> int:
-    y = s.y
-    for i in apart(s.size):
-        y[i] += h * s.weights[i] * p.last[i]
+    s.y[:] += h * s.weights * p.last[: s.stages]
     s.t += h
     s.count = s.count + 1.0
     p.t = s.t
@@ -77,8 +75,9 @@ def test_a_name_has_a_word_and_an_array_its_length() -> None:
         4,
         3,
     ]
-    # Nine words, and 4 + 4 + 12 + 3 elements; what is a part has none of its own.
-    assert len(s.flat) == 9 + 23
+    # Four words, two for each of six arrays, and 4 + 4 + 12 + 3 elements: what is a
+    # part has none of its own.
+    assert len(s.flat) == 4 + 2 * 6 + 23
     assert s.weights.tolist() == [0.5, 0.25, 0.25]
     assert s.low.tolist() == [inf] * 4
 
@@ -152,13 +151,15 @@ def test_no_array_lies_in_another(memory: type[Memory]) -> None:
         name: 1 for name, f in memory.fields.items() if f.kind == SIZE and not f.value
     }
     s = memory.made(**every | {"n": 3, "size": 7, "surfaces": 2})
-    end = len(s.fields)
-    for key, field in s.fields.items():
-        if field.kind == ARRAY and field.first is None:
-            assert s.place(key) == end, key
-            end += len(getattr(s, key))
-        elif field.kind == ARRAY:
-            whole = s.place(field.first[0]), len(getattr(s, field.first[0]))
-            assert whole[0] <= s.place(key)
-            assert s.place(key) + len(getattr(s, key)) <= sum(whole), key
+    end = s.words
+    arrays = {key: f for key, f in s.fields.items() if f.kind == ARRAY}
+    wholes = [key for key, field in arrays.items() if not field.within]
+    for key in wholes:
+        assert s.place(key) == end, key
+        end = s.place_after(key)
     assert end == len(s.flat)
+    for key in arrays.keys() - {*wholes}:
+        assert any(
+            s.place(whole) <= s.place(key) <= s.place_after(key) <= s.place_after(whole)
+            for whole in wholes
+        ), key

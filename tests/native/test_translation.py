@@ -17,6 +17,7 @@ import pytest
 from lagsim.native.kernels.keys import KernelError, fingerprint
 from lagsim.native.kernels.translation import translate
 from lagsim.native.kernels.words import (
+    Static,
     apart,
     at,
     external,
@@ -177,6 +178,25 @@ def side_by_side(n: int, y: Floats, out: Floats) -> None:
         middle[i] += i
 
 
+def stretched(n: int, y: Floats, out: Floats) -> None:
+    tail = out[n:]
+    tail[:n] = abs(y[:n]) - 0.1 * y[:n] / (n + 1)
+    tail[: n - 1] += y[1:n]
+    tail[n : 2 * n] = 0.5
+    tail[n + 1 : 2 * n] *= tail[1:n] - tail[: n - 1]
+    tail[n:n] = 1.0  # nothing
+    out[0] = power(1, y[1:]) + power(COUNT, y[2:])
+
+
+def power(exponent: Static, y: Floats) -> float:
+    if exponent == 1:
+        return y[0]
+    x = 1.0
+    for _ in unrolled(exponent):
+        x *= y[0]
+    return x
+
+
 def rounded_once(n: int, y: Floats, out: Floats) -> None:
     for i in range(n):
         out[i] = fused(y[i], y[n - 1 - i], -2)
@@ -220,7 +240,7 @@ SCALARS: dict[Callable[..., object], list[Any]] = {
     factorial: INTEGERS,
     conjunction: [False, True],
 }
-ARRAYS = [fill, sums, side_by_side, rounded_once]
+ARRAYS = [fill, sums, stretched, side_by_side, rounded_once]
 KINDS = {
     "int": ctypes.c_int64,
     "float": ctypes.c_double,
@@ -413,7 +433,8 @@ def test_an_external_may_be_translated_along(tmp_path: Path) -> None:
 # The body of `f`, where `!` marks the line at fault, and what the message says.
 FAULTS = [
     ("!return sum([x])", "not of the subset"),
-    ("!return at(a[1:], 1)[0]", "not of the subset"),
+    ("!return at(a[::2], 1)[0]", "leaves some elements out"),
+    ("!a[:] = x\nreturn x", "needs an end"),
     ("k = 1\n!k = x\nreturn x", "is float, not int"),
     ("!if n:\n    return x\nreturn x", "is int, not bool"),
     ("!y = z\nz = y\nreturn y", "`z` has no value"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.outputs import Format, packed
-from lagsim.outputs.table import table_writer
+from lagsim.outputs.packed import table_writer
 from tests.outputs.test_table import Full
 
 UNITS = {"t": "s", "theta": "rad", "reaction.x": "", "u": "m"}

@@ -117,7 +117,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from lagsim.outputs import Format
-from lagsim.outputs.table import table_writer
+from lagsim.outputs.packed import table_writer
 blocks, path = int(sys.argv[1]), Path(sys.argv[2])
 names = dict.fromkeys([f"c{k}" for k in range(15)], "")
 form = Format(path.suffix[1:])

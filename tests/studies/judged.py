@@ -5,7 +5,7 @@ from __future__ import annotations
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.session import open_case
 from lagsim.studies.alarms import Evidence, alarms, audit
-from lagsim.studies.repeats import Repeats
+from lagsim.studies.error_bar import Repeats
 
 
 def evidence(found, bar="not estimated"):

@@ -18,7 +18,6 @@ from lagsim.methods.parts.state import (
     position_step,
     velocity_step,
 )
-from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import (
     MOTION_ROUNDOFF,
@@ -58,10 +57,9 @@ class Rank(Control):
 
 def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; give 0 where that fails."""
-    work = s.work
-    if project(s, p, t, h, new, work) == 0:
+    if project(s, p, t, h, new, s.work) == 0:
         return 0
-    record_sigma(s, work[s.n + 1], h)
+    record_sigma(s, s.work[s.n + 1], h)
     return 1
 
 
@@ -98,7 +96,7 @@ def project_level(
 ) -> int:
     """Project the positions (level 0) or the velocities (1) alone."""
     n = s.n
-    part = at(y, level * n)
+    part = y[level * n :]
     previous = 0.0
     for iteration in range(MOST):
         newton_step(level, t, y, p, work)
@@ -113,8 +111,7 @@ def project_level(
             done = is_small(level, s, h, part, work) > 0
         if stalled:
             return 1 if done or work[n] <= STALLED_RESIDUAL else 0
-        for i in range(n):
-            part[i] += work[i]
+        part[:n] += work[:n]
         if done:
             return 1
         previous = work[n]
@@ -129,8 +126,8 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
     says nothing of a light one that it is joined to.
     """
     n = s.n
-    sizes = at(s.sizes, level * n)
-    masses, parts = s.masses, s.parts
+    sizes = s.sizes[level * n :]
+    masses = s.masses
     moment = h if level > 0 else h * h
     moved = 0.0
     for i in range(n):
@@ -140,7 +137,7 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
     whole = 0.0
     for i in range(n):
         share = masses[i] * step[i] * step[i] / moved
-        largest = max(abs(x[i]), sizes[i], moment * parts[i])
+        largest = max(abs(x[i]), sizes[i], moment * s.parts[i])
         whole += share * masses[i] * largest * largest
     return 1 if moved <= MOTION_ROUNDOFF * MOTION_ROUNDOFF * whole else 0
 
@@ -169,17 +166,15 @@ def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> floa
     or far. What the forces could do in the time h counts as size; what has none changes
     by the whole of itself.
     """
-    n = s.n
-    sizes = at(s.sizes, level * n)
-    parts = s.parts
+    sizes = s.sizes[level * s.n :]
     moment = h if level > 0 else h * h
     largest = 0.0
-    for i in range(n):
+    for i in range(s.n):
         change = abs(step[i])
         if not change < OVERFLOW:
             return OVERFLOW
         if change > 0.0:
-            own = max(abs(x[i]), sizes[i], moment * parts[i])
+            own = max(abs(x[i]), sizes[i], moment * s.parts[i])
             part = change / own if change < own * OVERFLOW else 1.0
             largest = max(largest, part)
     return float(largest)
@@ -309,20 +304,17 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     ahead
         The time by which the sigma has been falling.
     """
-    size, n, y, rates, z, out = s.size, s.n, s.y, s.spare, s.work, s.ahead
+    n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
-    for i in range(n):
-        rates[i] = rates[n + i]
+    rates[:n] = rates[n : 2 * n]
     before = 0.0
     sigma = s.sigma
     for _look in range(LOOKS):
         t = before + 0.5 * (ahead - before)
-        for i in range(size):
-            z[i] = y[i]
-        for i in range(n):
-            z[i] = y[i] + t * (y[n + i] + 0.5 * t * rates[i])
-            z[n + i] = y[n + i] + t * rates[i]
+        z[: s.size] = y
+        z[:n] = y[:n] + t * (y[n : 2 * n] + 0.5 * t * rates[:n])
+        z[n : 2 * n] = y[n : 2 * n] + t * rates[:n]
         velocity_step(s.t + t, z, p, out)
         if not out[n + 1] < FALLS * sigma:
             return 0.0
@@ -340,27 +332,24 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
         return float(s.planned)
-    size, n, y, z, out = s.size, s.n, s.y, s.work, s.spare
-    for i in range(size):
-        z[i] = y[i]
+    n, y, z, out = s.n, s.y, s.work, s.spare
+    z[: s.size] = y
     velocity_step(s.t, z, p, out)
     s.sigma = out[n + 1]
     s.previous_sigma = s.sigma
     expect_loss(s, p, h)
     while out[n + 1] < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h
-        for i in range(n):
-            z[i] = y[i] + h * y[n + i]
+        z[:n] = y[:n] + h * y[n : 2 * n]
         velocity_step(s.t + h, z, p, out)
     return h
 
 
 def expect_loss(s: Rank, p: Parameters, h: float) -> None:
     """Record how fast sigma falls at the start of an arc."""
-    n, y, z, out = s.n, s.y, s.work, s.spare
-    for i in range(n):
-        z[i] = y[i] + GLANCE * h * y[n + i]
-    velocity_step(s.t + GLANCE * h, z, p, out)
+    n, out = s.n, s.spare
+    s.work[:n] = s.y[:n] + GLANCE * h * s.y[n : 2 * n]
+    velocity_step(s.t + GLANCE * h, s.work, p, out)
     s.falling = (s.sigma - out[n + 1]) / (GLANCE * h)
     out[n + 1] = s.sigma
 
@@ -414,10 +403,9 @@ def lowest_part(s: Rank, p: Parameters) -> float:
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
     """Give how independent the rows are at the fraction x of the last step."""
-    z, out = s.work, s.spare
-    interpolate(s, x, z)
-    velocity_step(s.step_t + x * s.step_h, z, p, out)
-    return float(out[s.n + 1])
+    interpolate(s, x, s.work)
+    velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
+    return float(s.spare[s.n + 1])
 
 
 def passable(s: Rank, error: float) -> float:
@@ -461,16 +449,15 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     n = s.n
     removed = 0.0
     for k in range(int(p.noted)):
-        z = at(p.directions, 2 * n * k)
-        mass = at(z, n)
+        z = p.directions[2 * n * k :]
+        mass = z[n:]
         energy = energy_along(s, z, mass)
         for level in range(2):
-            part = at(error, level * n)
+            part = error[level * n :]
             share = 0.0
             for i in range(n):
                 share += mass[i] * part[i]
-            for i in range(n):
-                part[i] -= share * z[i]
+            part[:n] -= share * z[:n]
             if energy > 0.0:
                 removed += share * share / energy / (1.0 if level == 1 else h * h)
     return removed
@@ -483,16 +470,15 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
     M z. No more than the whole scene has had.
     """
     n = s.n
-    speeds = at(s.sizes, n)
-    masses, joined = s.masses, s.joined
+    speeds = s.sizes[n:]
     most = 0
     for i in range(n):
         if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):
             most = i
     energy = 0.0
     for i in range(n):
-        if joined[i] == joined[most] and masses[i] > 0.0:
-            energy += masses[i] * speeds[i] * speeds[i]
+        if s.joined[i] == s.joined[most] and s.masses[i] > 0.0:
+            energy += s.masses[i] * speeds[i] * speeds[i]
     return float(min(energy, 2.0 * s.energy))
 
 

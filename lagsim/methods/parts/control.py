@@ -23,8 +23,8 @@ from lagsim.methods.parts.state import (
     rounding,
     terms,
 )
-from lagsim.native.kernels.words import apart, at, fused
-from lagsim.native.layout import array, part
+from lagsim.native.kernels.words import apart, fused
+from lagsim.native.layout import after, array, part
 from lagsim.tolerances import (
     OVERFLOW,
     PROBE,
@@ -71,26 +71,26 @@ class Control(Output):
     potential: float  # at the start of the run
     lost_below: float  # the rows have lost rank where sigma is below this
     rounding_known: float  # 1 once its roundoff has been bounded in this step
-    sizes: Floats = array(lambda s: s.size)  # the largest of y so far
+    sizes: Floats = array("size")  # the largest of y so far
     # The least and the largest value of each component.
-    low: Floats = array(lambda s: s.size, inf)
-    high: Floats = array(lambda s: s.size, -inf)
-    tolerances: Floats = array(lambda s: s.size)
+    low: Floats = array("size", inf)
+    high: Floats = array("size", -inf)
+    tolerances: Floats = array("size")
     # The term magnitudes of each rate, its roundoff bound, what becomes of one at rest.
-    parts: Floats = array(lambda s: s.size)
-    roundoff: Floats = array(lambda s: s.size)
-    foreseen: Floats = array(lambda s: s.size)
+    parts: Floats = array("size")
+    roundoff: Floats = array("size")
+    foreseen: Floats = array("size")
     # The compensation term of y, and that of the new state.
-    compensation: Floats = array(lambda s: s.size)
-    remainder: Floats = array(lambda s: s.size)
+    compensation: Floats = array("size")
+    remainder: Floats = array("size")
     # What `measure` gives: energies, the diagonal of M, and a 0 in the place of which
     # the sum of M_ii a_i^2 that forces could make is kept.
     measured: Floats = array(lambda s: s.n + 3)
-    energies: Floats = part("measured", lambda _: 0, lambda _: 2)
-    masses: Floats = part("measured", lambda _: 2, lambda s: s.n)
-    pushes: Floats = part("measured", lambda s: s.n + 2, lambda _: 1)
-    joined: Floats = array(lambda s: s.n)  # to which mechanism a coordinate belongs
-    linked: Floats = array(lambda s: s.n)  # ... where rows alone count, and not M
+    energies: Floats = part("measured", lambda _: 2)
+    masses: Floats = after("energies", "n")
+    pushes: Floats = after("masses", lambda _: 1)
+    joined: Floats = array("n")  # to which mechanism a coordinate belongs
+    linked: Floats = array("n")  # ... where rows alone count, and not M
     # The largest tolerance of what is linked, at the place of its first coordinate;
     # the energy that each work is compared with.
     shared: Floats = array(lambda s: s.size - s.n)
@@ -106,31 +106,28 @@ def record_measured(s: Control, p: Parameters) -> None:
     """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
     s.energy = energy_scale(s)
-    n, masses, parts = s.n, s.masses, s.parts
+    parts = s.parts
     terms(s.t, s.y, p, parts)
     # From here on as accelerations, and the whole in the metric of M.
-    pushes = s.pushes
-    pushes[0] = 0.0
-    for i in range(n):
+    s.pushes[0] = 0.0
+    for i in range(s.n):
         push = parts[i]
         parts[i] = 0.0
-        if masses[i] > 0.0:
-            part = push / masses[i]
-            pushes[0] += push * part
+        if s.masses[i] > 0.0:
+            part = push / s.masses[i]
+            s.pushes[0] += push * part
             parts[i] = part
-        parts[n + i] = parts[i]
+        parts[s.n + i] = parts[i]
 
 
 def record_extents(s: Control) -> None:
     """Take the state into the largest sizes: all that a fixed step asks for."""
-    size, y, sizes, low, high = s.size, s.y, s.sizes, s.low, s.high
-    roundoff = s.roundoff
-    for i in range(size):
-        now = y[i]
-        sizes[i] = max(sizes[i], abs(now))
-        low[i] = min(low[i], now)
-        high[i] = max(high[i], now)
-        roundoff[i] = 0.0
+    for i in range(s.size):
+        now = s.y[i]
+        s.sizes[i] = max(s.sizes[i], abs(now))
+        s.low[i] = min(s.low[i], now)
+        s.high[i] = max(s.high[i], now)
+        s.roundoff[i] = 0.0
     s.rounding_known = 0.0
 
 
@@ -143,9 +140,8 @@ def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
 
 def energy_scale(s: Control) -> float:
     """Largest kinetic energy or change of potential, the present ones included."""
-    energies = s.energies
-    change = abs(energies[1] - s.potential)
-    return max(float(s.energy), abs(float(energies[0])), float(change))
+    change = abs(s.energies[1] - s.potential)
+    return max(float(s.energy), abs(float(s.energies[0])), float(change))
 
 
 def set_tolerances(
@@ -157,15 +153,13 @@ def set_tolerances(
     means that the component has no scale and is not controlled.
     """
     take_measure(s, t, new, p)
-    size, n, y, sizes, tolerances = s.size, s.n, s.y, s.sizes, s.tolerances
+    size, n = s.size, s.n
     if s.atol >= 0.0:
         for i in range(size):
-            scale = max(abs(y[i]), abs(new[i]))
-            tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
+            scale = max(abs(s.y[i]), abs(new[i]))
+            s.tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
-    low, high, parts, roundoff = s.low, s.high, s.parts, s.roundoff
-    foreseen = s.foreseen
-    law_pushes = p.law_pushes
+    roundoff = s.roundoff
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
     instant = INSTANT * (s.end - s.arc_start) - (s.t - s.arc_start)
@@ -176,22 +170,22 @@ def set_tolerances(
     for i in range(size):
         after = new[i]
         rate = abs(rates[i])
-        width = max(high[i], after) - min(low[i], after)
+        width = max(s.high[i], after) - min(s.low[i], after)
         sized = WIDTH * width if width > 0.0 else h * rate
         if instant > 0.0:
-            sized = max(sized, instant * rate, foreseen[i])
-        part = parts[i]
+            sized = max(sized, instant * rate, s.foreseen[i])
+        part = s.parts[i]
         if p.laws > 0:
-            part = max(part, law_pushes[i])
+            part = max(part, p.law_pushes[i])
         if i < n:
             # Positions: what their velocities do in the step.
             part *= moment
             roundoff[i] = max(floor * rate, roundoff[n + i] * h)
             sized = max(sized, instant * instant * abs(rates[n + i]))
         sized = max(sized, FLOOR * moment * part)
-        rough = floor * max(sizes[i], abs(after))
+        rough = floor * max(s.sizes[i], abs(after))
         rough = max(rough, roundoff[i] * h, UNDERFLOW)
-        tolerances[i] = max(rtol * sized, rough)
+        s.tolerances[i] = max(rtol * sized, rough)
     if p.m > 0:
         share_tolerances(s)
     if size > 2 * n:
@@ -204,19 +198,18 @@ def share_tolerances(s: Control) -> None:
     In the metric of M, in which projection turns errors of one into errors of another:
     what rests by symmetry has no motion of its own to be controlled by.
     """
-    n, masses, linked, shared = s.n, s.masses, s.linked, s.shared
+    n, masses, shared = s.n, s.masses, s.shared
     for level in range(2):
-        tolerances = at(s.tolerances, level * n)
+        tolerances = s.tolerances[level * n :]
+        shared[:n] = 0.0
         for i in range(n):
-            shared[i] = 0.0
-        for i in range(n):
-            k = int(linked[i])
+            k = int(s.linked[i])
             tolerance = tolerances[i]
             if masses[i] > 0.0:
                 shared[k] = max(shared[k], masses[i] * tolerance * tolerance)
         for i in range(n):
             if masses[i] > 0.0:
-                most = sqrt(shared[int(linked[i])] / masses[i])
+                most = sqrt(shared[int(s.linked[i])] / masses[i])
                 tolerances[i] = max(tolerances[i], LEAK * most)
 
 
@@ -233,15 +226,14 @@ def against(error: float, tolerance: float) -> float:
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     """Control works no finer than the energy that each is compared with."""
-    n, tolerances, masses, worked = s.n, s.tolerances, s.masses, p.worked
+    n, tolerances = s.n, s.tolerances
     energies, works = s.shared, p.works
-    for k in range(works):
-        energies[k] = 0.0
+    energies[:works] = 0.0
     if works > 0:
         for i in range(n):
-            own = int(worked[i])
+            own = int(p.worked[i])
             off = tolerances[n + i]
-            energy = abs(masses[i]) * (abs(new[n + i]) + off) * off
+            energy = abs(s.masses[i]) * (abs(new[n + i]) + off) * off
             if own >= 0:
                 energies[own] += energy
     for k in range(works):
@@ -257,17 +249,17 @@ def allow_roundoff(
     """
     if s.rounding_known > 0.0:
         return False
-    size, n, t = s.size, s.n, s.t
+    n, t = s.n, s.t
     bound_roundoff(s, p, t, s.y, k, sigma)
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
         bound_roundoff_ahead(s, p, h, k)
-    if size > 2 * n:
+    if s.size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
         roundoff, z = s.roundoff, s.work
         rounding(t + h, new, p, z)
-        for i in range(2 * n, size):
+        for i in range(2 * n, s.size):
             if abs(z[i - n]) < OVERFLOW:
                 roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
         # Nor has it where rows balance them, or surfaces, but velocities have.
@@ -289,11 +281,11 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
     A force that begins at 0, as a power of the time does, gives them a motion without
     any size. One may set the next in motion. k : (size,), y' at the start.
     """
-    size, n, y, roundoff, foreseen, z = s.size, s.n, s.y, s.roundoff, s.foreseen, s.work
+    n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
     slopes = s.spare
     instant = INSTANT * (s.end - s.t)
     waiting = 0
-    for i in range(size):
+    for i in range(s.size):
         foreseen[i] = 0.0
         z[i] = y[i] + instant * k[i]
         if i < n:
@@ -304,7 +296,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
         derivative(s.t + instant, z, p, slopes)
         s.evaluations += 1.0
         before = waiting
-        for i in range(n, size):
+        for i in range(n, s.size):
             rate = abs(slopes[i])
             rests = abs(k[i]) <= roundoff[i] and foreseen[i] == 0.0
             if rests and roundoff[i] < rate and rate < OVERFLOW:
@@ -324,16 +316,15 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
     k : (size,) is y' at the start. An error that falls with this power of the step,
     against that change, is within the tolerance.
     """
-    size, y, z, slopes = s.size, s.y, s.work, s.spare
-    bound_roundoff(s, p, s.t, y, k, 1.0)
+    z, slopes = s.work, s.spare
+    bound_roundoff(s, p, s.t, s.y, k, 1.0)
     foresee(s, p, k)
     span = s.end - s.t
     h = min(EULER * s.row_step, span)
     part = (LOCAL * max(float(s.rtol), STATE_ROUNDOFF)) ** (1.0 / order)
     guess = h
     for _ in range(MOST_GUESSES):
-        for i in range(size):
-            z[i] = y[i] + h * k[i]
+        z[: s.size] = s.y + h * k[: s.size]
         derivative(s.t + h, z, p, slopes)
         s.evaluations += 1.0
         # What rests has a scale by now.
@@ -350,13 +341,12 @@ def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
 
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """
-    tolerances = s.tolerances
     least = OVERFLOW
     for i in range(s.size):
         change = abs(slopes[i] - k[i])
         if not change < OVERFLOW:
             return 1e-3 * h
-        if h * change > tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
+        if h * change > s.tolerances[i] and abs(k[i]) > 0.1 * abs(slopes[i]):
             least = min(least, h * abs(k[i]) / change)
     return least
 
@@ -403,10 +393,9 @@ def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
     What rests counts where there are switches: another body may set it in motion by a
     force that begins at one.
     """
-    sizes = s.sizes
     for i in range(s.n):
         moved = h * abs(k[i])
-        if moved < FEW_PLACES * sizes[i] and (moved > 0.0 or p.surfaces > 0.0):
+        if moved < FEW_PLACES * s.sizes[i] and (moved > 0.0 or p.surfaces > 0.0):
             return True
     return False
 
@@ -417,17 +406,15 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
     Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
     step itself may lead anywhere. k : (size,), y' at its start.
     """
-    size, n, y, roundoff, middle = s.size, s.n, s.y, s.roundoff, s.point
-    rates = s.point_rates
-    found = s.far_before
+    middle = s.point
     t = s.t + 0.5 * h
-    for i in range(size):
-        middle[i] = y[i] + 0.5 * h * k[i] if i < n else y[i]
-    derivative(t, middle, p, rates)
+    for i in range(s.size):
+        middle[i] = s.y[i] + 0.5 * h * k[i] if i < s.n else s.y[i]
+    derivative(t, middle, p, s.point_rates)
     s.evaluations += 3.0
-    perturb(s, p, t, middle, rates, found)
-    for i in range(n, size):
-        roundoff[i] = max(roundoff[i], PERTURBED * found[i])
+    perturb(s, p, t, middle, s.point_rates, s.far_before)
+    for i in range(s.n, s.size):
+        s.roundoff[i] = max(s.roundoff[i], PERTURBED * s.far_before[i])
 
 
 def perturb(
@@ -437,14 +424,13 @@ def perturb(
 
     What has no value there counts as nothing.
     """
-    size, z, slopes = s.size, s.work, s.spare
-    for i in range(size):
-        out[i] = 0.0
+    size = s.size
+    out[:size] = 0.0
     for way in range(2):
-        move_aside(size, y, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
-        derivative(t, z, p, slopes)
+        move_aside(size, y, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, s.work)
+        derivative(t, s.work, p, s.spare)
         for i in range(size):
-            change = abs(slopes[i] - rates[i])
+            change = abs(s.spare[i] - rates[i])
             if change < OVERFLOW:
                 out[i] = max(out[i], change)
 
@@ -455,13 +441,13 @@ def bound_roundoff_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None
     What laws hold, or surfaces, rests against forces that may begin at 0. The step
     itself may lead anywhere. k : (size,), y' at its start.
     """
-    n, y, roundoff, z, ahead = s.n, s.y, s.roundoff, s.work, s.point
+    n, z = s.n, s.work
     for i in range(s.size):
-        ahead[i] = y[i] + h * k[i] if i < n else y[i]
-    rounding(s.t + h, ahead, p, z)
+        s.point[i] = s.y[i] + h * k[i] if i < n else s.y[i]
+    rounding(s.t + h, s.point, p, z)
     for i in range(n, 2 * n):
         if abs(z[i - n]) < OVERFLOW:
-            roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
+            s.roundoff[i] = max(s.roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
 
 
 def bound_roundoff(
@@ -473,14 +459,14 @@ def bound_roundoff(
     that of rows close to a loss of rank, which enlarges the former; y' off the
     constraints says nothing there.
     """
-    size, n, roundoff, z = s.size, s.n, s.roundoff, s.work
-    rounding(t, y, p, z)
+    n, roundoff = s.n, s.roundoff
+    rounding(t, y, p, s.work)
     larger = 1.0 / max(sigma, float(s.lost_below))
-    for i in range(n, size):
-        roundoff[i] = larger * abs(z[i - n])
+    for i in range(n, s.size):
+        roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
         add_probe(s, p, t, y, k)
-    for i in range(n, size):
+    for i in range(n, s.size):
         if not roundoff[i] < OVERFLOW:
             roundoff[i] = 0.0
         roundoff[i] = RATE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
@@ -488,12 +474,11 @@ def bound_roundoff(
 
 def add_probe(s: Control, p: Parameters, t: float, y: Floats, k: Floats) -> None:
     """Add the change of the rates k by the roundoff of the state."""
-    size, n, roundoff, z, slopes = s.size, s.n, s.roundoff, s.work, s.spare
-    move_aside(size, y, PROBE, z)
-    derivative(t * (1.0 + PROBE), z, p, slopes)
+    size, n = s.size, s.n
+    move_aside(size, y, PROBE, s.work)
+    derivative(t * (1.0 + PROBE), s.work, p, s.spare)
     s.evaluations += 1.0
-    for i in range(n, size):
-        roundoff[i] += PROBED * abs(slopes[i] - k[i]) / PROBE
+    s.roundoff[n:] += PROBED * abs(s.spare[n:size] - k[n:size]) / PROBE
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
@@ -528,26 +513,22 @@ def add_change(s: Control, p: Parameters, k: Floats, h: float, new: Floats) -> N
 
     k : (size,), y' at its start. Leaves what is cut off in `left`.
     """
-    size, remainder, compensation = s.size, s.remainder, s.compensation
-    for i in range(size):
-        remainder[i] += compensation[i]
+    s.remainder[:] += s.compensation
     if s.rtol < TIGHT:
         drift = s.spare
         find_drift(s, p, k, drift)
         add_drift(s, drift, h)
-    add_compensated(size, new, remainder, new, remainder)
+    add_compensated(s.size, new, s.remainder, new, s.remainder)
 
 
 def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
     """Change of y' (size,), which is k at y, by the compensation term."""
-    size, y, compensation, z = s.size, s.y, s.compensation, s.work
+    size = s.size
     if CONSTRAINED or SWITCHES:
-        for i in range(size):
-            out[i] = 0.0
+        out[:size] = 0.0
         return
-    for i in range(size):
-        z[i] = y[i] + LARGER * compensation[i]
-    derivative(s.t, z, p, out)
+    s.work[:size] = s.y + LARGER * s.compensation
+    derivative(s.t, s.work, p, out)
     s.evaluations += 1.0
     for i in range(size):
         drift = (out[i] - k[i]) / LARGER
@@ -556,11 +537,10 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
     """Add the motion of the compensation term in a step: it moves as y does."""
-    size, n, remainder = s.size, s.n, s.remainder
-    for i in range(size):
-        remainder[i] += h * drift[i]
-        if i < n:
-            remainder[i] += 0.5 * h * h * drift[n + i]
+    for i in range(s.size):
+        s.remainder[i] += h * drift[i]
+        if i < s.n:
+            s.remainder[i] += 0.5 * h * h * drift[s.n + i]
 
 
 def keep_compensation(s: Control) -> None:
@@ -568,22 +548,17 @@ def keep_compensation(s: Control) -> None:
     if CONSTRAINED or SWITCHES:
         drop_compensation(s)
         return
-    compensation, remainder = s.compensation, s.remainder
-    for i in range(s.size):
-        compensation[i] = remainder[i]
+    s.compensation[:] = s.remainder
 
 
 def drop_compensation(s: Control) -> None:
     """Begin with a state as it is."""
-    compensation = s.compensation
-    for i in range(s.size):
-        compensation[i] = 0.0
+    s.compensation[:] = 0.0
 
 
 def add(n: int, y: Floats, lost: Floats, h: float, rate: Floats) -> None:
     """Add h * rate to y (n,) with compensation term `lost` (n,)."""
-    for i in range(n):
-        lost[i] += h * rate[i]
+    lost[:n] += h * rate[:n]
     add_compensated(n, y, lost, y, lost)
 
 

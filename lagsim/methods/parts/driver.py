@@ -42,7 +42,6 @@ from lagsim.methods.parts.state import (
     step,
     until,
 )
-from lagsim.native.kernels.words import at
 from lagsim.native.layout import array
 from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
 
@@ -92,9 +91,9 @@ class State(Signals):
     margins_last: Floats = array(lambda s: 2 * s.surfaces + 2)
 
     # Of each inertia: the largest, the smallest, its time, and q and q' there.
-    inertia_largest: Floats = array(lambda s: s.inertias)
-    inertia_smallest: Floats = array(lambda s: s.inertias, inf)
-    inertia_when: Floats = array(lambda s: s.inertias)
+    inertia_largest: Floats = array("inertias")
+    inertia_smallest: Floats = array("inertias", inf)
+    inertia_when: Floats = array("inertias")
     inertia_where: Floats = array(lambda s: 2 * s.n * s.inertias)
 
 
@@ -181,28 +180,22 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
     short there, so that the ends of steps come as close as the motion does.
     """
-    count, largest, smallest = s.inertias, s.inertia_largest, s.inertia_smallest
-    when, y = s.inertia_when, s.y
     width = 2 * s.n
-    inertias(s.t, y, p, now)
-    for i in range(count):
-        largest[i] = max(largest[i], now[i])
-        if now[i] < smallest[i]:
-            smallest[i] = now[i]
-            when[i] = s.t
-            where = at(s.inertia_where, width * i)
-            for j in range(width):
-                where[j] = y[j]
+    inertias(s.t, s.y, p, now)
+    for i in range(s.inertias):
+        s.inertia_largest[i] = max(s.inertia_largest[i], now[i])
+        if now[i] < s.inertia_smallest[i]:
+            s.inertia_smallest[i] = now[i]
+            s.inertia_when[i] = s.t
+            where = s.inertia_where[width * i :]
+            where[:width] = s.y[:width]
 
 
 def keep_sizes(s: State) -> None:
     """Note the largest sizes: a step may go far past where it will end."""
-    size, sizes, low, high = s.size, s.sizes, s.low, s.high
-    sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
-    for i in range(size):
-        sizes_before[i] = sizes[i]
-        low_before[i] = low[i]
-        high_before[i] = high[i]
+    s.sizes_before[:] = s.sizes
+    s.low_before[:] = s.low
+    s.high_before[:] = s.high
 
 
 def inspect(s: State, p: Parameters) -> None:
@@ -217,15 +210,14 @@ def inspect(s: State, p: Parameters) -> None:
 
 def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
-    size, y, z = s.size, s.y, s.work
-    interpolate(s, s.cut, z)
-    for i in range(size):
-        y[i] = z[i]
+    y = s.y
+    interpolate(s, s.cut, s.work)
+    s.y[:] = s.work[: s.size]
     if SWITCHES:
         # What lies past the switch has not been.
         sizes, low, high, sizes_before = s.sizes, s.low, s.high, s.sizes_before
         low_before, high_before = s.low_before, s.high_before
-        for i in range(size):
+        for i in range(s.size):
             sizes[i] = max(sizes_before[i], abs(y[i]))
             low[i] = min(low_before[i], y[i])
             high[i] = max(high_before[i], y[i])
@@ -239,8 +231,7 @@ def take_cut(s: State, p: Parameters) -> None:
 def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state onto the surfaces it slides along, and record the distance."""
     n, former = s.n, s.work
-    for i in range(2 * n):
-        former[i] = y[i]
+    former[: 2 * n] = y[: 2 * n]
     pull(t, y, p)
     s.pulled = max(s.pulled, pulled(s, y, former, 0), pulled(s, y, former, n))
 
@@ -252,19 +243,18 @@ def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
     in a step, which may cancel. Each counts by the push that it got: bodies that the
     surface does not touch are no measure, nor is where the origin lies.
     """
-    n, h, sizes, masses, low, high = s.n, s.step_h, s.sizes, s.masses, s.low, s.high
-    parts = s.parts
+    n, h = s.n, s.step_h
     moved = 0.0
     whole = 0.0
     for i in range(n):
         k = first + i
         change = abs(y[k] - former[k])
-        reach = high[n + i] - low[n + i] + h * parts[i]
+        reach = s.high[n + i] - s.low[n + i] + h * s.parts[i]
         if first == 0:
-            reach = high[i] - low[i] + h * reach
-        whole += (masses[i] * change * reach) ** 2
-        if not change <= SURFACE_ROUNDOFF * sizes[k]:
-            moved += masses[i] * change * change
+            reach = s.high[i] - s.low[i] + h * reach
+        whole += (s.masses[i] * change * reach) ** 2
+        if not change <= SURFACE_ROUNDOFF * s.sizes[k]:
+            moved += s.masses[i] * change * change
     if moved == 0.0:
         return 0.0
     far = moved / sqrt(whole) if whole > 0.0 else 1.0
@@ -297,17 +287,16 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
         unmet = first
         while unmet < end and out[unmet * width] <= s.step_t + s.met * s.step_h:
             unmet += 1
-        settle_rows(s, p, at(out, unmet * width), end - unmet)
+        settle_rows(s, p, out[unmet * width :], end - unmet)
     if SWITCHES:
         for k in range(first, end):
-            row = at(out, k * width)
-            pull(row[0], at(row, 1), p)
+            row = out[k * width :]
+            pull(row[0], row[1:], p)
     return complete
 
 
 def fill(s: State, out: Floats, rows: int) -> int:
     """Write rows as the method interpolates them; full after a state beside them."""
-    size, y = s.size, s.y
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
@@ -319,13 +308,12 @@ def fill(s: State, out: Floats, rows: int) -> int:
         written = int(s.emitted)
         if written >= rows:
             return 0
-        row = at(out, written * (1 + size))
+        row = out[written * (1 + s.size) :]
         row[0] = t
         if (t == s.t and s.cut == 0.0) or s.step_h == 0.0:
-            for i in range(size):
-                row[1 + i] = y[i]
+            row[1 : 1 + s.size] = s.y
         else:
-            interpolate(s, (t - s.step_t) / s.step_h, at(row, 1))
+            interpolate(s, (t - s.step_t) / s.step_h, row[1:])
         s.emitted += 1.0
         if beside:
             s.extras -= 1.0
@@ -342,8 +330,8 @@ def has_extra(s: State) -> bool:
 def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:
     """Project rows (rows, 1 + size) between steps."""
     for k in range(rows):
-        row = at(out, k * (1 + s.size))
-        settle(s, p, row[0], at(row, 1))
+        row = out[k * (1 + s.size) :]
+        settle(s, p, row[0], row[1:])
 
 
 def settle(s: State, p: Parameters, t: float, y: Floats) -> None:
@@ -374,8 +362,8 @@ def tabulate(
 ) -> None:
     """Give the columns (rows, width) of states (rows, 1 + size)."""
     for i in range(rows):
-        row = at(states, i * (1 + size))
-        observe(row[0], at(row, 1), p, at(out, i * width))
+        row = states[i * (1 + size) :]
+        observe(row[0], row[1:], p, out[i * width :])
 
 
 # --- the length of the step to try, and what bounds it --------------------------------
@@ -562,11 +550,9 @@ def end_of_truth(s: State, p: Parameters) -> float:
 
 def until_at(s: State, p: Parameters, x: float) -> float:
     """Give the residual or gap of `until` at the fraction x of the last step."""
-    z = s.work
-    interpolate(s, x, z)
-    value = s.spare
-    until(s.step_t + x * s.step_h, z, p, value)
-    return float(value[0])
+    interpolate(s, x, s.work)
+    until(s.step_t + x * s.step_h, s.work, p, s.spare)
+    return float(s.spare[0])
 
 
 def search(s: State, p: Parameters, low: float) -> None:
@@ -598,8 +584,7 @@ def search(s: State, p: Parameters, low: float) -> None:
                     low = half
             if high > 0.0:
                 cut(s, p, low, high)
-            for i in range(2 * count):
-                first[i] = last[i]
+            first[: 2 * count] = last[: 2 * count]
             low = x
             width = min(2.0 * width, widest)
         elif points >= MOST_POINTS and low > LEAST_PART:
@@ -619,12 +604,11 @@ def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
 
     A margin that is made of one would be flat at every point.
     """
-    count = s.signals
     signals_at(s, p, low, s.signals_first)
     signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
     signals_at(s, p, x, s.signals_last)
     still = True
-    for k in range(count):
+    for k in range(s.signals):
         if still and may_approach(s, k, (x - low) * s.step_h):
             still = hardly_varies(s, p, k, x)
     return still
@@ -639,7 +623,7 @@ def events_at(s: State, p: Parameters, x: float) -> None:
         margins(t, z, p, now)
     if UNTIL:
         last = watched(p) - 1
-        until(t, z, p, at(now, last))
+        until(t, z, p, now[last:])
         now[last] *= s.orientation
         if s.orientation == 0.0:
             now[last] = 1.0
@@ -652,29 +636,26 @@ def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> Non
     count = watched(p)
     now = s.margins
     events_at(s, p, x + beside)
-    for k in range(count):
-        out[count + k] = now[k]
+    out[count : 2 * count] = now[:count]
     events_at(s, p, x)
-    for k in range(count):
-        out[k] = now[k]
-        out[count + k] = (out[count + k] - now[k]) / beside
+    out[:count] = now[:count]
+    out[count : 2 * count] = (out[count : 2 * count] - now[:count]) / beside
 
 
 def known(s: State, p: Parameters, width: float) -> bool:
     """Whether all event functions on a stretch follow from values at its ends."""
     count = watched(p)
-    first, middle, last = s.margins_first, s.margins_middle, s.margins_last
     for k in range(count):
-        a = first[k]
-        m = middle[k]
-        b = last[k]
-        A = width * first[count + k]
-        B = width * last[count + k]
+        a = s.margins_first[k]
+        m = s.margins_middle[k]
+        b = s.margins_last[k]
+        A = width * s.margins_first[count + k]
+        B = width * s.margins_last[count + k]
         P = 3.0 * (b - a) - 2.0 * A - B
         Q = A + B - 2.0 * (b - a)
         off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
         turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-        turned = TURNED * abs(turned - width * middle[count + k])
+        turned = TURNED * abs(turned - width * s.margins_middle[count + k])
         reach = max(abs(m - a), abs(m - b))
         # What is off by no more than counts as none cannot be known better, nor can
         # slopes where that rounds.

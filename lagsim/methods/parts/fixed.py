@@ -5,16 +5,17 @@ from __future__ import annotations
 from math import floor
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.control import (
-    bound_roundoff,
-    record_extents,
-    record_sizes,
-)
+from lagsim.methods.parts.constraints import is_finite, meet_constraints
+from lagsim.methods.parts.control import bound_roundoff, record_extents, record_sizes
 from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.newton import SOLVED, progress
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import derivative
-from lagsim.native.kernels.words import at
+from lagsim.methods.parts.state import (
+    DONE,
+    NOT_FINITE,
+    PROJECTION_FAILED,
+    derivative,
+)
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, STATE_ROUNDOFF
 
@@ -29,24 +30,19 @@ CONSTRAINED = True
 class Fixed(State):
     """What a method with a fixed step keeps: the last step, and the one it makes."""
 
-    old: Floats = array(lambda s: s.size)  # the state before the last step ...
-    before: Floats = array(lambda s: s.size)  # ... y' there ...
-    k: Floats = array(lambda s: s.size)  # ... and at the state reached
-    slope: Floats = array(lambda s: s.size)  # y' after the step that is made ...
-    new: Floats = array(lambda s: s.size)  # ... and the state there
+    old: Floats = array("size")  # the state before the last step ...
+    before: Floats = array("size")  # ... y' there ...
+    k: Floats = array("size")  # ... and at the state reached
+    slope: Floats = array("size")  # y' after the step that is made ...
+    new: Floats = array("size")  # ... and the state there
 
 
-def begin(s: Fixed, p: Parameters) -> None:
+def start(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
     record_sizes(s, p)
-
-
-def start(s: Fixed, p: Parameters) -> None:
-    """Begin an arc: evaluate at its start."""
-    begin(s, p)
 
 
 def next_time(s: State) -> float:
@@ -89,28 +85,36 @@ def judge(
 
 def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) -> bool:
     """Whether changes of the velocities v (n,) are roundoff."""
-    n = s.n
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0)
         s.rounding_known = 1.0
-    roundoff = at(s.roundoff, n)
+    roundoff = s.roundoff[s.n :]
     most = 0.0
-    for i in range(n):
+    for i in range(s.n):
         known = STATE_ROUNDOFF * abs(v[i]) + h * roundoff[i]
         if not abs(change[i]) <= known:
             most = 1.0
     return most == 0.0
 
 
+def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
+    """Project the new state and evaluate there, then take it; or give another code."""
+    if not is_finite(s.size, s.new):
+        return NOT_FINITE
+    if CONSTRAINED and meet_constraints(s, p, after, h, s.new) == 0:
+        return PROJECTION_FAILED
+    derivative(after, s.new, p, s.slope)
+    s.evaluations += 1.0
+    take(s, p, after)
+    return DONE
+
+
 def take(s: Fixed, p: Parameters, after: float) -> None:
     """Take the new state and y' there; keep the old ones for interpolation."""
-    slope, new, size, y, old, before = s.slope, s.new, s.size, s.y, s.old, s.before
-    k = s.k
-    for i in range(size):
-        old[i] = y[i]
-        before[i] = k[i]
-        y[i] = new[i]
-        k[i] = slope[i]
+    s.old[:] = s.y
+    s.before[:] = s.k
+    s.y[:] = s.new
+    s.k[:] = s.slope
     s.step_t = s.t
     s.step_h = after - s.t
     s.t = after
@@ -131,12 +135,12 @@ def hermite(s: Fixed, x: float, out: Floats) -> None:
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
-    size, h, y, old, before, k = s.size, s.step_h, s.y, s.old, s.before, s.k
+    h = s.step_h
     u = 1.0 - x
-    for i in range(size):
-        change = y[i] - old[i]
-        bend = u * (h * before[i] - change) - x * (h * k[i] - change)
-        out[i] = old[i] + x * (change + u * bend)
+    for i in range(s.size):
+        change = s.y[i] - s.old[i]
+        bend = u * (h * s.before[i] - change) - x * (h * s.k[i] - change)
+        out[i] = s.old[i] + x * (change + u * bend)
 
 
 def interpolate(s: Fixed, x: float, out: Floats) -> None:

@@ -88,17 +88,17 @@ class Signals(Rank):
     most_step: float  # no step is longer until one has been made; 0: no such limit
     # Of each signal: its kind, the power that goes with it, the farthest it has been
     # since it was close; at three points and beside one values, then rates.
-    kinds: Floats = array(lambda s: s.signals)
-    powers: Floats = array(lambda s: s.signals)
-    farthest: Floats = array(lambda s: s.signals)
+    kinds: Floats = array("signals")
+    powers: Floats = array("signals")
+    farthest: Floats = array("signals")
     signals_first: Floats = array(lambda s: 2 * s.signals)
     signals_middle: Floats = array(lambda s: 2 * s.signals)
     signals_last: Floats = array(lambda s: 2 * s.signals)
     signals_beside: Floats = array(lambda s: 2 * s.signals)  # a rounded state's
     # Sizes, least and largest values before the last step.
-    sizes_before: Floats = array(lambda s: s.size)
-    low_before: Floats = array(lambda s: s.size)
-    high_before: Floats = array(lambda s: s.size)
+    sizes_before: Floats = array("size")
+    low_before: Floats = array("size")
+    high_before: Floats = array("size")
 
 
 def check_features(
@@ -114,14 +114,12 @@ def check_features(
 
     From y and y' (size,) at both ends, between which both are interpolated.
     """
-    size, n, count, z, rates = s.size, s.n, s.signals, s.point, s.point_rates
-    for i in range(size):
-        z[i] = old[i]
-        rates[i] = old_rates[i]
+    size, n, z = s.size, s.n, s.point
+    z[:size] = old[:size]
+    s.point_rates[:] = old_rates[:size]
     signals(s.t, z, p, s.signals_first)
-    for i in range(size):
-        z[i] = new[i]
-        rates[i] = new_rates[i]
+    z[:size] = new[:size]
+    s.point_rates[:] = new_rates[:size]
     signals(s.t + h, z, p, s.signals_last)
     x = BETWEEN
     for i in range(size):
@@ -137,10 +135,10 @@ def check_features(
             a = 0.5 * h * h * old_rates[n + i] - P
             b = 0.5 * h * h * new_rates[n + i] - P - 3.0 * Q
             z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
-        rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
+        s.point_rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
     signals(s.t + BETWEEN * h, z, p, s.signals_middle)
     s.feature_possible = 0.0
-    for k in range(count):
+    for k in range(s.signals):
         if may_approach(s, k, h):
             s.feature_possible = 1.0
 
@@ -207,17 +205,18 @@ def known(s: Signals, k: int, width: float) -> bool:
     """Tell whether values and rates at both ends give the value in the middle."""
     kind = s.kinds[k]
     power = s.powers[k]
-    first, middle, last = s.signals_first, s.signals_middle, s.signals_last
-    a = first[k]
-    m = middle[k]
-    b = last[k]
+    a = s.signals_first[k]
+    m = s.signals_middle[k]
+    b = s.signals_last[k]
     rate = s.signals + k
-    A = width * first[rate]
-    B = width * last[rate]
+    A = width * s.signals_first[rate]
+    B = width * s.signals_last[rate]
     P = 3.0 * (b - a) - 2.0 * A - B
     Q = A + B - 2.0 * (b - a)
     guess = a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q))
-    turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * middle[rate]
+    turned = (
+        A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q) - width * s.signals_middle[rate]
+    )
     off = max(abs(guess - m), TURNED * abs(turned))
     if not off < OVERFLOW:
         return False
@@ -264,29 +263,27 @@ def missed_feature(s: Signals, p: Parameters) -> float:
 
     Or 0 where there is none. A step that cannot be searched by MOST_POINTS counts too.
     """
-    count, h, first, last = s.signals, s.step_h, s.signals_first, s.signals_last
-    farthest = s.farthest
-    signals_at(s, p, 0.0, first)
-    for k in range(count):
-        farthest[k] = away(s, k, first)
+    h = s.step_h
+    signals_at(s, p, 0.0, s.signals_first)
+    for k in range(s.signals):
+        s.farthest[k] = away(s, k, s.signals_first)
     low = 0.0
     width = 0.5
     points = 0
     while low < 1.0:
         high = min(low + width, 1.0)
-        signals_at(s, p, high, last)
+        signals_at(s, p, high, s.signals_last)
         signals_at(s, p, low + BETWEEN * (high - low), s.signals_middle)
         points += 2
         clear = True
-        for k in range(count):
+        for k in range(s.signals):
             if clear and not known(s, k, (high - low) * h):
                 clear = hardly_varies(s, p, k, high)
         if clear or high - low < FINEST:
             found = search_stretch(s, p, low, high)
             if found > 0.0:
                 return found
-            for i in range(2 * count):
-                first[i] = last[i]
+            s.signals_first[:] = s.signals_last
             low = high
             width = 2.0 * width
         elif points >= MOST_POINTS:
@@ -298,23 +295,21 @@ def missed_feature(s: Signals, p: Parameters) -> float:
 
 def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Give the signals and their rates (2 K,) at the fraction x of the last step."""
-    z = s.point
     slopes(s, x)
-    interpolate(s, x, z)
-    signals(s.step_t + x * s.step_h, z, p, out)
+    interpolate(s, x, s.point)
+    signals(s.step_t + x * s.step_h, s.point, p, out)
 
 
 def slopes(s: Signals, x: float) -> None:
     """Leave the slope of the dense output in `point_rates`."""
-    size, z, rates, a, b = s.size, s.point, s.point_rates, s.far_before, s.far_after
-    c = s.near_before
-    interpolate(s, x - 2.0 * BESIDE, a)
-    interpolate(s, x + 2.0 * BESIDE, b)
-    interpolate(s, x - BESIDE, c)
-    interpolate(s, x + BESIDE, z)
+    interpolate(s, x - 2.0 * BESIDE, s.far_before)
+    interpolate(s, x + 2.0 * BESIDE, s.far_after)
+    interpolate(s, x - BESIDE, s.near_before)
+    interpolate(s, x + BESIDE, s.point)
     unit = 1.0 / (12.0 * BESIDE * s.step_h)
-    for i in range(size):
-        rates[i] = unit * (8.0 * (z[i] - c[i]) - (b[i] - a[i]))
+    s.point_rates[:] = unit * (
+        8.0 * (s.point[: s.size] - s.near_before) - (s.far_after - s.far_before)
+    )
 
 
 def search_stretch(s: Signals, p: Parameters, low: float, high: float) -> float:
@@ -322,13 +317,13 @@ def search_stretch(s: Signals, p: Parameters, low: float, high: float) -> float:
 
     Keeps how far each has been since.
     """
-    count, farthest, middle = s.signals, s.farthest, s.signals_middle
+    farthest = s.farthest
     width = (high - low) * s.step_h
     found = 0.0
-    for k in range(count):
+    for k in range(s.signals):
         least = min(
-            closest(s, k, s.signals_first, middle, BETWEEN * width),
-            closest(s, k, middle, s.signals_last, (1.0 - BETWEEN) * width),
+            closest(s, k, s.signals_first, s.signals_middle, BETWEEN * width),
+            closest(s, k, s.signals_middle, s.signals_last, (1.0 - BETWEEN) * width),
         )
         end = away(s, k, s.signals_last)
         if farthest[k] - least > APPROACH and found == 0.0:
@@ -451,10 +446,10 @@ def expect(s: Signals) -> None:
 
     Or the first traces of it would be controlled as finely as denormal numbers are.
     """
-    n, delta, right, slope = s.n, s.row_step, s.exact_rates, s.point_rates
+    n, delta = s.n, s.row_step
     sizes = s.sizes_before
     for i in range(n, s.size):
-        push = EXPECTED * delta * abs(right[i] - slope[i])
+        push = EXPECTED * delta * abs(s.exact_rates[i] - s.point_rates[i])
         if push < OVERFLOW:
             sizes[i] = max(sizes[i], push)
             if i < 2 * n:
@@ -484,12 +479,13 @@ def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
     Beside a root no slope tells what that does. most : as there; rounding itself leaves
     no more than it does.
     """
-    slope, right, found = s.point_rates, s.exact_rates, s.far_before
-    tolerances = s.tolerances
-    perturb(s, p, s.step_t + x * s.step_h, s.point, right, found)
+    perturb(s, p, s.step_t + x * s.step_h, s.point, s.exact_rates, s.far_before)
     for i in range(s.n, s.size):
-        allowed = most * tolerances[i] / s.step_h + PERTURBED * found[i]
-        if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
+        allowed = most * s.tolerances[i] / s.step_h + PERTURBED * s.far_before[i]
+        if (
+            s.tolerances[i] > 0.0
+            and not abs(s.exact_rates[i] - s.point_rates[i]) <= allowed
+        ):
             return False
     return True
 
@@ -522,18 +518,20 @@ def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
     The state is not known better than to as many tolerances. What a change by that does
     to y' is no sign, where it is stiff or close to a loss of rank; nor is its rounding.
     """
-    n = s.n
     t = s.step_t + x * s.step_h
-    z, slope, right, bounds = s.point, s.point_rates, s.exact_rates, s.work
-    beside = s.spare
-    tolerances = s.tolerances
-    rounding(t, z, p, bounds)
+    z = s.point
+    rounding(t, z, p, s.work)
     move_within(s, LEFT, z)
-    derivative(t, z, p, beside)
-    for i in range(n, s.size):
-        allowed = LEFT * tolerances[i] / s.step_h + RATE_ROUNDOFF * abs(bounds[i - n])
-        allowed += abs(beside[i] - right[i])
-        if tolerances[i] > 0.0 and not abs(right[i] - slope[i]) <= allowed:
+    derivative(t, z, p, s.spare)
+    for i in range(s.n, s.size):
+        allowed = LEFT * s.tolerances[i] / s.step_h + RATE_ROUNDOFF * abs(
+            s.work[i - s.n]
+        )
+        allowed += abs(s.spare[i] - s.exact_rates[i])
+        if (
+            s.tolerances[i] > 0.0
+            and not abs(s.exact_rates[i] - s.point_rates[i]) <= allowed
+        ):
             return True
     return False
 
@@ -554,29 +552,25 @@ def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
 
     most : in tolerances.
     """
-    size, z, rates, right = s.size, s.point, s.point_rates, s.exact_rates
-    tolerances = s.tolerances
-    interpolate_rates(s, x, rates)
-    interpolate(s, x, z)
-    derivative(s.step_t + x * s.step_h, z, p, right)
-    for i in range(s.n, size):
-        off = abs(right[i] - rates[i]) * s.step_h
-        if tolerances[i] > 0.0 and not off <= most * tolerances[i]:
+    interpolate_rates(s, x, s.point_rates)
+    interpolate(s, x, s.point)
+    derivative(s.step_t + x * s.step_h, s.point, p, s.exact_rates)
+    for i in range(s.n, s.size):
+        off = abs(s.exact_rates[i] - s.point_rates[i]) * s.step_h
+        if s.tolerances[i] > 0.0 and not off <= most * s.tolerances[i]:
             return True
     return False
 
 
 def reject_step(s: Signals, x: float) -> None:
     """Reject the last step; the next is half as long as to its fraction x."""
-    size, y, z, sizes, low, high = s.size, s.y, s.point, s.sizes, s.low, s.high
-    sizes_before, low_before, high_before = s.sizes_before, s.low_before, s.high_before
-    interpolate(s, 0.0, z)
-    for i in range(size):
-        y[i] = z[i]
+    interpolate(s, 0.0, s.point)
+    for i in range(s.size):
+        s.y[i] = s.point[i]
         # Where it led to has not been.
-        sizes[i] = sizes_before[i]
-        low[i] = low_before[i]
-        high[i] = high_before[i]
+        s.sizes[i] = s.sizes_before[i]
+        s.low[i] = s.low_before[i]
+        s.high[i] = s.high_before[i]
     s.t = s.step_t
     s.most_step = 0.5 * x * s.step_h
     s.steps -= 1.0

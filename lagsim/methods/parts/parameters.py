@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from lagsim.native.layout import Memory, array, part
+from lagsim.native.layout import Memory, after, array, part
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -43,10 +42,6 @@ DRIVEN = 2.0
 IMPLIED = 3.0
 
 
-# The lengths of what each surface, law, or row that is met by impulses has one of.
-each_surface, each_law, each_met = map(attrgetter, ("surfaces", "laws", "met"))
-
-
 def each_coordinate(p: Parameters) -> int:
     """Length of an array of the loops with an entry for each coordinate."""
     return p.n if p.loops else 0
@@ -55,11 +50,6 @@ def each_coordinate(p: Parameters) -> int:
 def each_row(p: Parameters) -> int:
     """Length of an array of the loops with an entry for each constraint row."""
     return p.m if p.loops else 0
-
-
-def before_gaps(p: Parameters) -> int:
-    """Give where in `balance` the gaps begin."""
-    return p.inertial + p.sloping + (p.n if p.inertial else 0)
 
 
 def each_watched(p: Parameters) -> int:
@@ -86,7 +76,7 @@ class Scene(Memory):
     gain: float  # of what pulls the state to the constraints
     constant: float  # what does not change in an arc: 1 what is factored of M, 2 A too
 
-    fixed: Floats = array(lambda p: p.values)
+    fixed: Floats = array("values")
     worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
 
 
@@ -97,32 +87,32 @@ class Surfaces(Scene):
     elements: int  # of J, their rows, that do not vanish
     sliding: float  # how many surfaces the motion slides along
 
-    side: Floats = array(each_surface)  # the mode variables
-    slides: Floats = array(each_surface)  # see FOLLOWED
+    side: Floats = array("surfaces")  # the mode variables
+    slides: Floats = array("surfaces")  # see FOLLOWED
     # What the mode variable is on the two sides of what the motion slides along.
-    low: Floats = array(each_surface)
-    high: Floats = array(each_surface)
+    low: Floats = array("surfaces")
+    high: Floats = array("surfaces")
     # Between these the expression of the surface stays; while it slides they are what
     # the residual and the rate are kept at.
-    least: Floats = array(each_surface)
-    most: Floats = array(each_surface)
+    least: Floats = array("surfaces")
+    most: Floats = array("surfaces")
     # Of the upper side, in the combination that stays on the surface.
-    share: Floats = array(each_surface)
+    share: Floats = array("surfaces")
     # The number, from 1, of the sliding surface that carries it along; or 0.
-    leader: Floats = array(each_surface)
-    noise: Floats = array(each_surface)  # a rate so small is rounding, while it slides
+    leader: Floats = array("surfaces")
+    noise: Floats = array("surfaces")  # a rate so small is rounding, while it slides
     # Roots of it are taken of no less, in the motion; see `switches.roots`.
-    floor: Floats = array(each_surface)
-    least_root: Floats = array(each_surface)  # what that is set to between rows
+    floor: Floats = array("surfaces")
+    least_root: Floats = array("surfaces")  # what that is set to between rows
     # Where the rows of J begin among its elements, and the column of each.
     row_starts: Floats = array(lambda p: p.surfaces + 1)
-    row_columns: Floats = array(lambda p: p.elements)
+    row_columns: Floats = array("elements")
     # What `surface_rows` gives: residuals, rates, b, scales, and the elements.
     rows: Floats = array(lambda p: 4 * p.surfaces + p.elements)
-    residuals: Floats = part("rows", lambda _: 0, each_surface)
-    rates: Floats = part("rows", each_surface, each_surface)
-    asked: Floats = part("rows", lambda p: 2 * p.surfaces, each_surface)
-    J: Floats = part("rows", lambda p: 4 * p.surfaces, lambda p: p.elements)
+    residuals: Floats = part("rows", "surfaces")
+    rates: Floats = after("residuals", "surfaces")
+    asked: Floats = after("rates", "surfaces")
+    J: Floats = part("rows", "elements", lambda p: 4 * p.surfaces)
     # The fields on both sides, the equations for the shares, a state.
     side_fields: Floats = array(
         lambda p: (p.surfaces + 1) * (p.size + p.m) if p.surfaces + p.laws else 0
@@ -141,19 +131,19 @@ class Laws(Surfaces):
 
     slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
     band: Floats = array(each_watched)  # ... and must be past it for more than noise
-    law_kind: Floats = array(each_law)
-    law_mode: Floats = array(each_law)
-    law_way: Floats = array(each_law)  # the sign of a force that is given
-    law_normal: Floats = array(each_law)  # the law of a slip's contact; or -1
-    law_pair: Floats = array(each_law)  # the other of two slips; or -1
-    law_still: Floats = array(each_law)  # two slips together no faster have stopped
+    law_kind: Floats = array("laws")
+    law_mode: Floats = array("laws")
+    law_way: Floats = array("laws")  # the sign of a force that is given
+    law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
+    law_pair: Floats = array("laws")  # the other of two slips; or -1
+    law_still: Floats = array("laws")  # two slips together no faster have stopped
     # What the laws of an arc could do to each rate of the state.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
     # Two slips that begin keep about this speed's direction; 0 once they are faster.
-    law_floor: Floats = array(each_law)
-    law_rounding: Floats = array(each_law)  # of its margin, while it is out of force
-    law_part: Floats = array(each_law)  # of the contact's multiplier, or the force
-    impulses: Floats = array(each_law)  # of an impact, while its row is written
+    law_floor: Floats = array("laws")
+    law_rounding: Floats = array("laws")  # of its margin, while it is out of force
+    law_part: Floats = array("laws")  # of the contact's multiplier, or the force
+    impulses: Floats = array("laws")  # of an impact, while its row is written
 
 
 class Impulses(Laws):
@@ -166,13 +156,13 @@ class Impulses(Laws):
     sloping: int
 
     # Of each row that is met by impulses; and where `balance` has what.
-    met_kind: Floats = array(each_met)
-    met_normal: Floats = array(each_met)
-    met_pair: Floats = array(each_met)
-    met_restitution: Floats = array(each_met)
+    met_kind: Floats = array("met")
+    met_normal: Floats = array("met")
+    met_pair: Floats = array("met")
+    met_restitution: Floats = array("met")
     inertia_first: Floats = array(lambda p: p.n if p.inertial else 0)
     slope_starts: Floats = array(lambda p: p.met + 1)
-    slope_columns: Floats = array(lambda p: p.sloping)
+    slope_columns: Floats = array("sloping")
 
 
 class SparseNewton(Impulses):
@@ -188,15 +178,15 @@ class SparseNewton(Impulses):
 
     # Newton's matrix: of each entry its place among those of the factors, its row
     # there, and the component of y that its column stands for.
-    newton_slots: Floats = array(lambda p: p.entries)
-    newton_rows: Floats = array(lambda p: p.entries)
-    newton_parts: Floats = array(lambda p: p.entries)
+    newton_slots: Floats = array("entries")
+    newton_rows: Floats = array("entries")
+    newton_parts: Floats = array("entries")
     # Where each unknown comes in the factors; where their rows begin, their diagonal,
     # and the column of each entry.
-    newton_places: Floats = array(lambda p: p.unknowns)
+    newton_places: Floats = array("unknowns")
     newton_starts: Floats = array(lambda p: p.unknowns + 1)
-    newton_diagonals: Floats = array(lambda p: p.unknowns)
-    newton_columns: Floats = array(lambda p: p.filled)
+    newton_diagonals: Floats = array("unknowns")
+    newton_columns: Floats = array("filled")
 
 
 class Parameters(SparseNewton):
@@ -212,30 +202,24 @@ class Parameters(SparseNewton):
 
     # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)
-    multipliers: Floats = part("motion", lambda p: p.n, lambda p: p.m)
+    multipliers: Floats = part("motion", "m", "n")
     lengths: Floats = array(each_row)  # the rows' largest
     aside: Floats = array(each_row)  # which rows are set aside
     # What `dynamics` gives, or `geometry`: with residuals, rates and the scales of both
     # in the place of f and b.
     terms: Floats = array(lambda p: (p.n + p.m) * p.n + p.n + 4 * p.m if p.loops else 0)
-    M: Floats = part("terms", lambda _: 0, lambda p: each_coordinate(p) * p.n)
-    A: Floats = part("terms", lambda p: p.n * p.n, lambda p: each_row(p) * p.n)
-    f: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_coordinate)
-    b: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.n, each_row)
-    gaps: Floats = part("terms", lambda p: (p.n + p.m) * p.n, each_row)
-    gap_rates: Floats = part("terms", lambda p: (p.n + p.m) * p.n + p.m, each_row)
+    M: Floats = part("terms", lambda p: each_coordinate(p) * p.n)
+    A: Floats = after("M", lambda p: each_row(p) * p.n)
+    f: Floats = after("A", each_coordinate)
+    b: Floats = after("f", each_row)
+    gaps: Floats = after("A", each_row)
+    gap_rates: Floats = after("gaps", each_row)
     # Where there are laws: their speeds and bounds.
-    law_speeds: Floats = part(
-        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m, each_law
-    )
-    law_bounds: Floats = part(
-        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m + p.laws, each_law
-    )
-    law_statics: Floats = part(
-        "terms", lambda p: (p.n + p.m) * p.n + p.n + p.m + 2 * p.laws, each_law
-    )
-    gap_scales: Floats = part("terms", lambda p: (p.n + p.m) * p.n + 2 * p.m, each_row)
-    rate_scales: Floats = part("terms", lambda p: (p.n + p.m) * p.n + 3 * p.m, each_row)
+    law_speeds: Floats = after("b", "laws")
+    law_bounds: Floats = after("law_speeds", "laws")
+    law_statics: Floats = after("law_bounds", "laws")
+    gap_scales: Floats = after("gap_rates", each_row)
+    rate_scales: Floats = after("gap_scales", each_row)
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
     left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
@@ -262,35 +246,33 @@ class Parameters(SparseNewton):
         lambda p: (columns(p) + p.works * (p.n + p.m)) * p.slopes_known
     )
     by_motion: Floats = part(
-        "slopes", columns, lambda p: p.works * (p.n + p.m) * p.slopes_known
+        "slopes", lambda p: p.works * (p.n + p.m) * p.slopes_known, columns
     )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
     # What `balance` gives: M in its envelope, the elements of the rows, the forces;
     # then of each row its gap, what its rate is at rest, its bounds, whether it is in
     # force.
-    balance: Floats = array(lambda p: before_gaps(p) + 5 * p.met)
-    met_slopes: Floats = part("balance", lambda p: p.inertial, lambda p: p.sloping)
-    pushes: Floats = part(
-        "balance", lambda p: p.inertial + p.sloping, lambda p: p.n if p.inertial else 0
+    balance: Floats = array(
+        lambda p: p.inertial + p.sloping + (p.n if p.inertial else 0) + 5 * p.met
     )
-    met_gaps: Floats = part("balance", before_gaps, each_met)
-    met_offsets: Floats = part("balance", lambda p: before_gaps(p) + p.met, each_met)
-    met_bounds: Floats = part("balance", lambda p: before_gaps(p) + 2 * p.met, each_met)
-    met_statics: Floats = part(
-        "balance", lambda p: before_gaps(p) + 3 * p.met, each_met
-    )
-    met_force: Floats = part("balance", lambda p: before_gaps(p) + 4 * p.met, each_met)
-    inertia_factor: Floats = array(lambda p: p.inertial)
+    met_slopes: Floats = part("balance", "sloping", "inertial")
+    pushes: Floats = after("met_slopes", lambda p: p.n if p.inertial else 0)
+    met_gaps: Floats = after("pushes", "met")
+    met_offsets: Floats = after("met_gaps", "met")
+    met_bounds: Floats = after("met_offsets", "met")
+    met_statics: Floats = after("met_bounds", "met")
+    met_force: Floats = after("met_statics", "met")
+    inertia_factor: Floats = array("inertial")
     # Of what acts in a step: its number, and of each row its place, from 1; what an
     # impulse of one changes, element by element, and where those begin.
-    acting: Floats = array(each_met)
-    among: Floats = array(each_met)
+    acting: Floats = array("met")
+    among: Floats = array("met")
     answer_starts: Floats = array(lambda p: p.met + 1)
     answers: Floats = array(lambda p: p.met * p.n)
     answer_columns: Floats = array(lambda p: p.met * p.n)
     # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
     # how large its rates are.
-    struck: Floats = array(each_met)
-    aims: Floats = array(each_met)
-    yields: Floats = array(each_met)
-    reaches: Floats = array(each_met)
+    struck: Floats = array("met")
+    aims: Floats = array("met")
+    yields: Floats = array("met")
+    reaches: Floats = array("met")

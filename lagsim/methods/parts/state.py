@@ -32,17 +32,17 @@ class Clock(Memory):
     rejections: float
     evaluations: float
     factorisations: float  # made by the method itself, and for the Jacobian
-    y: Floats = array(lambda s: s.size)
+    y: Floats = array("size")
 
     work: Floats = array(lambda s: 2 * s.size + 4)  # for a state ...
-    spare: Floats = part("work", lambda s: s.size, lambda s: s.size + 4)  # ... and more
+    spare: Floats = part("work", lambda s: s.size + 4, "size")  # ... and more
     # A point within the step: y and y' there; states beside it, y' from the equations.
     point: Floats = array(lambda s: 2 * s.size)
-    point_rates: Floats = part("point", lambda s: s.size, lambda s: s.size)
-    far_before: Floats = array(lambda s: s.size)
-    far_after: Floats = array(lambda s: s.size)
-    near_before: Floats = array(lambda s: s.size)
-    exact_rates: Floats = array(lambda s: s.size)
+    point_rates: Floats = part("point", "size", "size")
+    far_before: Floats = array("size")
+    far_after: Floats = array("size")
+    near_before: Floats = array("size")
+    exact_rates: Floats = array("size")
 
 
 class Output(Clock):

@@ -18,13 +18,24 @@ from lagsim.native.kernels import words
 from lagsim.native.kernels.keys import KernelError, is_static, memories
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
     from types import CodeType
 
     from lagsim.native.kernels.keys import Static
     from lagsim.native.layout import Field
 
 KINDS: Final = ("int", "float", "bool", "Floats", "None")
+
+
+def parameters(function: FunctionType) -> list[str]:
+    """Give the names of the parameters of a kernel."""
+    return [*inspect.signature(function).parameters]
+
+
+def static_parameters(function: FunctionType) -> list[str]:
+    """Give the parameters of a kernel that are known at translation."""
+    kinds = inspect.unwrap(function).__annotations__.items()
+    return [name for name, kind in kinds if kind == "Static"]
 
 
 class Source:
@@ -35,7 +46,7 @@ class Source:
     name : str
         The symbol.
     parameters : dict of str to str
-        Kind of each parameter; that of a `Memory` is Floats.
+        Kind of each parameter but those that are static; that of a `Memory` is Floats.
     memories : dict
         The classes of the parameters that are a `Memory`.
     result : str
@@ -46,8 +57,15 @@ class Source:
         Every name that is local: parameters and what is assigned anywhere.
     """
 
-    def __init__(self, function: FunctionType, statics: Mapping[str, object]) -> None:
-        self.function, self.statics = function, statics
+    def __init__(
+        self,
+        function: FunctionType,
+        statics: Mapping[str, object],
+        known: Sequence[int] = (),
+    ) -> None:
+        names = static_parameters(function)
+        self.function = function
+        self.statics = {**statics, **dict(zip(names, known, strict=True))}
         self.name = function.__name__
         plain = inspect.unwrap(function)
         self.file = plain.__code__.co_filename
@@ -67,14 +85,17 @@ class Source:
         }
         self.result = kinds.pop("return", "?")
         code = plain.__code__
-        parameters = code.co_varnames[: code.co_argcount]
-        self.parameters = {name: kinds.get(name, "?") for name in parameters}
+        self.parameters = {
+            name: kinds.get(name, "?")
+            for name in parameters(function)
+            if name not in names
+        }
         for name, kind in [*self.parameters.items(), ("the result", self.result)]:
             if kind not in KINDS or (name == "the result" and kind == "Floats"):
                 text = f"{name} has {kind}; annotate with int, float, bool, Floats or "
                 text += "a Memory that is imported for more than types; a result is no "
                 raise self.error(node, text + "array")
-        self.variables = frozenset(code.co_varnames + code.co_cellvars)
+        self.variables = frozenset(code.co_varnames + code.co_cellvars) - {*names}
 
     def error(self, node: ast.AST, text: str) -> KernelError:
         """Give the error that names file and line of `node`."""

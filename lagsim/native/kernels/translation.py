@@ -7,15 +7,17 @@ A kernel is a plain function of annotated parameters (int, float, bool, `Floats`
   `min max abs int float`, sqrt, floor, pow, sin, ... of `math`; `//` and `%` of an
   integer by one that is positive and static;
 - memory: `s.t`, `s.t = x`, `s.y` of a parameter annotated with a `layout.Memory`;
-- arrays: `a[i]`, `at(a, k)` for `a[k:]`, tuples of targets (`a, b = b, a`);
+- arrays: `a[i]`, the view `a[k:]`, tuples of targets (`a, b = b, a`); `s.y[:] = s.old
+  + h * a[:n]`, one element after the other, also `+=`: on the right stand arrays as
+  long as the stretch on the left, which are the same or do not overlap, and numbers;
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
 - calls of other kernels and of functions marked `external`;
-- static values: numbers and tables (tuples) of them among the module's globals, the
-  variables of loops over `unrolled`, and what is computed from these alone: `if` on
-  them is decided at translation, the other branch is not even read; `for j in
-  unrolled(...)` and `total(... for j in unrolled(...))` are written out, and terms with
-  a factor of zero vanish.
+- static values: numbers and tables (tuples) of them among the module's globals,
+  parameters that are `Static`, the variables of loops over `unrolled`, and what is
+  computed from these alone: `if` on them is decided at translation, the other branch is
+  not even read; `for j in unrolled(...)` and `total(... for j in unrolled(...))` are
+  written out, and terms with a factor of zero vanish.
 
 A variable has the kind of its first assignment: an int stored into a float variable is
 converted, the reverse is an error. That a variable has a value wherever it is read is
@@ -38,11 +40,16 @@ import math
 import struct
 from functools import partial
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeGuard
 
 from lagsim.native.kernels import words
 from lagsim.native.kernels.keys import KernelError, as_kernel
-from lagsim.native.kernels.source import Folding, Source
+from lagsim.native.kernels.source import (
+    Folding,
+    Source,
+    parameters,
+    static_parameters,
+)
 from lagsim.native.layout import NUMBER, SIZE
 
 if TYPE_CHECKING:
@@ -124,6 +131,11 @@ _INTRINSICS: Final[dict[object, str]] = {
 _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
 
 
+def is_stretch(node: ast.expr) -> TypeGuard[ast.Subscript]:
+    """Tell whether an expression is a stretch of an array: `a[i:j]`."""
+    return isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
+
+
 class _Function(Folding):
     """The translation of one function.
 
@@ -135,6 +147,8 @@ class _Function(Folding):
         Kind of each variable, in the order of their first assignment.
     loops : list of (str, str)
         Where `break` and `continue` go in the loops around it.
+    element : str
+        Within an assignment to a stretch of an array, the index of its element.
     live : bool
         Whether the present place is reached.
     reached : set of str
@@ -148,6 +162,7 @@ class _Function(Folding):
         self.allocated: list[str] = []
         self.kinds: dict[str, str] = {}
         self.loops: list[tuple[str, str]] = []
+        self.element = ""
         self.live = True
         self.reached: set[str] = set()
         self._names = 0
@@ -165,7 +180,7 @@ class _Function(Folding):
         }
         self._expressions: dict[type[ast.expr], Callable[[Any], Value]] = {
             ast.Name: self._load_name,
-            ast.Subscript: lambda node: self._get("float", self._element(node)),
+            ast.Subscript: self._load_element,
             ast.Attribute: self._load_field,
             ast.UnaryOp: self._unary,
             ast.BinOp: self._binary,
@@ -196,10 +211,10 @@ class _Function(Folding):
         if self.live:
             end = "ret void" if source.result == "None" else "unreachable"
             self.lines.append(f"  {end}")
-        parameters = ", ".join(
+        given = ", ".join(
             f'{PASSED[kind]} %"{name}"' for name, kind in source.parameters.items()
         )
-        head = f"define {linkage}{RETURNED[source.result]} @{symbol}({parameters})"
+        head = f"define {linkage}{RETURNED[source.result]} @{symbol}({given})"
         body = [*self.allocated, *self.lines]
         return "\n".join([f"{head} nounwind {{", "entry:", *body, "}\n"])
 
@@ -278,6 +293,8 @@ class _Function(Folding):
 
     def _cast(self, value: Value, kind: str, node: ast.AST) -> Value:
         """Convert int to float, leave the same kind, refuse the rest."""
+        if kind != "Floats":
+            value = self._single(value)
         if value.kind == kind:
             return value
         if (value.kind, kind) == ("int", "float"):
@@ -290,9 +307,15 @@ class _Function(Folding):
 
     def _number(self, node: ast.expr) -> Value:
         """Translate an expression that must be an int or a float."""
-        value = self.expression(node)
+        value = self._single(self.expression(node))
         if value.kind not in ("int", "float"):
             raise self.error(node, f"is {value.kind}, not a number")
+        return value
+
+    def _single(self, value: Value) -> Value:
+        """Give the element of an array that is meant, where a stretch is assigned."""
+        if value.kind == "Floats" and self.element:
+            return self._get("float", self._address(value.text, self.element))
         return value
 
     def _common(self, node: ast.AST, *values: Value) -> tuple[list[Value], str]:
@@ -301,12 +324,24 @@ class _Function(Folding):
         return [self._cast(v, kind, node) for v in values], kind
 
     def _element(self, node: ast.Subscript) -> str:
-        """Give the address of an element of an array."""
+        """Give the address of an element of an array, or of the first of a stretch."""
         base = self._converted(node.value, "Floats")
-        known = self.fold(node.slice)
+        index = node.slice
+        if isinstance(index, ast.Slice):
+            if index.step is not None:
+                raise self.error(node, "leaves some elements out")
+            index = index.lower or ast.Constant(0)
+        known = self.fold(index)
         if isinstance(known, int) and known < 0:
             raise self.error(node, "counts from the end, which is not known")
-        return self._address(base.text, self._converted(node.slice, "int").text)
+        return self._address(base.text, self._converted(index, "int").text)
+
+    def _load_element(self, node: ast.Subscript) -> Value:
+        """Load an element; a stretch of an array is where it begins."""
+        place = self._element(node)
+        if isinstance(node.slice, ast.Slice):
+            return Value(place, "Floats")
+        return self._get("float", place)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
         """Give the address of a memory, of one of its words, and the field."""
@@ -321,12 +356,15 @@ class _Function(Folding):
         memory, place, field = self._word(node)
         if field.kind == NUMBER:
             return self._get("float", place)
-        # Sizes and places stay: what is stored in between is no reason to load again.
-        value = self._op("float", f"load double, ptr {place}, !invariant.load !{{}}")
-        whole = self._op("int", f"fptosi double {value.text} to i64")
+        whole = self._load_size(place)
         if field.kind == SIZE:
             return whole
         return Value(self._address(memory, whole.text), "Floats")
+
+    def _load_size(self, place: str) -> Value:
+        # Sizes and places stay: what is stored in between is no reason to load again.
+        value = self._op("float", f"load double, ptr {place}, !invariant.load !{{}}")
+        return self._op("int", f"fptosi double {value.text} to i64")
 
     def _unary(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
@@ -468,12 +506,13 @@ class _Function(Folding):
         own = isinstance(function, FunctionType)
         if not own or function.__module__ == words.__name__:
             raise self.error(node)
-        symbol, source = self.program.callee(function)
-        kinds = source.parameters.values()
-        arguments = self._arguments(node, len(kinds))
+        names = parameters(function)
+        given = dict(zip(names, self._arguments(node, len(names)), strict=True))
+        known = [self.integer(given[x]) for x in static_parameters(function)]
+        symbol, source = self.program.callee(function, *known)
         passed = ", ".join(
-            f"{PASSED[kind]} {self._converted(argument, kind).text}"
-            for argument, kind in zip(arguments, kinds, strict=True)
+            f"{PASSED[kind]} {self._converted(given[name], kind).text}"
+            for name, kind in source.parameters.items()
         )
         call = f"call {RETURNED[source.result]} @{symbol}({passed})"
         if source.result != "None":
@@ -567,6 +606,10 @@ class _Function(Folding):
             self.expression(node.value)
 
     def _assign(self, node: ast.Assign) -> None:
+        [first, *others] = node.targets
+        if is_stretch(first) and not others:
+            self._spread(first, lambda _: self._converted(node.value, "float"))
+            return
         sources = [node.value]
         if isinstance(node.value, ast.Tuple):
             sources = node.value.elts
@@ -586,11 +629,42 @@ class _Function(Folding):
             value = self._arithmetic(node, now, node.op, node.value)
             self._store_name(node, target.id, value)
             return
+
         # The place is found once and read before the right side is evaluated.
-        place = self._place(target)
-        now = self._get("float", place)
-        value = self._arithmetic(node, now, node.op, node.value)
-        self._put(self._cast(value, "float", node), place)
+        def changed(place: str) -> Value:
+            now = self._get("float", place)
+            value = self._arithmetic(node, now, node.op, node.value)
+            return self._cast(value, "float", node)
+
+        if is_stretch(target):
+            self._spread(target, changed)
+        else:
+            place = self._place(target)
+            self._put(changed(place), place)
+
+    def _spread(self, target: ast.Subscript, value: Callable[[str], Value]) -> None:
+        """Store in each element of a stretch the value for its place."""
+        assert isinstance(target.slice, ast.Slice)
+        begin = self._element(target)
+        first, end = target.slice.lower or ast.Constant(0), target.slice.upper
+        if end is not None:
+            stop = self._converted(end, "int")
+        elif self.source.field(target.value) is None:
+            raise self.error(target, "needs an end: it is no array of a memory")
+        else:
+            memory, _, field = self._word(target.value)
+            stop = self._load_size(self._address(memory, field.word + 1))
+        start = self._converted(first, "int")
+        count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
+
+        def store(k: Value, _after: str, following: str) -> None:
+            self.element = k.text
+            place = self._address(begin, k.text)
+            self._put(value(place), place)
+            self.element = ""
+            self._jump(following)
+
+        self._counted(Value("0", "int"), count, store)
 
     def _place(self, target: ast.expr) -> str:
         """Give the address of an element, or of a number of a memory."""
@@ -670,27 +744,41 @@ class _Function(Folding):
         assert isinstance(call, ast.Call)
         bounds = [self._converted(a, "int") for a in call.args[:2]]
         start, stop = bounds if len(bounds) == 2 else [Value("0", "int"), *bounds]
+
+        def body(now: Value, after: str, following: str) -> None:
+            # The variable is a copy: as in Python, storing into it does not move the
+            # loop, and afterwards it is the last one the body had.
+            self._store(node.target, now)
+            self._body(node, after, following)
+
+        self._counted(start, stop, body, parallel=self.goes_over(call, words.apart))
+
+    def _counted(
+        self,
+        start: Value,
+        stop: Value,
+        body: Callable[[Value, str, str], None],
+        *,
+        parallel: bool = False,
+    ) -> None:
+        """Make a loop; `body` is given the counter, what comes after, the next pass."""
         counter = self._allocate("counter", "int")
         self._put(start, counter)
-        head, body, advance = map(self._name, ("for", "do", "next"))
+        head, inside, advance, after = map(self._name, ("for", "do", "next", "endfor"))
         first = len(self.lines)
-        after = self._name("endfor")
         self._jump(head)
         self._begin(head)
         now = self._get("int", counter)
         test = self._op("bool", f"icmp slt i64 {now.text}, {stop.text}")
-        self._branch(test, body, after)
-        self._begin(body)
-        # The variable is a copy: as in Python, storing into it does not move the loop,
-        # and afterwards it is the last one the body had.
-        self._store(node.target, now)
-        self._body(node, after, advance)
+        self._branch(test, inside, after)
+        self._begin(inside)
+        body(now, after, advance)
         self._begin(advance)
         if self.live:
             now = self._get("int", counter)
             self._put(self._op("int", f"add nsw i64 {now.text}, 1"), counter)
             self._jump(head)
-        if self.goes_over(call, words.apart):
+        if parallel:
             self._mark_parallel(first)
         self._begin(after)
 
@@ -722,7 +810,7 @@ class _Translation:
         statics: Mapping[str, object],
     ) -> None:
         self.statics = statics
-        self.known: dict[FunctionType, tuple[str, Source]] = {}
+        self.known: dict[tuple[object, ...], tuple[str, Source]] = {}
         self.symbols: set[str] = set()
         self.waiting: list[tuple[str, Source]] = []
         self.declared: dict[str, None] = {}
@@ -748,11 +836,14 @@ class _Translation:
             )
         return "\n".join([*self.declared, *defined])
 
-    def callee(self, function: FunctionType) -> tuple[str, Source]:
-        """Give symbol and signature; see that the function will be there."""
-        if function not in self.known:
-            self._add(function)
-        return self.known[function]
+    def callee(self, function: FunctionType, *known: int) -> tuple[str, Source]:
+        """Give symbol and signature; see that the function will be there.
+
+        known : the values of its static parameters.
+        """
+        if (function, *known) not in self.known:
+            self._add(function, *known)
+        return self.known[function, *known]
 
     def declare(self, line: str) -> None:
         """Have a declaration in the text, once."""
@@ -767,8 +858,8 @@ class _Translation:
         self.declare(f"!{self.loops} = distinct !{{!{self.loops}, {properties}}}")
         return self.loops
 
-    def _add(self, function: FunctionType) -> None:
-        source = Source(function, self.statics)
+    def _add(self, function: FunctionType, *known: int) -> None:
+        source = Source(function, self.statics, known)
         symbol, external = source.name, words.is_external(function)
         if external and symbol in self.exported:
             # It denotes the translated function of its name.
@@ -777,12 +868,12 @@ class _Translation:
             if signature != [*source.parameters.values(), source.result]:
                 text = "the function of this name has other kinds"
                 raise source.error(source.node, text)
-            self.known[function] = symbol, found
+            self.known[function, *known] = symbol, found
             return
         if symbol in self.symbols:
             symbol = f"{symbol}.{len(self.symbols)}"
         self.symbols.add(symbol)
-        self.known[function] = symbol, source
+        self.known[function, *known] = symbol, source
         if external:
             kinds = ", ".join(PASSED[kind] for kind in source.parameters.values())
             result = RETURNED[source.result]

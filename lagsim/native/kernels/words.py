@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import functools
 from math import inf
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from lagsim.language.arrays import Floats
+
+# The kind of a parameter that is known at translation: the function is translated once
+# for each value that it is called with.
+Static: TypeAlias = int
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -1,4 +1,4 @@
-"""What moves: the points of a scene in every frame, their rates, and what is said.
+"""What moves: the points of a scene in every frame, their rates, and notes.
 
 A model without a scene has one point where it has the names x and y (and z).
 """
@@ -6,7 +6,7 @@ A model without a scene has one point where it has the names x and y (and z).
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -83,7 +83,7 @@ class Film(NamedTuple):
 
 
 def stage(model: Model) -> Scene:
-    """Give the scene of a model; where the file has none, one point or nothing."""
+    """Return the scene of a model; where the file has none, one point or nothing."""
     if model.scene.points:
         return model.scene
     nodes = {c.name: model.graph.variable(c.name) for c in model.coordinates}
@@ -94,7 +94,7 @@ def stage(model: Model) -> Scene:
 
 
 def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
-    """Give what keeps of rows with `columns` what a film of the model needs."""
+    """Return what keeps of rows with `columns` what a film of the model needs."""
     scene = stage(equations.model)
     names = ["t", *equations.q, *equations.velocities, *equations.accelerations]
     names += equations.multipliers
@@ -118,7 +118,7 @@ def film(
     units: Mapping[str, str] | None = None,
     notes: Sequence[str] = (),
 ) -> Film | None:
-    """Give the motion of a model's scene; None where there is nothing to draw.
+    """Return the motion of a model's scene; None where there is nothing to draw.
 
     Parameters
     ----------
@@ -139,20 +139,18 @@ def film(
         levers = Levers(equations, scene, values, len(table))
         pushes = [*levers.pushes(), *reactions(model, scene, columns)]
         broken = frames.broken | _swift(tracks, columns["t"])
-    told = list(notes)
     if frames.stride > 1:
-        told.append(f"one of {frames.stride} rows; positions between are interpolated")
+        thinned = f"one of {frames.stride} rows; positions between are interpolated"
+        notes = [*notes, thinned]
     return Film(
         model.name, model.description, columns["t"], broken, tracks, scene.links,
         pushes, {k: columns[k] for k in ENERGIES if k in columns}, events,
-        levers.struck, horizon,
-        _units(scene, units or {}),
-        told,
+        levers.struck, horizon, _units(scene, units or {}), notes,
     )  # fmt: skip
 
 
 def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
-    """Give the units of what a page shows, from those of columns."""
+    """Return the units of what a page shows, from those of columns."""
     columns = [
         f"point.{name}.{k + 1}"
         for name, x in scene.points.items()
@@ -164,7 +162,7 @@ def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
 
 
 def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
-    """Give the units of a page; that of a force follows."""
+    """Return the units of a page; that of a force follows."""
     [length, *others] = sorted(set(lengths) - {""}) or [""]
     length = "" if others else length
     force = "N" if (energy, length) == ("J", "m") else ""
@@ -206,7 +204,59 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
 
 def extent(tracks: Mapping[str, Track]) -> float:
-    """Give the longest side of what the points pass through."""
+    """Return the longest side of what the points pass through."""
     every = np.concatenate([track.place for track in tracks.values()])
     every = every[np.isfinite(every).all(axis=1)]
     return float(np.ptp(every, axis=0).max()) if len(every) else 0.0
+
+
+# --- The motion of one point, from the columns of a table
+
+
+def film_of_columns(
+    name: str, columns: Mapping[str, Floats], events: Sequence[Event], **more: Any
+) -> Film | None:
+    """Return the motion of the point (x, y) or (x, y, z); None without these columns.
+
+    Its rate is that of the columns x_dot, y_dot, ... where there are all of them; else
+    it follows from the rows, on each side of an impact by itself.
+
+    Parameters
+    ----------
+    more
+        Further attributes of the film.
+    """
+    if not {"t", "x", "y"} <= columns.keys():
+        return None
+    axes = [axis for axis in "xyz" if axis in columns]
+    rates = [f"{axis}_dot" for axis in axes]
+    known = set(rates) <= columns.keys()
+    names = ["t", *axes, *(rates if known else ())]
+    names += [energy for energy in ENERGIES if energy in columns]
+    frames = Frames(names, names, MOST_FRAMES)
+    frames.add(np.stack([columns[name] for name in names], axis=1))
+    kept = dict(zip(names, frames.table.T, strict=True))
+    place = np.stack([kept[axis] for axis in axes], axis=1)
+    if known:
+        rate = np.stack([kept[name] for name in rates], axis=1)
+    else:
+        rate = _slopes(kept["t"], place)
+    return Film(
+        name, "", kept["t"], frames.broken | ~np.isfinite(rate).all(axis=1),
+        {ONLY: Track(place, rate)},
+        energies={k: kept[k] for k in ENERGIES if k in kept}, events=events, **more,
+    )  # fmt: skip
+
+
+def _slopes(t: Floats, place: Floats) -> Floats:
+    """Return the rates of rows, by parabolas; nan where a row stands alone."""
+    rate = np.full_like(place, np.nan)
+    ends = [*(np.flatnonzero(np.diff(t) == 0.0) + 1), len(t)]
+    first = 0
+    for end in ends:
+        rows = slice(first, end)
+        if end - first > 1:
+            edge: Literal[1, 2] = 2 if end - first > 2 else 1
+            rate[rows] = np.gradient(place[rows], t[rows], axis=0, edge_order=edge)
+        first = end
+    return rate

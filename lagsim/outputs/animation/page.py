@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.outputs.animation.film import extent
-from lagsim.tolerances import FLAT_RANGE
+from lagsim.tolerances import FLAT_RANGE, SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,18 +35,13 @@ RIGID, TAUT = 1e-3, 0.02
 MOST, OUTLYING = 98.0, 20.0
 # Of the size of a view: so far below it a floor is still in sight.
 NEAR = 0.1
-# Events beyond these are not told apart on a time line.
+# More events than these cannot be distinguished on a time line.
 MOST_EVENTS = 4000
 
 
+@np.errstate(all="ignore")  # a motion that diverges passes every number
 def record(film: Film) -> dict[str, Any]:
-    """Give what a page shows of a film, as JSON takes it."""
-    # A motion that diverges passes every number.
-    with np.errstate(all="ignore"):
-        return _recorded(film)
-
-
-def _recorded(film: Film) -> dict[str, Any]:
+    """Return a film as the page reads it, in what JSON holds."""
     size = extent(film.tracks)
     names = list(film.tracks)
     points: list[dict[str, Any]] = []
@@ -91,19 +86,19 @@ def _recorded(film: Film) -> dict[str, Any]:
 
 
 def _packed(values: Floats, kind: str = "<f4") -> str:
-    """Give numbers as text, row by row."""
+    """Return numbers as text, row by row."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
 def _usual(force: Floats) -> float:
-    """Give the size of a force that few frames exceed: a spike rules no scale."""
+    """Return the size of a force that few frames exceed: a spike rules no scale."""
     sizes = np.linalg.norm(force, axis=1)
     sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
     return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
 
 
 def _floor(film: Film, box: Sequence[Sequence[float]]) -> float | None:
-    """Give the height of a floor that is below all; None where it is out of sight."""
+    """Return the height of a floor that is below all; None where it is out of sight."""
     last = np.concatenate([track.place[:, -1] for track in film.tracks.values()])
     lowest = float(last[np.isfinite(last)].min(initial=box[-1][0]))
     size = max(high - low for low, high in box)
@@ -111,7 +106,7 @@ def _floor(film: Film, box: Sequence[Sequence[float]]) -> float | None:
 
 
 def _box(film: Film) -> list[list[float]]:
-    """Give the least and greatest of each component that a view is to show."""
+    """Return the least and greatest of each component that a view is to show."""
     every = np.concatenate([track.place for track in film.tracks.values()])
     every = every[np.isfinite(every).all(axis=1)]
     if not len(every):
@@ -128,20 +123,20 @@ def _link(film: Film, names: Sequence[str], a: str, b: str) -> dict[str, Any]:
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)
     lengths = lengths[np.isfinite(lengths)]
-    longest = float(lengths.max()) if len(lengths) else 0.0
+    lengths = lengths if len(lengths) else np.zeros(1)
+    longest = float(lengths.max())
     kind = "spring"
-    if not longest or float(lengths.min()) >= (1.0 - RIGID) * longest:
+    if float(lengths.min()) >= (1.0 - RIGID) * longest:
         kind = "rod"
     elif any({a, b} & set(points) for points in film.struck.values()):
-        taut = np.mean(lengths >= (1.0 - 1e-6) * longest)
+        taut = np.mean(lengths >= (1.0 - SATISFIED) * longest)
         kind = "string" if taut > TAUT else "spring"
-    ends = names.index(a), names.index(b)
-    usual = float(np.median(lengths)) if len(lengths) else 0.0
+    ends, usual = (names.index(a), names.index(b)), float(np.median(lengths))
     return {"ends": ends, "kind": kind, "longest": longest, "usual": usual}
 
 
 def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
-    """Give a page on which runs play side by side, on one clock."""
+    """Return a page on which runs play side by side, on one clock."""
     here = Path(__file__).parent
     text = (here / "page.html").read_text("utf-8")
     data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -158,7 +153,7 @@ def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
 
 
 def recorded(content: str) -> list[dict[str, Any]] | None:
-    """Give the runs of a page; None where it holds none."""
+    """Return the runs of a page; None where it holds none."""
     found = _DATA.search(content)
     if not found:
         return None

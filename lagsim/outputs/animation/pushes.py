@@ -82,7 +82,7 @@ class Levers:
                 self._carried.append((row, points))
 
     def _moving(self) -> dict[str, list[dict[int, int]]]:
-        """Give dr/dq, a mapping a component, of the points that depend on q."""
+        """Return dr/dq, a mapping a component, of the points that depend on q."""
         e, g = self._e, self._e.graph
         index = {g.variable(name): j for j, name in enumerate(e.q)}
         rates = frozenset(e.velocities)
@@ -99,7 +99,7 @@ class Levers:
         return found
 
     def _carrier(self, row: _Row) -> tuple[tuple[str, ...], bool]:
-        """Give the fewest points that carry a row, and whether by one force alone."""
+        """Return the fewest points that carry a row, and whether by one force alone."""
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
         several: tuple[str, ...] = ()
@@ -126,7 +126,7 @@ class Levers:
     def _levers(
         self, row: _Row, points: Sequence[str], frames: slice
     ) -> tuple[Floats, Flags, Flags]:
-        """Give f (k, components) in some frames; where A^T = J^T f; where f is unique.
+        """Return f (k, components) in some frames, where A^T = J^T f, where unique.
 
         Components that never vary have no part in it.
         """
@@ -155,7 +155,7 @@ class Levers:
         return f, holds, full & (d <= n)
 
     def pushes(self) -> list[Push]:
-        """Give the forces that are ever other than 0, those of friction in them."""
+        """Return the forces that are ever other than 0, those of friction in them."""
         found: dict[tuple[str, str], Floats] = {}
         for row, points in self._carried:
             multiplier = self._values.get(row.multiplier)
@@ -181,7 +181,7 @@ class Levers:
 def reactions(
     model: Model, scene: Scene, columns: Mapping[str, Floats]
 ) -> Iterator[Push]:
-    """Give the reactions that the model asks for, on points that are made of them."""
+    """Return the reactions that the model asks for, on points that are made of them."""
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }

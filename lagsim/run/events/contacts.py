@@ -9,6 +9,7 @@ the time at which it comes to rest is that of the geometric series.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -41,8 +42,8 @@ FORCING = (kept.HELD, kept.DRIVEN)
 OPENED = 0.05
 # What holds without a force is asked again after this part of the time between rows.
 SOON = 1e-6
-# Forces change in no more than so many times as long.
-LONG = 100.0
+# Where forces change, each moment looked at is so many times as late as the last.
+LATER = 10.0
 # What gives an impulse: a force that is bounded gives none in no time.
 STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
 # What has bounced so often comes to rest by a series, not by one impact.
@@ -396,7 +397,9 @@ def select_modes(
     idle = _idle(here, found)
     if idle:
         # By the accelerations of a moment later some of them part then.
-        later = _soon_after(here, found)
+        moment = SOON * here.arc.state.row_step
+        y = _state_after(here, found, moment)
+        later = Kinematics(here.arc, y, here.arc.t + moment, here.shape)
         then = _chosen(later, np.zeros(here.count), {*also, *found.some})
         leaning[idle] += then.mode[idle] == kept.OFF
         found = _chosen(here, leaning, also)
@@ -427,17 +430,16 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
     ]
 
 
-def _soon_after(here: Kinematics, found: Chosen) -> Kinematics:
-    """Give the laws a moment later, in the modes found."""
-    arc, p = here.arc, here.arc.system.p
+def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
+    """Give the state (size,) a moment later, in the modes found, to second order."""
+    arc, p, n = here.arc, here.arc.system.p, here.arc.system.n
     before = p.law_mode.copy(), p.law_way.copy()
     p.law_mode[:], p.law_way[:] = found.mode, found.way
-    n, moment = arc.system.n, SOON * arc.state.row_step
     rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
     y = here.y + moment * rates[: arc.system.size]
     y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
     p.law_mode[:], p.law_way[:] = before
-    return Kinematics(arc, y, arc.t + moment, here.shape)
+    return np.asarray(y)
 
 
 class Chosen(NamedTuple):
@@ -503,17 +505,31 @@ def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
         if kept.DRIVEN in before[pair]:
             stills[pair] = p.law_still[k]
             continue
-        later = _soon_after(here, found)
-        bends = (later.accelerations - here.accelerations)[pair] / (later.t - here.t)
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))
-        changes = max(float(np.linalg.norm(bends)), rubs / (LONG * arc.state.row_step))
-        scale = rubs**2 / changes if changes > 0.0 else 0.0
+        scale = rubs * _steady(here, found, pair, rubs)
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * here.still[k])
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
         if speed < floor:
             floors[pair], stills[pair] = floor, rtol * scale
     p.law_floor[:], p.law_still[:] = floors, stills
+
+
+def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
+    """Give the time in which the forces on a slip change by as much as its friction.
+
+    Looked for at ever later moments: a force may begin to change at a rate of 0.
+    """
+    moment, steady = SOON * here.arc.state.row_step, here.arc.settings.end - here.t
+    while moment < steady:
+        y = _state_after(here, found, moment)
+        bends = here.accelerations_at(here.t + moment, y) - here.accelerations
+        change = float(np.linalg.norm(bends[pair])) / moment
+        if not math.isfinite(change):  # there are no forces so far ahead
+            return moment
+        steady = min(steady, rubs / change) if change > 0.0 else steady
+        moment *= LATER
+    return steady
 
 
 def _set_slack(here: Kinematics, found: Chosen) -> None:

@@ -137,7 +137,7 @@ class Kinematics:
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
         n = self.arc.system.n
-        a, b, self.bounds, self.statics = self._free(self.y)
+        a, b, self.bounds, self.statics = self._free(self.t, self.y)
         self.accelerations = self.rows @ a - b
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
@@ -162,7 +162,7 @@ class Kinematics:
     @cached_property
     def noise(self) -> Floats:
         """What is rounding of `accelerations` (L,): their terms, and the state."""
-        a, b, *_ = self._free(self.y + _aside(len(self.y)) * self._known())
+        a, b, *_ = self._free(self.t, self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
         return np.asarray(BALANCED * np.maximum(self.pushes, stirred))
 
@@ -190,17 +190,25 @@ class Kinematics:
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
 
-    def _free(self, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Give q'' without any law, b of the laws, and their bounds and statics."""
         arc, p = self.arc, self.arc.system.p
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
-        field = arc.runner.function("field", arc.system.size + m)(self.t, y)
+        field = arc.runner.function("field", arc.system.size + m)(t, y)
         p.law_mode[:] = mode
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field[n : 2 * n], b.copy(), bounds.copy(), statics.copy()
+
+    def accelerations_at(self, t: float, y: Floats) -> Floats:
+        """Give the accelerations (L,) without any law at another time and state."""
+        n, m = self.arc.system.n, self.arc.system.m
+        numbers = self.arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
+        rows = numbers[(n + m - self.count) * n : (n + m) * n].reshape(-1, n)
+        a, b, *_ = self._free(t, y)
+        return np.asarray(rows @ a - b)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Tell which laws could act: a slip with its contact.

@@ -50,6 +50,10 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.attempts import Attempt
 
+    # Parameters, each (runs,); positions, then velocities (runs, 2 n); what is swept
+    # (runs, axes).
+    Values = tuple[dict[str, Floats], Floats, Floats]
+
 # A run whose energy less work ends so far from where it began, as a part of what is in
 # play at both ends, is looked at by its rows: a tenth of what raises a doubt there.
 KEPT = 0.1
@@ -260,18 +264,25 @@ class Runs:
         grid = self.work.grid
         try:
             session = self._session(grid.texts(number))
-        except (StartError, InputError) as error:
-            start = isinstance(error, StartError)
-            outcome = INADMISSIBLE if start else UNUSABLE
-            return Row(tuple(grid.values(number)), outcome, reason=_reason(error))
+        except StartError as error:
+            values = tuple(grid.values(number))
+            return Row(values, INADMISSIBLE, reason=str(error))
+        except InputError as error:
+            reason = "; ".join(problem.text for problem in error.problems)
+            return Row(tuple(grid.values(number)), UNUSABLE, reason=reason)
         extremes = Extremes(len(self.columns))
-        found = self._attempt(number, session, extremes, interrupt)
+        if self.work.kept is not None:
+            found = self._written(number, session, extremes, interrupt)
+        else:
+            bars = self.work.error_bars
+            attempts = Attempts(extremes, interrupt, Clock(), error_bars=bars)
+            found = attempts.best(session)
         trajectory, bar = found.trajectory, found.bar
         if trajectory.outcome is Outcome.INTERRUPTED:
             return None
         if self.work.ends and not self._tried:
             self._tried = True
-            batch = Batch(session, grid, self.work.options, len(self.columns))
+            batch = Batch(session, self.work, len(self.columns))
             self.batch = None if batch.refusal else batch
         model, complete = session.case.equations.model, trajectory.outcome.complete
         return Row(
@@ -297,14 +308,6 @@ class Runs:
         assert session is not None
         return session
 
-    def _attempt(
-        self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
-    ) -> Attempt:
-        if self.work.kept is not None:
-            return self._written(number, session, extremes, interrupt)
-        bars = self.work.error_bars
-        return Attempts(extremes, interrupt, Clock(), error_bars=bars).best(session)
-
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
@@ -319,8 +322,8 @@ class Runs:
         """
         from lagsim.outputs import Format
         from lagsim.outputs.manifest import encode
+        from lagsim.outputs.packed import table_writer
         from lagsim.outputs.results import MANIFEST, open_results
-        from lagsim.outputs.table import table_writer
 
         clock, work = Clock(), self.work
         assert work.kept is not None
@@ -346,12 +349,6 @@ class Runs:
         return found
 
 
-def _reason(error: StartError | InputError) -> str:
-    if isinstance(error, StartError):
-        return str(error)
-    return "; ".join(problem.text for problem in error.problems)
-
-
 def folder_of(number: int, grid: Grid) -> str:
     """Give the name of a run's folder: its row in sweep.csv, from 1."""
     return f"run-{number + 1:0{len(str(grid.runs))}}"
@@ -363,22 +360,6 @@ def _mark(session: Session) -> int:
     return zlib.crc32(repr((session.plan.form, watched)).encode())
 
 
-class Values(NamedTuple):
-    """Parameters and start values of the runs of a batch.
-
-    Attributes
-    ----------
-    parameters : dict of str to ndarray (runs,)
-    starts : ndarray, shape (runs, 2 n)
-        Positions, then velocities.
-    swept : ndarray, shape (runs, axes)
-    """
-
-    parameters: dict[str, Floats]
-    starts: Floats
-    swept: Floats
-
-
 class Batch:
     """Makes ends for the runs of a session's form, many at once.
 
@@ -388,15 +369,9 @@ class Batch:
         Why each is made by itself; "" where none needs it.
     """
 
-    def __init__(
-        self,
-        session: Session,
-        grid: Grid,
-        options: Sequence[tuple[str, str]],
-        columns: int,
-    ) -> None:
-        self.session, self.grid, self.columns = session, grid, columns
-        self.options = dict(options)
+    def __init__(self, session: Session, work: Work, columns: int) -> None:
+        self.session, self.grid, self.columns = session, work.grid, columns
+        self.options = dict(work.options)
         self.refusal = refusal(session) or self._refusal()
         if not self.refusal:
             self._ensemble = Ensemble(session)
@@ -415,83 +390,70 @@ class Batch:
         return ""
 
     def rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row | None]:
-        """Give rows of ends, None for those that are to be made as runs by themselves.
+        """Return rows of ends, None for those that are to be made by themselves.
 
         Empty where an end is asked for.
         """
-        values = self._followed(numbers) if self._follow else self._plain(numbers)
-        clear = self._clear(values)
-        ends = self._ensemble.ends(values.parameters, values.starts, interrupt)
+        values = self._followed if self._follow else self._plain
+        parameters, starts, swept = values(numbers)
+        clear = self._clear(parameters, starts)
+        ends = self._ensemble.ends(parameters, starts, interrupt)
         if ends is None:
             return []
         clear &= (ends.codes == ENDED) & self._keeps_energy(ends)
         cells, form = ends.ended[:, None, : self.columns], _mark(self.session)
         return [
-            Row(tuple(swept), DONE, True, None, "", own, form) if plain else None
-            for swept, own, plain in zip(
-                values.swept.tolist(), cells, clear.tolist(), strict=True
-            )
+            Row(tuple(own), DONE, True, None, "", cell, form) if plain else None
+            for own, cell, plain in zip(swept.tolist(), cells, clear, strict=True)
         ]
 
     def _plain(self, numbers: Sequence[int]) -> Values:
-        """Give values that nothing else follows."""
-        case, grid = self.session.case, self.grid
+        """Return values that nothing else follows."""
+        case, axes = self.session.case, self.grid.axes
         start = np.concatenate([case.start.q, case.start.v])
         starts = np.repeat(start[None], len(numbers), 0)
         names = (*case.equations.q, *case.equations.velocities)
-        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in grid.axes])
-        parameters, swept = {}, []
-        for axis, place in zip(grid.axes, places, strict=True):
-            values = np.array(axis.values)[place]
-            swept.append(values)
+        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in axes])
+        found = [np.array(a.values)[x] for a, x in zip(axes, places, strict=True)]
+        parameters = {}
+        for axis, values in zip(axes, found, strict=True):
             if axis.starts:
                 starts[:, names.index(axis.name)] = values
             else:
                 parameters[axis.name] = values
-        return Values(parameters, starts, np.array(swept).T)
+        return parameters, starts, np.array(found).T
 
     def _followed(self, numbers: Sequence[int]) -> Values:
-        """Give values as each run by itself binds them; nan for what cannot be had."""
-        equations = self.session.case.equations
-        n = len(equations.q)
-        names = [p.name for p in equations.model.parameters]
-        found = np.full((len(numbers), len(names)), np.nan)
-        starts = np.full((len(numbers), 2 * n), np.nan)
-        swept = np.full((len(numbers), len(self.grid.axes)), np.nan)
+        """Return values as each run by itself binds them; nan where it has none."""
+        case, axes = self.session.case, self.grid.axes
+        unbound = case.equations.model
+        names = [p.name for p in unbound.parameters]
+        sizes = len(names), 2 * len(case.equations.q), len(axes)
+        found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
         for k, number in enumerate(numbers):
-            model = self._bound(self.grid.texts(number))
-            if model is not None:
-                found[k] = [p.value for p in model.parameters]
-                starts[k] = [x.value for x in model.initial[: 2 * n]]
-                swept[k] = [value_of(model, axis.name) for axis in self.grid.axes]
-        return Values(dict(zip(names, found.T, strict=True)), starts, swept)
+            with contextlib.suppress(LagsimError):
+                model = bound(unbound, self.grid.texts(number))
+                if wanted(model, "sweep", self.options) == case.settings:
+                    found[k] = [p.value for p in model.parameters]
+                    starts[k] = [x.value for x in model.initial[: sizes[1]]]
+                    swept[k] = [value_of(model, axis.name) for axis in axes]
+        return dict(zip(names, found.T, strict=True)), starts, swept
 
-    def _bound(self, texts: Mapping[str, str]) -> Model | None:
-        """Give the model of a run; None where it cannot be had, or asks otherwise."""
-        case = self.session.case
-        try:
-            model = bound(case.equations.model, texts)
-            settings = wanted(model, "sweep", self.options)
-        except LagsimError:
-            return None
-        return model if settings == case.settings else None
-
-    def _clear(self, values: Values) -> Flags:
-        """Tell whose start is admissible without a closer look."""
-        case = self.session.case
-        equations, runs = case.equations, len(values.starts)
+    def _clear(self, parameters: Mapping[str, Floats], starts: Floats) -> Flags:
+        """Return whose start is admissible without a closer look."""
+        case, equations = self.session.case, self.session.case.equations
         known: dict[str, float | Floats] = {"t": case.settings.start}
         known |= {p.name: p.value for p in equations.model.parameters}
-        known |= values.parameters
+        known |= parameters
         names = (*equations.q, *equations.velocities)
-        moved = np.any(values.starts != values.starts[:1], axis=0)
-        for name, column, differ in zip(names, values.starts.T, moved, strict=True):
+        moved = np.any(starts != starts[:1], axis=0)
+        for name, column, differ in zip(names, starts.T, moved, strict=True):
             known[name] = column if differ else float(column[0])
-        given: Flags = np.all(np.isfinite(values.starts), axis=1)
-        return given & clear_starts(equations, known, runs)
+        given: Flags = np.all(np.isfinite(starts), axis=1)
+        return given & clear_starts(equations, known, len(starts))
 
     def _keeps_energy(self, ends: Ends) -> Flags:
-        """Tell whose energy less work has not moved, by its first and last row."""
+        """Return whose energy less work has not moved, by its first and last row."""
         names = self.session.system.columns.names
         at = {x: names.index(x) for x in ENERGIES if x in names}
         moved = {x: ends.ended[:, k] - ends.begun[:, k] for x, k in at.items()}

@@ -20,7 +20,7 @@ import numpy as np
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
-from lagsim.outputs.attempted import attempted
+from lagsim.outputs import attempted
 from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from lagsim.outputs.attempted import Made
+    from lagsim.outputs import Made
     from lagsim.studies.workers import Hired
 
 TABLE, CHART, MANIFEST = "sweep.csv", "sweep.png", "sweep.json"
@@ -65,7 +65,7 @@ class Journal:
         self._synced = time.monotonic()
 
     def resume(self) -> dict[int, Row]:
-        """Give the rows that are there, and go on after them.
+        """Return the rows that are there, and go on after them.
 
         Raises
         ------
@@ -80,9 +80,20 @@ class Journal:
             self.begin()
             return {}
         first, *lines = content.splitlines()
-        self._compare(first)
+        there: Any = {}
+        with contextlib.suppress(ValueError, TypeError):
+            there = dict(json.loads(first))
+        other = [key for key, x in self._identity.items() if there.get(key) != x]
+        if other:
+            text = f"{self.path} cannot be resumed: it has another {other[0]}"
+            hint = "leave --resume out to start again, or choose another folder with -o"
+            raise InputError([Problem("another-sweep", text, hint=hint)])
         self._replace(content)
-        return dict(map(_row, lines))
+        rows = {}
+        for number, values, *known, numbers, form in map(json.loads, lines):
+            cells = np.array(numbers, dtype=float)
+            rows[number] = Row._make((tuple(values), *known, cells, form))
+        return rows
 
     def begin(self) -> None:
         """Begin again."""
@@ -124,23 +135,6 @@ class Journal:
         if time.monotonic() - self._synced > SYNC_SECONDS:
             os.fsync(self._file)
             self._synced = time.monotonic()
-
-    def _compare(self, line: bytes) -> None:
-        """Refuse rows of another sweep."""
-        there: Any = {}
-        with contextlib.suppress(ValueError, TypeError):
-            there = dict(json.loads(line))
-        other = [key for key, x in self._identity.items() if there.get(key) != x]
-        if other:
-            text = f"{self.path} cannot be resumed: it has another {other[0]}"
-            hint = "leave --resume out to start again, or choose another folder with -o"
-            raise InputError([Problem("another-sweep", text, hint=hint)])
-
-
-def _row(line: bytes) -> tuple[int, Row]:
-    number, values, outcome, complete, error, reason, numbers, form = json.loads(line)
-    cells = np.array(numbers, dtype=float)
-    return number, Row(tuple(values), outcome, complete, error, reason, cells, form)
 
 
 def sweep(
@@ -226,12 +220,12 @@ def _shared(
 
 
 def _reported(found: Found) -> tuple[str, ...]:
-    """Give what is reported of each column, in this order."""
+    """Return what is reported of each column, in this order."""
     return ("end",) if found.work.ends else ("end", "min", "max")
 
 
 def header(found: Found) -> list[str]:
-    """Give the columns of sweep.csv."""
+    """Return the columns of sweep.csv."""
     time, *columns = found.columns
     names = [axis.name for axis in found.grid.axes]
     reported = [f"{column}.{x}" for column in columns for x in _reported(found)]
@@ -239,9 +233,11 @@ def header(found: Found) -> list[str]:
 
 
 def cells(found: Found) -> Iterator[list[object]]:
-    """Give the rows of sweep.csv in the order of the grid; None where nothing is."""
-    nothing = [None] * (1 + len(_reported(found)) * (len(found.columns) - 1))
+    """Return the rows of sweep.csv in the order of the grid; None where nothing is."""
+    many = len(_reported(found))
+    nothing = [None] * (1 + many * (len(found.columns) - 1))
     for _, row in sorted(found.rows.items()):
+        # Of the time its end alone.
         numbers: list[Any] = nothing
         if row.numbers.size:
             time, *columns = row.numbers.T.tolist()
@@ -251,7 +247,7 @@ def cells(found: Found) -> Iterator[list[object]]:
 
 
 def table(found: Found) -> bytes:
-    """Give the content of sweep.csv."""
+    """Return the content of sweep.csv."""
     return table_of(header(found), cells(found))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -42,3 +44,44 @@ def test_a_way_that_turns_is_no_event(method):
         assert found[q] == pytest.approx(x, abs=bound)
     assert found.result.events == ()
     assert len(found.t) == 61
+
+
+@functools.cache
+def turned():
+    """Give x, z (2,) at 1 and 2: pushed a thousandth past friction, at an angle t^3."""
+    friction, first = 0.2 * G, 1e-5
+
+    def rates(t, s):
+        v, push = np.hypot(s[2], s[3]), 1.001 * friction
+        along = push * np.cos(t**3), push * np.sin(t**3)
+        return [s[2], s[3], *(along[i] - friction * s[2 + i] / v for i in (0, 1))]
+
+    def slopes(_, s):
+        v = np.hypot(s[2], s[3])
+        answer = np.eye(4, k=2)
+        answer[2:, 2:] = friction * (np.outer(s[2:], s[2:]) / v**3 - np.eye(2) / v)
+        return answer
+
+    # Up to `first` it is pushed along x, but for 1e-15.
+    push = 0.001 * friction
+    start = [push * first**2 / 2.0, 0.0, push * first, 0.0]
+    return solve_ivp(
+        rates, (first, 2.0), start, "Radau", (1.0, 2.0), rtol=1e-10, atol=1e-17,
+        jac=slopes,
+    ).y[:2]  # fmt: skip
+
+
+@pytest.mark.parametrize("rows", [0.05, 1.0])
+def test_a_force_that_begins_to_turn_at_a_rate_of_0(rows):
+    push = "1.001*0.2*9.81"
+    text = PUCK.format(
+        method="auto", step=f", output_step: {rows}", stiff=0.0, mu=0.2, x=0, unit=1.0,
+        mass=1.0, u=0, w=0,
+    )  # fmt: skip
+    text = text.replace("duration: 3, output_step: 0.05", "duration: 2")
+    text += f"forces: {{x: {push}*cos(t^3), z: {push}*sin(t^3)}}\n"
+    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    expected = turned()
+    for q, x in zip("xz", expected, strict=True):
+        seconds = found[q][[round(1.0 / rows), -1]]
+        assert seconds == pytest.approx(x, abs=1e-8 * np.ptp(expected))

@@ -7,12 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.admissibility.examination import examine
 from lagsim.mechanics.equations import derive
-from lagsim.mechanics.equilibrium import NoEquilibriumError, find_equilibrium, modes
 from lagsim.mechanics.linearisation import Linearisation
 from lagsim.methods import method
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
 from lagsim.studies.bench.stability import Wish, measure
@@ -207,47 +205,45 @@ simulation: {duration: 1}
         assert expected**2 == pytest.approx(-9.81 * math.cos(a), rel=1e-12)
 
 
-def found_modes(model):
-    equations = derive(model)
-    start = examine(equations).start
-    linearisation = Linearisation(equations)
-    q = find_equilibrium(equations, linearisation, start.t, start.q, 1.0)
-    return q, modes(linearisation.at(start.t, q, np.zeros_like(q)))
+def rest(text, **overrides):
+    """Give the record of a map of one run, for its equilibrium and modes."""
+    model = read(text, "model.yaml", overrides)
+    wish = Wish(("rk4",), (0.01, 0.01), strip=1)
+    return measure(lambda _: open_case(model), wish)
 
 
-def test_modes_of_coupled_oscillators():
-    q, (slow, fast) = found_modes(read(COUPLED, "model.yaml"))
-    assert q == pytest.approx([0.0, 0.0], abs=1e-12)
-    assert slow.eigenvalue.imag == pytest.approx(1.0, rel=1e-12)
-    assert fast.eigenvalue.imag == pytest.approx(10.0, rel=1e-12)
-    assert slow.shape == pytest.approx([1.0, 1.0])
-    assert np.abs(fast.shape[0] + fast.shape[1]) < 1e-12
-    assert slow.period == pytest.approx(2.0 * math.pi)
-
-
-def test_damping_ratio():
-    _, (mode,) = found_modes(read(DAMPED, "model.yaml", {"c": "0.6", "k": "4"}))
+# Text, overrides, the equilibrium, and of each mode frequency (1/s) and damping ratio.
+MODES = [
+    (COUPLED, {}, {"x1": 0, "x2": 0}, [(1, 0), (10, 0)]),
     # c / (2 sqrt(k m)), and the frequency that damping leaves.
-    assert mode.damping_ratio == pytest.approx(0.15, rel=1e-12)
-    assert mode.eigenvalue.imag == pytest.approx(math.sqrt(4.0 - 0.09), rel=1e-12)
-
-
-def test_small_oscillations_of_the_double_pendulum():
-    model = read_file(str(MODELS / "double-pendulum.yaml"))
-    values = {p.name: p.value for p in model.parameters}
-    q, found = found_modes(model)
-    assert q == pytest.approx([0.0, 0.0], abs=1e-9)
+    (DAMPED, {"c": "0.6", "k": "4"}, {"x": 0}, [(math.sqrt(4 - 0.09), 0.15)]),
+    (ROD, {}, {"x": 0, "y": -1}, [(math.sqrt(9.81), 0)]),
     # Equal masses and lengths: w^2 = (2 -+ sqrt 2) g/l.
-    w0 = values["g"] / values.get("l", values.get("l1", 1.0))
-    expected = [math.sqrt((2.0 + sign * math.sqrt(2.0)) * w0) for sign in (-1, 1)]
-    assert [m.eigenvalue.imag for m in found] == pytest.approx(expected, rel=1e-9)
+    (
+        (MODELS / "double-pendulum.yaml").read_text(), {"g": "8", "l1": "2", "l2": "2"},
+        {"theta1": 0, "theta2": 0},
+        [(2 * math.sqrt(2 - math.sqrt(2)), 0), (2 * math.sqrt(2 + math.sqrt(2)), 0)],
+    ),
+]  # fmt: skip
 
 
-def test_modes_of_a_constrained_equilibrium():
-    q, (mode,) = found_modes(read(ROD, "model.yaml"))
-    assert q == pytest.approx([0.0, -1.0], abs=1e-9)
-    assert mode.eigenvalue.imag == pytest.approx(math.sqrt(9.81), rel=1e-9)
-    assert abs(mode.damping_ratio) < 1e-9
+@pytest.mark.parametrize(("text", "overrides", "at", "expected"), MODES)
+def test_modes_about_an_equilibrium(text, overrides, at, expected):
+    found = rest(text, **overrides)
+    assert found["equilibrium"] == pytest.approx(at, abs=1e-9)
+    told = [(m["angular_frequency"], m["damping_ratio"]) for m in found["modes"]]
+    assert told == [
+        (pytest.approx(rate, rel=1e-9), pytest.approx(ratio, rel=1e-9, abs=1e-9))
+        for rate, ratio in expected
+    ]
+    periods = [mode["period"] for mode in found["modes"]]
+    assert periods == pytest.approx([2 * math.pi / rate for rate, _ in expected])
+
+
+def test_shapes_of_coupled_oscillators():
+    slow, fast = (mode["shape"] for mode in rest(COUPLED)["modes"])
+    assert slow == pytest.approx({"x1": 1, "x2": 1})
+    assert fast["x1"] == pytest.approx(-fast["x2"], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -255,20 +251,19 @@ def test_modes_of_a_constrained_equilibrium():
 )
 def test_no_equilibrium(potential, reason):
     text = OSCILLATOR.replace("potential: x^2/2", f"potential: {potential}")
-    with pytest.raises(NoEquilibriumError, match=reason):
-        found_modes(read(text, "model.yaml"))
+    found = rest(text)
+    assert found["equilibrium"] is None
+    assert reason in found["equilibrium_reason"]
 
 
 def test_an_unstable_start_is_the_equilibrium_found():
     text = oscillator("duration: 1", x=0).replace("x^2/2}", "cos(x)}")
-    q, (first, second) = found_modes(read(text, "model.yaml"))
-    assert q == pytest.approx([0.0])
-    rates = sorted((first.eigenvalue.real, second.eigenvalue.real))
-    assert rates == pytest.approx([-1, 1])
-    assert first.period is None
-    found = looked_at(text, "rk4", steps=(0.1, 0.2), strip=2)
+    found = rest(text)
     assert found["equilibrium_is_start"]
     assert found["equilibrium"] == {"x": 0.0}
+    rates = sorted(mode["eigenvalue"][0] for mode in found["modes"])
+    assert rates == pytest.approx([-1, 1])
+    assert [mode["period"] for mode in found["modes"]] == [None, None]
 
 
 def test_large_scenes_have_no_eigenvalues(monkeypatch):

@@ -43,28 +43,24 @@ def test_nan_is_not_measured():
     assert scale_of("x", x=[1, np.nan, 4]) == 3
 
 
-def test_rows_are_matched_by_time():
-    rows = match(np.array([0.0, 1, 1, 2, 3]), np.array([0.0, 1, 1, 3, 4]))
-    assert rows.golden.tolist() == [0, 1, 2, 4]
-    assert rows.new.tolist() == [0, 1, 2, 3]
-    assert (rows.missing.tolist(), rows.extra.tolist()) == ([2.0], [4.0])
+# Times of both; numbers of the rows that belong together, times without a partner.
+ROWS = {
+    "one is missing, one more": ([0, 1, 1, 2, 3], [0, 1, 1, 3, 4], [0, 1, 2, 4],
+                                 [0, 1, 2, 3], [2], [4]),
+    "an impact with one row": ([0, 1, 1, 2], [0, 1, 2], [0, 1, 3], [0, 1, 2], [1], []),
+    "no number": ([0, np.nan, 2], [0, 1, 2], [0, 2], [0, 2], [np.nan], [1]),
+    "another order": ([0, 1, 2], [2, 0, 1], [0, 1, 2], [1, 2, 0], [], []),
+}  # fmt: skip
 
 
-def test_an_impact_that_has_one_row_too_few():
-    rows = match(np.array([0.0, 1, 1, 2]), np.array([0.0, 1, 2]))
-    assert rows.golden.tolist() == [0, 1, 3]
-    assert rows.missing.tolist() == [1.0]
-
-
-def test_times_that_are_nan_have_no_partner():
-    rows = match(np.array([0.0, np.nan, 2]), np.array([0.0, 1, 2]))
-    assert rows.golden.tolist() == [0, 2]
-    assert rows.extra.tolist() == [1.0]
-
-
-def test_rows_in_another_order():
-    rows = match(np.array([0.0, 1, 2]), np.array([2.0, 0, 1]))
-    assert rows.new.tolist() == [1, 2, 0]
+@pytest.mark.parametrize(
+    ("golden", "new", "mine", "theirs", "missing", "extra"), ROWS.values(), ids=ROWS
+)
+def test_rows_are_matched_by_time(golden, new, mine, theirs, missing, extra):
+    rows = match(np.array(golden, float), np.array(new, float))
+    assert (rows.golden.tolist(), rows.new.tolist()) == (mine, theirs)
+    assert rows.missing == pytest.approx(missing, nan_ok=True)
+    assert rows.extra.tolist() == extra
 
 
 def impacts(*times, constraint="floor"):

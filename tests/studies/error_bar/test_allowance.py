@@ -9,7 +9,7 @@ from mpmath import mp, mpf
 from lagsim.model.reader import read
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.repeats import Allowance, Repeat
+from lagsim.studies.error_bar import Allowance, Repeat
 from tests.studies.error_bar.test_error_bar import PENDULUM
 from tests.studies.judged import barred
 from tests.support import run

@@ -11,7 +11,7 @@ import pytest
 from lagsim.model.reader import read, read_file
 from lagsim.run.error import TIMES, ErrorBar
 from lagsim.run.observers.monitors import MOST_ROWS, Checkpoints
-from lagsim.studies.repeats import LOOSER
+from lagsim.studies.error_bar import LOOSER
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import pendulum, swing
 from tests.studies.judged import barred
@@ -121,7 +121,7 @@ simulation: {duration: 200, output_step: 0.5}
 
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
-    monkeypatch.setattr("lagsim.studies.repeats.BUDGET", 1e4)
+    monkeypatch.setattr("lagsim.studies.error_bar.BUDGET", 1e4)
     _, refused = barred(model)
     assert "operations" in refused
     _, asked = barred(model, always=True)
@@ -167,7 +167,7 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
         assert run.monitor.end == run.trajectory.end == 60.0
         return texts[len(judged) - 1]
 
-    monkeypatch.setattr("lagsim.studies.repeats.fault", fault)
+    monkeypatch.setattr("lagsim.studies.error_bar.fault", fault)
     texts = ["it lost energy", ""]
     bar = barred(read(PENDULUM, "m.yaml"))[1]
     assert judged == pytest.approx([1e-13, 1e-11 / LOOSER])

@@ -9,9 +9,9 @@ import pytest
 
 from lagsim.model.reader import read
 from lagsim.run.error import ErrorBar, Failed
-from lagsim.studies import repeats
+from lagsim.studies import error_bar
 from lagsim.studies.alarms import about_error
-from lagsim.studies.repeats import LOOSER, Repeat, by_other_means
+from lagsim.studies.error_bar import LOOSER, Repeat, by_other_means
 from tests.cli.conftest import lagsim  # noqa: F401
 from tests.studies.error_bar.test_error_bar import PENDULUM, shipped
 from tests.studies.judged import barred, made, repeated
@@ -63,7 +63,7 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
     def itself(session, _trajectory):
         yield Repeat(session)
 
-    monkeypatch.setattr(repeats, "by_other_means", itself)
+    monkeypatch.setattr(error_bar, "by_other_means", itself)
     bar = repeated(session, trajectory, kept)
     assert isinstance(bar, Failed)
     assert "same steps as the run" in bar
@@ -80,7 +80,7 @@ def test_fixed_steps_are_repeated_by_others(method):
 
 def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):  # noqa: F811
     """In run.json and on the terminal, with its code; other reasons are none."""
-    monkeypatch.setattr(repeats.Allowance, "steps", lambda *_: 3)
+    monkeypatch.setattr(error_bar.Allowance, "steps", lambda *_: 3)
     file = tmp_path / "m.yaml"
     file.write_text("name: swing\n" + PENDULUM)
     called = lagsim("run", file, "--no-plots", "-o", tmp_path / "r")
