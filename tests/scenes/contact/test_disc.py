@@ -74,13 +74,13 @@ def turned():
 @pytest.mark.parametrize("rows", [0.05, 1.0])
 def test_a_force_that_begins_to_turn_at_a_rate_of_0(rows):
     push = "1.001*0.2*9.81"
-    text = PUCK.format(
-        method="auto", step=f", output_step: {rows}", stiff=0.0, mu=0.2, x=0, unit=1.0,
-        mass=1.0, u=0, w=0,
-    )  # fmt: skip
-    text = text.replace("duration: 3, output_step: 0.05", "duration: 2")
-    text += f"forces: {{x: {push}*cos(t^3), z: {push}*sin(t^3)}}\n"
-    found = lagsim.simulate(lagsim.load(text), error_bar="never")
+    floor = {"floor": FLOOR["floor"] | {"friction": 0.2}}
+    found = play(scene(
+        "x z y", "(x_dot^2 + y_dot^2 + z_dot^2)/2", "g*y", floor,
+        {"x": 0, "z": 0, "y": 0, "x_dot": 0, "z_dot": 0},
+        forces={"x": f"{push}*cos(t^3)", "z": f"{push}*sin(t^3)"},
+        duration=2, output_step=rows, method="auto",
+    ))  # fmt: skip
     expected = turned()
     for q, x in zip("xz", expected, strict=True):
         seconds = found[q][[round(1.0 / rows), -1]]
