@@ -115,7 +115,6 @@ def start(s: Taylor, p: Parameters) -> None:
     series(s.t, s.y, p, c)
     s.evaluations += 1.0
     s.step_h = 0.0
-    begin_trials(s)
     record_sizes(s, p)
     rates = c[1 + s.size :]
     bound_roundoff(s, p, s.t, s.y, rates, 1.0)
@@ -136,81 +135,52 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0.
-
-    Around its one series lies all else: what proposes a state, and what concludes from
-    the series there.
-    """
-    while True:
-        code = propose(s, p)
-        if code != DONE:
-            return code
-        series(s.t + s.trial, s.new, p, s.series[buffer(s.size, 1.0 - s.which) :])
-        if conclude(s, p):
-            return DONE
-        # Close to a loss of rank a series enlarges rounding by powers of the step.
-        if CONSTRAINED and s.passes > 0.0:
-            return LOSS_AHEAD
-
-
-def propose(s: Taylor, p: Parameters) -> int:
-    """Leave a step to try as s.trial, the state after it as s.new.
-
-    Or give a code other than 0, that of what was wrong with the last one tried.
-    """
+    """Make one accepted step, or give a code other than 0."""
+    rejected = False
+    trouble = STEP_TOO_SMALL
     while True:
         h = usable_step(s, p)
         if h == 0.0:
-            return int(s.trouble)
-        s.trial = h
-        if attempt(s, p, h) == 0:
+            return trouble
+        if attempt(s, p, h, rejected) == 0:
             s.h = SHORTEST * h
-            s.trouble = NOT_FINITE
+            trouble = NOT_FINITE
         elif CONSTRAINED and project(s, p, s.t + h, h, s.new, s.work) == 0:
             s.h = 0.25 * h
-            s.trouble = PROJECTION_FAILED
+            trouble = PROJECTION_FAILED
         else:
-            return DONE
-        s.rejected = 1.0
+            # The smallest singular value there, as the projection has left it.
+            sigma = s.work[s.n + 1]
+            error = check(s, p, h)
+            if error <= PASSED:
+                accept(s, p, h, rejected)
+                if CONSTRAINED:
+                    record_between(s, p, sigma, h)
+                return DONE
+            trouble = shorten(s, h, error)
+            # Close to a loss of rank a series enlarges rounding by powers of the step.
+            if CONSTRAINED and s.passes > 0.0:
+                s.rejections += 1.0
+                return LOSS_AHEAD
+        rejected = True
         s.rejections += 1.0
 
 
-def conclude(s: Taylor, p: Parameters) -> bool:
-    """Accept the step that was tried, or choose a shorter one.
-
-    From the series after it, which lies where the present one does not.
-    """
-    h = s.trial
-    # How independent the rows are there, as the projection has left it.
-    sigma = s.work[s.n + 1]
-    error = check(s, p, h)
-    if error <= PASSED:
-        accept(s, p, h)
-        if CONSTRAINED:
-            record_between(s, p, sigma, h)
-        return True
-    s.h = SHORTEST * h
-    s.trouble = NOT_FINITE
-    if error < OVERFLOW:
-        shorter = exp(log(PASSED / error) / (s.series[0] + 1.0))
-        s.h = h * max(SHORTEST, SHORTER * shorter)
-        s.trouble = STEP_TOO_SMALL
-    s.rejected = 1.0
-    s.rejections += 1.0
-    return False
+def shorten(s: Taylor, h: float, error: float) -> int:
+    """Choose the step to try after one of this error; give the code of its failure."""
+    if not error < OVERFLOW:
+        s.h = SHORTEST * h
+        return NOT_FINITE
+    shorter = exp(log(PASSED / error) / (s.series[0] + 1.0))
+    s.h = h * max(SHORTEST, SHORTER * shorter)
+    return STEP_TOO_SMALL
 
 
-def begin_trials(s: Taylor) -> None:
-    """Begin a step: nothing has been tried yet."""
-    s.trouble = STEP_TOO_SMALL
-    s.rejected = 0.0
-
-
-def attempt(s: Taylor, p: Parameters, h: float) -> int:
+def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
     """Give the state after a step of length h; 0 where it is not finite."""
     size = s.size
     c = s.series[buffer(size, s.which) :]
-    if s.rtol < TIGHT and s.rejected == 0.0:
+    if s.rtol < TIGHT and not rejected:
         find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
@@ -219,7 +189,7 @@ def attempt(s: Taylor, p: Parameters, h: float) -> int:
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
-    """Give the error in units of the tolerance, from y' at the end of the step.
+    """Give the error in units of the tolerance, from the series at the end of the step.
 
     What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
     follows; the next step's series has y'.
@@ -227,6 +197,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     size = s.size
     c = s.series[buffer(size, s.which) :]
     following = s.series[buffer(size, 1.0 - s.which) :]
+    series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
     set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
@@ -237,7 +208,7 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     return passable(s, error) if CONSTRAINED else error
 
 
-def accept(s: Taylor, p: Parameters, h: float) -> None:
+def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
     """Take the new state and its series; the old one is the dense output."""
     size, y = s.size, s.y
     following = s.series[buffer(size, 1.0 - s.which) :]
@@ -264,8 +235,7 @@ def accept(s: Taylor, p: Parameters, h: float) -> None:
         bound_roundoff(s, p, s.t, y, rates, 1.0)
         set_tolerances(s, p, s.t, y, rates, h)
         s.h = chosen_step(s, following, s.t)
-    s.at_bound = max(s.at_bound + (1.0 if s.rejected > 0.0 else -1.0), 0.0)
-    begin_trials(s)
+    s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
 
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:
@@ -302,9 +272,6 @@ class Taylor(State):
     """Two series, each its order K, then y_0 ... y_K; and the new state."""
 
     which: float  # of the two series is the present one: 0 or 1
-    trial: float  # the step that is tried
-    trouble: float  # the code of what was wrong with the last one
-    rejected: float  # 1 once one was not accepted
     series: Floats = array(lambda s: buffer(s.size, 2.0))
     new: Floats = array("size")
     rates: Floats = array("size")  # the series' own at the new state

@@ -13,6 +13,8 @@ from lagsim.native.kernels.words import external
 from lagsim.native.layout import Memory, array, part
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from lagsim.language.arrays import Floats
 
 
@@ -84,137 +86,72 @@ LOSS_AHEAD = 13
 
 
 # --- functions of a model and of a method that are linked in --------------------------
-# All arrays are views into longer ones; `p` holds the parameters and the model's own
-# working memory. Linked in at run time.
 
 
-@external
-def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) at y = (q, q', works if the model has them, quadratures)."""
+def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
+    """Declare a function of (t, y, p, out), which writes to `out`.
 
-
-@external
-def series(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size)."""
-
-
-@external
-def linear(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give A of z' = A z and P of power = z^T P z, where z = (q, q', 1).
-
-    Of each: how many entries are not zero, then i, j and the value of each of them.
+    All arrays are views into longer ones; y is (q, q', works if the model has them,
+    quadratures), and p holds the parameters and the model's own working memory.
     """
 
+    def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+        """Give what the declaration says."""
 
-@external
-def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the Newton step onto the holonomic constraints, in the metric of M.
-
-    The step (n,), then the largest residual against its scale, 0, and what will be left
-    of it after the step (3,).
-    """
+    function.__name__ = function.__qualname__ = name
+    return external(function)
 
 
-@external
-def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the same for the velocities; how independent the rows are, instead of 0.
-
-    About the smallest singular value of the scaled constraint rows: 0 where they lose
-    rank. What will be left is 1 where that is not known.
-    """
-
-
-@external
-def measure(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0."""
-
-
-@external
-def terms(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how large the terms are that each force (n,) is a sum of.
-
-    Then those of the rates of what follows q' in y.
-    """
-
-
-@external
-def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Bounds of the rounding of q'' (n,) by that of the forces, in units of roundoff.
-
-    Then the rounding of the rates of what follows q' in y.
-    """
-
-
-@external
-def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dq''/d(q, q') (n, 2 n) row by row, exactly; for NEEDS = ("jacobian",).
-
-    Where the model has works, a row (2 n,) for the rate of each follows.
-    """
-
-
-@external
-def power(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rates of the works (works,). NEEDS "power"."""
-
-
-@external
-def lagrangian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dL/dq' (n,), dL/dq + Q (n,), the rates of works. NEEDS "lagrangian".
-
-    Q are the generalized forces; for scenes without constraints.
-    """
-
-
-@external
-def lagrangian_slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the derivatives of dL/dq' to q and q', of dL/dq + Q to both; (n, n) each."""
-
-
-@external
-def inertia(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), which dL/dq' has as its derivative to q'. NEEDS "lagrangian"."""
-
-
-@external
-def balance(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Coefficients of the equations of the impulses; see `Parameters.balance`.
-
-    NEEDS "balance": y then ends with the multipliers.
-    """
-
-
-@external
-def effort(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rate of `work` (1,) without that of multipliers. NEEDS "balance"."""
-
-
-@external
-def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the columns of a row, from q'' in p. NEEDS "balance"."""
-
-
-@external
-def inertias(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the pivots of M that vary with positions, s.inertias of them."""
-
-
-@external
-def until(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the residual or gap (1,) of the relation that ends the run."""
-
-
-@external
-def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how far the state is from leaving the mode of each surface (K,)."""
-
-
-@external
-def signals(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the arguments that are watched and their rates (2 K,) at y and y' (2 size,).
-
-    y' stands behind y; see `missed`.
-    """
+# y' (size,).
+derivative = of_model("derivative")
+# The order K (1,), then the Taylor coefficients y_0 ... y_K (K + 1, size).
+series = of_model("series")
+# A of z' = A z and P of power = z^T P z, where z = (q, q', 1): of each how many entries
+# are not zero, then i, j and the value of each of them.
+linear = of_model("linear")
+# The Newton step onto the holonomic constraints, in the metric of M (n,); then the
+# largest residual against its scale, 0, and what will be left of it after the step.
+position_step = of_model("position_step")
+# The same for the velocities, where what will be left is 1 if that is not known; in the
+# place of the 0 about the smallest singular value of the scaled constraint rows.
+velocity_step = of_model("velocity_step")
+# q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0.
+measure = of_model("measure")
+# How large the terms are that each force (n,) is a sum of; then those of the rates of
+# what follows q' in y.
+terms = of_model("terms")
+# Bounds of the rounding of q'' (n,) by that of the forces, in units of roundoff; then
+# the rounding of the rates of what follows q' in y.
+rounding = of_model("rounding")
+# dq''/d(q, q') (n, 2 n) row by row, exactly; where the model has works, a row (2 n,)
+# for the rate of each follows.
+jacobian = of_model("jacobian")
+# The rates of the works (works,).
+power = of_model("power")
+# dL/dq' (n,), dL/dq + Q (n,), the rates of works; Q are the generalized forces. For
+# scenes without constraints.
+lagrangian = of_model("lagrangian")
+# The derivatives of dL/dq' to q and q', of dL/dq + Q to both; (n, n) each.
+lagrangian_slopes = of_model("lagrangian_slopes")
+# M (n, n), which dL/dq' has as its derivative to q'.
+inertia = of_model("inertia")
+# Coefficients of the equations of the impulses, see `Parameters.balance`; y ends with
+# the multipliers.
+balance = of_model("balance")
+# The rate of `work` (1,) without that of multipliers.
+effort = of_model("effort")
+# The columns of a row, from q'' in p; and all columns of a row.
+columns = of_model("columns")
+observe = of_model("observe")
+# The pivots of M that vary with positions, s.inertias of them.
+inertias = of_model("inertias")
+# The residual or gap (1,) of the relation that ends the run.
+until = of_model("until")
+# How far the state is from leaving the mode of each surface (K,).
+margins = of_model("margins")
+# The arguments that are watched and their rates (2 K,) at y and y' (2 size,), where y'
+# stands behind y; see `missed`.
+signals = of_model("signals")
 
 
 @external
@@ -241,8 +178,3 @@ def interpolate(s: Clock, x: float, out: Floats) -> None:
 @external
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
     """Give its slope (size,), from the velocities on, by methods that choose steps."""
-
-
-@external
-def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give all columns of a row."""
