@@ -99,7 +99,10 @@ def project_level(
     part = y[level * n :]
     previous = 0.0
     for iteration in range(MOST):
-        newton_step(level, t, y, p, work)
+        if level == 0:
+            position_step(t, y, p, work)
+        else:
+            velocity_step(t, y, p, work)
         if not is_finite(n, work):
             return 0
         if iteration == 0:
@@ -140,14 +143,6 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
         largest = max(abs(x[i]), sizes[i], moment * s.parts[i])
         whole += share * masses[i] * largest * largest
     return 1 if moved <= MOTION_ROUNDOFF * MOTION_ROUNDOFF * whole else 0
-
-
-def newton_step(level: int, t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the Newton step of the positions (level 0) or of the velocities (1)."""
-    if level == 0:
-        position_step(t, y, p, out)
-    else:
-        velocity_step(t, y, p, out)
 
 
 def is_finite(n: int, x: Floats) -> bool:
@@ -332,26 +327,21 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
     if s.passes > 0.0 and s.t <= s.planned_at:
         s.passes = 0.0
         return float(s.planned)
-    n, y, z, out = s.n, s.y, s.work, s.spare
-    z[: s.size] = y
-    velocity_step(s.t, z, p, out)
-    s.sigma = out[n + 1]
-    s.previous_sigma = s.sigma
-    expect_loss(s, p, h)
-    while out[n + 1] < s.close_below and s.t + 2.0 * h < s.end:
+    s.sigma = s.previous_sigma = sigma = sigma_ahead(s, p, 0.0)
+    s.falling = (sigma - sigma_ahead(s, p, GLANCE * h)) / (GLANCE * h)
+    while sigma < s.close_below and s.t + 2.0 * h < s.end:
         h = 2.0 * h
-        z[:n] = y[:n] + h * y[n : 2 * n]
-        velocity_step(s.t + h, z, p, out)
+        sigma = sigma_ahead(s, p, h)
     return h
 
 
-def expect_loss(s: Rank, p: Parameters, h: float) -> None:
-    """Record how fast sigma falls at the start of an arc."""
-    n, out = s.n, s.spare
-    s.work[:n] = s.y[:n] + GLANCE * h * s.y[n : 2 * n]
-    velocity_step(s.t + GLANCE * h, s.work, p, out)
-    s.falling = (s.sigma - out[n + 1]) / (GLANCE * h)
-    out[n + 1] = s.sigma
+def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
+    """Give sigma a time h ahead, along the velocities."""
+    n, z = s.n, s.work
+    z[: s.size] = s.y
+    z[:n] += h * s.y[n : 2 * n]
+    velocity_step(s.t + h, z, p, s.spare)
+    return float(s.spare[n + 1])
 
 
 def watch(s: Rank, p: Parameters) -> int:

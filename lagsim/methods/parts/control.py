@@ -105,7 +105,8 @@ def record_sizes(s: Control, p: Parameters) -> None:
 def record_measured(s: Control, p: Parameters) -> None:
     """Do the same where `set_tolerances` has measured this state last."""
     record_extents(s)
-    s.energy = energy_scale(s)
+    change = abs(s.energies[1] - s.potential)
+    s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
     parts = s.parts
     terms(s.t, s.y, p, parts)
     # From here on as accelerations, and the whole in the metric of M.
@@ -114,9 +115,8 @@ def record_measured(s: Control, p: Parameters) -> None:
         push = parts[i]
         parts[i] = 0.0
         if s.masses[i] > 0.0:
-            part = push / s.masses[i]
-            s.pushes[0] += push * part
-            parts[i] = part
+            parts[i] = push / s.masses[i]
+            s.pushes[0] += push * parts[i]
         parts[s.n + i] = parts[i]
 
 
@@ -136,12 +136,6 @@ def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
     measure(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
-
-
-def energy_scale(s: Control) -> float:
-    """Largest kinetic energy or change of potential, the present ones included."""
-    change = abs(s.energies[1] - s.potential)
-    return max(float(s.energy), abs(float(s.energies[0])), float(change))
 
 
 def set_tolerances(
@@ -254,19 +248,18 @@ def allow_roundoff(
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
     if SWITCHES and sigma >= 1.0 and (p.laws > 0 or p.sliding > 0.0):
-        bound_roundoff_ahead(s, p, h, k)
+        # What laws hold, or surfaces, rests against forces that may begin at 0. The
+        # step itself may lead anywhere.
+        lead_positions(s, h, k)
+        add_bound(s, p, t + h, s.point, n, 2 * n)
     if s.size > 2 * n:
         # The power of forces has no rounding where everything rests, at the start.
-        roundoff, z = s.roundoff, s.work
-        rounding(t + h, new, p, z)
-        for i in range(2 * n, s.size):
-            if abs(z[i - n]) < OVERFLOW:
-                roundoff[i] = max(roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
+        add_bound(s, p, t + h, new, 2 * n, s.size)
         # Nor has it where rows balance them, or surfaces, but velocities have.
         if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
-            worked = p.worked
+            roundoff = s.roundoff
             for i in range(n):
-                own = 2 * n + int(worked[i])
+                own = 2 * n + int(p.worked[i])
                 power = abs(s.masses[i]) * s.parts[i] * roundoff[n + i] * h
                 if own >= 2 * n:
                     roundoff[own] = max(roundoff[own], power)
@@ -406,15 +399,30 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
     Beside a switch forces may have no slope that tells: those of Hertz, or a root. The
     step itself may lead anywhere. k : (size,), y' at its start.
     """
-    middle = s.point
     t = s.t + 0.5 * h
-    for i in range(s.size):
-        middle[i] = s.y[i] + 0.5 * h * k[i] if i < s.n else s.y[i]
-    derivative(t, middle, p, s.point_rates)
+    lead_positions(s, 0.5 * h, k)
+    derivative(t, s.point, p, s.point_rates)
     s.evaluations += 3.0
-    perturb(s, p, t, middle, s.point_rates, s.far_before)
+    perturb(s, p, t, s.point, s.point_rates, s.far_before)
     for i in range(s.n, s.size):
         s.roundoff[i] = max(s.roundoff[i], PERTURBED * s.far_before[i])
+
+
+def lead_positions(s: Control, h: float, k: Floats) -> None:
+    """Leave the state as `point`, its positions moved by an Euler step."""
+    s.point[: s.size] = s.y
+    s.point[: s.n] += h * k[: s.n]
+
+
+def add_bound(
+    s: Control, p: Parameters, t: float, y: Floats, first: int, end: int
+) -> None:
+    """Add the roundoff at a state to the bound of some components."""
+    rounding(t, y, p, s.work)
+    for i in range(first, end):
+        found = abs(s.work[i - s.n])
+        if found < OVERFLOW:
+            s.roundoff[i] = max(s.roundoff[i], RATE_ROUNDOFF * found)
 
 
 def perturb(
@@ -435,21 +443,6 @@ def perturb(
                 out[i] = max(out[i], change)
 
 
-def bound_roundoff_ahead(s: Control, p: Parameters, h: float, k: Floats) -> None:
-    """Add the roundoff at the end of a step h to the bound.
-
-    What laws hold, or surfaces, rests against forces that may begin at 0. The step
-    itself may lead anywhere. k : (size,), y' at its start.
-    """
-    n, z = s.n, s.work
-    for i in range(s.size):
-        s.point[i] = s.y[i] + h * k[i] if i < n else s.y[i]
-    rounding(s.t + h, s.point, p, z)
-    for i in range(n, 2 * n):
-        if abs(z[i - n]) < OVERFLOW:
-            s.roundoff[i] = max(s.roundoff[i], RATE_ROUNDOFF * abs(z[i - n]))
-
-
 def bound_roundoff(
     s: Control, p: Parameters, t: float, y: Floats, k: Floats, sigma: float
 ) -> None:
@@ -465,20 +458,15 @@ def bound_roundoff(
     for i in range(n, s.size):
         roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
-        add_probe(s, p, t, y, k)
+        move_aside(s.size, y, PROBE, s.work)
+        derivative(t * (1.0 + PROBE), s.work, p, s.spare)
+        s.evaluations += 1.0
+        for i in range(n, s.size):
+            roundoff[i] += PROBED * abs(s.spare[i] - k[i]) / PROBE
     for i in range(n, s.size):
         if not roundoff[i] < OVERFLOW:
             roundoff[i] = 0.0
         roundoff[i] = RATE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
-
-
-def add_probe(s: Control, p: Parameters, t: float, y: Floats, k: Floats) -> None:
-    """Add the change of the rates k by the roundoff of the state."""
-    size, n = s.size, s.n
-    move_aside(size, y, PROBE, s.work)
-    derivative(t * (1.0 + PROBE), s.work, p, s.spare)
-    s.evaluations += 1.0
-    s.roundoff[n:] += PROBED * abs(s.spare[n:size] - k[n:size]) / PROBE
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:

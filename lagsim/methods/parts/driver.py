@@ -10,16 +10,18 @@ from math import inf, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.constraints import clear_of_loss, project, watch
-from lagsim.methods.parts.control import drop_compensation
+from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.missed import (
     BETWEEN,
     GOLDEN,
     Signals,
     find_defect,
     hardly_varies,
+    keep_extents,
     may_approach,
     missed_feature,
     reject_step,
+    restore_extents,
     signals_at,
 )
 from lagsim.methods.parts.parameters import Parameters
@@ -118,7 +120,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             return PAUSED
         made += 1
         if SWITCHES or ADAPTIVE:
-            keep_sizes(s)
+            keep_extents(s)
         s.met = 0.0
         code = step(s, p)
         if code != DONE:
@@ -191,13 +193,6 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
             where[:width] = s.y[:width]
 
 
-def keep_sizes(s: State) -> None:
-    """Note the largest sizes: a step may go far past where it will end."""
-    s.sizes_before[:] = s.sizes
-    s.low_before[:] = s.low
-    s.high_before[:] = s.high
-
-
 def inspect(s: State, p: Parameters) -> None:
     """Search the last step for an end of the arc or of the run."""
     if SWITCHES or UNTIL:
@@ -210,21 +205,16 @@ def inspect(s: State, p: Parameters) -> None:
 
 def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
-    y = s.y
     interpolate(s, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
         # What lies past the switch has not been.
-        sizes, low, high, sizes_before = s.sizes, s.low, s.high, s.sizes_before
-        low_before, high_before = s.low_before, s.high_before
-        for i in range(s.size):
-            sizes[i] = max(sizes_before[i], abs(y[i]))
-            low[i] = min(low_before[i], y[i])
-            high[i] = max(high_before[i], y[i])
+        restore_extents(s)
+        record_extents(s)
     if CONSTRAINED:
-        settle(s, p, s.t, y)
+        project(s, p, s.t, s.step_h, s.y, s.work)
     if SWITCHES:
-        pull_back(s, p, s.t, y)
+        pull_back(s, p, s.t, s.y)
     s.cut = 0.0
 
 
@@ -268,8 +258,9 @@ def begin(s: State, p: Parameters) -> None:
     if s.fresh > 0.0:
         drop_compensation(s)
         start(s, p)
-        if UNTIL:
-            arm(s, p, s.work)
+        if UNTIL and s.orientation == 0.0:
+            until(s.t, s.y, p, s.work)
+            orient(s, s.work[0])
         s.fresh = 0.0
 
 
@@ -283,14 +274,12 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     own = s.step_h == 0.0 or out[max(end - 1, 0) * width] == s.t
     if end > first and own and s.cut == 0.0:
         end -= 1
-    if CONSTRAINED:
-        unmet = first
-        while unmet < end and out[unmet * width] <= s.step_t + s.met * s.step_h:
-            unmet += 1
-        settle_rows(s, p, out[unmet * width :], end - unmet)
-    if SWITCHES:
-        for k in range(first, end):
-            row = out[k * width :]
+    for k in range(first, end):
+        row = out[k * width :]
+        # One for which Newton's method does not converge stays as it is.
+        if CONSTRAINED and row[0] > s.step_t + s.met * s.step_h:
+            project(s, p, row[0], s.step_h, row[1:], s.work)
+        if SWITCHES:
             pull(row[0], row[1:], p)
     return complete
 
@@ -327,34 +316,12 @@ def has_extra(s: State) -> bool:
     return s.extras > 0.0 and (s.extra < s.t or at_hand)
 
 
-def settle_rows(s: State, p: Parameters, out: Floats, rows: int) -> None:
-    """Project rows (rows, 1 + size) between steps."""
-    for k in range(rows):
-        row = out[k * (1 + s.size) :]
-        settle(s, p, row[0], row[1:])
-
-
-def settle(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Project a state between steps; one that does not converge stays as it is."""
-    project(s, p, t, s.step_h, y, s.work)
-
-
-def arm(s: State, p: Parameters, work: Floats) -> None:
-    """Note on which side of `until` the state is: it counts once it has been false."""
-    until(s.t, s.y, p, work)
-    orient(s, work[0])
-
-
 def orient(s: State, value: float) -> None:
-    """Set ORIENTATION as soon as the condition is false."""
-    if s.orientation == 0.0:
-        if s.equation > 0.0:
-            if value > 0.0:
-                s.orientation = 1.0
-            if value < 0.0:
-                s.orientation = -1.0
-        elif value < 0.0:
-            s.orientation = -1.0
+    """Set the orientation of `until` by its value: it counts once it has been false."""
+    if value < 0.0:
+        s.orientation = -1.0
+    elif s.equation > 0.0 and value > 0.0:
+        s.orientation = 1.0
 
 
 def tabulate(
@@ -509,22 +476,12 @@ def find_end(s: State, p: Parameters) -> None:
     """
     low = 0.0
     if UNTIL and s.orientation == 0.0:
-        s.orientation = side(s, p)
+        orient(s, until_at(s, p, BESIDE / POINTS))
         if s.orientation == 0.0 and s.equation == 0.0:
             low = end_of_truth(s, p)
             if low < 0.0:
                 return
     search(s, p, low)
-
-
-def side(s: State, p: Parameters) -> float:
-    """Give the orientation of `until` from where the state is just after it began."""
-    value = until_at(s, p, BESIDE / POINTS)
-    if value < 0.0:
-        return -1.0
-    if s.equation > 0.0 and value > 0.0:
-        return 1.0
-    return 0.0
 
 
 def end_of_truth(s: State, p: Parameters) -> float:

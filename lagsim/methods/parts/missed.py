@@ -562,15 +562,25 @@ def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
     return False
 
 
+def keep_extents(s: Signals) -> None:
+    """Note the largest sizes: a step may go far past where it will end."""
+    s.sizes_before[:] = s.sizes
+    s.low_before[:] = s.low
+    s.high_before[:] = s.high
+
+
+def restore_extents(s: Signals) -> None:
+    """Take back the sizes that the last step has led to."""
+    s.sizes[:] = s.sizes_before
+    s.low[:] = s.low_before
+    s.high[:] = s.high_before
+
+
 def reject_step(s: Signals, x: float) -> None:
     """Reject the last step; the next is half as long as to its fraction x."""
     interpolate(s, 0.0, s.point)
-    for i in range(s.size):
-        s.y[i] = s.point[i]
-        # Where it led to has not been.
-        s.sizes[i] = s.sizes_before[i]
-        s.low[i] = s.low_before[i]
-        s.high[i] = s.high_before[i]
+    s.y[:] = s.point[: s.size]
+    restore_extents(s)
     s.t = s.step_t
     s.most_step = 0.5 * x * s.step_h
     s.steps -= 1.0
