@@ -55,6 +55,22 @@ CLOSING = 10.0
 TURNING = 0.05
 
 
+WARNINGS = {
+    "impact-order": (
+        "at t = {t:.9g} {names} strike at one time, and the outcome depends on their "
+        "order: they were taken as simultaneous"
+    ),
+    "impact-energy": (
+        "at t = {t:.9g} the impact at {names} raises the energy by {gained:.3g}: "
+        "Newton's restitution with friction can"
+    ),
+    "shared-contact": (
+        "at t = {t:.9g} the contacts {names} are redundant: the motion is unique, "
+        "their forces are not, and one solution is given"
+    ),
+}
+
+
 @dataclass(slots=True)
 class Found:
     """What happens at one time."""
@@ -99,7 +115,10 @@ class Contacts(Source):
     def decide(self, arc: Arc, code: int) -> Decision | None:
         """Go through the end of a mode."""
         if code == at.DONE and arc.t >= arc.settings.end and not self.ended:
-            return self._last(arc)
+            # What strikes at the end does so, but for rounding.
+            self.ended = True
+            found = self._through(arc, None)
+            return None if found.rows is None else self._decision(arc, found, Turn.ARC)
         k = int(arc.state.switched) - 1 - arc.system.surfaces
         if code != at.SWITCH_FOUND or k < 0:
             return None
@@ -113,7 +132,7 @@ class Contacts(Source):
             about = self._names(restless or self.sequence.lately())
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
-        return self._decision(arc, found)._replace(turn=turn)
+        return self._decision(arc, found, turn)
 
     def _leave(self, arc: Arc, k: int) -> None:
         """Note what has reached the edge of what it bears at this time.
@@ -126,15 +145,7 @@ class Contacts(Source):
         if arc.system.p.law_mode[k] == kept.HELD:
             self.left.add(k)
 
-    def _last(self, arc: Arc) -> Decision | None:
-        """Let strike what does so at the end, but for rounding."""
-        self.ended = True
-        found = self._through(arc, None)
-        if found.rows is None:
-            return None
-        return self._decision(arc, found)._replace(turn=Turn.ARC)
-
-    def _decision(self, arc: Arc, found: Found) -> Decision:
+    def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
         if found.ending is not None and arc.steps == 0:
             why = f"{found.ending.about}: {found.ending.outcome.advice}"
             text = f"no motion exists from this start on: {why}"
@@ -142,8 +153,15 @@ class Contacts(Source):
         return Decision(
             events=tuple(found.events), cautions=tuple(found.cautions), y=found.y,
             sizes=np.maximum(arc.sizes, np.abs(found.y)), rows=found.rows,
-            ending=found.ending,
+            ending=found.ending, turn=turn,
         )  # fmt: skip
+
+    def _tell(self, found: Found, code: str, some: list[int], **numbers: float) -> None:
+        """Warn of what the laws of some contacts leave open, or get wrong, once."""
+        if code not in self.told:
+            self.told.add(code)
+            text = WARNINGS[code].format(names=self._names(some), **numbers)
+            found.cautions.append(Caution(code, text))
 
     def _names(self, some: Collection[int]) -> str:
         names = dict.fromkeys(self.laws[k].constraint for k in some)
@@ -180,14 +198,7 @@ class Contacts(Source):
         if paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         if not unique:
-            found.cautions += self._once(
-                "shared-contact",
-                (
-                    f"at t = {arc.t:.9g} the contacts {self._names(some)} are "
-                    "redundant: the motion is unique, their forces are not, and one "
-                    "solution is given"
-                ),
-            )
+            self._tell(found, "shared-contact", some, t=arc.t)
         return found
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
@@ -291,7 +302,17 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         elif not result.impulses.any():
             found.rows = None  # of rates that are rounding beside others of their body
-        found.cautions += self._told_of(here, some, result)
+        self._warn(here, some, result, found)
+
+    def _warn(
+        self, here: Kinematics, some: list[int], result: Impact, found: Found
+    ) -> None:
+        """Warn of what the law of impacts leaves open, or gets wrong."""
+        if result.open:
+            self._tell(found, "impact-order", some, t=here.t)
+        speeds = np.abs(here.rates[some]) + np.abs(result.after)
+        if result.energy > IMPACT_GAIN * (np.abs(result.impulses) @ speeds):
+            self._tell(found, "impact-energy", some, t=here.t, gained=result.energy)
 
     def _stopped(
         self, here: Kinematics, some: list[int], ends: Collection[int]
@@ -304,36 +325,6 @@ class Contacts(Source):
             law = self.laws[k]
             spent = law.normal in ends and here.is_spent(k)
             yield Kind.TIMED if k in ends or spent else law.kind
-
-    def _told_of(
-        self, here: Kinematics, some: list[int], result: Impact
-    ) -> list[Caution]:
-        """Warn of what the law of impacts leaves open, or gets wrong."""
-        told: list[Caution] = []
-        t = here.arc.t
-        if result.open:
-            names = self._names(some)
-            told += self._once(
-                "impact-order",
-                f"at t = {t:.9g} {names} strike at one time, and the outcome depends "
-                "on their order: they were taken as simultaneous",
-            )
-        change, rates = result.energy, here.rates[some]
-        exchanged = np.abs(result.impulses) @ (np.abs(rates) + np.abs(result.after))
-        if change > IMPACT_GAIN * exchanged:
-            names = self._names(some)
-            told += self._once(
-                "impact-energy",
-                f"at t = {t:.9g} the impact at {names} raises the energy by "
-                f"{change:.3g}: Newton's restitution with friction can",
-            )
-        return told
-
-    def _once(self, code: str, text: str) -> list[Caution]:
-        if code in self.told:
-            return []
-        self.told.add(code)
-        return [Caution(code, text)]
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
