@@ -45,40 +45,31 @@ class Store(Observer, Protocol):
 
 
 class Keep:
-    """Keeps one row of each `stride`, and the last; or the first columns of them."""
+    """Keeps all rows, or the first columns of them."""
 
-    def __init__(self, stride: int = 1, columns: int | None = None) -> None:
-        self._stride, self._columns = stride, columns
+    def __init__(self, columns: int | None = None) -> None:
+        self._columns = columns
         self.begin_anew()
 
     def begin_anew(self) -> None:
         """Take all rows back."""
         self._blocks: list[Floats] = []
-        self._end: Floats | None = None
         self.rows = 0
         self.last: float | None = None
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
-        if not len(rows):
-            return
-        first = -self.rows % self._stride
-        kept = rows[first :: self._stride, : self._columns]
-        cut = self._stride > 1 or self._columns is not None
-        self._blocks.append(kept.copy() if cut else kept)
-        self._end = rows[-1:, : self._columns].copy()
-        self.rows += len(rows)
-        self.last = float(rows[-1, 0])
+        if len(rows):
+            kept = rows[:, : self._columns]
+            self._blocks.append(kept if self._columns is None else kept.copy())
+            self.rows += len(rows)
+            self.last = float(rows[-1, 0])
 
     @property
     def table(self) -> Floats:
         """What is kept (k, columns)."""
-        if self._end is None:
-            return np.empty((0, self._columns or 0))
-        table = np.concatenate(self._blocks)
-        if self._stride > 1 and table[-1, 0] != self._end[0, 0]:
-            table = np.append(table, self._end, 0)
-        return table
+        nothing = np.empty((0, self._columns or 0))
+        return np.concatenate(self._blocks) if self._blocks else nothing
 
 
 class Relay:
