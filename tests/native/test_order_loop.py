@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from lagsim.language.graph import Graph
 from lagsim.language.series import recurrence, taylor_series
 from lagsim.native.graph import keys, straight_line
 from lagsim.native.graph.keys import Layout, Loop
-from lagsim.native.graph.straight_line import generate
 from tests.native.test_graph_code import LAYOUT, STATE, VALUES, Compiled, build
 
 ORDER = 8
@@ -36,8 +33,8 @@ def both(texts: tuple[str, ...], order: int = ORDER) -> tuple[Graph, list[int], 
     return g, nodes, Loop(recurrence(g, state, rates), order)
 
 
-def looped(g: Graph, loop: Loop, length: int, how: str = "contracted") -> list[float]:
-    compiled = Compiled(g, {"f": loop}, partial(generate, **{how: ("f",)}))
+def looped(g: Graph, loop: Loop, length: int) -> list[float]:
+    compiled = Compiled(g, {"f": loop})
     compiled.prepare(VALUES)
     return compiled.call("f", VALUES, length)
 

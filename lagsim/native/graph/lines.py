@@ -183,8 +183,6 @@ CIRCULAR = {"sin": 0, "cos": 1}
 # the 6th power, and faster than `pow`.
 _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
-_FUSED = "declare double @llvm.fmuladd.f64(double, double, double)"
-
 
 def exponent_of(g: Graph, n: int) -> float | None:
     """Give the exponent of a power where it is a number; None for all else."""
@@ -216,16 +214,6 @@ class Lines:
         *before, last = row.native.format(*operands, **fresh).split("\n")
         self.lines += before
         return self.line(last)
-
-    def fused(self, x: str, y: str, z: str) -> str:
-        """Write x*y + z, rounded once where the processor can."""
-        self.declared.add(_FUSED)
-        operands = ", ".join(f"double {value}" for value in (x, y, z))
-        return self.line(f"call double @llvm.fmuladd.f64({operands})")
-
-    def negated(self, x: str) -> str:
-        """Write -x."""
-        return self.line(f"fneg double {x}")
 
     def circular(
         self, angles: Sequence[str], wanted: Sequence[tuple[str, int]]

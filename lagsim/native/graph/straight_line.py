@@ -16,7 +16,6 @@ order 0, and the rows of the orders from 1 on.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
@@ -82,21 +81,10 @@ class Writer(Lines):
 
     signature = "double %t, ptr %y, ptr %p, ptr %out"
 
-    def __init__(
-        self,
-        g: Graph,
-        layout: Layout,
-        scratch: int,
-        *,
-        contract: bool = False,
-    ) -> None:
+    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
         super().__init__()
-        self.g = g
-        self.layout = layout
-        self.contract = contract
-        self.scratch = scratch
-        self.scratch_used = 0
-        self._sums: dict[int, int] = {}
+        self.g, self.layout = g, layout
+        self.scratch, self.scratch_used = scratch, 0
 
     def function(
         self,
@@ -129,7 +117,6 @@ class Writer(Lines):
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
             at_end.setdefault(node, []).append(place)
-        self._sums = self._fused(pieces, places, at_end)
         passed = self._passed(pieces, places)
         names = [name] if len(pieces) == 1 else [
             f"{name}.{i}" for i in range(len(pieces))
@@ -154,31 +141,6 @@ class Writer(Lines):
             size = 8 * numbers
             self.lines.append(f"call void @{CLEAR}(ptr %out, i8 0, i64 {size}, i1 0)")
 
-    def _fused(
-        self,
-        pieces: Sequence[Sequence[int]],
-        places: Mapping[int, Place],
-        kept: Collection[int],
-    ) -> dict[int, int]:
-        """Give the sums that take in a product which nothing else uses: -> it.
-
-        Told here and not left to LLVM, whose choice nobody knows.
-        """  # fmt: skip
-        g, found = self.g, dict[int, int]()
-        if not self.contract:
-            return found
-        made = [[n for n in piece if n not in places] for piece in pieces]
-        uses = Counter(a for piece in made for n in piece for a in g.args[n])
-        for piece in made:
-            alone = {
-                n for n in piece if g.ops[n] == "mul" and uses[n] == 1 and n not in kept
-            }
-            for n in piece:
-                if g.ops[n] in ("add", "sub"):
-                    products = [a for a in g.args[n] if a in alone]
-                    found |= dict(zip([n], products[::-1], strict=False))
-        return found
-
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
@@ -202,7 +164,6 @@ class Writer(Lines):
         at_end: Mapping[int, Sequence[Place]],
     ) -> None:
         here: dict[int, str] = {}
-        inside = set(self._sums.values())
 
         def operand(n: int) -> str:
             if n not in here:
@@ -210,11 +171,9 @@ class Writer(Lines):
             return here[n]
 
         for at, n in enumerate(piece):
-            if self.g.args[n] and n not in places and n not in inside:
+            if self.g.args[n] and n not in places:
                 if self.g.ops[n] in CIRCULAR and n not in here:
                     self._circular(piece[at:], places, here, operand)
-                elif n in self._sums:
-                    here[n] = self._sum(n, self._sums[n], operand)
                 elif n not in here:
                     operands = [operand(a) for a in self.g.args[n]]
                     exponent = exponent_of(self.g, n)
@@ -223,17 +182,6 @@ class Writer(Lines):
                     self._store(self._number(n, here[n]), ("p", passed[n]))
             for place in at_end.get(n, ()):
                 self._store(self._number(n, operand(n)), place)
-
-    def _sum(self, n: int, product: int, operand: Callable[[int], str]) -> str:
-        """Write a sum or difference with one of its products inside."""
-        g = self.g
-        x, y = (operand(a) for a in g.args[product])
-        [other] = [operand(a) for a in g.args[n] if a != product]
-        if g.ops[n] == "sub" and g.args[n][1] == product:
-            x = self.negated(x)
-        elif g.ops[n] == "sub":
-            other = self.negated(other)
-        return self.fused(x, y, other)
 
     def _circular(
         self,
@@ -503,14 +451,11 @@ def generate(
     g: Graph,
     functions: Functions,
     layout: Layout,
-    contracted: Collection[str] = (),
     sparse: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`.
 
-    In those named in `contracted` a product may be added without being rounded first,
-    where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros.
+    Those named in `sparse` do not write what is zero identically: they find zeros.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -518,7 +463,7 @@ def generate(
     writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
-        writer = Writer(g, layout, scratch, contract=name in contracted)
+        writer = Writer(g, layout, scratch)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
             write(writer, name, nodes, places)

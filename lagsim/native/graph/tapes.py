@@ -44,9 +44,9 @@ class Kind(NamedTuple):
     products: tuple[bool, ...] = ()
 
 
-# Fields of a LOAD: index in p, index in y; of a STORE: index in p, index in out. Sine
-# and cosine of LANES angles: indices of the angles, of the sines, of the cosines.
-LOAD, STORE, SINCOS = map(Kind, ("load", "store", "sincos"))
+# Fields of a STORE: index in p, index in out. Sine and cosine of LANES angles: indices
+# of the sines, of the cosines, of the angles.
+STORE, SINCOS = map(Kind, ("store", "sincos"))
 STOP = 0
 
 
@@ -94,38 +94,41 @@ def generate(
     Those named in `sparse` do not write what is zero identically: they find zeros.
     """
     tapes = _Tapes(g, layout, functions)
+    state = _copied("%y", tapes.time + 1, tapes.states)
     lines = []
     for name, nodes in functions.items():
         written = [(n, k) for k, n in enumerate(nodes)]
         if name in sparse:
             written = [(n, k) for n, k in written if n != g.zero]
-        lines += _function(name, tapes.tape(written, tapes.fixed, {}))
+        lines += _function(name, tapes.tape(written, tapes.fixed, {}), state)
     filled = [f"double {number(float(g.payload(n)))}" for n in tapes.numbers]
     table = f"[{len(filled)} x double]"
-    first = tapes.first_number
+    numbers = _copied("@numbers", tapes.first_number, len(filled))
     lines += [
         f"@numbers = private constant {table} [{', '.join(filled)}]",
         "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)",
-        *_function(
-            "prepare",
-            tapes.tape([], {}, tapes.fixed),
-            f"%to = getelementptr double, ptr %p, i64 {first}",
-            "call void @llvm.memcpy.p0.p0.i64"
-            f"(ptr %to, ptr @numbers, i64 {8 * len(filled)}, i1 0)",
-        ),
+        *_function("prepare", tapes.tape([], {}, tapes.fixed), numbers),
     ]
     machine = _Interpreter(tapes.opcodes, tapes.time).text()
     return Code("\n".join([machine, *lines, ""]), tapes.size)
 
 
-def _function(name: str, tape: Sequence[int], *before: str) -> list[str]:
+def _copied(array: str, first: int, count: int) -> str:
+    """Write the copy of an array to p, from index `first` on."""
+    return (
+        f"%to = getelementptr double, ptr %p, i64 {first}\ncall void "
+        f"@llvm.memcpy.p0.p0.i64(ptr %to, ptr {array}, i64 {8 * count}, i1 0)"
+    )
+
+
+def _function(name: str, tape: Sequence[int], before: str) -> list[str]:
     """Give a function that runs `tape`."""
     data = np.array(tape, dtype=np.int32).tobytes()
     text = "\\" + data.hex("\\")
     return [
         f'@tape.{name} = private constant [{len(data)} x i8] c"{text}", align 4',
         f"define void @{name}({SIGNATURE}) {{",
-        *before,
+        before,
         f"call void @tape.run(ptr @tape.{name}, {SIGNATURE})",
         "ret void",
         "}",
@@ -139,8 +142,8 @@ class _Tapes:
     ----------
     fixed, numbers : dict of int to int
         Node -> index in p: of what `prepare` computes, and of constants.
-    time : int
-        The index of t.
+    time, states : int
+        The index of t, which y follows, and the length of y.
     nowhere : int
         That of sines and cosines that nobody uses.
     size : int
@@ -161,11 +164,13 @@ class _Tapes:
         leaves = [n for n in cone if not g.args[n] and g.ops[n] != VARIABLE]
         self.numbers = {n: self.first_number + k for k, n in enumerate(leaves)}
         self.time = self.first_number + len(leaves)
-        self.nowhere = self.time + 1
-        self.size = self.time + 2
+        self.states = 1 + max(layout.y.values(), default=-1)
+        self.nowhere = self.time + self.states + 1
+        self.size = self.nowhere + 1
         self.leaves = self.numbers | {g.variable("t"): self.time}
         self.leaves |= {g.variable(name): k for name, k in layout.p.items()}
-        self.state = {g.variable(name): k for name, k in layout.y.items()}
+        y = {g.variable(name): self.time + 1 + k for name, k in layout.y.items()}
+        self.leaves |= y
         self.free: list[int] = []  # indices of values that are not used again
 
     def tape(
@@ -232,9 +237,7 @@ class _Tapes:
         tasks, angles = [], dict[int, list[int]]()
         for n in order:
             args = g.args[n]
-            if n in self.state:
-                tasks.append(Task(LOAD, (n,), ()))
-            elif g.ops[n] in CIRCULAR:
+            if g.ops[n] in CIRCULAR:
                 pair = angles.setdefault(args[0], [-1, -1])
                 pair[CIRCULAR[g.ops[n]]] = n
             elif args and n not in inner:
@@ -256,10 +259,6 @@ class _Tapes:
         pinned: Mapping[int, int],
     ) -> list[list[int]]:
         """Give the fields of evaluations of one kind, in this order."""
-        if kind == LOAD:
-            return [
-                [self._place(n, index, pinned), self.state[n]] for (_, (n,), _) in group
-            ]
         fields = []
         together = LANES if kind == SINCOS else 1
         for k in range(0, len(group), together):
@@ -300,7 +299,7 @@ class _Interpreter(Lines):
 
     def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
         super().__init__()
-        self.opcodes = opcodes
+        self.opcodes, self.time = opcodes, time
         for kind, k in opcodes.items():
             self.lines += [
                 f"op{k}:",
@@ -319,13 +318,9 @@ class _Interpreter(Lines):
                 f"%more{k} = icmp ne i32 %less{k}, 0",
                 f"br i1 %more{k}, label %loop{k}, label %next",
             ]
-        self.time = time
 
     def _evaluation(self, kind: Kind, at: str) -> int:
         """Write the evaluation of a kind; give how many fields it has."""
-        if kind == LOAD:
-            self._store(self._load("y", at, 1), "p", at, 0)
-            return 2
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)
             return 2

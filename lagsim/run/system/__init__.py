@@ -73,11 +73,8 @@ def kernels(system: System) -> Iterator[bytes]:
         yield kernel_object(called, {"LAWS": bool(system.laws)})
 
 
-# How straight-line code is written.
-MANNER: dict[str, tuple[str, ...]] = {
-    "contracted": ("series",),
-    "sparse": ("slopes",),
-}
+# Functions that find zeros, and do not write what is zero identically.
+SPARSE = ("slopes",)
 
 
 class System:
@@ -175,7 +172,7 @@ class System:
         layout = self._layout(p)
         begin_kernel_object(*of_method(self, plan.method))
         found_code, self._p_size = object_code(
-            keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
+            keys.fingerprint(equations.graph, code, layout, plan.tape, SPARSE),
             lambda: self._code(code, layout),
         )
         self._layout_of = layout.p
@@ -193,10 +190,10 @@ class System:
             from lagsim.native.graph import tapes
 
             made = keys.nodes_of(functions)
-            return tapes.generate(g, made, layout, MANNER["sparse"])
+            return tapes.generate(g, made, layout, SPARSE)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, functions, layout, **MANNER)
+        return straight_line.generate(g, functions, layout, SPARSE)
 
     @property
     def has_loops(self) -> bool:
