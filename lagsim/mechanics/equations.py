@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 from lagsim import limits
 from lagsim.errors import InputError, Problem
-from lagsim.language.derivatives import gradient, rate_of, tangent
+from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import OPERATIONS
@@ -58,51 +58,15 @@ class Instant:
 def mass_matrix(
     g: Graph, momenta: Sequence[int], rates: Sequence[int]
 ) -> tuple[SparseVector, ...]:
-    """Mass matrix d momenta / d rates, by one forward sweep for each rate.
+    """Mass matrix d momenta / d rates (n, n); its upper triangle mirrors the lower one.
 
     Raises
     ------
     InputError
-        Where there are too many.
+        Where too many entries do not vanish.
     """
-    n = len(rates)
-    rows_of: dict[int, list[int]] = {}
-    for i, momentum in enumerate(momenta):
-        rows_of.setdefault(momentum, []).append(i)
-    M: list[dict[int, int]] = [{} for _ in range(n)]
-    below = _below(g, momenta, rates)
-    for j, v in enumerate(rates):
-        moving = {v: g.one}
-        for node in below[j]:
-            moving[node] = rate_of(g, node, moving)
-        for node in moving.keys() & rows_of.keys():
-            for i in rows_of[node]:
-                if i >= j:
-                    M[i][j] = M[j][i] = moving[node]
-    return tuple(SparseVector(g, n, row) for row in M)
-
-
-def _below(g: Graph, momenta: Sequence[int], rates: Sequence[int]) -> list[list[int]]:
-    """Nodes that depend on each rate, in order of evaluation."""
-    below: list[list[int]] = [[] for _ in rates]
-    dependence: dict[int, int] = {v: 1 << j for j, v in enumerate(rates)}
-    cone = [node for node in g.cone(momenta) if g.args[node]]
-    for node in cone:
-        mask = 0
-        for a in g.args[node]:
-            mask |= dependence.get(a, 0)
-        dependence[node] = mask
-    _refuse_full(sum(dependence.get(p, 0).bit_count() for p in momenta))
-    for node in cone:
-        mask = dependence[node]
-        while mask:
-            j = (mask & -mask).bit_length() - 1
-            below[j].append(node)
-            mask &= mask - 1
-    return below
-
-
-def _refuse_full(entries: int) -> None:
+    names, variables = {g.payload(v) for v in rates}, frozenset(rates)
+    entries = sum(len(names & g.depends([p])) for p in momenta)
     if entries > limits.INERTIAS:
         text = (
             f"the mass matrix has {entries:,} entries that are not 0, and the limit is "
@@ -110,6 +74,13 @@ def _refuse_full(entries: int) -> None:
         )
         hint = "fewer velocities in one product or square of the energies couple less"
         raise InputError([Problem("too-large", text, None, hint)])
+    places = {v: j for j, v in enumerate(rates)}
+    M: list[dict[int, int]] = [{} for _ in rates]
+    for i, momentum in enumerate(momenta):
+        for v, node in slopes(g, momentum, variables).items():
+            if places[v] <= i:
+                M[i][places[v]] = M[places[v]][i] = node
+    return tuple(SparseVector(g, len(rates), row) for row in M)
 
 
 def in_fewer_terms(
@@ -416,8 +387,8 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     positions, rates = flow.positions, flow.rates
     time = g.variable("t")
 
-    slopes = gradient(g, model.lagrangian, [*rates, *positions, time])
-    momenta, dL_dq, dL_dt = slopes[: len(q)], slopes[len(q) : -1], slopes[-1]
+    *found, dL_dt = gradient(g, model.lagrangian, [*rates, *positions, time])
+    momenta, dL_dq = found[: len(q)], found[len(q) :]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
         chains = shorter_chains(g, model.lagrangian, rates, velocities)

@@ -202,10 +202,13 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
     moved = bend
     for j, slope in J.items():
         moved = plus(g, moved, slope, g.variable(f"{e.q[j]}_ddot"))
+    acceleration = g.variable(f"{e.q[c]}_ddot")
     lam = g.variable(f"lambda_{e.rows[k].name}")
-    recovered = given | {
-        g.variable(f"{e.q[c]}_ddot"): moved, lam: _multiplier(full, k, c, moved)
-    }  # fmt: skip
+    # The equation of c, without the multiplier, by what this pushes with.
+    without = {acceleration: moved, lam: g.zero}
+    [force] = g.substitute([full.motion_residuals()[c]], without)
+    multiplier = g.call("div", force, full.rows[k].A[c])
+    recovered = given | {acceleration: moved, lam: multiplier}
     powers = g.substitute(full.powers, recovered)
     works = (x._replace(rate=rate) for x, rate in zip(full.works, powers, strict=True))
 
@@ -247,19 +250,6 @@ def _add_products(
         for j, b in y.items():
             if j <= i:
                 M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
-
-
-def _multiplier(full: Equations, k: int, c: int, moved: int) -> int:
-    """Multiplier of row k, from the equation of coordinate c; moved : q_c''."""
-    g = full.graph
-    node = g.call("neg", full.f[c])
-    for j, entry in full.M[c].entries.items():
-        acceleration = moved if j == c else g.variable(f"{full.q[j]}_ddot")
-        node = plus(g, node, entry, acceleration)
-    for i, row in enumerate(full.rows):
-        if i != k:
-            node = minus(g, node, row.A[c], g.variable(f"lambda_{row.name}"))
-    return g.call("div", node, full.rows[k].A[c])
 
 
 # The momentum of a coordinate becomes a parameter, or a column, of this name.

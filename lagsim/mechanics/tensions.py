@@ -482,35 +482,19 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
 
 def _alike(g: Graph, nodes: Vector) -> Vector:
     """Give nodes whose numbers differ by the rounding of quotients as the same ones."""
-    met: dict[int, list[float]] = {}
-    found = {}
-    for k, node in nodes.items():
-        number, rest = _number(g, node)
-        numbers = met.setdefault(rest, [])
-        same = (x for x in numbers if math.isclose(x, number, rel_tol=TERM_ROUNDOFF))
-        number = next(same, number)
-        numbers.append(number)
-        found[k] = g.call("mul", g.constant(number), rest)
+    pushed = {k: node for k, node in nodes.items() if node != g.zero}
+    if not pushed:
+        return nodes
+    common, rest = common_factor(g, pushed.values())
+    found, met = dict(nodes), list[float]()
+    for k, node in zip(pushed, rest, strict=True):
+        number = g.value(node)
+        if number is None:
+            return nodes
+        same = (x for x in met if math.isclose(x, number, rel_tol=TERM_ROUNDOFF))
+        met.append(next(same, number))
+        found[k] = g.call("mul", g.constant(met[-1]), common)
     return found
-
-
-def _number(g: Graph, n: int) -> tuple[float, int]:
-    """Give the number that a product of it and something else starts with."""
-    number = 1.0
-    while g.value(n) is None and g.args[n]:
-        one, other = g.args[n][0], g.args[n][-1]
-        if g.ops[n] == "neg":
-            number, n = -number, one
-        elif g.ops[n] == "div" and (below := g.value(other)):
-            number, n = number / below, one
-        elif g.ops[n] == "mul" and (factor := g.value(one)) is not None:
-            number, n = number * factor, other
-        elif g.ops[n] == "mul" and (factor := g.value(other)) is not None:
-            number, n = number * factor, one
-        else:
-            return number, n
-    value = g.value(n)
-    return (number, n) if value is None else (number * value, g.one)
 
 
 class _Motion:

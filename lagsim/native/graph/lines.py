@@ -58,124 +58,6 @@ COSINE = (
 )
 
 
-class _Body:
-    """Lines on vectors, each with a fresh name."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def line(self, text: str) -> str:
-        name = f"%v{len(self.lines)}"
-        self.lines.append(f"{name} = {text}")
-        return name
-
-    def add(self, x: str, y: str) -> str:
-        return self.line(f"fadd contract {VECTOR} {x}, {y}")
-
-    def sub(self, x: str, y: str) -> str:
-        return self.line(f"fsub contract {VECTOR} {x}, {y}")
-
-    def mul(self, x: str, y: str) -> str:
-        return self.line(f"fmul contract {VECTOR} {x}, {y}")
-
-    def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
-        """Write the polynomial in z: its halves, even and odd, can overlap."""
-        square = self.mul(z, z)
-        halves = []
-        for part in (coefficients[::2], coefficients[1::2]):
-            value = spread(part[-1])
-            for c in part[-2::-1]:
-                value = self.add(self.mul(value, square), spread(c))
-            halves.append(value)
-        return self.add(self.mul(halves[1], z), halves[0])
-
-    def whole(self, x: str) -> str:
-        return self.line(f"bitcast {VECTOR} {x} to <{LANES} x i64>")
-
-    def integer(self, operation: str, x: str, k: int) -> str:
-        each = ", ".join([f"i64 {k}"] * LANES)
-        return self.line(f"{operation} <{LANES} x i64> {x}, <{each}>")
-
-    def signed(self, value: str, quadrant: str) -> str:
-        """Write `value`, negative where bit 1 of the quadrant is set."""
-        sign = self.integer("shl", self.integer("and", quadrant, 2), 62)
-        bits = self.line(f"xor <{LANES} x i64> {self.whole(value)}, {sign}")
-        return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")
-
-
-def spread(x: float) -> str:
-    """Give the literal of a vector of equal numbers."""
-    bits = struct.unpack("<Q", struct.pack("<d", x))[0]
-    return "<" + ", ".join([f"double 0x{bits:016X}"] * LANES) + ">"
-
-
-@functools.cache
-def sincos_function() -> str:
-    """Give the function of LANES angles that gives their sines and their cosines."""
-    b = _Body()
-    rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
-    n = b.sub(rounded, spread(ROUNDER))
-    # r - rest is the reduced angle to twice the digits.
-    first = b.sub("%x", b.mul(n, spread(PARTS[0])))
-    second = b.mul(n, spread(PARTS[1]))
-    less = b.sub(first, second)
-    lost = b.sub(b.sub(first, less), second)
-    third = b.sub(b.mul(n, spread(PARTS[2])), lost)
-    r = b.sub(less, third)
-    rest = b.sub(third, b.sub(less, r))
-    z = b.mul(r, r)
-    # sin(r - rest) = r + (r z S - rest (1 - z/2))
-    half = b.mul(z, spread(0.5))
-    top = b.sub(spread(1.0), half)
-    bend = b.mul(b.mul(r, z), b.polynomial(z, SINE))
-    sine = b.add(r, b.sub(bend, b.mul(rest, top)))
-    none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
-    sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
-    # cos(r - rest) = (1 - z/2) + (what that has lost + z^2 C + rest r)
-    left = b.sub(b.sub(spread(1.0), top), half)
-    bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
-    cosine = b.add(top, b.add(left, b.add(bend, b.mul(rest, r))))
-    quadrant = b.whole(rounded)
-    odd = b.line(f"trunc <{LANES} x i64> {quadrant} to <{LANES} x i1>")
-    kinds = f"<{LANES} x i1> {odd}, {VECTOR}"
-    sines = b.line(f"select {kinds} {cosine}, {VECTOR} {sine}")
-    cosines = b.line(f"select {kinds} {sine}, {VECTOR} {cosine}")
-    sines = b.signed(sines, quadrant)
-    cosines = b.signed(cosines, b.integer("add", quadrant, 1))
-    return _TEXT.format(
-        body="\n".join(b.lines), sines=sines, cosines=cosines, largest=spread(LARGEST),
-        vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
-    )  # fmt: skip
-
-
-# What `sincos_function` needs declared.
-SINCOS_DECLARES = tuple(
-    f"declare {VECTOR} @llvm.{name}.v{LANES}f64({VECTOR})"
-    for name in ("sin", "cos", "fabs")
-)
-
-_TEXT = """\
-define internal {both} @{name}({vector} %x) noinline {{
-%size = call {vector} @llvm.fabs.v{lanes}f64({vector} %x)
-%small = fcmp ole {vector} %size, {largest}
-%bits = bitcast <{lanes} x i1> %small to i{lanes}
-%all = icmp eq i{lanes} %bits, -1
-br i1 %all, label %usual, label %far
-usual:
-{body}
-%pair = insertvalue {both} undef, {vector} {sines}, 0
-%done = insertvalue {both} %pair, {vector} {cosines}, 1
-ret {both} %done
-far:
-%sines = call {vector} @llvm.sin.v{lanes}f64({vector} %x)
-%cosines = call {vector} @llvm.cos.v{lanes}f64({vector} %x)
-%two = insertvalue {both} undef, {vector} %sines, 0
-%given = insertvalue {both} %two, {vector} %cosines, 1
-ret {both} %given
-}}
-"""
-
-
 # Which result of `sincos` they are.
 CIRCULAR = {"sin": 0, "cos": 1}
 
@@ -258,3 +140,112 @@ class Lines:
     def _name(self) -> str:
         self._fresh += 1
         return f"%v{self._fresh}"
+
+
+class _Vectors(Lines):
+    """Lines on vectors."""
+
+    def add(self, x: str, y: str) -> str:
+        return self.line(f"fadd contract {VECTOR} {x}, {y}")
+
+    def sub(self, x: str, y: str) -> str:
+        return self.line(f"fsub contract {VECTOR} {x}, {y}")
+
+    def mul(self, x: str, y: str) -> str:
+        return self.line(f"fmul contract {VECTOR} {x}, {y}")
+
+    def polynomial(self, z: str, coefficients: tuple[float, ...]) -> str:
+        """Write the polynomial in z: its halves, even and odd, can overlap."""
+        square = self.mul(z, z)
+        halves = []
+        for part in (coefficients[::2], coefficients[1::2]):
+            value = spread(part[-1])
+            for c in part[-2::-1]:
+                value = self.add(self.mul(value, square), spread(c))
+            halves.append(value)
+        return self.add(self.mul(halves[1], z), halves[0])
+
+    def whole(self, x: str) -> str:
+        return self.line(f"bitcast {VECTOR} {x} to <{LANES} x i64>")
+
+    def integer(self, operation: str, x: str, k: int) -> str:
+        each = ", ".join([f"i64 {k}"] * LANES)
+        return self.line(f"{operation} <{LANES} x i64> {x}, <{each}>")
+
+    def signed(self, value: str, quadrant: str) -> str:
+        """Write `value`, negative where bit 1 of the quadrant is set."""
+        sign = self.integer("shl", self.integer("and", quadrant, 2), 62)
+        bits = self.line(f"xor <{LANES} x i64> {self.whole(value)}, {sign}")
+        return self.line(f"bitcast <{LANES} x i64> {bits} to {VECTOR}")
+
+
+def spread(x: float) -> str:
+    """Give the literal of a vector of equal numbers."""
+    return "<" + ", ".join([f"double {number(x)}"] * LANES) + ">"
+
+
+@functools.cache
+def sincos_function() -> str:
+    """Give the function of LANES angles that gives their sines and their cosines."""
+    b = _Vectors()
+    rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
+    n = b.sub(rounded, spread(ROUNDER))
+    # r - rest is the reduced angle to twice the digits.
+    first = b.sub("%x", b.mul(n, spread(PARTS[0])))
+    second = b.mul(n, spread(PARTS[1]))
+    less = b.sub(first, second)
+    lost = b.sub(b.sub(first, less), second)
+    third = b.sub(b.mul(n, spread(PARTS[2])), lost)
+    r = b.sub(less, third)
+    rest = b.sub(third, b.sub(less, r))
+    z = b.mul(r, r)
+    # sin(r - rest) = r + (r z S - rest (1 - z/2))
+    half = b.mul(z, spread(0.5))
+    top = b.sub(spread(1.0), half)
+    bend = b.mul(b.mul(r, z), b.polynomial(z, SINE))
+    sine = b.add(r, b.sub(bend, b.mul(rest, top)))
+    none = b.line(f"fcmp oeq {VECTOR} {r}, zeroinitializer")  # keeps the sign of 0
+    sine = b.line(f"select <{LANES} x i1> {none}, {VECTOR} {r}, {VECTOR} {sine}")
+    # cos(r - rest) = (1 - z/2) + (what that has lost + z^2 C + rest r)
+    left = b.sub(b.sub(spread(1.0), top), half)
+    bend = b.mul(b.mul(z, z), b.polynomial(z, COSINE))
+    cosine = b.add(top, b.add(left, b.add(bend, b.mul(rest, r))))
+    quadrant = b.whole(rounded)
+    odd = b.line(f"trunc <{LANES} x i64> {quadrant} to <{LANES} x i1>")
+    kinds = f"<{LANES} x i1> {odd}, {VECTOR}"
+    sines = b.line(f"select {kinds} {cosine}, {VECTOR} {sine}")
+    cosines = b.line(f"select {kinds} {sine}, {VECTOR} {cosine}")
+    sines = b.signed(sines, quadrant)
+    cosines = b.signed(cosines, b.integer("add", quadrant, 1))
+    return _TEXT.format(
+        body="\n".join(b.lines), sines=sines, cosines=cosines, largest=spread(LARGEST),
+        vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
+    )  # fmt: skip
+
+
+# What `sincos_function` needs declared.
+SINCOS_DECLARES = tuple(
+    f"declare {VECTOR} @llvm.{name}.v{LANES}f64({VECTOR})"
+    for name in ("sin", "cos", "fabs")
+)
+
+_TEXT = """\
+define internal {both} @{name}({vector} %x) noinline {{
+%size = call {vector} @llvm.fabs.v{lanes}f64({vector} %x)
+%small = fcmp ole {vector} %size, {largest}
+%bits = bitcast <{lanes} x i1> %small to i{lanes}
+%all = icmp eq i{lanes} %bits, -1
+br i1 %all, label %usual, label %far
+usual:
+{body}
+%pair = insertvalue {both} undef, {vector} {sines}, 0
+%done = insertvalue {both} %pair, {vector} {cosines}, 1
+ret {both} %done
+far:
+%sines = call {vector} @llvm.sin.v{lanes}f64({vector} %x)
+%cosines = call {vector} @llvm.cos.v{lanes}f64({vector} %x)
+%two = insertvalue {both} undef, {vector} %sines, 0
+%given = insertvalue {both} %two, {vector} %cosines, 1
+ret {both} %given
+}}
+"""
