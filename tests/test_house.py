@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 246
-LINES = 68_100
-LINES_OF_TESTS = 55_200
+FILES = 240
+LINES = 66_600
+LINES_OF_TESTS = 55_000
 
 
 def lines(folder):

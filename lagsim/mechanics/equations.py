@@ -387,8 +387,8 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     positions, rates = flow.positions, flow.rates
     time = g.variable("t")
 
-    *found, dL_dt = gradient(g, model.lagrangian, [*rates, *positions, time])
-    momenta, dL_dq = found[: len(q)], found[len(q) :]
+    *by_state, dL_dt = gradient(g, model.lagrangian, [*rates, *positions, time])
+    momenta, dL_dq = by_state[: len(q)], by_state[len(q) :]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
         chains = shorter_chains(g, model.lagrangian, rates, velocities)
