@@ -39,6 +39,7 @@ from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.bench.solving import asking
+from lagsim.studies.error_bar import cost
 from lagsim.studies.step_bounds import predicted
 from lagsim.tolerances import (
     BROKEN_CONSTRAINT,
@@ -126,6 +127,8 @@ class Subject:
         About how many switches end an arc, per unit of time.
     unknown : str
         Why there are no eigenvalues; "" where there are.
+    systems : dict of str to System
+        By method, what has been compiled.
     """
 
     def __init__(self, case: Case, interrupt: Interrupt | None = None) -> None:
@@ -133,7 +136,7 @@ class Subject:
         self.equations = e = case.equations
         self.endless = case._replace(equations=e.of(replace(e.model, until=None)))
         self.span = case.settings.duration
-        self._systems: dict[str, System] = {}
+        self.systems: dict[str, System] = {}
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
         values: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
@@ -206,9 +209,9 @@ class Subject:
             case = case.asking(output_step=step, end=end, rtol=None, atol=None)
             most = 2 * steps + 1000
         plan = replace(case.plan(), step=step)
-        system = self._systems.get(name)
+        system = self.systems.get(name)
         if system is None or not system.fits(plan):
-            system = self._systems[name] = System(case.equations, plan)
+            system = self.systems[name] = System(case.equations, plan)
         observer = _Balance(system.columns.names)
         session = Session(case, plan, system, most_steps=most)
         trajectory = session.run([observer], interrupt=self.interrupt)
@@ -220,13 +223,6 @@ class Subject:
             *found, counts.evaluations, counts.rejections, counts.smallest_step,
             trajectory.end - trajectory.start, reason,
         )  # fmt: skip
-
-    def evaluation(self) -> int:
-        """Return about how many operations an evaluation of the equations takes."""
-        e = self.equations
-        nodes = [*e.mass_entries.values(), *e.f]
-        nodes += [x for row in e.rows for x in (*row.A.entries.values(), row.b)]
-        return len(e.graph.cone(nodes)) + 10 * (len(e.q) + len(e.rows))
 
 
 class _Balance:
@@ -503,9 +499,9 @@ class _Map:
         evaluations = (pilot.evaluations or PILOT) / PILOT
         explicit = method_named(name).NEEDS in ((), ("power",))
         solving = 0 if explicit else (2 * len(subject.equations.q)) ** 3
-        cost = evaluations * (subject.evaluation() + 50) + OVERHEAD + solving
-        cost += SWITCHING * subject.switches + ARC * subject.arcs * steps[-1]
-        affordable = int(BUDGET / (count * cost))
+        price = evaluations * cost(subject.systems[name], name) + OVERHEAD + solving
+        price += SWITCHING * subject.switches + ARC * subject.arcs * steps[-1]
+        affordable = int(BUDGET / (count * price))
         least, most = min(STEPS, affordable), min(MOST_STEPS, affordable)
         return max(LEAST_STEPS, least), max(LEAST_STEPS, most)
 

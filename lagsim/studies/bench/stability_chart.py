@@ -10,6 +10,7 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,49 +96,50 @@ COVERED = 0.01
 def chart(document: Record, form: str = "png") -> bytes:
     """Draw the content of stability.json; as PNG, SVG or PDF."""
     vary, (fixed, adaptive) = document["vary"], document["methods"].values()
-    heights: list[float] = []
-    regions: list[Region] = []
+    regions = [Region(document, name) for name in fixed]
+    at_start = any(len(region.at_start) for region in regions)
+    along = any(region.along for region in regions)
+    parts: list[tuple[float, Callable[[SubFigure], object]]] = []
+    panels: list[Axes] = []
     if fixed:
         each = MAP * -(-len(fixed) // MAPS) if vary else STRIP * len(fixed)
-        region = LARGE if len(fixed) <= MAPS else REGION
-        heights = [each + BELOW, BELOW / 2 + region * -(-len(fixed) // REGIONS)]
-        regions = [Region(document, name) for name in fixed]
-    heights += [3 * WORK + BELOW] if adaptive else []
-    hidden = not any(region.along for region in regions)
-    at_start = any(len(region.at_start) for region in regions)
+        cells = partial(_maps if vary else _strips, document=document)
+        high = (LARGE if len(fixed) <= MAPS else REGION) * -(-len(fixed) // REGIONS)
+        below = partial(_regions, regions=regions, panels=panels)
+        parts += [(each + BELOW, cells), (BELOW / 2 + high, below)]
+    if adaptive:
+        parts.append((3 * WORK + BELOW, partial(_work, document=document)))
+    heights = [height for height, _ in parts]
     drawing = Picture(
         sum(heights), document["model"]["name"],
         "where methods hold and where they fail",
-        legend=_legend(document, at_start=at_start, along=not hidden),
-        notes=_notes(document, eigenvalues=at_start or not hidden),
-        layout="constrained",
+        legend=_legend(document, at_start=at_start, along=along),
+        notes=_notes(document, eigenvalues=at_start or along), layout="constrained",
     )  # fmt: skip
     places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
-    parts = [drawing.add_subfigure(places[k]) for k in range(len(heights))]
-    panels: list[Axes] = []
-    if fixed:
-        (_maps if vary else _strips)(parts[0], document)
-        panels = _regions(parts[1], regions)
-    if adaptive:
-        _work(parts[-1], document)
+    for k, (_, draw) in enumerate(parts):
+        draw(drawing.add_subfigure(places[k]))
     engine = drawing.get_layout_engine()
     assert engine is not None
     for _ in range(LAYOUTS):
         engine.execute(drawing)
-        for axes in panels:
-            _equal(axes)
+        for axes in panels:  # as long across as up
+            low, high = axes.get_ylim()
+            width, height = axes.get_window_extent().size
+            across = (high - low) * width / height / (REAL[1] - REAL[0])
+            axes.set_xlim(REAL[0] * across, REAL[1] * across)
     drawing.set_layout_engine("none")
     return content(drawing, form)
 
 
 def _varied(document: Record) -> Column:
-    """Give the parameter that varies, with its unit and values."""
+    """Return the parameter that varies, with its unit and values."""
     vary = document["vary"]
     return Column(vary["name"], vary["unit"], np.array(vary["values"], float))
 
 
 def borders_of(document: Record, method: str) -> list[dict[str, Any]]:
-    """Give the borders of a method, one for each value of the parameter."""
+    """Return the borders of a method, one for each value of the parameter."""
     found = document["borders"].get(method, [])
     return [found] if isinstance(found, dict) else list(found)
 
@@ -149,13 +151,13 @@ def _legend(document: Record, *, at_start: bool, along: bool) -> list[tuple[str,
     bars = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
     fixed = document["methods"]["fixed"]
     borders = [border for name in fixed for border in borders_of(document, name)]
-    across = spread(document["steps"])[0] if fixed else Scale(0.0, 0.0)
     found = any(border["found"] is not None for border in borders)
     shown: list[tuple[str, Pen, bool]] = [("border found", FOUND, found)]
     if document["vary"]:
         there = any(border["predicted"] for border in borders)
         shown.append(("predicted", PREDICTED_LINE, there))
-    else:
+    elif fixed:
+        across, _ = spread(document["steps"])
         shown += [
             (f"predicted: {where}", pen, any(_within(b[key], across) for b in borders))
             for key, (where, pen) in PREDICTED.items()
@@ -284,52 +286,38 @@ class Region:
         return np.asarray(z[z.imag <= self.size * IMAGINARY[1]])
 
 
-def _regions(part: SubFigure, regions: Sequence[Region]) -> list[Axes]:
+def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> None:
     """Draw each method's region of stability with h times the eigenvalues."""
     text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
     part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
-    panels = _grid(part, len(regions), REGIONS, "Im z")
+    panels += _grid(part, len(regions), REGIONS, "Im z")
     for axes, region in zip(panels, regions, strict=True):
-        method, size = region.method, region.size
-        across, up = (Scale(size * low, size * high) for low, high in (REAL, IMAGINARY))
-        _region(axes, method.amplification, across, up)
+        method = region.method
+        across, up = (
+            (region.size * low, region.size * high) for low, high in (REAL, IMAGINARY)
+        )
+        x = np.linspace(ROOM * across[0], ROOM * across[1], GRID[0])
+        y = np.linspace(up[0], up[1], GRID[1])
+        with np.errstate(all="ignore"):
+            size = np.array(
+                [[method.amplification(complex(a, b)) for a in x] for b in y]
+            )
+        size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
+        limit = 1.0 + AMPLIFICATION_ROUNDOFF
+        axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
+        edge: Pen = {"colors": "#5b9ec0", "linewidths": 0.7, "zorder": 0.4}
+        axes.contour(x, y, size, levels=[limit], **edge)
         axes.grid(visible=True)
         axes.axvline(0.0, color="#999999", linewidth=0.6)
         if method.IMAGINARY_LIMIT > 0.0:
-            axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up.high)],
-                      **ON_AXIS)  # fmt: skip
+            axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up[1])], **ON_AXIS)
         for z, pen in ((region.motion, ALONG), (region.at_start, AT_START)):
             if len(z):  # without any it had no place, and no layout were found
                 axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
-        axes.set_xlim(across.low, across.high)
-        axes.set_ylim(up.low, up.high)
+        axes.set(xlim=across, ylim=up)
         axes.set_title(region.name, weight="bold")
         label = f"h = {region.step:.3g} s ({region.meaning})"
         axes.set_xlabel(label, size=SMALL - 1.0, color=DIM)
-    return panels
-
-
-def _equal(axes: Axes) -> None:
-    """Make a panel that has its place as long across as up."""
-    low, high = axes.get_ylim()
-    width, height = axes.get_window_extent().size
-    across = (high - low) * width / height / (REAL[1] - REAL[0])
-    axes.set_xlim(REAL[0] * across, REAL[1] * across)
-
-
-def _region(
-    axes: Axes, amplification: Callable[[complex], float], across: Scale, up: Scale
-) -> None:
-    x = np.linspace(ROOM * across.low, ROOM * across.high, GRID[0])
-    y = np.linspace(up.low, up.high, GRID[1])
-    with np.errstate(all="ignore"):
-        size = np.array([[amplification(complex(a, b)) for a in x] for b in y])
-    size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
-    limit = 1.0 + AMPLIFICATION_ROUNDOFF
-    axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
-    axes.contour(
-        x, y, size, levels=[limit], colors="#5b9ec0", linewidths=0.7, zorder=0.4
-    )
 
 
 def _step_shown(document: Record, name: str) -> tuple[float, str]:
@@ -422,13 +410,12 @@ def _notes(document: Record, *, eigenvalues: bool) -> list[str]:
     never = []
     for name in fixed:
         borders = borders_of(document, name)
-        if not document["vary"]:
-            for border in borders:
-                missing.setdefault(border["note"], []).append(name)
+        for border in borders:
+            missing.setdefault(border["note"], []).append(name)
         if any(border[key] == 0.0 for border in borders for key in PREDICTED):
             never.append(name)
     missed = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
-    if missed:
+    if missed and not document["vary"]:
         lines.append(f"No border found: {'; '.join(missed)}.")
     if never:
         lines.append(
@@ -436,5 +423,4 @@ def _notes(document: Record, *, eigenvalues: bool) -> list[str]:
         )
     if unknown := document["eigenvalues"]["unknown"]:
         lines.append(f"No eigenvalues: {unknown}.")
-    lines.append(f"{stamp(document)}.")
-    return lines
+    return [*lines, f"{stamp(document)}."]

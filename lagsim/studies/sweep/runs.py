@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     Values = tuple[dict[str, Floats], Floats, Floats]
 
 # A run whose energy less work ends so far from where it began, as a part of what is in
-# play at both ends, is looked at by its rows: a tenth of what raises a doubt there.
+# play at both ends, is looked at by its rows: a tenth of what the audit finds there.
 KEPT = 0.1
 ENERGIES = ("energy", "work", "kinetic", "potential")
 # So many ways of compiling a model are kept; the one longest out of use goes.
