@@ -42,6 +42,9 @@ residual this small against its terms is rounding, whatever led to it."""
 TIME_ROUNDOFF = 16.0 * UNIT_ROUNDOFF
 """The shortest step, as a part of t: below it a step makes no progress."""
 
+TIGHTEST_RTOL = 1e-14
+"""The relative tolerance of a step below which none means anything."""
+
 RATE_ROUNDOFF = 32.0 * UNIT_ROUNDOFF
 """What the rounding of rates leaves in an error estimate, as a part of them."""
 

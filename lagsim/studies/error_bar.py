@@ -43,6 +43,7 @@ from lagsim.tolerances import (
     MOTION_ROUNDOFF,
     NO_MOTION,
     SAME_ROW,
+    TIGHTEST_RTOL,
     UNIT_ROUNDOFF,
 )
 
@@ -178,11 +179,9 @@ def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:
 
 
 # How much tighter the repeat's tolerance is, how much where that does not come to its
-# end, the least that means anything, and the loosest that a repeat is made at: loose
-# ones may both be far off, and alike.
-TIGHTER = 100.0
-LOOSER = 3.0
-TIGHTEST = 1e-14
+# end, and the loosest that a repeat is made at: loose ones may both be far off, and
+# alike.
+TIGHTER, LOOSER = 100.0, 3.0
 LOOSEST = 1e-6
 # That of the repeat of a method without error control.
 FREE_RTOL = 1e-13
@@ -294,7 +293,9 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     mean = span / max(trajectory.statistics.steps, 1)
     within = WITHIN * settings.output_step
     if plan.rtol is None and plan.method == EXACT:
-        yield Repeat(way(replace(plan, method=ANY, rtol=TIGHTEST, step=None), within))
+        yield Repeat(
+            way(replace(plan, method=ANY, rtol=TIGHTEST_RTOL, step=None), within)
+        )
         assert plan.step is not None
         others = replace(plan, step=GOLDEN * plan.step)
         yield Repeat(session._replace(plan=others, longest_step=within), 1.0)
@@ -314,7 +315,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     for tighter in (tightened(plan, TIGHTER), tightened(plan, LOOSER)):
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
         # The tolerance may leave another method no room to be better.
-        room = not plan.rtol or ((tighter.rtol or 0.0) > TIGHTEST and is_tighter)
+        room = not plan.rtol or ((tighter.rtol or 0.0) > TIGHTEST_RTOL and is_tighter)
         alike = plan.method == SERIES and (sees_all or not room)
         if plan.method != ANY and not alike:
             yield Repeat(way(replace(tighter, method=ANY), within))
@@ -334,7 +335,7 @@ def tightened(plan: Plan, times: float) -> Plan:
     """Return the plan of a repeat: its tolerance is never nearly that of the run."""
     rtol = plan.rtol or 0.0
     if rtol:
-        rtol = min(max(rtol / times, TIGHTEST), LOOSEST)
+        rtol = min(max(rtol / times, TIGHTEST_RTOL), LOOSEST)
         assert plan.rtol is not None
         if max(rtol / plan.rtol, plan.rtol / rtol) < (1.0 - 1e-9) * LOOSER:
             rtol = LOOSER * plan.rtol

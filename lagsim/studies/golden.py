@@ -42,7 +42,13 @@ from lagsim.studies.comparison import (
     scales,
 )
 from lagsim.studies.tables import read_table
-from lagsim.tolerances import SAME_ROW, SAME_STEP, UNIT_ROUNDOFF, VALUE_ROUNDOFF
+from lagsim.tolerances import (
+    SAME_ROW,
+    SAME_STEP,
+    TIGHTEST_RTOL,
+    UNIT_ROUNDOFF,
+    VALUE_ROUNDOFF,
+)
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -66,8 +72,6 @@ MOST_CELLS = 2400
 # tolerance is one draw of where the steps fall, which says little of others nearby: the
 # largest of a few says what they reach.
 LOOSER, TIGHTER = (100.0, 70.0, 50.0, 30.0, 10.0), 0.1
-# No tolerance below this means anything (see `error_bar`).
-TIGHTEST = 1e-14
 SEEDS = 4
 METHODS = ("dop853", "taylor", "radau")
 
@@ -194,7 +198,7 @@ def _asked(case: Case, plan: Plan) -> Iterator[tuple[str, Case]]:
         assert plan.rtol is not None
         factors = [*(("looser", factor) for factor in LOOSER), ("tighter", TIGHTER)]
         for kind, factor in factors:
-            rtol = max(plan.rtol * factor, TIGHTEST)
+            rtol = max(plan.rtol * factor, TIGHTEST_RTOL)
             atol = None if plan.atol is None else plan.atol * factor
             # With the method that such a run would take, where none is named.
             yield kind, case.asking(rtol=rtol, atol=atol)

@@ -155,35 +155,25 @@ def pareto(points: Sequence[Point]) -> list[int]:
     return found[::-1]
 
 
-class Auto:
-    """The methods and settings that `auto` takes at each tolerance."""
+def chosen_by_auto(case: Case, tolerances: Sequence[float]) -> dict[Key, list[float]]:
+    """Return the settings that `auto` takes, by method and formulation."""
+    chosen = defaultdict(list)
+    for rtol in tolerances:
+        plan = asking(case, rtol=rtol).plan()
+        value = plan.rtol if plan.step is None else plan.step
+        assert value is not None
+        chosen[plan.method, plan.formulation].append(value)
+    return dict(chosen)
 
-    def __init__(self, case: Case, tolerances: Sequence[float]) -> None:
-        self.case = case
-        # By method and formulation, at each setting the tolerance that was asked for.
-        self.chosen: dict[Key, dict[float, float]] = defaultdict(dict)
-        for rtol in tolerances:
-            plan = asking(case, rtol=rtol).plan()
-            value = plan.rtol if plan.step is None else plan.step
-            assert value is not None
-            self.chosen[plan.method, plan.formulation][value] = rtol
-        self._solvers: dict[Key, Own] = {}
 
-    def solver(self, curve: Key, value: float) -> Own | None:
-        """Return what `auto` makes of the model, where that is this; None elsewhere."""
-        rtol = self.chosen.get(curve, {}).get(value)
-        if rtol is not None and curve not in self._solvers:
-            self._solvers[curve] = Own(self.case, "auto", "auto", rtol)
-        return None if rtol is None else self._solvers[curve]
-
-    def longest(self) -> float:
-        """Return the seconds that a solve may last."""
-        curve, values = next(reversed(self.chosen.items()))
-        own, seconds = self.solver(curve, min(values)), PATIENCE_SECONDS
-        assert own is not None
-        with contextlib.suppress(GivenUpError):
-            seconds = own.solve(min(values), Patience(10 * PATIENCE_SECONDS)).seconds
-        return max(PATIENCE_SECONDS, PATIENCE_TIMES * seconds)
+def longest(case: Case, rtol: float) -> float:
+    """Return the seconds that a solve may last, by what `auto` takes at a tolerance."""
+    own, seconds = Own(case, "auto", "auto", rtol), PATIENCE_SECONDS
+    value = own.plan.rtol if own.plan.step is None else own.plan.step
+    assert value is not None
+    with contextlib.suppress(GivenUpError):
+        seconds = own.solve(value, Patience(10 * PATIENCE_SECONDS)).seconds
+    return max(PATIENCE_SECONDS, PATIENCE_TIMES * seconds)
 
 
 def decades(between: tuple[float, float]) -> list[float]:
@@ -204,7 +194,11 @@ def halvings(between: tuple[float, float]) -> list[float]:
 
 
 def _curves(
-    case: Case, wish: Wish, reference: Reference, auto: Auto, refused: list[Row]
+    case: Case,
+    wish: Wish,
+    reference: Reference,
+    chosen: Mapping[Key, list[float]],
+    refused: list[Row],
 ) -> Iterator[Curve]:
     """Return all that applies, with its settings; what does not goes to `refused`."""
     tolerances, settings = decades(wish.tolerances), case.settings
@@ -220,9 +214,8 @@ def _curves(
             refuse(name, *why)
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
-            more = auto.chosen.get((own.method, own.formulation), {})
-            values = sorted({*values, *more}, reverse=True)
-            yield Curve(own, values, auto, reference)
+            more = chosen.get((own.method, own.formulation), [])
+            yield Curve(own, sorted({*values, *more}, reverse=True), more, reference)
     wanted = list(filter(wish.wants, SCIPY))
     if not wanted:
         return
@@ -232,19 +225,27 @@ def _curves(
             refuse(name, "auto", refusal)
         else:
             solver = Scipy(own, name, rows[:, 0], state_sizes(own, rows))
-            yield Curve(solver, tolerances, auto, reference)
+            yield Curve(solver, tolerances, [], reference)
 
 
 class Curve:
-    """One solver, from loose to tight settings, until that makes no more sense."""
+    """One solver, from loose to tight settings, until that makes no more sense.
+
+    Attributes
+    ----------
+    values, chosen : sequence of float
+        All settings, and those that `auto` takes: these are tried in any case.
+    """
 
     def __init__(
-        self, solver: Solver, values: Sequence[float], auto: Auto, reference: Reference
+        self,
+        solver: Solver,
+        values: Sequence[float],
+        chosen: Sequence[float],
+        reference: Reference,
     ) -> None:
-        self.solver, self.values = solver, values
-        self.auto, self.reference = auto, reference
-        self.key = solver.method, solver.formulation
-        self.chosen = auto.chosen.get(self.key, {})
+        self.solver, self.values, self.chosen = solver, values, chosen
+        self.reference, self.key = reference, (solver.method, solver.formulation)
         self.errors: list[float] = []
         self._given_up = 0
 
@@ -266,14 +267,12 @@ class Curve:
 
     def _row(self, value: float, patience: Patience) -> Row:
         """Solve at one setting, and measure."""
-        own = self.auto.solver(self.key, value)
-        solver = own or self.solver
         row: Row = dict.fromkeys([*COLUMNS, "reason"])
         row["method"], row["formulation"] = self.key
         row |= {"setting": self.solver.setting, "value": value, "reason": ""}
-        row["chosen"] = own is not None
+        row["chosen"] = value in self.chosen
         try:
-            solved = least(lambda: solver.solve(value, patience))
+            solved = least(lambda: self.solver.solve(value, patience))
         except GivenUpError:
             self._given_up += 1
             outcome, reason = TOO_SLOW, f"given up after {patience.seconds:.2g} s"
@@ -323,10 +322,11 @@ def measure(
         reference = make_reference(
             case, OF_REFERENCE * wish.budget, lambda x: report(OF_REFERENCE * x)
         )
-        auto = Auto(case, decades(wish.tolerances))
+        chosen = chosen_by_auto(case, decades(wish.tolerances))
         report(OF_REFERENCE)
-        found = list(_curves(case, wish, reference, auto, refused))
-        patience = Patience(min(auto.longest(), ONE * wish.budget))
+        found = list(_curves(case, wish, reference, chosen, refused))
+        most = longest(case, min(wish.tolerances))
+        patience = Patience(min(most, ONE * wish.budget))
     # What `auto` takes comes first, with more time: it must be known.
     order = sorted(range(len(found)), key=lambda k: not found[k].chosen)
     shares = [OF_AUTO if found[k].chosen else 1.0 for k in order]
