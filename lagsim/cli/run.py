@@ -65,8 +65,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Event
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter, Writer
-    from lagsim.run.apart import Apart
-    from lagsim.run.arcs import Run
+    from lagsim.run.arcs import Apart, Run
     from lagsim.run.error import ErrorBar as Estimate
     from lagsim.run.observers import Relay
     from lagsim.run.session import Session

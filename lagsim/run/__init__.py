@@ -1,7 +1,7 @@
 """The run: a plan's equations compiled, linked with a method, integrated arc by arc.
 
-`session` hands every row to the observers; `arcs` is the loop, `arc` what one of them
-is, `apart` runs subsystems. `system` is what is compiled. What pauses or ends arcs is a
+`session` hands every row to the observers; `arcs` is the loop, also that of subsystems,
+`arc` what one of them is. `system` is what is compiled. What pauses or ends arcs is a
 source, and gives a decision that the loop acts on. Of the sources `events` has what
 happens on the way: breaks and features in `times`; `switching`, the mode of each arc,
 and `sequence` for switches that come ever faster; `contacts` and `impacts`; losses of

@@ -4,6 +4,9 @@ What ends an arc or pauses it is a source: breaks in time, surfaces, losses of r
 steps held at the stability bound. A source is handed the arc and gives a decision; the
 loop acts on it, and nothing else does. Blocks of rows go to the observers and are
 forgotten, so memory does not grow with their number.
+
+Subsystems that do not touch run apart, each with its own steps, as far as a block of
+rows; the rows that all have are joined, and the columns computed from the joined state.
 """
 
 from __future__ import annotations
@@ -11,15 +14,17 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from dataclasses import replace
+from functools import wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.run.arc import most_pulled
+from lagsim.run.arc import first_arc, most_pulled
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.impacts import at_start, before_event, impact
 from lagsim.run.events.singularities import Dependence, RankLosses, singularity_caution
@@ -27,8 +32,8 @@ from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Features, TimeBreaks
 from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
 from lagsim.run.interrupt import Horizon
-from lagsim.run.overflow import finite_rows, unless_overflow
 from lagsim.run.stiffness import Stiffness
+from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import (
     GO_ON,
     Decision,
@@ -44,11 +49,59 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Choice
+    from lagsim.plan.subsystems import Subsystem
     from lagsim.run.arc import Arc
     from lagsim.run.events.impacts import Before
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.trajectory import Source
+
+
+P = ParamSpec("P")
+T = TypeVar("T")
+S = TypeVar("S")
+
+# Kernels look at each state that they come to. What happens at events is computed here
+# and there in Python, which raises where numpy goes on with inf and nan.
+# numpy's LinAlgError is a ValueError.
+RAISED = (ArithmeticError, ValueError)
+# What Python, numpy and scipy say of a number that is out of range, in a ValueError.
+SAID = ("NaN", "infs", "math domain")
+
+
+def unless_overflow(otherwise: S) -> Callable[[Callable[P, T]], Callable[P, T | S]]:
+    """Decorate: what a function gives, or this where numbers are out of range."""
+
+    def guarded(work: Callable[P, T]) -> Callable[P, T | S]:
+        @wraps(work)
+        def call(*args: P.args, **kwargs: P.kwargs) -> T | S:
+            try:
+                return work(*args, **kwargs)
+            except RAISED as error:
+                if not is_overflow(error):
+                    raise
+            return otherwise
+
+        return call
+
+    return guarded
+
+
+def is_overflow(error: Exception) -> bool:
+    """Tell whether an error comes of numbers that are out of range."""
+    if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)):
+        return True
+    return any(word in str(error) for word in SAID)
+
+
+def finite_rows(rows: Floats, columns: int) -> int:
+    """Give how many rows there are before one with a value that is not finite.
+
+    Only the first columns are looked at, of which there are so many.
+    """
+    finite = np.isfinite(rows[:, :columns])
+    first = int(finite.argmin())
+    return len(rows) if finite.flat[first] else first // columns
 
 
 # A switch or a dead point may be passed for ever: of such events so many are kept.
@@ -418,3 +471,133 @@ def _sources(arc: Arc) -> Iterator[Source]:
     yield Stiffness(arc)
     if method(arc.plan.method).ADAPTIVE and arc.system.timed:
         yield Features(arc)
+
+
+class Part:
+    """A subsystem on its way, with the rows that have not been joined yet.
+
+    Attributes
+    ----------
+    columns : list of int
+        Where t, q and q' of a row go in a row of the whole, of n coordinates.
+    """
+
+    def __init__(self, part: Subsystem, n: int, first: Arc, **others: Any) -> None:
+        self.run = Run(first, [self], **others)
+        self.names = ", ".join(part.equations.q)
+        self.columns = [0, *(1 + j for j in part.coordinates)]
+        self.columns += [1 + n + j for j in part.coordinates]
+        self.waiting = np.empty((0, len(self.columns)))
+        self.ending: Ending | None = self.run.begin()
+
+    def add(self, rows: Floats) -> None:
+        """Keep rows until they are joined."""
+        self.waiting = np.concatenate([self.waiting, rows[:, : len(self.columns)]])
+
+    def fill(self, most_steps: int, arc_steps: float) -> None:
+        """Go on until a block of rows waits, or to the end."""
+        while self.ending is None and len(self.waiting) < BLOCK:
+            self.ending = self.run.advance(most_steps, arc_steps)
+            if self.ending == _DONE:
+                self.run.show_last()
+
+    def join(self, count: int, states: Floats) -> None:
+        """Put rows that waited into those of the whole (count, 1 + 2 n)."""
+        states[:, self.columns] = self.waiting[:count]
+        self.waiting = self.waiting[count:]
+
+    def trajectory(self) -> Trajectory:
+        """Put together what it has done so far."""
+        return self.run.trajectory(self.ending or _DONE)
+
+
+_DONE = Ending(Outcome.DONE)
+
+
+class Apart:
+    """A run of subsystems.
+
+    The system of the whole shows the rows; its `parts` are integrated.
+    """
+
+    def __init__(
+        self,
+        whole: Arc,
+        observers: Sequence[Observer],
+        *,
+        interrupt: Interrupt | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> None:
+        plan, system, start = whole.plan, whole.system, whole.start
+        self.settings, self.system, self.runner = whole.settings, system, whole.runner
+        self.recorder, self.progress = Recorder(observers), progress
+        # Called between two calls of the kernels.
+        self.tick: Callable[[Apart], None] | None = None
+        self.runner.prepare()
+        self.parts = []
+        for x, own in zip(plan.parts, system.parts, strict=True):
+            alike = x.plan
+            if alike.rtol is not None and plan.rtol is not None:
+                # A repeat has other tolerances, and other rows.
+                alike = replace(alike, rtol=plan.rtol, atol=plan.atol)
+            first = first_arc(
+                x.subsystem.equations, x.subsystem.at(start), alike, own,
+                self.settings, whole.state.longest,
+            )  # fmt: skip
+            part = Part(x.subsystem, len(start.q), first, interrupt=interrupt)
+            self.parts.append(part)
+
+    def whole(self, most_steps: int, arc_steps: float = 0.0) -> Trajectory:
+        """Go through the whole run; each arc counts as some steps besides its own."""
+        while True:
+            if self.tick is not None:
+                self.tick(self)
+            for part in self.parts:
+                part.fill(most_steps, arc_steps)
+            self._join()
+            reached = min(part.run.t for part in self.parts)
+            ended = [part for part in self.parts if part.ending is not None]
+            failed = [part for part in ended if part.ending != _DONE]
+            if failed or len(ended) == len(self.parts):
+                break
+            if self.progress is not None:
+                self.progress((reached - self.settings.start) / self.settings.duration)
+        last = min(failed, key=lambda part: part.run.t, default=ended[0])
+        return self._trajectory(last, reached)
+
+    def _join(self) -> None:
+        """Hand on the rows that all subsystems have."""
+        count = min(len(part.waiting) for part in self.parts)
+        if not count:
+            return
+        states = np.zeros((count, 1 + self.system.size))
+        for part in self.parts:
+            part.join(count, states)
+        self.recorder.hand_on(self.runner.tabulate(states))
+
+    def _trajectory(self, last: Part, reached: float) -> Trajectory:
+        """Put together what the subsystems did; `last` decides on the outcome."""
+        found = [part.trajectory() for part in self.parts]
+        own = found[self.parts.index(last)]
+        reason = own.reason
+        if not own.outcome.complete:
+            reason = f"subsystem ({last.names}): {reason}"
+        counts = [x.statistics for x in found]
+        return own._replace(
+            reason=reason,
+            end=reached,
+            rows=self.recorder.rows,
+            statistics=Statistics(
+                sum(x.steps for x in counts),
+                sum(x.rejections for x in counts),
+                sum(x.evaluations for x in counts),
+                sum(x.factorisations for x in counts),
+                arcs=sum(x.arcs for x in counts),
+            ),
+            events=sorted((e for x in found for e in x.events), key=lambda e: e.time),
+            event_counts=sum((Counter(x.event_counts) for x in found), Counter()),
+            warnings=[w for x in found for w in x.warnings],
+            choices=[c for x in found for c in x.choices],
+            extents={k: v for x in found for k, v in x.extents.items()},
+            largest_energy=sum(x.largest_energy for x in found),
+        )

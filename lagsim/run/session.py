@@ -21,9 +21,8 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
-    from lagsim.run.apart import Apart
     from lagsim.run.arc import Arc
-    from lagsim.run.arcs import Run
+    from lagsim.run.arcs import Apart, Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.system import System
@@ -210,16 +209,14 @@ class Session(NamedTuple):
         joined
             Gets the run before it begins, and may put it where another was.
         """
+        from lagsim.run.arcs import Apart, Run
+
         run: Run | Apart
         first = self.first_arc()
         told: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
         if self.plan.parts:
-            from lagsim.run.apart import Apart
-
             run = Apart(first, observers, **told)
         else:
-            from lagsim.run.arcs import Run
-
             run = Run(first, observers, corners=corners, **told)
         if joined is not None:
             joined(run)

@@ -29,8 +29,12 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
-from lagsim.run.observers.monitors import EnergyMonitor, ResidualMonitor, gained
-from lagsim.run.overflow import Gaps
+from lagsim.run.observers.monitors import (
+    EnergyMonitor,
+    Gaps,
+    ResidualMonitor,
+    gained,
+)
 from lagsim.run.system.functions import largest_beside
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.balances import balances, energy_error, jumps, without_jumps
@@ -49,7 +53,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.run.error import ErrorBar
-    from lagsim.run.overflow import Gap
+    from lagsim.run.observers.monitors import Gap
     from lagsim.run.session import Session
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.balances import Balance

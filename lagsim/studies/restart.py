@@ -31,7 +31,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
-from lagsim.run.apart import Apart
+from lagsim.run.arcs import Apart
 from lagsim.run.system import System
 from lagsim.run.system.runner import Runner
 from lagsim.studies.declared import UndeclaredError, decoded, encoded
@@ -72,9 +72,8 @@ _DECLARED = {
     "methods.taylor": "Taylor",
     "methods.verlet": "Symplectic",
     "notes": "Caution Choice Event",
-    "run.apart": "Part",
     "run.arc": "Arc",
-    "run.arcs": "Recorder Run",
+    "run.arcs": "Part Recorder Run",
     "run.events.contacts": "Contacts",
     "run.events.filippov": "Modes",
     "run.events.sequence": "Flights Sequence",
@@ -84,9 +83,8 @@ _DECLARED = {
     "run.failures": "Fallback Unmet",
     "run.interrupt": "Horizon",
     "run.observers": "Extremes",
-    "run.observers.monitors": "EnergyMonitor Growth ResidualMonitor",
+    "run.observers.monitors": "EnergyMonitor Gap Gaps Growth ResidualMonitor",
     "run.observers.thinning": "Thinning _Envelope _Sample",
-    "run.overflow": "Gap Gaps",
     "run.stiffness": "Fast Stiffness",
 }
 CLASSES = frozenset(

@@ -69,16 +69,16 @@ def test_all_columns_agree():
 
 
 def test_rows_that_wait_are_bounded(monkeypatch):
-    from lagsim.run import apart
+    from lagsim.run.arcs import Part
 
     most = []
-    add = apart.Part.add
+    add = Part.add
 
     def noted(part, rows):
         add(part, rows)
         most.append(len(part.waiting))
 
-    monkeypatch.setattr(apart.Part, "add", noted)
+    monkeypatch.setattr(Part, "add", noted)
     text = three(60).replace("output_step: 0.01", "output_step: 0.005")
     found = run(text, formulation="apart", rtol="1e-6")
     assert found.trajectory.rows == 12001

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.cli import main
-from lagsim.run.overflow import finite_rows, unless_overflow
+from lagsim.run.arcs import finite_rows, unless_overflow
 from lagsim.run.trajectory import Outcome
 from tests.support import run
 

@@ -1,9 +1,9 @@
-"""Monitors of a run while its rows pass: energy, residuals, and rows to compare."""
+"""Monitors of rows as they pass: energy, residuals, gaps, and rows to compare."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -441,3 +441,38 @@ class ResidualMonitor:
             name: 0.0 if self.scales[name] <= 0.0 else worst.size / self.scales[name]
             for name, worst in self._residuals.items()
         }
+
+
+class Gap(NamedTuple):
+    """The first value of a column that is not finite, and in how many rows it is so."""
+
+    value: float
+    time: float
+    rows: int
+
+
+class Gaps:
+    """Notes the first value of each column that is not finite.
+
+    Parameters
+    ----------
+    columns
+        The names of the first columns of a row.
+    """
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._names = tuple(columns)
+        self.found: dict[str, Gap] = {}
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns)."""
+        finite = np.isfinite(rows[:, : len(self._names)])
+        if finite.all():
+            return
+        for k in np.flatnonzero(~finite.all(axis=0)).tolist():
+            name, missing = self._names[k], ~finite[:, k]
+            first = int(np.argmax(missing))
+            new = Gap(float(rows[first, k]), float(rows[first, 0]), 0)
+            known = self.found.get(name, new)
+            count = known.rows + int(np.count_nonzero(missing))
+            self.found[name] = known._replace(rows=count)
