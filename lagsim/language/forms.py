@@ -571,7 +571,7 @@ Group = list[tuple[str, Key]]
 
 
 class Collected:
-    """Makes such sums.
+    """Sums of products whose constant factors are collected in front.
 
     Parameters
     ----------
@@ -592,29 +592,25 @@ class Collected:
     def sum(self, products: Iterable[Sequence[int]]) -> int:
         """Give the sum of products of nodes."""
         g, total = self.g, self.g.zero
-        alike, given = self._alike(products)
-        for still, group in alike.items():
-            found = [factors for _, key in group for factors in given[key]]
-            if len(found) == 1 and self._stays(still, found[0]):
-                term = self._product(found[0])
-            else:
-                term = g.call("mul", still, self._written(group))
-            total = g.call("add", total, term)
+        for still, group in self._alike(products).items():
+            moved = g.zero
+            for op, factors in group:
+                product = g.one
+                for n in factors:
+                    product = g.call("mul", product, n)
+                moved = g.call(op, moved, product)
+            total = g.call("add", total, g.call("mul", still, moved))
         return total
 
-    def _alike(
-        self, products: Iterable[Sequence[int]]
-    ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
-        """Give what moves by the factor in front of it; and what was given of each."""
+    def _alike(self, products: Iterable[Sequence[int]]) -> dict[int, Group]:
+        """Give what moves in products, by the factor in front of it."""
         g = self.g
-        given: dict[Key, list[Sequence[int]]] = {}
         fronts: dict[Key, int] = {}
         for factors in products:
             parts = [self.parts(n) for n in factors]
             key = tuple(sorted(core for _, core in parts if core != g.one))
             still = self.still([c for c, _ in parts])
             fronts[key] = g.call("add", fronts.get(key, g.zero), still)
-            given.setdefault(key, []).append(factors)
         alike: dict[int, Group] = {}
         for key, still in fronts.items():
             opposite = g.call("neg", still)
@@ -622,7 +618,7 @@ class Collected:
                 alike[opposite].append(("sub", key))
             elif still != g.zero:
                 alike.setdefault(still, []).append(("add", key))
-        return alike, given
+        return alike
 
     def scaled(self, node: int, factor: int) -> int:
         """Give node * factor; what of it stands still goes into a sum if that is short.
@@ -634,7 +630,7 @@ class Collected:
         terms = [(sign, *self.parts(n)) for sign, n in self.addends(node)]
         inside = [(still, *factors) for factors in terms]
         signs = {g.one, g.constant(-1.0)}
-        before, after = (len(self._alike(x)[0].keys() - signs) for x in (terms, inside))
+        before, after = (len(self._alike(x).keys() - signs) for x in (terms, inside))
         if still == g.one or after > before or (after == before and core != g.one):
             return g.call("mul", node, factor)
         return g.call("mul", self.sum(inside), core)
@@ -664,44 +660,6 @@ class Collected:
             done[n] = new
         found = [done[n] for n in nodes]
         return min(list(nodes), found, key=lambda x: g.cost(x, self.moving))
-
-    def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Tell whether a product that is like no other is best as it is given.
-
-        What stands still in its factors may stand so elsewhere, and is collected only
-        where there is less of it then.
-        """
-        signs = self.g.one, self.g.constant(-1.0)
-        fixed = [n for n in factors if n not in signs and not self.moves(n)]
-        if still in signs or len(fixed) > 1:
-            return False
-        own = [c for c in (self.parts(n)[0] for n in factors) if c not in signs]
-        return len(own) == 1 or self._size([still]) == sum(self._size([c]) for c in own)
-
-    def _size(self, factors: Sequence[int]) -> int:
-        return sum(map(abs, self._powers(factors)[1].values()))
-
-    def _written(self, group: Group) -> int:
-        """Give a sum of products, in which a factor that several have stands once."""
-        g, total = self.g, self.g.zero
-        held = Counter(n for _, key in group for n in set(key))
-        for shared, times in held.most_common():
-            if times == 1:
-                break
-            inner = [(op, _without(key, shared)) for op, key in group if shared in key]
-            if len(inner) > 1:
-                term = g.call("mul", shared, self._written(inner))
-                total = g.call("add", total, term)
-                group = [(op, key) for op, key in group if shared not in key]
-        for op, factors in group:
-            total = g.call(op, total, self._product(factors))
-        return total
-
-    def _product(self, factors: Sequence[int]) -> int:
-        g, whole = self.g, self.g.one
-        for n in factors:
-            whole = g.call("mul", whole, n)
-        return whole
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
         """Give what `node` is a sum of: signs, as nodes, and addends.
@@ -820,11 +778,6 @@ class Collected:
             else:
                 powers[n] += e
         return number, powers
-
-
-def _without(factors: tuple[int, ...], one: int) -> tuple[int, ...]:
-    at = factors.index(one)
-    return factors[:at] + factors[at + 1 :]
 
 
 def slow_factors_first(
