@@ -74,13 +74,19 @@ class Products(Generic[Atom]):
             yield self.atoms[k], Fraction(digits, parts) if rest else whole
             product -= digits << k * bits
 
-    def common(self, products: Iterable[int]) -> int:
+    def common(self, products: Collection[int]) -> int:
         """Give what all products have in common, over what any has below the line."""
-        found = [dict(self.powers(m)) for m in products]
-        atoms = dict.fromkeys(atom for powers in found for atom in powers)
+        lowest: dict[Atom, int | Fraction] = {}
+        present = Counter[Atom]()
+        for m in products:
+            for atom, exponent in self.powers(m):
+                lowest[atom] = min(lowest.get(atom, exponent), exponent)
+                present[atom] += 1
         return sum(
-            self.power(atom, min(powers.get(atom, 0) for powers in found))
-            for atom in atoms
+            self.power(
+                atom, exponent if present[atom] == len(products) else min(exponent, 0)
+            )
+            for atom, exponent in lowest.items()
         )
 
     @staticmethod

@@ -100,6 +100,10 @@ def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool)
 def _closed(
     x: Translation, M: Matrix, f: list[Any], constraints: Sequence[Condition]
 ) -> Solution | None:
+    # Each multiplier is in some acceleration, or is eliminated with the others.
+    held = all(not c.law for c in constraints)
+    if len(constraints) > (LARGEST_BLOCK if held else READABLE * len(f)):
+        return None
     inverse = inverted(x, M)
     if inverse is None:
         return None
@@ -109,7 +113,7 @@ def _closed(
         for j, fj in enumerate(f)
     ]
     accelerations = tuple(inverse.times(right))
-    if any(c.law for c in constraints):
+    if not held:
         return Solution(accelerations, ())
     multipliers = multipliers_of(x, inverse, f, constraints)
     return None if multipliers is None else Solution(accelerations, tuple(multipliers))

@@ -166,7 +166,8 @@ class Sums(Turning[Any]):
 
 def circular(function: Any, angle: Any) -> Any:
     """Give sin or cos as sympy does; a sum of symbols is no multiple of pi."""
-    if not angle.is_Add or not all(p.as_coeff_Mul()[1].is_Symbol for p in angle.args):
+    parts = (p.is_Rational or p.as_coeff_Mul()[1].is_Symbol for p in angle.args)
+    if not angle.is_Add or not all(parts):
         return function(angle)
     turned, positive = _direction(angle)
     value = function(positive, evaluate=False)
@@ -236,7 +237,10 @@ class Tidier:
         key = e, factored, written
         if key not in self._known:
             _refuse_infinite(e)
-            found = self._shortest(e, factored=factored, written=written)
+            if e.is_Add or e.is_Mul or e.is_Pow:
+                found = self._shortest(e, factored=factored, written=written)
+            else:
+                found = self.inner(e)
             self._known[key] = self._known[found, factored, written] = found
         return self._known[key]
 
@@ -250,10 +254,6 @@ class Tidier:
         return bool(self(e) == 0)
 
     def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
-        if isinstance(e, sp.Piecewise):
-            return self._piecewise(e)
-        if e.is_Relational or e.is_Boolean:
-            return e
         forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
         for whole in (self._still, self._plain, lambda _: False):
             found = self._terms(e, whole)
