@@ -64,6 +64,9 @@ that it is linked with: a Newton step onto constraints, or the range of what res
 DOUBLE_ROOT = 2.0**-26
 """The relative error of a value that was found as a double root: half of the digits."""
 
+FORCE_ROUNDOFF = 128.0 * UNIT_ROUNDOFF
+"""The sum of forces that balance, as a part of what each of them could do."""
+
 PROBE = 2.0**-36
 """The relative change of a state that shows what its rounding does to y': large enough
 that the difference has digits, small enough that nothing bends."""

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 Floats: TypeAlias = "npt.NDArray[np.float64]"
-"""A one-dimensional array of doubles, where nothing else is said."""
+"""A one-dimensional array of doubles, unless stated otherwise."""
 Flags: TypeAlias = "npt.NDArray[np.bool_]"
 Ints: TypeAlias = "npt.NDArray[np.intp]"
 Complexes: TypeAlias = "npt.NDArray[np.complex128]"

@@ -139,8 +139,6 @@ def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
     return value, inherited + (fresh if math.isfinite(fresh) else 0.0)
 
 
-# Forces balance to this part of what each of them could do: rounding is the rest.
-BALANCED = 2.0**-46
 # A product, a shift, and a shift that moves are rounded by this part of a coordinate.
 SHIFTED = 3.0
 

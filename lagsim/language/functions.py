@@ -29,7 +29,7 @@ TRANSCENDENTAL = 16
 
 
 class Function(NamedTuple):
-    """One row. What is not told is as it is for most.
+    """One row; defaults are what most functions have.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ Found = TypeVar("Found")
 CONSTANT = "constant"
 VARIABLE = "variable"
 TRUTH = "truth"
-# Degrees up to this are told apart; of chained squares there would be millions.
+# Degrees up to this are distinguished; chained squares would have millions.
 MOST_DEGREE = 32
 # To look at so many nodes takes as long as to make one.
 LOOKS = 7
@@ -339,7 +339,7 @@ def remembered(
 
 
 def once(g: Graph, key: object, find: Callable[[], Found]) -> Found:
-    """Find something out that rests on the key alone, if it is not known yet."""
+    """Compute something that depends on the key alone, if it is not known yet."""
     if key not in g.remembered:
         g.remembered[key] = find()
     found: Found = g.remembered[key]

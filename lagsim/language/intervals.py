@@ -20,6 +20,7 @@ import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
+from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
-# Libraries differ in the last places of sin, pow, ...: four units are allowed for.
-SLACK = 2.0**-50
 TINY = math.ulp(0.0)
 LARGEST = np.finfo(np.float64).max
 
@@ -115,10 +114,11 @@ def select(which: Flags, x: Interval, y: Interval) -> Interval:
 
 
 def outward(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
-    """Widen by the slack of library functions; an infinite overflow is undone."""
+    """Widen by what libraries differ in; an infinite overflow is undone."""
     low = np.minimum(lo, LARGEST)
     high = np.maximum(hi, -LARGEST)
-    return low - (np.abs(low) * SLACK + TINY), high + (np.abs(high) * SLACK + TINY)
+    below, above = (np.abs(x) * TERM_ROUNDOFF + TINY for x in (low, high))
+    return low - below, high + above
 
 
 def outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:

@@ -149,7 +149,7 @@ class DisjointSets:
         self._leader = list(range(size))
 
     def leader(self, i: int) -> int:
-        """Give the one index that stands for the set of `i`."""
+        """Give the index that represents the set of `i`."""
         above = self._leader
         while above[i] != i:
             above[i] = above[above[i]]

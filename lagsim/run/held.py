@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import gradient
-from lagsim.language.evaluate import BALANCED, evaluate_rows, roundings
+from lagsim.language.evaluate import evaluate_rows, roundings
 from lagsim.mechanics.equations import pushes
 from lagsim.run.system.functions import in_groups, joined
+from lagsim.tolerances import FORCE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +36,7 @@ class Held(NamedTuple):
     @property
     def moved(self) -> Floats:
         """How far rounding moves it, where the forces on it balance."""
-        return np.asarray(BALANCED * self.reach)
+        return np.asarray(FORCE_ROUNDOFF * self.reach)
 
 
 def could_push(

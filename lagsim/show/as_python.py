@@ -1,8 +1,8 @@
 """The equations as a Python module that needs numpy only, straight from the graph.
 
 Each function is straight-line code in which shared parts are computed once. The
-branches of `if` are all computed and one is taken, so what is not finite in the others
-is not heard of.
+branches of `if` are all computed and one is taken; values of the others that are not
+finite raise no warning.
 """
 
 from __future__ import annotations

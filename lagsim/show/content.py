@@ -102,7 +102,7 @@ class Solution:
     """Accelerations and multipliers in closed form.
 
     Accelerations may hold multipliers; these hold neither. `steps` come first, in
-    order, where the elimination is told step by step.
+    order, where the elimination is written step by step.
     """
 
     accelerations: tuple[Any, ...]
@@ -125,7 +125,7 @@ class Gauss:
 
 @dataclass(frozen=True)
 class Content:
-    """Everything that is told. M : (n, n), f : (n,)."""
+    """A derivation. M : (n, n), f : (n,)."""
 
     translation: Translation
     kinetic: Any
@@ -208,7 +208,7 @@ def conditions(
         words["limit"] = write(law["limit"])
     if "when" in law:
         words["when"] = when(law["when"], write)
-    return _told(law, words, signs)
+    return _written(law, words, signs)
 
 
 def in_words(constraint: Constraint) -> tuple[str, ...]:
@@ -220,7 +220,7 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
     given = {key: node for key, node in given.items() if node is not None}
     if law is not None:
         given["restitution"] = law.restitution
-    return tuple(_told(given, _WORDS, ASCII).values())
+    return tuple(_written(given, _WORDS, ASCII).values())
 
 
 def when(choice: Any, write: Printer) -> str:
@@ -228,7 +228,7 @@ def when(choice: Any, write: Printer) -> str:
     return write(choice.args[0][1] if choice.is_Piecewise else choice)
 
 
-def _told(
+def _written(
     law: Mapping[str, Any], words: Mapping[str, str], signs: Mapping[str, str]
 ) -> dict[str, str]:
     e = f"{law.get('restitution', 0.0):g}"

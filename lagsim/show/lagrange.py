@@ -41,6 +41,7 @@ from lagsim.show.symbols import (
     to_sympy,
 )
 from lagsim.show.tidy import cost
+from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -85,7 +86,7 @@ def solution(
 
 
 def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool) -> str:
-    """Say why the elimination is not told step by step; nothing where it is."""
+    """Give why the elimination is not written step by step; nothing where it is."""
     if without_inertia(x.equations) is not None:
         return "M is not positive definite: it is not solved for the accelerations"
     if any(c.law for c in constraints):
@@ -202,7 +203,7 @@ def _stepwise(
     f: list[Any],
     constraints: Sequence[Condition],
 ) -> Solution:
-    """Tell the elimination step by step: what is used twice has a name."""
+    """Give the elimination step by step: what is used twice has a name."""
     e, g = x.equations, x.g
     elimination = Elimination(e)
     known = dict(x.known)
@@ -331,8 +332,7 @@ def singular(coordinate: str) -> Problem:
     )
 
 
-# A matrix whose smallest eigenvalue is this small against its diagonal is singular.
-SINGULAR = 1e-12
+# States at which a mass matrix is examined.
 STATES = 3
 
 
@@ -358,7 +358,7 @@ def without_inertia(e: Equations) -> str | None:
         diagonal = np.abs(np.diag(M))
         size = np.sqrt(diagonal)
         scaled = M / np.outer(size, size) if np.all(size > 0) else None
-        if scaled is not None and np.linalg.eigvalsh(scaled)[0] > SINGULAR:
+        if scaled is not None and np.linalg.eigvalsh(scaled)[0] > DEPENDENT_ROWS:
             return None
     return e.q[int(np.argmin(diagonal))]
 
@@ -370,7 +370,7 @@ def content(
     solve: bool = False,
     with_gauss: bool = False,
 ) -> Content:
-    """Derive everything that is told.
+    """Derive the equations of a model, and what follows from them.
 
     Parameters
     ----------

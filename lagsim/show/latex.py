@@ -82,7 +82,7 @@ def as_latex(content: Content) -> str:
         lines.append(plain_latex(" ".join(model.description.split())))
     lines += _Latex(
         content, FormulaPrinter(content.translation, names), signs | letters
-    ).told()
+    ).document()
     lines += [_note(note) for note in content.notes]
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 

@@ -80,7 +80,7 @@ class Typeset:
             self._shown[name] = parts
 
     def show(self, name: Name) -> str:
-        """Give what stands for `name`."""
+        """Give `name` typeset."""
         if name.kind == "multiplier":
             return self.multiplier(name.base)
         if name.kind == "unconstrained":

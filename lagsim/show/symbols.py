@@ -71,10 +71,10 @@ def to_sympy(
     g, nodes
         What to give.
     known
-        What stands for some of the nodes; what is below them is not reached. What is
-        found is added.
+        Expressions of some nodes, below which nothing is reached; what is found is
+        added.
     twins
-        What stands for some of the functions, instead of the table's twins.
+        Functions of sympy in place of some of the table's.
 
     Raises
     ------
@@ -170,7 +170,7 @@ class Translation:
     substitute : bool
         The parameters are numbers.
     known : dict
-        What stands for nodes of the graph: names of definitions, numbers.
+        Expressions of nodes of the graph: names of definitions, numbers.
     kept : list of Kept
         In an order in which each needs earlier ones only.
     names : dict

@@ -31,11 +31,11 @@ class Outline:
     Parameters
     ----------
     content
-        What is told.
+        The derivation.
     write
         Prints expressions.
     signs
-        By what it stands for, how it is written: the letters `T V L F G h`, `minus`,
+        How each symbol or phrase is written: the letters `T V L F G h`, `minus`,
         with places for names `slope`, `rate`, `Q f b K Qc`, and sentences; of some
         with ` held` where there are constraints.
     """
@@ -50,7 +50,7 @@ class Outline:
         self.write = write
         self.lines: list[str] = []
 
-    def told(self) -> list[str]:
+    def document(self) -> list[str]:
         """Write all sections; give the lines."""
         self._energies()
         if self.c.has_forces:
@@ -220,8 +220,8 @@ class Outline:
         self._given(given)
         gap, *rates = self._derivatives(k)
         called = gap, gap if k.moving else rates[0]
-        told = conditions(k, self.write, multiplier, called, self.statements)
-        for about, text in told.items():
+        stated = conditions(k, self.write, multiplier, called, self.statements)
+        for about, text in stated.items():
             self._statement(about, text)
 
     def _conserved(self, item: Conserved) -> None:
@@ -320,10 +320,10 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     lines = textwrap.wrap(" ".join(head.split()), WIDTH)
     page = _Text(content, write, signs)
     page.statements = ASCII if ascii_only else UNICODE
-    lines += page.told()
+    lines += page.document()
     for note in content.notes:
         lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
-    # What cannot be told apart from composed letters is one: ü, not u and two dots.
+    # Composed letters where there are any: ü, not u and two dots.
     return unicodedata.normalize("NFC", "\n".join(lines)) + "\n"
 
 

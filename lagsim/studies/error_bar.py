@@ -28,7 +28,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import BALANCED
 from lagsim.plan.plan import ANY
 from lagsim.run.arc import SERIES
 from lagsim.run.error import LOST, ErrorBar, Failed
@@ -40,6 +39,7 @@ from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import Evidence, fault, inertia_roots
 from lagsim.tolerances import (
     FLAT_RANGE,
+    FORCE_ROUNDOFF,
     MOTION_ROUNDOFF,
     NO_MOTION,
     SAME_ROW,
@@ -75,8 +75,8 @@ def _scales(
     scales = np.fmax(found, FLAT_RANGE * moving)
     for size in (largest, linked):
         scales = np.where(found > MOTION_ROUNDOFF * size, scales, np.fmax(scales, size))
-    scales = np.where(found <= BALANCED * held, np.fmax(scales, held), scales)
-    still = np.fmax(NO_MOTION * moving, BALANCED * held / LOST)
+    scales = np.where(found <= FORCE_ROUNDOFF * held, np.fmax(scales, held), scales)
+    still = np.fmax(NO_MOTION * moving, FORCE_ROUNDOFF * held / LOST)
     return scales, np.fmax(still, MOTION_ROUNDOFF * largest / LOST)
 
 
@@ -130,7 +130,7 @@ def compared(
         which = np.flatnonzero(slow).tolist()
         held = could_push(equations, mine, which, case.settings.output_step).reach
         scales, still = _scales(sizes, moving, linked, largest, held)
-    rounding = np.fmax(MOTION_ROUNDOFF * largest, BALANCED * held)
+    rounding = np.fmax(MOTION_ROUNDOFF * largest, FORCE_ROUNDOFF * held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,

@@ -42,7 +42,6 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS, STEPS
 from lagsim.language.intervals import (
     RULES,
-    SLACK,
     Enclosures,
     Interval,
     interval,
@@ -50,6 +49,7 @@ from lagsim.language.intervals import (
 )
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
 from lagsim.mechanics.switches import prevailing
+from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -302,7 +302,7 @@ def _seen(
     slope = slope[:n]
     tame = ~(cell.partial | cell.jumps | slope.partial | slope.undefined)
     steepest = np.maximum(np.abs(slope.lo), np.abs(slope.hi))
-    reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + SLACK)
+    reach = np.maximum(middle - lo, hi - middle) * steepest * (1.0 + TERM_ROUNDOFF)
     reach = np.where(tame, reach, math.inf)
     # The mean value theorem: an error of second order in the width of the cell.
     refined = Interval(
