@@ -41,9 +41,7 @@ NAN = float("nan")
 def factor(p: Parameters) -> None:
     """Factor M, or M + A^T W A with the rows that always hold."""
     n, M, L = p.n, p.M, p.L
-    for i in range(n):
-        for j in range(i + 1):
-            L[i * n + j] = M[i * n + j]
+    p.L[:] = M
     if p.augmented > 0.0:
         A = p.A
         for k in range(p.m - p.laws):
@@ -95,12 +93,11 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
 def augment_force(p: Parameters) -> None:
     """Add A^T W b to f."""
-    n, M, A, f, b = p.n, p.M, p.A, p.f, p.b
+    n, M, A, b = p.n, p.M, p.A, p.b
     for k in range(p.m - p.laws):
         row = at(A, k * n)
         weight = row_weight(n, M, row) * b[k]
-        for j in range(n):
-            f[j] += weight * row[j]
+        p.f[:] += weight * row[:n]
 
 
 def forward(n: int, L: Floats, x: Floats) -> None:
@@ -131,18 +128,11 @@ def spread(p: Parameters) -> None:
     n, A, Y, lengths, scales = p.n, p.A, p.Y, p.lengths, p.scales
     for i in range(p.m):
         row = at(Y, i * n)
-        for j in range(n):
-            row[j] = A[i * n + j]
+        row[:n] = A[i * n : (i + 1) * n]
         forward(n, p.L, row)
-        length = 0.0
-        for j in range(n):
-            length += row[j] * row[j]
-        length = max(lengths[i], sqrt(length))
-        scales[i] = 0.0
-        if length > 0.0:
-            scales[i] = 1.0 / length
-        for j in range(n):
-            row[j] *= scales[i]
+        length = max(lengths[i], sqrt(product(n, row, row)))
+        scales[i] = 1.0 / length if length > 0.0 else 0.0
+        row[:n] *= scales[i]
 
 
 def keep_lengths(p: Parameters) -> None:
@@ -195,8 +185,7 @@ def reflect(p: Parameters) -> int:
             diagonal[k] = longest
         head = row[k] - diagonal[k]
         factors[k] = -head / diagonal[k]
-        for j in range(k + 1, n):
-            row[j] /= head
+        row[k + 1 : n] /= head
         for i in range(k + 1, m):
             mirror(n, k, row, factors[k], at(Y, i * n))
         reflected = k + 1
@@ -213,8 +202,7 @@ def note_directions(p: Parameters, end: int) -> None:
     for k in range(end):
         z = at(directions, 2 * n * k)
         mass = at(z, n)
-        for j in range(n):
-            u[j] = 0.0
+        p.u[:] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
             j = k - before
@@ -259,10 +247,7 @@ def set_aside(p: Parameters) -> int:
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
     """Give the square of the length of a row from column k on."""
-    length = 0.0
-    for j in range(k, n):
-        length += row[j] * row[j]
-    return length
+    return product(n - k, at(row, k), at(row, k))
 
 
 def swap(p: Parameters, k: int, i: int) -> None:
@@ -308,13 +293,9 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     """Apply the k-th reflection to x (n,)."""
-    product = x[k]
-    for j in range(k + 1, n):
-        product += row[j] * x[j]
-    product *= factor_k
-    x[k] -= product
-    for j in range(k + 1, n):
-        x[j] -= product * row[j]
+    along = factor_k * (x[k] + product(n - k - 1, at(row, k + 1), at(x, k + 1)))
+    x[k] -= along
+    x[k + 1 : n] -= along * row[k + 1 : n]
 
 
 def impress(p: Parameters, rank: int) -> None:
@@ -324,10 +305,8 @@ def impress(p: Parameters, rank: int) -> None:
         for j in range(k):
             w[k] -= Y[k * n + j] * w[j]
         w[k] /= diagonal[k]
-    for j in range(n):
-        u[j] = 0.0
-    for k in range(rank):
-        u[k] = w[k]
+    p.u[:] = 0.0
+    u[:rank] = w[:rank]
     for i in range(rank):
         k = rank - 1 - i
         mirror(n, k, at(Y, k * n), factors[k], u)
@@ -340,8 +319,7 @@ def multipliers(p: Parameters, rank: int) -> None:
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
     """
     m, w, order, x, out = p.m, p.w, p.order, p.x, p.multipliers
-    for k in range(rank):
-        x[k] = w[k]
+    x[:rank] = w[:rank]
     unscaled_backward(p, rank, x)
     if rank < m:
         shorten(p, rank)
@@ -366,16 +344,15 @@ def shorten(p: Parameters, rank: int) -> None:
         unscaled_backward(p, rank, column)
     z = at(x, rank)
     for c in range(spare):
-        z[c] = inner(rank, at(B, c * rank), x)
+        z[c] = product(rank, at(B, c * rank), x)
         for d in range(c + 1):
-            normal[c * spare + d] = inner(rank, at(B, c * rank), at(B, d * rank))
+            normal[c * spare + d] = product(rank, at(B, c * rank), at(B, d * rank))
         normal[c * spare + c] += 1.0
     cholesky(spare, normal)
     forward(spare, normal, z)
     backward(spare, normal, z, free)
     for c in range(spare):
-        for k in range(rank):
-            x[k] -= B[c * rank + k] * free[c]
+        x[:rank] -= free[c] * B[c * rank : (c + 1) * rank]
 
 
 def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
@@ -388,7 +365,7 @@ def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
         x[k] *= scales[k] / diagonal[k]
 
 
-def inner(length: int, a: Floats, b: Floats) -> float:
+def product(length: int, a: Floats, b: Floats) -> float:
     """Give the inner product."""
     value = 0.0
     for i in range(length):
@@ -445,17 +422,14 @@ def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
     derivative(t, y, p, out)
-    multipliers = p.multipliers
-    for i in range(p.m):
-        out[p.size + i] = multipliers[i]
+    out[p.size : p.size + p.m] = p.multipliers
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) of the motion that was solved for."""
     n, motion = p.n, p.motion
-    for i in range(n):
-        out[i] = y[n + i]
-        out[n + i] = motion[i]
+    out[:n] = y[n : 2 * n]
+    out[n : 2 * n] = motion[:n]
     if p.size > 2 * n:
         quadratures(t, y, p, at(out, 2 * n))
 
@@ -476,15 +450,13 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     the constraint forces. In the metric of M reflections leave it anywhere among the
     coordinates that are joined. out has room for 2 size + 4.
     """
-    n, motion, f, b = p.n, p.motion, p.f, p.b
+    n, motion = p.n, p.motion
     reaction = at(out, p.size)
     solve_motion(t, y, p)
     gather(p, reaction)
     loads(t, y, p, out)
-    for i in range(n):
-        f[i] = out[i]
-    for i in range(p.m):
-        b[i] = 0.0
+    p.f[:] = out[:n]
+    p.b[:] = 0.0
     solve_terms(p)
     for i in range(n):
         out[i] = abs(motion[i]) + REFLECTED * reaction[i]
@@ -499,8 +471,7 @@ def gather(p: Parameters, out: Floats) -> None:
     n, M, A, f, b, lam = p.n, p.M, p.A, p.f, p.b, p.multipliers
     label = at(out, n)
     join(n, p.m, p.terms, label)
-    for i in range(n):
-        out[i] = 0.0
+    out[:n] = 0.0
     for k in range(p.m):
         row = at(A, k * n)
         square = 0.0
@@ -520,8 +491,7 @@ def gather(p: Parameters, out: Floats) -> None:
         label[i] = 0.0
         if M[i * n + i] > 0.0:
             label[i] = sqrt(square / M[i * n + i])
-    for i in range(n):
-        out[i] = label[i]
+    out[:n] = label[:n]
 
 
 def join(n: int, m: int, terms: Floats, label: Floats) -> None:
@@ -574,9 +544,8 @@ def left_over(
     Of their residuals (first = 0), or of their rates (first = m).
     """
     n, z, left, order = p.n, p.tried, p.left, p.order
-    for i in range(n):
-        z[i] = y[i]
-        z[n + i] = step[i]
+    z[:n] = y[:n]
+    z[n : 2 * n] = step[:n]
     bends(t, z, p, left)
     largest = 0.0
     for k in range(count):
@@ -609,7 +578,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    n, u, v, order, scales, right = p.n, p.u, p.v, p.order, p.scales, p.w
+    u, v, order, scales, right = p.u, p.v, p.order, p.scales, p.w
     if p.augmented > 0.0:
         augment_force(p)
     factor_rows(p)
@@ -619,9 +588,8 @@ def solve_terms(p: Parameters) -> None:
     rank = int(p.ranked)
     impress(p, rank)
     multipliers(p, rank)
-    for j in range(n):
-        u[j] += v[j]
-    backward(n, p.L, u, p.motion)
+    p.u[:] += v
+    backward(p.n, p.L, u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:
@@ -636,13 +604,11 @@ def factor_rows(p: Parameters) -> None:
 
 def free_motion(p: Parameters) -> None:
     """Leave M^-1 f as the motion, and L^-1 f as v (n,)."""
-    n, f, u, v = p.n, p.f, p.u, p.v
-    for j in range(n):
-        v[j] = f[j]
-    forward(n, p.L, v)
-    for j in range(n):
-        u[j] = v[j]
-    backward(n, p.L, u, p.motion)
+    u, v = p.u, p.v
+    p.v[:] = p.f
+    forward(p.n, p.L, v)
+    p.u[:] = v
+    backward(p.n, p.L, u, p.motion)
 
 
 def missing(p: Parameters, i: int) -> float:
@@ -716,7 +682,6 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     from_places(n, places, f)
     backward(n, L, f, out)
     unscaled_backward(p, rank, x)
-    for i in range(p.m):
-        out[n + i] = 0.0
+    out[n : n + p.m] = 0.0
     for k in range(rank):
         out[n + int(order[k])] = x[k]

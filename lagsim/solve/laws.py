@@ -54,6 +54,7 @@ from lagsim.solve.dense import (
     left_over,
     loads,
     missing,
+    product,
     rates,
 )
 from lagsim.tolerances import OVERFLOW
@@ -67,31 +68,22 @@ def couple(p: Parameters, sliding: int) -> None:
 
     Each row of S, and of the right side, is brought to the size of its own diagonal.
     """
-    n, A, Y, Z, S, L, order, right = p.n, p.A, p.Y, p.Z, p.S, p.L, p.order, p.w
+    n, Y, Z, S, right = p.n, p.Y, p.Z, p.S, p.w
     count = int(p.ranked)
     for k in range(count):
-        row = at(Y, k * n)
-        push = at(Z, k * n)
-        i = int(order[k])
-        for j in range(n):
-            row[j] = A[i * n + j]
-            push[j] = row[j]
-        forward(n, L, row)
+        row, push, i = at(Y, k * n), at(Z, k * n), int(p.order[k])
+        row[:n] = p.A[i * n : (i + 1) * n]
+        push[:n] = row[:n]
+        forward(n, p.L, row)
         if sliding > 0:
             slide_along(p, i, push)
-        forward(n, L, push)
+        forward(n, p.L, push)
     for k in range(count):
         row = at(Y, k * n)
-        square = 0.0
-        for j in range(n):
-            square += row[j] * row[j]
+        square = product(n, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
         for i in range(count):
-            push = at(Z, i * n)
-            value = 0.0
-            for j in range(n):
-                value += row[j] * push[j]
-            S[k * count + i] = value * scale
+            S[k * count + i] = product(n, row, at(Z, i * n)) * scale
         right[k] *= scale
 
 
@@ -99,25 +91,20 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
     """Add to what row i pushes with the friction that goes with its multiplier."""
     n = p.n
     first = p.m - p.laws
-    normal, part, A = p.law_normal, p.law_part, p.A
-    if i < first:
-        return
+    normal, part = p.law_normal, p.law_part
     for k in range(p.laws):
-        if int(normal[k]) == i - first and part[k] != 0.0:
-            row = at(A, (first + k) * n)
-            for j in range(n):
-                push[j] += part[k] * row[j]
+        if int(normal[k]) == i - first and i >= first and part[k] != 0.0:
+            push[:n] += part[k] * p.A[(first + k) * n : (first + k + 1) * n]
 
 
 def impress(p: Parameters, sliding: int) -> None:
     """Add to u (n,) the forces of the rows that hold, times L^-1."""
-    n, u, right = p.n, p.u, p.w
+    n, right = p.n, p.w
     for k in range(int(p.ranked)):
         push = at(p.Y, k * n)
         if sliding > 0:
             push = at(p.Z, k * n)
-        for j in range(n):
-            u[j] += right[k] * push[j]
+        p.u[:] += right[k] * push[:n]
 
 
 def share_out(p: Parameters) -> None:
@@ -125,8 +112,7 @@ def share_out(p: Parameters) -> None:
     first = p.m - p.laws
     out, order, right, part = p.multipliers, p.order, p.w, p.law_part
     normal, kind = p.law_normal, p.law_kind
-    for i in range(p.m):
-        out[i] = 0.0
+    p.multipliers[:] = 0.0
     for k in range(int(p.ranked)):
         out[int(order[k])] = right[k]
     for k in range(p.laws):
@@ -139,8 +125,7 @@ def share_out(p: Parameters) -> None:
 def solve_rows(p: Parameters, count: int, x: Floats) -> None:
     """Solve S x = right side (count,) in place; nan where S is singular."""
     if decompose(1, count, p.S, p.factors) == 0:
-        for k in range(count):
-            x[k] = NAN
+        x[:count] = NAN
     else:
         solve(1, count, p.S, p.factors, x)
 
@@ -190,12 +175,11 @@ def products(p: Parameters) -> int:
 def share_among(p: Parameters, count: int) -> int:
     """Solve for y among those in G; give the law that would pull most, or -1."""
     G, S, w, forces = p.free, p.S, p.w, p.diagonal
+    w[:count] = forces[:count]
     for i in range(count):
-        w[i] = forces[i]
         for j in range(count):
-            S[i * count + j] = 0.0
-            for k in range(p.laws):
-                S[i * count + j] += G[i * p.laws + k] * G[j * p.laws + k]
+            row, other = at(G, i * p.laws), at(G, j * p.laws)
+            S[i * count + j] = product(p.laws, row, other)
     solve_rows(p, count, w)
     found = -1
     most = 0.0
@@ -221,8 +205,7 @@ def weigh(p: Parameters) -> None:
     n = p.n
     first = p.m - p.laws
     A, weights = p.A, p.u
-    for j in range(n):
-        weights[j] = 0.0
+    p.u[:] = 0.0
     for k in range(p.laws):
         if touches(p, k):
             for j in range(n):
@@ -269,32 +252,27 @@ def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) and lambda (m,)."""
-    multipliers = p.multipliers
     solve_motion(t, y, p)
     rates(t, y, p, out)
-    for i in range(p.m):
-        out[p.size + i] = multipliers[i]
+    out[p.size : p.size + p.m] = p.multipliers
     if p.law_shares > 0.0:
         share(p, at(out, p.size))
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what rounding does to q'' (n,), and that of other rates; see `dense`."""
-    n, m, motion, A, f, b = p.n, p.m, p.motion, p.A, p.f, p.b
+    n, m, motion, A = p.n, p.m, p.motion, p.A
     first = m - p.laws
     mode = p.law_mode
     reaction = at(out, p.size)
     solve_motion(t, y, p)
     for k in range(first, m):
         if mode[k - first] != HELD:
-            for j in range(n):
-                A[k * n + j] = 0.0
+            A[k * n : (k + 1) * n] = 0.0
     gather(p, reaction)
     loads(t, y, p, out)
-    for i in range(n):
-        f[i] = out[i]
-    for k in range(m):
-        b[k] = 0.0
+    p.f[:] = out[:n]
+    p.b[:] = 0.0
     hold(p)
     respond(p)
     for i in range(n):
@@ -331,8 +309,7 @@ def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) ->
         right[k] = -residuals[i]
         if scales[i] > 0.0:
             largest = max(largest, abs(residuals[i]) / scales[i])
-    for j in range(n):
-        u[j] = 0.0
+    p.u[:] = 0.0
     couple(p, 0)
     solve_rows(p, count, right)
     impress(p, 0)
@@ -372,7 +349,7 @@ def drive(p: Parameters) -> None:
     first = p.m - p.laws
     mode, way, floor, part = p.law_mode, p.law_way, p.law_floor, p.law_part
     pair, speeds, bounds = p.law_pair, p.law_speeds, p.law_bounds
-    statics, A, f = p.law_statics, p.A, p.f
+    statics, A = p.law_statics, p.A
     for k in range(p.laws):
         part[k] = 0.0
         if mode[k] == IMPLIED:
@@ -391,25 +368,22 @@ def drive(p: Parameters) -> None:
                     # Past its stop in a step that is to end there: as before it.
                     part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
-            row = at(A, (first + k) * n)
-            for j in range(n):
-                f[j] += part[k] * row[j]
+            p.f[:] += part[k] * A[(first + k) * n : (first + k + 1) * n]
 
 
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda: the terms are there, and what slides is noted."""
-    n, u, v, order, right = p.n, p.u, p.v, p.order, p.w
+    u, v, order, right = p.u, p.v, p.order, p.w
     free_motion(p)
     count = int(p.ranked)
     for k in range(count):
         right[k] = missing(p, int(order[k]))
     couple(p, 1)
     solve_rows(p, count, right)
-    for j in range(n):
-        u[j] = v[j]
+    p.u[:] = v
     impress(p, 1)
     share_out(p)
-    backward(n, p.L, u, p.motion)
+    backward(p.n, p.L, u, p.motion)
 
 
 def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:

@@ -57,15 +57,13 @@ def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,)."""
-    found = p.side_fields
     combine(t, y, p)
-    for i in range(p.size):
-        out[i] = found[i]
+    out[: p.size] = p.side_fields[: p.size]
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
-    n, motion, multipliers, found = p.n, p.motion, p.multipliers, p.side_fields
+    n, motion, found = p.n, p.motion, p.side_fields
     side, slides, low, floor = p.side, p.slides, p.low, p.floor
     least_root, gain = p.least_root, p.gain
     p.gain = 0.0
@@ -75,10 +73,8 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
             floor[k] = 0.0
     combine(t, y, p)
     p.gain = gain
-    for i in range(n):
-        motion[i] = found[n + i]
-    for i in range(p.m):
-        multipliers[i] = found[p.size + i]
+    motion[:n] = found[n : 2 * n]
+    p.multipliers[:] = found[p.size : p.size + p.m]
     for k in range(p.surfaces):
         if slides[k] > 0.0:
             leader = k
@@ -127,17 +123,14 @@ def pull(t: float, y: Floats, p: Parameters) -> None:
     combine(t, y, p)
     weigh(p)
     far = distance(p)
-    for i in range(2 * n):
-        former[i] = y[i]
+    former[: 2 * n] = y[: 2 * n]
     for j in range(sliding):
         change = at(found, (j + 1) * width + n)
-        for i in range(n):
-            y[i] += change[i] * right[3 * j + 1]
-            y[n + i] += change[i] * right[3 * j + 2]
+        y[:n] += change[:n] * right[3 * j + 1]
+        y[n : 2 * n] += change[:n] * right[3 * j + 2]
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
-        for i in range(2 * n):
-            y[i] = former[i]
+        y[: 2 * n] = former[: 2 * n]
 
 
 def weigh(p: Parameters) -> None:
@@ -181,8 +174,7 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
                 other = at(fields, j * width)
                 field(t, y, p, other)
                 take_side(k, p.low, p)
-                for i in range(width):
-                    other[i] -= fields[i]
+                other[:width] -= fields[:width]
         share_out(sliding, p)
 
 
@@ -221,10 +213,8 @@ def even_out(row: Floats, count: int, right: Floats) -> None:
     for j in range(count):
         size = max(size, abs(row[j]))
     if size > 0.0:
-        for j in range(count):
-            row[j] /= size
-        for c in range(3):
-            right[c] /= size
+        row[:count] /= size
+        right[:3] /= size
 
 
 def above(x: float, noise: float) -> float:
@@ -245,9 +235,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
             B[i] = abs(asked[k]) + extent(k, p, forced)
             i += 1
     for i in range(sliding):
-        change = at(fields, (i + 1) * width)
-        for c in range(width):
-            fields[c] += right[3 * i] * change[c]
+        fields[:width] += right[3 * i] * fields[(i + 1) * width : (i + 2) * width]
     i = 0
     for k in range(p.surfaces):
         if slides[k] == FOLLOWED:
@@ -287,10 +275,9 @@ def solve(size: int, B: Floats, right: Floats) -> None:
         for i in range(rank + found, size):
             if found > 0:
                 factor = B[i * size + k] / B[rank * size + k]
-                for j in range(k + 1, size):
-                    B[i * size + j] -= factor * B[rank * size + j]
-                for c in range(3):
-                    right[3 * i + c] -= factor * right[3 * rank + c]
+                lower, pivot = at(B, i * size), at(B, rank * size)
+                lower[k + 1 : size] -= factor * pivot[k + 1 : size]
+                right[3 * i : 3 * i + 3] -= factor * right[3 * rank : 3 * rank + 3]
             B[i * size + k] = 0.0
         rank += found
     row = rank - 1
@@ -304,9 +291,8 @@ def solve(size: int, B: Floats, right: Floats) -> None:
                 right[3 * k + c] = value / B[row * size + k]
             row -= 1
         else:
+            right[3 * k : 3 * k + 3] = 0.0
             right[3 * k] = 0.5
-            right[3 * k + 1] = 0.0
-            right[3 * k + 2] = 0.0
 
 
 def begins(size: int, row: int, B: Floats) -> int:
