@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.small_scenes import CAPTION, FALL, PENDULUM, TIMELESS
+from tests.small_scenes import FALL, PENDULUM
 
 HEADER = (
     "method,formulation,setting,value,seconds,evaluations,error,error_lambda,"
@@ -144,37 +144,6 @@ def test_parameters_are_set(lagsim, write):
     quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4", "--set", "g=1.62")
     [document] = lagsim("bench", write(PENDULUM), *quick, "--json").json
     assert document["parameters"]["g"] == 1.62
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--methods", "dop853,dop54"], "there is no method `dop54`"),
-        (["--methods", "scipy:Euler"], "there is no method `scipy:Euler`"),
-        (["--tolerances", "1e-3"], "--tolerances 1e-3: two numbers above 0"),
-        (["--tolerances", "0:1e-3"], "two numbers above 0"),
-        (["--steps", "a:b"], "--steps a:b: two numbers above 0"),
-        (["--budget", "0"], "--budget 0: a number of seconds above 0"),
-        (["--set", "l"], "--set l: a name and an expression"),
-    ],
-)
-def test_unusable_options(lagsim, write, options, said):
-    called = lagsim("bench", write(PENDULUM), *options)
-    assert (called.code, called.out) == (2, "")
-    assert said in called.err
-    assert names(".") == ["model.yaml"]
-    errors = lagsim("bench", "model.yaml", *options, "--json").json["errors"]
-    assert said in errors[0]["text"]
-
-
-def test_unusable_models(lagsim, write):
-    called = lagsim("bench", write(TIMELESS))
-    assert called.code == 2
-    assert "`bench` needs to know how long" in called.err
-    called = lagsim("bench", write(CAPTION))
-    assert called.code == 1
-    assert "constraint `path` has the residual 1" in called.err
-    assert names(".") == ["model.yaml"]
 
 
 def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):

@@ -179,27 +179,6 @@ def test_what_is_no_file_is_not_replaced(lagsim):
 
 
 @pytest.mark.parametrize(
-    ("args", "told"),
-    [
-        (["no-such-file.yaml"], "no-such-file.yaml: cannot be read"),
-        ([ELASTIC, "--format", "maple"], "maple"),
-        ([ELASTIC, "--format", "python", "--gauss"], "--gauss means nothing"),
-        ([ELASTIC, "--format", "latex", "--ascii"], "--ascii means nothing"),
-        ([ELASTIC, "--set", "q_ddot=1"], "q_ddot"),
-        ([ELASTIC, "-o", "no/such/folder/file"], "cannot be written"),
-        ([ELASTIC, "-o", "."], "cannot be written"),
-        ([ELASTIC, "-o", ELASTIC], "it is the model"),
-    ],
-)
-def test_what_is_unusable_is_told(lagsim, args, told, tmp_path):
-    done = lagsim("derive", *args)
-    assert (done.code, done.out) == (2, "")
-    assert told in done.err
-    assert "Traceback" not in done.err
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize(
     ("potential", "options"),
     [("x*log(0)", ()), ("0^x", ()), ("x/a", ("--substitute",))],
 )

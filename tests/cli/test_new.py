@@ -64,23 +64,6 @@ def test_nothing_is_overwritten(lagsim, tmp_path):
     assert (tmp_path / "mine.yaml").read_text() == "years of work"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "told"),
-    [
-        (["new"], "NAME"),
-        (["new", "mine", "--template", "pendulm"], "pendulum"),
-        (["new", "nowhere/mine"], "nowhere/mine.yaml cannot be written: No such file"),
-        (["new", ".yaml"], "names no file"),
-        (["new", "a\0b"], "cannot be written"),
-    ],
-)
-def test_what_cannot_be(lagsim, tmp_path, arguments, told):
-    called = lagsim(*arguments)
-    assert (called.code, called.out) == (2, "")
-    assert told in called.err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_wheel_has_what_is_no_code():
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     package = ROOT / "lagsim"

@@ -113,10 +113,6 @@ FAULTS = {
     "only the time": (["round", "--columns", "t"], "are drawn against"),
     "no columns": (["round", "--columns", ","], "names of columns are expected"),
     "nothing in common": (["round", "angle"], "no coordinate in common"),
-    "another kind of file": (
-        ["round", "-o", "it.doc"],
-        "ends in .png, .svg, .pdf or .html",
-    ),
     "nothing to draw": (["angle", "-o", "it.html"], "angle has nothing to draw"),
 }
 

@@ -57,7 +57,6 @@ def test_json_is_one_document(lagsim, result):
     [
         (("x_dit",), "did you mean `x_dot`?"),
         (("speed",), "hint: its columns are t, x, x_dot, "),
-        (("x", "-o", "x.txt"), "x.txt: no such format"),
     ],
 )
 def test_what_cannot_be_is_refused(lagsim, result, words, told):

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from tests.cli._results import names
-from tests.small_scenes import CAPTION, CONTACT, TIMELESS
 
 OSCILLATOR = """\
 parameters: {k: 4, step: 1}
@@ -89,47 +88,3 @@ def test_a_parameter_varies(lagsim, write):
         expected = 2.0 / math.sqrt(border["k"])
         assert border["found"] == pytest.approx(expected, rel=0.01)
         assert border["predicted"] == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (["--methods", "verlet,leapfrog"], "there is no method `leapfrog`"),
-        (["--methods", "dop853"], "`dop853` chooses its steps"),
-        (["--steps", "0.1"], "--steps 0.1: two different numbers"),
-        (["--steps", "0:1"], "--steps 0:1: steps are above 0"),
-        (["--steps", "nan:1"], "two different numbers"),
-        (["--vary", "k"], "--vary k : two different numbers"),
-        (["--vary", "m=1:2"], "--vary m: the model has no such parameter"),
-        (["--vary", "k=1:2", "--vary", "k=2:3"], "one parameter varies at a time"),
-        (["--vary", "step=1:2"], "`step` cannot be varied: stability.csv has a column"),
-        (["--set", "l"], "--set l: a name and an expression"),
-    ],
-)
-def test_unusable_options(lagsim, write, options, said):
-    called = lagsim("stability", write(OSCILLATOR), *options)
-    assert (called.code, called.out) == (2, "")
-    assert said in called.err
-    assert names(".") == ["model.yaml"]
-    errors = lagsim("stability", "model.yaml", *options, "--json").json["errors"]
-    assert said in errors[0]["text"]
-
-
-def test_a_method_that_refuses(lagsim, write):
-    damped = OSCILLATOR.replace("k*x^2/2}", "k*x^2/2, dissipation: x_dot^2/2}")
-    called = lagsim("stability", write(damped), "--methods", "verlet")
-    assert called.code == 2
-    assert "`verlet` cannot handle this model: its forces depend" in called.err
-
-
-def test_unusable_models(lagsim, write):
-    called = lagsim("stability", write(TIMELESS))
-    assert called.code == 2
-    assert "`stability` needs to know how long" in called.err
-    called = lagsim("stability", write(CONTACT))
-    assert called.code == 2
-    assert "constraints that come and go" in called.err
-    called = lagsim("stability", write(CAPTION))
-    assert called.code == 1
-    assert "constraint `path` has the residual 1" in called.err
-    assert names(".") == ["model.yaml"]

@@ -210,18 +210,6 @@ def test_the_shell_completes_names(write, tmp_path, monkeypatch):
     assert completed(SimpleNamespace(params={"model": "none.yaml"}), "") == []
 
 
-def test_unusable_input_runs_nothing(lagsim, write):
-    model = write(SPRING)
-    for arguments in (["L=1,2"], ["K=1:2"], ["K=1", "--method", "no"], ["K=1+"]):
-        called = lagsim("sweep", model, *arguments)
-        assert (called.code, called.out) == (2, "")
-        assert "Traceback" not in called.err
-    assert lagsim("sweep", model).code == 2
-    assert not Path("results").exists()
-    errors = lagsim("sweep", model, "L=1", "--json").json["errors"]
-    assert errors[0]["code"] == "unknown-name"
-
-
 @pytest.mark.usefixtures("heeded_signals")
 def test_an_interrupted_sweep_goes_on_where_it_was(
     lagsim, write, interrupted, monkeypatch

@@ -48,13 +48,6 @@ def test_they_are_the_ends_of_whole_runs(model, lagsim, tmp_path):
     assert json.loads((ends / "sweep.json").read_bytes())["compiled"] == 1
 
 
-@pytest.mark.parametrize("other", [("--keep",), ("--error-bar", "always")])
-def test_what_needs_rows_is_refused(model, lagsim, other):
-    done = lagsim("sweep", model, SWEPT[1], "--ends", *other)
-    assert done.code == 2
-    assert "--ends makes no rows" in done.err
-
-
 @pytest.mark.slow
 def test_processes_and_what_follows_give_the_same(model, lagsim, tmp_path):
     text = Path(model).read_text().replace("phi_dot: 1}", "phi_dot: mu}")
