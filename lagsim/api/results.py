@@ -160,31 +160,6 @@ class Animation:
         )
 
 
-def rows_at(made: Attempt, times: Floats) -> Floats:
-    """Return the rows (times, columns) of a run at any times of it.
-
-    The run is repeated with the same steps, up to the last of the times. What a method
-    gives between its steps is then what it gives for a row.
-
-    Raises
-    ------
-    ValueError
-        Where a time lies outside the run.
-    """
-    first, last = made.trajectory.start, made.trajectory.end
-    outside = ~((times >= first) & (times <= last))
-    if outside.any():
-        text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
-        raise ValueError(f"{text} from {first!r} to {last!r}")
-    different, places = np.unique(times, return_inverse=True)
-    session, interrupt = made.session, Interrupt()
-    moments = Moments(different, len(session.system.columns.names), interrupt)
-    if len(different):
-        asked = session.asking(moments=tuple(different.tolist()))
-        asked.run([moments], interrupt=interrupt)
-    return moments.rows[places.ravel()]
-
-
 class Result:
     """A motion: `result["theta"]` is a column, an array (rows,).
 
@@ -273,7 +248,18 @@ class Result:
             Where a time lies outside the run.
         """
         times = np.asarray(t, dtype=float)
-        rows = rows_at(self._made, times.ravel())
+        first, last = self._made.trajectory.start, self._made.trajectory.end
+        outside = ~((times >= first) & (times <= last))
+        if outside.any():
+            text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
+            raise ValueError(f"{text} from {first!r} to {last!r}")
+        different, places = np.unique(times.ravel(), return_inverse=True)
+        session, interrupt = self._made.session, Interrupt()
+        moments = Moments(different, len(session.system.columns.names), interrupt)
+        if len(different):
+            asked = session.asking(moments=tuple(different.tolist()))
+            asked.run([moments], interrupt=interrupt)
+        rows = moments.rows[places.ravel()]
         columns = zip(self.columns, rows.T, strict=False)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns}

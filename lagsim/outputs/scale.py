@@ -18,6 +18,7 @@ from matplotlib.ticker import (
     MaxNLocator,
     NullLocator,
     ScalarFormatter,
+    StrMethodFormatter,
     SymmetricalLogLocator,
 )
 
@@ -40,7 +41,7 @@ PLAIN, PLAIN_TIMES, BRIEF = (-3, 4), (-3, 6), (-2, 4)
 LEAST_TICKS = 3
 
 # Inches: what a number across takes, in a panel that is no wider than the second.
-ROOMY, BRIEFLY, CROWDED = 0.67, 0.43, 3.0
+ROOMY, BRIEFLY, CROWDED = 0.67, 0.38, 3.0
 
 # A spike lasts for no more than this part of the time, and is so many times as high as
 # anything else.
@@ -115,8 +116,22 @@ class Scale(NamedTuple):
         if not most:
             return NullLocator(), ScalarFormatter()
         if self.linear:
-            return self._beyond(most), FuncFormatter(_as_read)
-        return self._powers(most) if self.log else self._round(most)
+            return self._beyond(most), FuncFormatter(lambda x, _: read_off(x))
+        if self.log:
+            low, high = sorted((math.log10(self.low), math.log10(self.high)))
+            if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
+                return LogLocator(numticks=most), FuncFormatter(_as_power)
+            subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
+            return LogLocator(subs=subs, numticks=most), StrMethodFormatter("{x:g}")
+        steps, least = [1, 2, 2.5, 5, 10], min(most, LEAST_TICKS)
+        locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
+        formatter = Counting()
+        if self.power == 0:
+            formatter.set_scientific(False)
+        else:
+            limits = self.plain if self.power is None else (self.power, self.power)
+            formatter.set_powerlimits(limits)
+        return locator, formatter
 
     def _beyond(self, most: int) -> Locator:
         """Return ticks of both parts: 0, the ends of the linear one, powers beyond."""
@@ -129,25 +144,6 @@ class Scale(NamedTuple):
         found = [x for x in powers.tick_values(*ends) if abs(x) >= least]
         found += [-self.linear, 0.0, self.linear]
         return FixedLocator(sorted(x for x in found if self.low <= x <= self.high))
-
-    def _round(self, most: int) -> tuple[Locator, Formatter]:
-        steps = [1, 2, 2.5, 5, 10]
-        least = min(most, LEAST_TICKS)
-        locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
-        formatter = Counting()
-        if self.power == 0:
-            formatter.set_scientific(False)
-        else:
-            limits = self.plain if self.power is None else (self.power, self.power)
-            formatter.set_powerlimits(limits)
-        return locator, formatter
-
-    def _powers(self, most: int) -> tuple[Locator, Formatter]:
-        low, high = sorted((math.log10(self.low), math.log10(self.high)))
-        if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
-            return LogLocator(numticks=most), FuncFormatter(_as_power)
-        subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
-        return LogLocator(subs=subs, numticks=most), FuncFormatter(_as_number)
 
 
 def size_of(axes: Axes) -> tuple[float, float]:
@@ -171,14 +167,6 @@ def _as_power(value: float, _: object) -> str:
     # A locator looks for ticks past the ends too, where there may be no number left.
     known = 0.0 < value < math.inf
     return power_of_ten(round(math.log10(value))) if known else ""
-
-
-def _as_read(value: float, _: object) -> str:
-    return read_off(value)
-
-
-def _as_number(value: float, _: object) -> str:
-    return f"{value:g}"
 
 
 def label(axis: Axis, name: str, unit: str = "") -> str:

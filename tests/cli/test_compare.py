@@ -140,6 +140,10 @@ GARBLED = {
     "": "new.csv: the file is empty",
     "1,2\n1,2\n": "new.csv: line 1 is no header",
     "t,x\n0,1\n1,a\n": "new.csv: line 3: x is `a`, and not a number",
+    "x,y\n1,2\n": "new.csv: line 1: there is no column `t`",
+    "t,x\n0,1\n1,\n": "new.csv: line 3: x is empty, and not a number",
+    "t,x\n0,1\n\n1,2\n": "new.csv: line 3 is blank",
+    "t,x,x\n0,1,1\n": "new.csv: line 1: the column `x` is given twice",
 }
 
 
