@@ -182,8 +182,6 @@ def command(
 RESULTS = Path("results")
 # A run is kept from then on, for `--resume`; shorter ones begin again.
 KEPT_AFTER_SECONDS = 3.0
-# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
-MANY = 1_000_000
 
 
 class Wish(NamedTuple):
@@ -264,7 +262,12 @@ class Job:
         """Run a session into its folder; return the exit code."""
         wish, model = self.wish, session.case.equations.model
         folder = self.folder or RESULTS / model.name
-        self._ask_for_room(session, folder)
+        warning = refuse_without_room(
+            folder, wish.table, session.case.settings, session.system.columns.table,
+            ends=model.until is not None,
+        )  # fmt: skip
+        if warning and not wish.quiet:
+            complain(f"warning: {warning}")
 
         @functools.cache
         def restart() -> Restart:
@@ -280,22 +283,6 @@ class Job:
             if wish.resume and restart().stand is None and not wish.quiet:
                 complain(f"lagsim: {folder} holds no interrupted run to continue")
             return self._integrate(session, results, restart)
-
-    def _ask_for_room(self, session: Session, folder: Path) -> None:
-        """Refuse a table that fills the disk, before it is computed.
-
-        Raises
-        ------
-        InputError
-        """
-        settings, columns = session.case.settings, session.system.columns.table
-        if settings.duration / settings.output_step * columns < MANY:
-            return
-        ends = session.case.equations.model.until is not None
-        form = self.wish.table
-        warning = refuse_without_room(folder, form, settings, columns, ends=ends)
-        if warning and not self.wish.quiet:
-            complain(f"warning: {warning}")
 
     def _integrate(
         self, session: Session, results: Results, restart: Callable[[], Restart]

@@ -84,7 +84,7 @@ if TYPE_CHECKING:
 # --- What pictures of a run have in common
 
 
-def begun(
+def sheet(
     record: Record,
     height: float,
     subject: str,
@@ -95,7 +95,7 @@ def begun(
     """Return a picture with title, subject and legend of events, and no panels yet."""
     names: list[tuple[str, Pen]] = []
     if timed:
-        names += [(look.name, look.top) for look, _ in happened(record)]
+        names += [(look.name, look.top) for look, _ in event_marks(record)]
     if record.horizon < record.rows.last("t"):
         names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
     return Picture(
@@ -104,7 +104,7 @@ def begun(
     )  # fmt: skip
 
 
-def happened(record: Record) -> list[tuple[Mark, Sequence[float]]]:
+def event_marks(record: Record) -> list[tuple[Mark, Sequence[float]]]:
     """Return the marks of events, with their times."""
     known = [(look, record.events.get(kind, ())) for kind, look in MARKS.items()]
     others = [t for k, own in record.events.items() if k not in MARKS for t in own]
@@ -114,7 +114,7 @@ def happened(record: Record) -> list[tuple[Mark, Sequence[float]]]:
 def mark_events(record: Record, axes: Axes) -> None:
     """Mark events on Axes against time, and shade what is no forecast."""
     shade(axes, record.horizon)
-    for look, times in happened(record):
+    for look, times in event_marks(record):
         marks(axes, times, look)
 
 
@@ -244,7 +244,7 @@ class Panels:
             shown = stems if group[0].startswith(IMPULSE) else series
             for (t, values), pen in zip(drawn, PENS, strict=False):
                 shown(axes, t, values, pen)
-            tell(axes, scale, drawn, above=above)
+            label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
         picture.align_ylabels()
@@ -259,7 +259,7 @@ def scale_of(
     return spread_scale(*drawn, size=size)
 
 
-def tell(
+def label_greatest(
     axes: Axes,
     scale: Scale,
     drawn: Sequence[tuple[Array, Array]],
@@ -335,7 +335,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
     if not timed and _has_one_scale(record, wanted, number, scene, drawn):
         size = _equal(scales, size[0])
     named = APART if len(names) > 1 else 0.06
-    picture = begun(record,
+    picture = sheet(record,
         named + size[1] + BELOW_PANELS, wanted.title, timed=timed,
         width=LEFT + size[0] + right,
     )  # fmt: skip
@@ -354,7 +354,7 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
         )  # fmt: skip
         if timed and side == "y":
             mark_events(record, axes)
-            tell(axes, scales[side], [drawn[name] for name in own])
+            label_greatest(axes, scales[side], [drawn[name] for name in own])
         for name in own:
             _draw(record, panel, *drawn[name], pens[name], timed=timed)
     if len(names) > 1:
@@ -646,7 +646,7 @@ def energy(record: Record) -> Picture:
         the difference `DRIFT` where there is a column `work`.
     """
     heights = [TALL, LOW]
-    picture = begun(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
+    picture = sheet(record, sum(heights) + 2 * APART + BELOW_PANELS, "energy")
     width = WIDTH - LEFT - RIGHT
     (axes,), (lower,) = picture.panels([width], heights, top=APART, down=APART)
     total = "energy T + V" if record.is_sum else "energy function h = Σ q̇ ∂L/∂q̇ − L"
@@ -660,7 +660,7 @@ def energy(record: Record) -> Picture:
     mark_events(record, axes)
     for name in names:
         series(axes, *drawn[name], pens[name])
-    tell(axes, values, list(drawn.values()))
+    label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
     _drift(lower, record)
     picture.align_ylabels()
@@ -691,7 +691,7 @@ def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Pict
     panels = Panels(record, grouped(record, shown))
     views = Views(record, scene)
     subject = _counted("coordinates", len(shown), len(coordinates))
-    picture = begun(record, panels.height + views.height, subject)
+    picture = sheet(record, panels.height + views.height, subject)
     panels.draw(picture)
     if views.height:
         views.draw(picture, panels.height)
@@ -721,7 +721,7 @@ def constraint_forces(
     else:
         subject = _counted(subject, len(shown), len(names))
     panels = Panels(record, [(name,) for name in shown])
-    picture = begun(record, panels.height, subject)
+    picture = sheet(record, panels.height, subject)
     panels.draw(picture, above=True)
     return picture
 

@@ -375,6 +375,8 @@ def put(path: Path, content: bytes) -> None:
 USUAL = {Format.CSV: 19.0, Format.NPZ: 8.0, Format.PARQUET: 8.0}
 # Below this it never is, but for columns of zeros.
 LEAST = 0.5
+# Numbers in a table from which on it is asked whether the disk has room: 20 megabytes.
+MANY = 1_000_000
 
 
 def refuse_without_room(
@@ -399,6 +401,8 @@ def refuse_without_room(
     InputError
     """
     rows = math.floor(settings.duration / settings.output_step) + 1
+    if rows * columns < MANY:
+        return ""
     needed = rows * columns * USUAL[form]
     free = _free(folder)
     if needed <= free:

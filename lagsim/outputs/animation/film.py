@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.model.model import Level, Scene
-from lagsim.outputs.animation.pushes import Levers, Push, reactions
+from lagsim.outputs.animation.pushes import Carriers, Push, reactions
 from lagsim.run.observers.frames import Frames
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def film(
     values |= columns
     tracks = _tracks(equations, scene, values, len(table))
     with np.errstate(all="ignore"):
-        levers = Levers(equations, scene, values, len(table))
-        pushes = [*levers.pushes(), *reactions(model, scene, columns)]
+        carriers = Carriers(equations, scene, values, len(table))
+        pushes = [*carriers.pushes(), *reactions(model, scene, columns)]
         broken = frames.broken | _swift(tracks, columns["t"])
     if frames.stride > 1:
         thinned = f"one of {frames.stride} rows; positions between are interpolated"
@@ -145,7 +145,7 @@ def film(
     return Film(
         model.name, model.description, columns["t"], broken, tracks, scene.links,
         pushes, {k: columns[k] for k in ENERGIES if k in columns}, events,
-        levers.struck, horizon, _units(scene, units or {}), notes,
+        carriers.struck, horizon, _units(scene, units or {}), notes,
     )  # fmt: skip
 
 

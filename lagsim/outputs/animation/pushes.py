@@ -51,7 +51,7 @@ class _Row(NamedTuple):
     entries: Mapping[int, int]
 
 
-class Levers:
+class Carriers:
     """Which points carry the constraints of a scene.
 
     Parameters
@@ -107,7 +107,7 @@ class Levers:
             reached = {j for p in points for part in self._jacobians[p] for j in part}
             if not row.entries or not row.entries.keys() <= reached:
                 continue
-            _, holds, unique = self._levers(row, points, some)
+            _, holds, unique = self._forces(row, points, some)
             if np.mean(holds & unique) >= MOSTLY:
                 return points, True
             if np.mean(holds) >= MOSTLY:
@@ -123,7 +123,7 @@ class Levers:
             met = {frozenset(pair) for pair in linked}
             yield from (x for x in combinations(known, 2) if frozenset(x) not in met)
 
-    def _levers(
+    def _forces(
         self, row: _Row, points: Sequence[str], frames: slice
     ) -> tuple[Floats, Flags, Flags]:
         """Return f (k, components) in some frames, where A^T = J^T f, where unique.
@@ -163,7 +163,7 @@ class Levers:
                 continue
             if not multiplier.any() or len(found) >= MOST_PUSHES:
                 continue
-            f, holds, unique = self._levers(row, points, slice(None))
+            f, holds, unique = self._forces(row, points, slice(None))
             f[~(holds & unique)] = np.nan
             force = f.T * multiplier
             force[:, multiplier == 0.0] = 0.0
