@@ -11,9 +11,13 @@ import numpy as np
 from lagsim.outputs.letters import Letters, raised
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
+    from lagsim.notes import Event
     from lagsim.run.observers.thinning import Thinning
+
+# Kinds of events that take in others at their time.
+IMPACTS = ("impact", "zeno")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,3 +58,25 @@ class Record:
     def trusted(self) -> int:
         """Return how many of the points that paths show lie before the horizon."""
         return int(np.searchsorted(self.rows.sampled("t"), self.horizon, side="right"))
+
+
+def merged(events: Iterable[Event]) -> list[Event]:
+    """Return the events that are marked: those at the time of an impact are part of it.
+
+    So are those at which bouncing ends.
+    """
+    own = [
+        e._replace(kind="switch") if e.kind == "zeno" and e.constraint is None else e
+        for e in events
+        if e.kind != "until"
+    ]
+    impacts = {e.time for e in own if e.kind in IMPACTS}
+    return [e for e in own if e.kind in IMPACTS or e.time not in impacts]
+
+
+def marked(events: Iterable[Event]) -> dict[str, list[float]]:
+    """Return the times that pictures mark, by kind of event."""
+    times: dict[str, set[float]] = {}
+    for e in merged(events):
+        times.setdefault(e.kind, set()).add(e.time)
+    return {kind: sorted(own) for kind, own in times.items()}

@@ -8,6 +8,7 @@ header.
 from __future__ import annotations
 
 import os
+from operator import attrgetter
 from typing import IO, TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
+    from lagsim.notes import Event
 
 _LINE = b"\r\n"
 # What begins a formula in a spreadsheet; the second four are of full width.
@@ -104,6 +106,14 @@ def numberless(unit: str) -> str:
     except ValueError:
         return unit
     return ""
+
+
+def events_table(events: Iterable[Event]) -> bytes:
+    """Return events.csv; what does not go with a kind of event is empty."""
+    columns = (
+        "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
+    )  # fmt: skip
+    return table_of(columns, map(attrgetter(*columns), events))
 
 
 def table_of(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> bytes:

@@ -17,7 +17,8 @@ from lagsim.native.link import ahead
 from lagsim.notes import Caution
 from lagsim.outputs import attempted
 from lagsim.outputs.letters import Letters, letters_of
-from lagsim.outputs.record import Record
+from lagsim.outputs.record import Record, marked
+from lagsim.outputs.table import events_table
 from lagsim.studies.declared import decoded, encoded
 
 if TYPE_CHECKING:
@@ -35,9 +36,7 @@ if TYPE_CHECKING:
 def events(made: Attempt) -> Iterator[Made]:
     """Give name and content of the table of events, of a model that has one."""
     if made.session.lists_events:
-        from lagsim.outputs import events
-
-        yield events.NAME, events.table(made.trajectory.events)
+        yield "events.csv", events_table(made.trajectory.events)
 
 
 def drawings(
@@ -78,7 +77,6 @@ def beside(
 
 def _record(made: Attempt, rows: Thinning, form: str) -> Record:
     """Return what the pictures of a run have in common."""
-    from lagsim.outputs.events import marked, unmarked
     from lagsim.outputs.units import units
 
     equations, trajectory = made.session.case.equations, made.trajectory
@@ -86,7 +84,9 @@ def _record(made: Attempt, rows: Thinning, form: str) -> Record:
         rows.meet(made.corners.rows())
     model = equations.model
     happened = marked(trajectory.events) if model.output.event_marks else {}
-    note = unmarked(trajectory) if happened else ""
+    listed, count = len(trajectory.events), sum(trajectory.event_counts.values())
+    note = f"marks: the first {listed} of {count} events"
+    note = note if happened and listed < count else ""
     if not trajectory.outcome.complete:
         note = f"incomplete: {trajectory.reason}"
     return Record(

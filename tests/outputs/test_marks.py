@@ -13,9 +13,8 @@ from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.outputs import plots
 from lagsim.outputs.curves import LOST, MARKS
-from lagsim.outputs.events import marked
 from lagsim.outputs.figure import DPI
-from lagsim.outputs.record import Record
+from lagsim.outputs.record import Record, marked
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs import drawn as kit
 from tests.outputs.drawn import against, below, drawn

@@ -167,6 +167,7 @@ def test_ring_where_something_struck(passed):
     assert one["width"] == pytest.approx(3 * (1 - age) + 0.5)
     assert not page.arcs(early, colour="force")
     assert not page.arcs(late, colour="force")
+    assert seen["texts"]["legend"] == "impact (1)"  # the release is part of it
 
 
 def test_trails():

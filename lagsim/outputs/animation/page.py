@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.outputs.animation.film import extent
+from lagsim.outputs.record import merged
 from lagsim.tolerances import FLAT_RANGE, SATISFIED
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def record(film: Film) -> dict[str, Any]:
             "place": _packed(place), "rate": _packed(rate),
         }  # fmt: skip
         points.append({"name": name, **found})
-    events = [e for e in film.events if e.kind != "until"]
+    events = merged(film.events)
     notes = list(film.notes)
     if len(events) > MOST_EVENTS:
         notes.append(f"the first {MOST_EVENTS} of {len(events)} events are marked")
