@@ -115,11 +115,16 @@ def test_b(): time.sleep(1.0)
     ("variables", "fails", "shown"),
     [
         ({"LAGSIM_TEST_SKIPS": "0"}, True, "1 tests are skipped, 0 may be"),
-        ({"LAGSIM_TEST_SKIPS": "1"}, False, "1 passed, 1 skipped"),
-        ({"LAGSIM_TEST_PATIENCE": "0.001"}, True, "in test_b"),
+        pytest.param(
+            {"LAGSIM_TEST_SKIPS": "1"}, False, "1 passed, 1 skipped",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            {"LAGSIM_TEST_PATIENCE": "0.001"}, True, "in test_b", marks=pytest.mark.slow
+        ),
     ],
     ids=str,
-)
+)  # fmt: skip
 def test_skips_are_counted_and_timeouts_are_moved(tmp_path, variables, fails, shown):
     done = pytest_of(tmp_path, TWO, **variables)
     assert bool(done.returncode) == fails

@@ -39,7 +39,9 @@ def test_the_page_says_what_happens():
     assert runner.failures == 0, "".join(told)
 
 
-@pytest.mark.parametrize("name", ["elastic-pendulum", "bouncing-ball"])
+@pytest.mark.parametrize(
+    "name", ["elastic-pendulum", pytest.param("bouncing-ball", marks=pytest.mark.slow)]
+)
 def test_a_result_is_written_as_the_command_writes_it(models, command, capsys, name):  # noqa: F811
     path = f"models/{name}.yaml"
     assert command("run", path, "-o", "run", "--duration", "2").code == 0

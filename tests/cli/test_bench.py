@@ -95,7 +95,10 @@ def test_a_chart_is_drawn_again_from_its_document(lagsim, write):
     }
 
 
-@pytest.mark.parametrize(("form", "begins"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+@pytest.mark.parametrize(
+    ("form", "begins"),
+    [pytest.param("svg", b"<?xml", marks=pytest.mark.slow), ("pdf", b"%PDF")],
+)
 def test_a_chart_for_print(lagsim, write, form, begins):
     quick = ("--methods", "rk4", "--steps", "0.1:0.1", "-q", "-o", "out")
     assert lagsim("bench", write(PENDULUM), *quick, "--format", form).code == 0

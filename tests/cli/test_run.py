@@ -82,7 +82,7 @@ def test_the_rows_are_at_the_output_times(lagsim, write):
     assert manifest("out")["rows"] == 30
 
 
-@pytest.mark.parametrize("form", ["svg", "pdf"])
+@pytest.mark.parametrize("form", ["svg", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_pictures_in_another_format_take_the_place_of_the_others(lagsim, write, form):
     model = write(PENDULUM + "output: {plots: [{x: t, y: theta}]}\n")
     pictures = ["energy", "plot_1", "trajectory"]

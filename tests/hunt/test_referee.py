@@ -211,11 +211,10 @@ def test_shrinking_keeps_what_fails_and_little_else():
 
 
 def test_scenes_follow_from_their_seed():
-    for number in range(3):
-        scene = scene_of(f"same-{number}")
-        assert scene.text() == scene_of(f"same-{number}").text()
-        assert list(yaml.safe_load(scene.text())["coordinates"]) == scene.q
-    assert scene_of("same-0").text() != scene_of("same-1").text()
+    scene = scene_of("same-0")
+    assert scene.text() == scene_of("same-0").text()
+    assert list(yaml.safe_load(scene.text())["coordinates"]) == scene.q
+    assert scene_of("same-1").text() != scene.text()
 
 
 @pytest.mark.parametrize("past", [0.0009, 0.002, 0.004])

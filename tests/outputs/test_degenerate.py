@@ -82,7 +82,9 @@ def test_times(name):
     draw_all(record(rows, horizon=float(t[4]), events={"switch": list(t)}))
 
 
-@pytest.mark.parametrize("value", [0.0, -1e300, np.nan])
+@pytest.mark.parametrize(
+    "value", [-1e300, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.0, np.nan))]
+)
 def test_one_row(value):
     draw_all(record(np.full((1, len(NAMES)), value)))
 

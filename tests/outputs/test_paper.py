@@ -47,7 +47,7 @@ def test_an_svg_has_the_size_of_the_sheet_and_is_white():
     assert numbers.max(0).tolist() == pytest.approx(size, abs=1e-3)
 
 
-@pytest.mark.parametrize("form", VECTORS)
+@pytest.mark.parametrize("form", [pytest.param("svg", marks=pytest.mark.slow), "pdf"])
 def test_files_tell_no_date_and_nobody(form):
     told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
     for file in made(form):

@@ -342,7 +342,7 @@ def test_gaps_and_single_values_are_drawn():
     assert box.y0 < y < box.y1
 
 
-@pytest.mark.parametrize("count", [0, 1, 2])
+@pytest.mark.parametrize("count", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 def test_runs_that_hardly_began_are_drawn(count):
     columns = {name: np.resize(c, 600)[:count] for name, c in swing().items()}
     for sheet in all_sheets(record(columns, note="stopped at the start")):

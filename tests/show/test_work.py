@@ -64,7 +64,14 @@ def work(terms, n):
     return calls / len(written)
 
 
-@pytest.mark.parametrize("shape", [sines, products_of_sines, nested_choices])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        sines,
+        pytest.param(products_of_sines, marks=pytest.mark.slow),
+        pytest.param(nested_choices, marks=pytest.mark.slow),
+    ],
+)
 def test_twice_the_coordinates_take_no_more_work_for_each_letter(shape):
     # In a process of its own: what others have left in sympy's caches is not counted.
     name = shape.__name__

@@ -41,6 +41,7 @@ def test_another_process_draws_the_same(ordered, monkeypatch):
         assert dict(draw(*order)) == own
 
 
+@pytest.mark.slow
 def test_what_another_does_not_bring_is_drawn_here(ordered, monkeypatch):
     order, own = ordered
     monkeypatch.setattr(ahead.Helper, "give", lambda *_: iter(()))

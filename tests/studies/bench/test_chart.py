@@ -211,5 +211,6 @@ def test_errors_below_the_floor_are_shaded():
     assert corners[:, 0].min() == pytest.approx(panel.box.x0, abs=1.0)
 
 
+@pytest.mark.slow
 def test_the_same_document_gives_the_same_bytes(crowded):
     assert chart(json.loads(json.dumps(DOCUMENTS["crowd"]))) == crowded.sheet

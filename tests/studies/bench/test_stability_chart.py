@@ -94,6 +94,7 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     assert not any("…" in label for label in labels)
 
 
+@pytest.mark.slow
 def test_it_is_drawn_for_print(strips):
     assert chart(strips, "pdf").startswith(b"%PDF")
     assert chart(strips, "svg").startswith(b"<?xml")
