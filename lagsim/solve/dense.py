@@ -28,7 +28,7 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import NOTE, Parameters
-from lagsim.native.kernels.words import at, external
+from lagsim.native.kernels.words import external
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
 if TYPE_CHECKING:
@@ -40,17 +40,16 @@ NAN = float("nan")
 
 def factor(p: Parameters) -> None:
     """Factor M, or M + A^T W A with the rows that always hold."""
-    n, M, L = p.n, p.M, p.L
-    p.L[:] = M
+    n = p.n
+    p.L[:] = p.M
     if p.augmented > 0.0:
         A = p.A
         for k in range(p.m - p.laws):
-            row = at(A, k * n)
-            weight = row_weight(n, M, row)
+            row = A[k * n :]
+            weight = row_weight(n, p.M, row)
             for i in range(n):
-                for j in range(i + 1):
-                    L[i * n + j] += weight * row[i] * row[j]
-    cholesky(n, L)
+                p.L[i * n : i * n + i + 1] += weight * row[i] * row[: i + 1]
+    cholesky(n, p.L)
 
 
 def cholesky(n: int, L: Floats) -> None:
@@ -93,10 +92,10 @@ def row_weight(n: int, M: Floats, row: Floats) -> float:
 
 def augment_force(p: Parameters) -> None:
     """Add A^T W b to f."""
-    n, M, A, b = p.n, p.M, p.A, p.b
+    n = p.n
     for k in range(p.m - p.laws):
-        row = at(A, k * n)
-        weight = row_weight(n, M, row) * b[k]
+        row = p.A[k * n :]
+        weight = row_weight(n, p.M, row) * p.b[k]
         p.f[:] += weight * row[:n]
 
 
@@ -115,8 +114,7 @@ def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
         i = n - 1 - k
         value = x[i] / L[i * n + i]
         out[i] = value
-        for j in range(i):
-            x[j] -= L[i * n + j] * value
+        x[:i] -= L[i * n : i * n + i] * value
 
 
 def spread(p: Parameters) -> None:
@@ -125,14 +123,14 @@ def spread(p: Parameters) -> None:
     The scale of a row is the largest length (m,) that it has had on the way, so that
     one that vanishes is seen to; see `keep_lengths`.
     """
-    n, A, Y, lengths, scales = p.n, p.A, p.Y, p.lengths, p.scales
+    n = p.n
     for i in range(p.m):
-        row = at(Y, i * n)
-        row[:n] = A[i * n : (i + 1) * n]
+        row = p.Y[i * n :]
+        row[:n] = p.A[i * n : (i + 1) * n]
         forward(n, p.L, row)
-        length = max(lengths[i], sqrt(product(n, row, row)))
-        scales[i] = 1.0 / length if length > 0.0 else 0.0
-        row[:n] *= scales[i]
+        length = max(p.lengths[i], sqrt(product(n, row, row)))
+        p.scales[i] = 1.0 / length if length > 0.0 else 0.0
+        row[:n] *= p.scales[i]
 
 
 def keep_lengths(p: Parameters) -> None:
@@ -140,11 +138,10 @@ def keep_lengths(p: Parameters) -> None:
 
     Not of every state: what a step is tried with may lie anywhere.
     """
-    order, lengths, scales = p.order, p.lengths, p.scales
     for k in range(p.m):
-        i = int(order[k])
-        if scales[k] > 0.0:
-            lengths[i] = max(lengths[i], 1.0 / scales[k])
+        i = int(p.order[k])
+        if p.scales[k] > 0.0:
+            p.lengths[i] = max(p.lengths[i], 1.0 / p.scales[k])
 
 
 def reflect(p: Parameters) -> int:
@@ -159,7 +156,7 @@ def reflect(p: Parameters) -> int:
     A row is reflected onto the largest of its own entries, which is exchanged into
     place k, and noted: rounding stays among the coordinates that rows join.
     """
-    n, m, Y, diagonal, factors, places = p.n, p.m, p.Y, p.diagonal, p.factors, p.places
+    n, Y, diagonal, places = p.n, p.Y, p.diagonal, p.places
     kept = set_aside(p)
     for k in range(n):
         places[k] = k
@@ -170,24 +167,24 @@ def reflect(p: Parameters) -> int:
     reflected = 0
     for k in range(expected):
         best = longest_row(n, k, kept, Y)
-        longest = sqrt(rest_of_row(n, k, at(Y, best * n)))
+        longest = sqrt(rest_of_row(n, k, Y[best * n :]))
         p.sigma = longest
         if longest < cutoff:
             rank = min(rank, k)
         if longest == 0.0:
             break
         swap(p, k, best)
-        row = at(Y, k * n)
+        row = Y[k * n :]
         places[k] = largest_entry(n, k, row)
-        exchange(n, m, k, int(places[k]), Y)
+        exchange(n, p.m, k, int(places[k]), Y)
         diagonal[k] = -longest
         if row[k] < 0.0:
             diagonal[k] = longest
         head = row[k] - diagonal[k]
-        factors[k] = -head / diagonal[k]
+        p.factors[k] = -head / diagonal[k]
         row[k + 1 : n] /= head
-        for i in range(k + 1, m):
-            mirror(n, k, row, factors[k], at(Y, i * n))
+        for i in range(k + 1, p.m):
+            mirror(n, k, row, p.factors[k], Y[i * n :])
         reflected = k + 1
     if p.least_sigma >= NOTE:
         note_directions(p, reflected)
@@ -197,22 +194,22 @@ def reflect(p: Parameters) -> int:
 
 def note_directions(p: Parameters, end: int) -> None:
     """Note the directions of the constraints: one for each of the first reflections."""
-    n, L, Y, factors, directions, u = p.n, p.L, p.Y, p.factors, p.directions, p.mirrored
+    n, u = p.n, p.mirrored
     p.noted = end
     for k in range(end):
-        z = at(directions, 2 * n * k)
-        mass = at(z, n)
+        z = p.directions[2 * n * k :]
+        mass = z[n:]
         p.u[:] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
             j = k - before
-            mirror(n, j, at(Y, j * n), factors[j], u)
+            mirror(n, j, p.Y[j * n :], p.factors[j], u)
         from_places(n, p.places, u)
         for a in range(n):
             mass[a] = 0.0
             for j in range(a + 1):
-                mass[a] += L[a * n + j] * u[j]
-        backward(n, L, u, z)
+                mass[a] += p.L[a * n + j] * u[j]
+        backward(n, p.L, u, z)
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
@@ -220,7 +217,7 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
     best = k
     longest = -1.0
     for i in range(k, end):
-        length = rest_of_row(n, k, at(Y, i * n))
+        length = rest_of_row(n, k, Y[i * n :])
         if length > longest:
             longest = length
             best = i
@@ -229,17 +226,17 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 def set_aside(p: Parameters) -> int:
     """Put the rows that are marked in `aside` (m,) last; give how many are not."""
-    m, aside, order = p.m, p.aside, p.order
+    m = p.m
     kept = m
     for back in range(m):
         i = m - 1 - back
-        order[i] = i
-        if aside[i] > 0.0:
+        p.order[i] = i
+        if p.aside[i] > 0.0:
             kept -= 1
     end = m
     for back in range(m):
         i = m - 1 - back
-        if aside[i] > 0.0:
+        if p.aside[i] > 0.0:
             end -= 1
             swap(p, i, end)
     return kept
@@ -247,7 +244,7 @@ def set_aside(p: Parameters) -> int:
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
     """Give the square of the length of a row from column k on."""
-    return product(n - k, at(row, k), at(row, k))
+    return product(n - k, row[k:], row[k:])
 
 
 def swap(p: Parameters, k: int, i: int) -> None:
@@ -293,23 +290,23 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     """Apply the k-th reflection to x (n,)."""
-    along = factor_k * (x[k] + product(n - k - 1, at(row, k + 1), at(x, k + 1)))
+    along = factor_k * (x[k] + product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
     x[k + 1 : n] -= along * row[k + 1 : n]
 
 
 def impress(p: Parameters, rank: int) -> None:
     """Give u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
-    n, Y, u, w, diagonal, factors = p.n, p.Y, p.u, p.w, p.diagonal, p.factors
+    n, u, w, diagonal = p.n, p.u, p.w, p.diagonal
     for k in range(rank):
         for j in range(k):
-            w[k] -= Y[k * n + j] * w[j]
+            w[k] -= p.Y[k * n + j] * w[j]
         w[k] /= diagonal[k]
     p.u[:] = 0.0
     u[:rank] = w[:rank]
     for i in range(rank):
         k = rank - 1 - i
-        mirror(n, k, at(Y, k * n), factors[k], u)
+        mirror(n, k, p.Y[k * n :], p.factors[k], u)
     from_places(n, p.places, u)
 
 
@@ -318,51 +315,50 @@ def multipliers(p: Parameters, rank: int) -> None:
 
     With B = R1^-1 R2 and x = R1^-1 w: lambda = (x - B z, z), (I + B^T B) z = B^T x.
     """
-    m, w, order, x, out = p.m, p.w, p.order, p.x, p.multipliers
-    x[:rank] = w[:rank]
+    x, out = p.x, p.multipliers
+    x[:rank] = p.w[:rank]
     unscaled_backward(p, rank, x)
-    if rank < m:
+    if rank < p.m:
         shorten(p, rank)
-    for c in range(rank, m):
-        out[int(order[c])] = w[c - rank]
+    for c in range(rank, p.m):
+        out[int(p.order[c])] = p.w[c - rank]
     for k in range(rank):
-        out[int(order[k])] = x[k]
+        out[int(p.order[k])] = x[k]
 
 
 def shorten(p: Parameters, rank: int) -> None:
     """Leave the free multipliers z (m - rank,) in w, x - B z in x, of least norm."""
-    n = p.n
     spare = p.m - rank
-    Y, x, scales, free, B = p.Y, p.x, p.scales, p.w, p.free
-    normal = at(B, rank * spare)
+    x, B = p.x, p.free
+    normal = B[rank * spare :]
     for c in range(spare):
-        column = at(B, c * rank)
+        column = B[c * rank :]
         for k in range(rank):
             column[k] = 0.0
-            if scales[rank + c] > 0.0:
-                column[k] = Y[(rank + c) * n + k] / scales[rank + c]
+            if p.scales[rank + c] > 0.0:
+                column[k] = p.Y[(rank + c) * p.n + k] / p.scales[rank + c]
         unscaled_backward(p, rank, column)
-    z = at(x, rank)
+    z = x[rank:]
     for c in range(spare):
-        z[c] = product(rank, at(B, c * rank), x)
+        z[c] = product(rank, B[c * rank :], x)
         for d in range(c + 1):
-            normal[c * spare + d] = product(rank, at(B, c * rank), at(B, d * rank))
+            normal[c * spare + d] = product(rank, B[c * rank :], B[d * rank :])
         normal[c * spare + c] += 1.0
     cholesky(spare, normal)
     forward(spare, normal, z)
-    backward(spare, normal, z, free)
+    backward(spare, normal, z, p.w)
     for c in range(spare):
-        x[:rank] -= free[c] * B[c * rank : (c + 1) * rank]
+        x[:rank] -= p.w[c] * B[c * rank : (c + 1) * rank]
 
 
 def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
     """Replace x (rank,) by the solution of R1 D^-1 x, D the scales."""
-    n, Y, scales, diagonal = p.n, p.Y, p.scales, p.diagonal
+    diagonal = p.diagonal
     for i in range(rank):
         k = rank - 1 - i
         for j in range(k + 1, rank):
-            x[k] -= Y[j * n + k] * x[j] / scales[j]
-        x[k] *= scales[k] / diagonal[k]
+            x[k] -= p.Y[j * p.n + k] * x[j] / p.scales[j]
+        x[k] *= p.scales[k] / diagonal[k]
 
 
 def product(length: int, a: Floats, b: Floats) -> float:
@@ -427,11 +423,11 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give y' (size,) of the motion that was solved for."""
-    n, motion = p.n, p.motion
+    n = p.n
     out[:n] = y[n : 2 * n]
-    out[n : 2 * n] = motion[:n]
+    out[n : 2 * n] = p.motion[:n]
     if p.size > 2 * n:
-        quadratures(t, y, p, at(out, 2 * n))
+        quadratures(t, y, p, out[2 * n :])
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -450,16 +446,15 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     the constraint forces. In the metric of M reflections leave it anywhere among the
     coordinates that are joined. out has room for 2 size + 4.
     """
-    n, motion = p.n, p.motion
-    reaction = at(out, p.size)
+    n = p.n
+    reaction = out[p.size :]
     solve_motion(t, y, p)
     gather(p, reaction)
     loads(t, y, p, out)
     p.f[:] = out[:n]
     p.b[:] = 0.0
     solve_terms(p)
-    for i in range(n):
-        out[i] = abs(motion[i]) + REFLECTED * reaction[i]
+    out[:n] = abs(p.motion[:n]) + REFLECTED * reaction[:n]
 
 
 def gather(p: Parameters, out: Floats) -> None:
@@ -468,19 +463,19 @@ def gather(p: Parameters, out: Floats) -> None:
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts.
     """
-    n, M, A, f, b, lam = p.n, p.M, p.A, p.f, p.b, p.multipliers
-    label = at(out, n)
+    n, M, lam = p.n, p.M, p.multipliers
+    label = out[n:]
     join(n, p.m, p.terms, label)
     out[:n] = 0.0
     for k in range(p.m):
-        row = at(A, k * n)
+        row = p.A[k * n :]
         square = 0.0
-        asked = abs(b[k])
+        asked = abs(p.b[k])
         first = 0
         for j in range(n):
             if row[j] != 0.0 and M[j * n + j] > 0.0:
                 square += row[j] * row[j] / M[j * n + j]
-                asked += abs(row[j] * f[j]) / M[j * n + j]
+                asked += abs(row[j] * p.f[j]) / M[j * n + j]
                 first = j
         if square > 0.0:
             force = max(lam[k] * lam[k] * square, asked * asked / square)
@@ -502,7 +497,7 @@ def join(n: int, m: int, terms: Floats, label: Floats) -> None:
         changed = 0.0
         for k in range(n + m):
             # The rows of M, then those of A.
-            row = at(terms, k * n)
+            row = terms[k * n :]
             least = 1.0 * n
             for j in range(n):
                 if row[j] != 0.0:
@@ -543,24 +538,23 @@ def left_over(
 
     Of their residuals (first = 0), or of their rates (first = m).
     """
-    n, z, left, order = p.n, p.tried, p.left, p.order
+    n, z = p.n, p.tried
     z[:n] = y[:n]
     z[n : 2 * n] = step[:n]
-    bends(t, z, p, left)
+    bends(t, z, p, p.left)
     largest = 0.0
     for k in range(count):
-        largest = max(largest, left[first + int(order[k])])
+        largest = max(largest, p.left[first + int(p.order[k])])
     return largest
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
-    scales, right, order = p.scales, p.w, p.order
     factor_rows(p)
     largest = 0.0
     for k in range(p.m):
-        i = int(order[k])
-        right[k] = -residuals[i] * scales[k]
+        i = int(p.order[k])
+        p.w[k] = -residuals[i] * p.scales[k]
         if sizes[i] > 0.0:
             size = abs(residuals[i]) / sizes[i]
             if not size <= largest:  # or not a number
@@ -578,18 +572,17 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 
 def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    u, v, order, scales, right = p.u, p.v, p.order, p.scales, p.w
     if p.augmented > 0.0:
         augment_force(p)
     factor_rows(p)
     free_motion(p)
     for k in range(p.m):
-        right[k] = scales[k] * missing(p, int(order[k]))
+        p.w[k] = p.scales[k] * missing(p, int(p.order[k]))
     rank = int(p.ranked)
     impress(p, rank)
     multipliers(p, rank)
-    p.u[:] += v
-    backward(p.n, p.L, u, p.motion)
+    p.u[:] += p.v
+    backward(p.n, p.L, p.u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:
@@ -604,19 +597,18 @@ def factor_rows(p: Parameters) -> None:
 
 def free_motion(p: Parameters) -> None:
     """Leave M^-1 f as the motion, and L^-1 f as v (n,)."""
-    u, v = p.u, p.v
     p.v[:] = p.f
-    forward(p.n, p.L, v)
-    p.u[:] = v
-    backward(p.n, p.L, u, p.motion)
+    forward(p.n, p.L, p.v)
+    p.u[:] = p.v
+    backward(p.n, p.L, p.u, p.motion)
 
 
 def missing(p: Parameters, i: int) -> float:
     """Give what the motion lacks of the acceleration that row i asks for."""
-    A, motion = at(p.A, i * p.n), p.motion
+    A = p.A[i * p.n :]
     value = p.b[i]
     for j in range(p.n):
-        value -= A[j] * motion[j]
+        value -= A[j] * p.motion[j]
     return float(value)
 
 
@@ -631,7 +623,7 @@ def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
-    n, m, f, b, slope, by_motion = p.n, p.m, p.f, p.b, p.slopes, p.by_motion
+    n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
     factor(p)
@@ -642,16 +634,16 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     width = 2 * n
     for c in range(width):
         for j in range(n):
-            f[j] = -slope[j * width + c]
+            p.f[j] = -slope[j * width + c]
         for i in range(m):
-            b[i] = -slope[(n + i) * width + c]
+            p.b[i] = -slope[(n + i) * width + c]
         solve_again(p, rank, column)
         for j in range(n):
             out[j * width + c] = column[j]
         for k in range(p.works):
             rate = slope[(n + m + k) * width + c]
             for i in range(n + m):
-                rate += by_motion[k * (n + m) + i] * column[i]
+                rate += p.by_motion[k * (n + m) + i] * column[i]
             out[(n + k) * width + c] = rate
 
 
@@ -661,16 +653,16 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
     R^T w = b, and R lambda = w - Q^T L^-1 f.
     """
-    n, f, b, L, Y, places, scales, w = p.n, p.f, p.b, p.L, p.Y, p.places, p.scales, p.w
-    diagonal, factors, order, x = p.diagonal, p.factors, p.order, p.x
+    n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
+    diagonal, x = p.diagonal, p.x
     if p.augmented > 0.0:
         augment_force(p)
-    forward(n, L, f)
+    forward(n, p.L, f)
     to_places(n, places, f)
     for k in range(rank):
-        mirror(n, k, at(Y, k * n), factors[k], f)
+        mirror(n, k, Y[k * n :], p.factors[k], f)
     for k in range(rank):
-        w[k] = b[int(order[k])] * scales[k]
+        w[k] = p.b[int(p.order[k])] * p.scales[k]
         for j in range(k):
             w[k] -= Y[k * n + j] * w[j]
         w[k] /= diagonal[k]
@@ -678,10 +670,10 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
         f[k] = w[k]
     for back in range(rank):
         k = rank - 1 - back
-        mirror(n, k, at(Y, k * n), factors[k], f)
+        mirror(n, k, Y[k * n :], p.factors[k], f)
     from_places(n, places, f)
-    backward(n, L, f, out)
+    backward(n, p.L, f, out)
     unscaled_backward(p, rank, x)
     out[n : n + p.m] = 0.0
     for k in range(rank):
-        out[n + int(order[k])] = x[k]
+        out[n + int(p.order[k])] = x[k]

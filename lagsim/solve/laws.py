@@ -39,7 +39,7 @@ from lagsim.methods.parts.parameters import (
     SLIP,
     Parameters,
 )
-from lagsim.native.kernels.words import at, external
+from lagsim.native.kernels.words import external
 from lagsim.solve.dense import (
     NAN,
     REFLECTED,
@@ -68,10 +68,10 @@ def couple(p: Parameters, sliding: int) -> None:
 
     Each row of S, and of the right side, is brought to the size of its own diagonal.
     """
-    n, Y, Z, S, right = p.n, p.Y, p.Z, p.S, p.w
+    n = p.n
     count = int(p.ranked)
     for k in range(count):
-        row, push, i = at(Y, k * n), at(Z, k * n), int(p.order[k])
+        row, push, i = p.Y[k * n :], p.Z[k * n :], int(p.order[k])
         row[:n] = p.A[i * n : (i + 1) * n]
         push[:n] = row[:n]
         forward(n, p.L, row)
@@ -79,47 +79,45 @@ def couple(p: Parameters, sliding: int) -> None:
             slide_along(p, i, push)
         forward(n, p.L, push)
     for k in range(count):
-        row = at(Y, k * n)
+        row = p.Y[k * n :]
         square = product(n, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
         for i in range(count):
-            S[k * count + i] = product(n, row, at(Z, i * n)) * scale
-        right[k] *= scale
+            p.S[k * count + i] = product(n, row, p.Z[i * n :]) * scale
+        p.w[k] *= scale
 
 
 def slide_along(p: Parameters, i: int, push: Floats) -> None:
     """Add to what row i pushes with the friction that goes with its multiplier."""
     n = p.n
     first = p.m - p.laws
-    normal, part = p.law_normal, p.law_part
     for k in range(p.laws):
-        if int(normal[k]) == i - first and i >= first and part[k] != 0.0:
-            push[:n] += part[k] * p.A[(first + k) * n : (first + k + 1) * n]
+        if int(p.law_normal[k]) == i - first and i >= first and p.law_part[k] != 0.0:
+            push[:n] += p.law_part[k] * p.A[(first + k) * n : (first + k + 1) * n]
 
 
 def impress(p: Parameters, sliding: int) -> None:
     """Add to u (n,) the forces of the rows that hold, times L^-1."""
-    n, right = p.n, p.w
+    n = p.n
     for k in range(int(p.ranked)):
-        push = at(p.Y, k * n)
+        push = p.Y[k * n :]
         if sliding > 0:
-            push = at(p.Z, k * n)
-        p.u[:] += right[k] * push[:n]
+            push = p.Z[k * n :]
+        p.u[:] += p.w[k] * push[:n]
 
 
 def share_out(p: Parameters) -> None:
     """Leave the multiplier of each row."""
     first = p.m - p.laws
-    out, order, right, part = p.multipliers, p.order, p.w, p.law_part
-    normal, kind = p.law_normal, p.law_kind
+    out = p.multipliers
     p.multipliers[:] = 0.0
     for k in range(int(p.ranked)):
-        out[int(order[k])] = right[k]
+        out[int(p.order[k])] = p.w[k]
     for k in range(p.laws):
-        if part[k] != 0.0:
-            out[first + k] = part[k]
-            if kind[k] == SLIP:
-                out[first + k] *= out[first + int(normal[k])]
+        if p.law_part[k] != 0.0:
+            out[first + k] = p.law_part[k]
+            if p.law_kind[k] == SLIP:
+                out[first + k] *= out[first + int(p.law_normal[k])]
 
 
 def solve_rows(p: Parameters, count: int, x: Floats) -> None:
@@ -136,19 +134,19 @@ def share(p: Parameters, out: Floats) -> None:
     What is not left out may not do: then all stay as they are.
     """
     laws = p.laws
-    G, held, forces, lam = p.free, p.x, p.diagonal, at(out, p.m - laws)
+    forces, lam = p.diagonal, out[p.m - laws :]
     count = products(p)
     if count == 0:
         return
     for i in range(count):
         forces[i] = 0.0
         for j in range(count):
-            k = int(held[j])
-            forces[i] += G[i * laws + k] * lam[k]
+            k = int(p.x[j])
+            forces[i] += p.free[i * laws + k] * lam[k]
     pulls = share_among(p, count)
     while pulls >= 0:
         for i in range(count):
-            G[i * laws + pulls] = 0.0
+            p.free[i * laws + pulls] = 0.0
         pulls = share_among(p, count)
     for k in range(laws):
         if touches(p, k) and abs(p.w[0]) < OVERFLOW:
@@ -158,29 +156,29 @@ def share(p: Parameters, out: Floats) -> None:
 def products(p: Parameters) -> int:
     """Make G = A_h A^T of the contacts that hold, by laws; give how many these are."""
     n, laws = p.n, p.laws
-    mode, G, held, rows = p.law_mode, p.free, p.x, at(p.A, (p.m - laws) * n)
+    rows = p.A[(p.m - laws) * n :]
     count = 0
     weigh(p)
     for k in range(laws):
-        if mode[k] == HELD and touches(p, k):
+        if p.law_mode[k] == HELD and touches(p, k):
             for i in range(laws):
-                G[count * laws + i] = 0.0
+                p.free[count * laws + i] = 0.0
                 if touches(p, i):
-                    G[count * laws + i] = inner(p, at(rows, k * n), at(rows, i * n))
-            held[count] = k
+                    p.free[count * laws + i] = inner(p, rows[k * n :], rows[i * n :])
+            p.x[count] = k
             count += 1
     return count
 
 
 def share_among(p: Parameters, count: int) -> int:
     """Solve for y among those in G; give the law that would pull most, or -1."""
-    G, S, w, forces = p.free, p.S, p.w, p.diagonal
-    w[:count] = forces[:count]
+    forces = p.diagonal
+    p.w[:count] = forces[:count]
     for i in range(count):
         for j in range(count):
-            row, other = at(G, i * p.laws), at(G, j * p.laws)
-            S[i * count + j] = product(p.laws, row, other)
-    solve_rows(p, count, w)
+            row, other = p.free[i * p.laws :], p.free[j * p.laws :]
+            p.S[i * count + j] = product(p.laws, row, other)
+    solve_rows(p, count, p.w)
     found = -1
     most = 0.0
     for k in range(p.laws):
@@ -193,10 +191,9 @@ def share_among(p: Parameters, count: int) -> int:
 
 def shared(p: Parameters, count: int, k: int) -> float:
     """Give the multiplier of law k."""
-    G, y = p.free, p.w
     found = 0.0
     for i in range(count):
-        found += y[i] * G[i * p.laws + k]
+        found += p.w[i] * p.free[i * p.laws + k]
     return found
 
 
@@ -204,12 +201,12 @@ def weigh(p: Parameters) -> None:
     """Note the square of what makes the largest element of each coordinate 1."""
     n = p.n
     first = p.m - p.laws
-    A, weights = p.A, p.u
+    weights = p.u
     p.u[:] = 0.0
     for k in range(p.laws):
         if touches(p, k):
             for j in range(n):
-                weights[j] = max(weights[j], abs(A[(first + k) * n + j]))
+                weights[j] = max(weights[j], abs(p.A[(first + k) * n + j]))
     for j in range(n):
         if weights[j] > 0.0:
             weights[j] = 1.0 / (weights[j] * weights[j])
@@ -217,21 +214,21 @@ def weigh(p: Parameters) -> None:
 
 def inner(p: Parameters, a: Floats, b: Floats) -> float:
     """Give the product of two rows (n,)."""
-    weights = p.u
     found = 0.0
     for j in range(p.n):
-        found += weights[j] * a[j] * b[j]
+        found += p.u[j] * a[j] * b[j]
     return found
 
 
 def touches(p: Parameters, k: int) -> bool:
     """Tell whether a law is a contact without friction that touches and holds."""
-    kind, mode, normal = p.law_kind, p.law_mode, p.law_normal
-    if kind[k] != CONTACT or not (mode[k] == HELD or mode[k] == IMPLIED):
+    if p.law_kind[k] != CONTACT or not (
+        p.law_mode[k] == HELD or p.law_mode[k] == IMPLIED
+    ):
         return False
     slips = 0
     for i in range(p.laws):
-        if int(normal[i]) == k:
+        if int(p.law_normal[i]) == k:
             slips += 1
     return slips == 0
 
@@ -256,27 +253,25 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     rates(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
     if p.law_shares > 0.0:
-        share(p, at(out, p.size))
+        share(p, out[p.size :])
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give what rounding does to q'' (n,), and that of other rates; see `dense`."""
-    n, m, motion, A = p.n, p.m, p.motion, p.A
-    first = m - p.laws
-    mode = p.law_mode
-    reaction = at(out, p.size)
+    n = p.n
+    first = p.m - p.laws
+    reaction = out[p.size :]
     solve_motion(t, y, p)
-    for k in range(first, m):
-        if mode[k - first] != HELD:
-            A[k * n : (k + 1) * n] = 0.0
+    for k in range(first, p.m):
+        if p.law_mode[k - first] != HELD:
+            p.A[k * n : (k + 1) * n] = 0.0
     gather(p, reaction)
     loads(t, y, p, out)
     p.f[:] = out[:n]
     p.b[:] = 0.0
     hold(p)
     respond(p)
-    for i in range(n):
-        out[i] = abs(motion[i]) + REFLECTED * reaction[i]
+    out[:n] = abs(p.motion[:n]) + REFLECTED * reaction[:n]
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -300,21 +295,20 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
     """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its scale (1,)."""
-    n, order, right, u = p.n, p.order, p.w, p.u
     hold(p)
     largest = 0.0
     count = int(p.ranked)
     for k in range(count):
-        i = int(order[k])
-        right[k] = -residuals[i]
+        i = int(p.order[k])
+        p.w[k] = -residuals[i]
         if scales[i] > 0.0:
             largest = max(largest, abs(residuals[i]) / scales[i])
     p.u[:] = 0.0
     couple(p, 0)
-    solve_rows(p, count, right)
+    solve_rows(p, count, p.w)
     impress(p, 0)
-    backward(n, p.L, u, out)
-    out[n] = largest
+    backward(p.n, p.L, p.u, out)
+    out[p.n] = largest
 
 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
@@ -330,12 +324,11 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
 def hold(p: Parameters) -> None:
     """Factor M, and list the rows that hold."""
     first = p.m - p.laws
-    order, mode, aside = p.order, p.law_mode, p.aside
     count = 0
     for k in range(p.m):
-        holds = aside[k] == 0.0 if k < first else mode[k - first] == HELD
+        holds = p.aside[k] == 0.0 if k < first else p.law_mode[k - first] == HELD
         if holds:
-            order[count] = k
+            p.order[count] = k
             count += 1
     p.ranked = count
     if p.factored < 1.0:
@@ -345,45 +338,41 @@ def hold(p: Parameters) -> None:
 
 def drive(p: Parameters) -> None:
     """Note what slides, and add the forces of limited rows that do."""
-    n = p.n
     first = p.m - p.laws
-    mode, way, floor, part = p.law_mode, p.law_way, p.law_floor, p.law_part
-    pair, speeds, bounds = p.law_pair, p.law_speeds, p.law_bounds
-    statics, A = p.law_statics, p.A
+    way, part = p.law_way, p.law_part
     for k in range(p.laws):
         part[k] = 0.0
-        if mode[k] == IMPLIED:
+        if p.law_mode[k] == IMPLIED:
             # Where it has a way: at its bound, and kept there by the others.
-            part[k] = way[k] * statics[k]
-        if mode[k] == DRIVEN:
-            part[k] = way[k] * bounds[k]
-            other = int(pair[k])
+            part[k] = way[k] * p.law_statics[k]
+        if p.law_mode[k] == DRIVEN:
+            part[k] = way[k] * p.law_bounds[k]
+            other = int(p.law_pair[k])
             if other >= 0:
-                x = speeds[k] - floor[k] * way[k]
-                z = speeds[other] - floor[k] * way[other]
+                x = p.law_speeds[k] - p.law_floor[k] * way[k]
+                z = p.law_speeds[other] - p.law_floor[k] * way[other]
                 speed = sqrt(x * x + z * z)
                 if speed > 0.0:
-                    part[k] = -bounds[k] * x / speed
+                    part[k] = -p.law_bounds[k] * x / speed
                 if x * way[k] + z * way[other] > 0.0:
                     # Past its stop in a step that is to end there: as before it.
                     part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
-            p.f[:] += part[k] * A[(first + k) * n : (first + k + 1) * n]
+            p.f[:] += part[k] * p.A[(first + k) * p.n : (first + k + 1) * p.n]
 
 
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda: the terms are there, and what slides is noted."""
-    u, v, order, right = p.u, p.v, p.order, p.w
     free_motion(p)
     count = int(p.ranked)
     for k in range(count):
-        right[k] = missing(p, int(order[k]))
+        p.w[k] = missing(p, int(p.order[k]))
     couple(p, 1)
-    solve_rows(p, count, right)
-    p.u[:] = v
+    solve_rows(p, count, p.w)
+    p.u[:] = p.v
     impress(p, 1)
     share_out(p)
-    backward(p.n, p.L, u, p.motion)
+    backward(p.n, p.L, p.u, p.motion)
 
 
 def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -403,20 +392,19 @@ def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def is_one_sided(p: Parameters, k: int) -> bool:
     """Tell whether a law's multiplier pushes and does not pull."""
-    kind = p.law_kind
     # These two are the first kinds.
-    return float(kind[k]) <= FREEWHEEL
+    return float(p.law_kind[k]) <= FREEWHEEL
 
 
 def hold_left(p: Parameters, k: int) -> float:
     """Give how much less, or more, a row that holds could bear."""
-    kind, lam, statics = p.law_kind, p.multipliers, p.law_statics
+    lam = p.multipliers
     i = p.m - p.laws + k
     if is_one_sided(p, k):
         return float(lam[i])
-    if kind[k] == LIMITED:
-        return float(statics[k] - abs(lam[i]))
-    return grip(p, k) if kind[k] == SLIP else ENDLESS
+    if p.law_kind[k] == LIMITED:
+        return float(p.law_statics[k] - abs(lam[i]))
+    return grip(p, k) if p.law_kind[k] == SLIP else ENDLESS
 
 
 def slide_left(p: Parameters, k: int, speed: float) -> float:
@@ -425,29 +413,29 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
     Until their way has turned, and has to be noted anew. Of those that begin, how much
     they are below what they begin with, and forward.
     """
-    speeds, pair, way, still = p.law_speeds, p.law_pair, p.law_way, p.law_still
-    other = int(pair[k])
+    way = p.law_way
+    other = int(p.law_pair[k])
     if other < 0:
         return float(-way[k] * speed)
     if other < k:
         return ENDLESS
-    x = speeds[k]
-    z = speeds[other]
+    x = p.law_speeds[k]
+    z = p.law_speeds[other]
     speed = sqrt(x * x + z * z)
     ahead = -(way[k] * x + way[other] * z)
     if p.law_floor[k] > 0.0:
         return float(min(BEGUN * p.law_floor[k] - speed, ahead))
     if ahead < 0.0:
         return float(-speed)
-    return float(min(speed - still[k], ahead - TURNED * speed))
+    return float(min(speed - p.law_still[k], ahead - TURNED * speed))
 
 
 def grip(p: Parameters, k: int) -> float:
     """Give how much more a slip that sticks could bear; of two the first one tells."""
     first = p.m - p.laws
-    lam, pair, normal, statics = p.multipliers, p.law_pair, p.law_normal, p.law_statics
-    other = int(pair[k])
-    held = statics[k] * lam[first + int(normal[k])]
+    lam = p.multipliers
+    other = int(p.law_pair[k])
+    held = p.law_statics[k] * lam[first + int(p.law_normal[k])]
     if other < 0:
         return float(held - abs(lam[first + k]))
     if other < k and p.law_mode[other] == HELD:

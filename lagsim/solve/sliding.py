@@ -17,7 +17,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
-from lagsim.native.kernels.words import at, external
+from lagsim.native.kernels.words import external
 from lagsim.tolerances import DEPENDENT_SHARES, MISSED_SURFACE
 
 if TYPE_CHECKING:
@@ -63,29 +63,29 @@ def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Give the columns of a row, without what pulls the state to the constraints."""
-    n, motion, found = p.n, p.motion, p.side_fields
-    side, slides, low, floor = p.side, p.slides, p.low, p.floor
-    least_root, gain = p.least_root, p.gain
+    n = p.n
+    slides, low = p.slides, p.low
+    gain = p.gain
     p.gain = 0.0
     for k in range(p.surfaces):
         # Roots are shown as written unless the motion keeps to them.
         if not slides[k] > 0.0:
-            floor[k] = 0.0
+            p.floor[k] = 0.0
     combine(t, y, p)
     p.gain = gain
-    motion[:n] = found[n : 2 * n]
-    p.multipliers[:] = found[p.size : p.size + p.m]
+    p.motion[:n] = p.side_fields[n : 2 * n]
+    p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     for k in range(p.surfaces):
         if slides[k] > 0.0:
             leader = k
             if slides[k] == CARRIED:
                 leader = int(p.leader[k]) - 1
-            side[k] = low[k] + p.share[leader] * (p.high[k] - low[k])
+            p.side[k] = low[k] + p.share[leader] * (p.high[k] - low[k])
     columns(t, y, p, out)
     for k in range(p.surfaces):
         if slides[k] > 0.0:
-            side[k] = low[k]
-        floor[k] = least_root[k]
+            p.side[k] = low[k]
+        p.floor[k] = p.least_root[k]
 
 
 def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -93,19 +93,18 @@ def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
     Of the surfaces (K,), then of the laws (L,).
     """
-    slides, share, least, most = p.slides, p.share, p.least, p.most
     if p.sliding > 0.0:
         combine(t, y, p)
     surfaces(t, y, p, out)
     for k in range(p.surfaces):
-        low = out[k] - least[k]
-        high = most[k] - out[k]
-        if slides[k] == FOLLOWED:
-            low = share[k]
-            high = 1.0 - share[k]
+        low = out[k] - p.least[k]
+        high = p.most[k] - out[k]
+        if p.slides[k] == FOLLOWED:
+            low = p.share[k]
+            high = 1.0 - p.share[k]
         out[k] = min(low, high)
     if LAWS:
-        law_margins(t, y, p, at(out, p.surfaces))
+        law_margins(t, y, p, out[p.surfaces :])
 
 
 def pull(t: float, y: Floats, p: Parameters) -> None:
@@ -119,39 +118,36 @@ def pull(t: float, y: Floats, p: Parameters) -> None:
     if sliding == 0:
         return
     width = p.size + p.m
-    found, right, former = p.side_fields, p.right, p.former
     combine(t, y, p)
     weigh(p)
     far = distance(p)
-    former[: 2 * n] = y[: 2 * n]
+    p.former[: 2 * n] = y[: 2 * n]
     for j in range(sliding):
-        change = at(found, (j + 1) * width + n)
-        y[:n] += change[:n] * right[3 * j + 1]
-        y[n : 2 * n] += change[:n] * right[3 * j + 2]
+        change = p.side_fields[(j + 1) * width + n :]
+        y[:n] += change[:n] * p.right[3 * j + 1]
+        y[n : 2 * n] += change[:n] * p.right[3 * j + 2]
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
-        y[: 2 * n] = former[: 2 * n]
+        y[: 2 * n] = p.former[: 2 * n]
 
 
 def weigh(p: Parameters) -> None:
     """Leave the slope of each surface that the motion follows where B was."""
-    slides, starts, J, slopes = p.slides, p.row_starts, p.J, p.B
     for k in range(p.surfaces):
-        slopes[k] = 0.0
-        if slides[k] == FOLLOWED:
-            for e in range(int(starts[k]), int(starts[k + 1])):
-                slopes[k] += abs(J[e])
+        p.B[k] = 0.0
+        if p.slides[k] == FOLLOWED:
+            for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
+                p.B[k] += abs(p.J[e])
 
 
 def distance(p: Parameters) -> float:
     """Give how far the state is from the surfaces that it slides along."""
-    residuals, rates, least, most, slopes = p.residuals, p.rates, p.least, p.most, p.B
     far = 0.0
     for k in range(p.surfaces):
-        if slopes[k] > 0.0:
-            off = abs(residuals[k] - least[k])
-            off += abs(rates[k] - most[k])
-            far += off / slopes[k]
+        if p.B[k] > 0.0:
+            off = abs(p.residuals[k] - p.least[k])
+            off += abs(p.rates[k] - p.most[k])
+            far += off / p.B[k]
     return far
 
 
@@ -161,17 +157,17 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
     And the shares.
     """
     width = p.size + p.m
-    slides, fields = p.slides, p.side_fields
+    fields = p.side_fields
     field(t, y, p, fields)
     sliding = int(p.sliding)
     if sliding > 0:
         surface_rows(t, y, p, p.rows)
         j = 0
         for k in range(p.surfaces):
-            if slides[k] == FOLLOWED:
+            if p.slides[k] == FOLLOWED:
                 j += 1
                 take_side(k, p.high, p)
-                other = at(fields, j * width)
+                other = fields[j * width :]
                 field(t, y, p, other)
                 take_side(k, p.low, p)
                 other[:width] -= fields[:width]
@@ -180,28 +176,28 @@ def combine(t: float, y: Floats, p: Parameters) -> None:
 
 def take_side(k: int, which: Floats, p: Parameters) -> None:
     """Put a surface, and what it carries along, on the side p.low or p.high."""
-    side, leader = p.side, p.leader
     for i in range(p.surfaces):
-        if i == k or int(leader[i]) == k + 1:
-            side[i] = which[i]
+        if i == k or int(p.leader[i]) == k + 1:
+            p.side[i] = which[i]
 
 
 def share_out(sliding: int, p: Parameters) -> None:
     """Find the shares, and what takes the state back onto the surfaces."""
-    n = p.n
     width = p.size + p.m
-    slides, fields, B, right = p.slides, p.side_fields, p.B, p.right
+    B, right = p.B, p.right
     i = 0
     for k in range(p.surfaces):
-        if slides[k] == FOLLOWED:
+        if p.slides[k] == FOLLOWED:
             noise = p.noise[k]
-            right[3 * i] = above(p.asked[k] - product(k, p, at(fields, n)), noise)
+            right[3 * i] = above(
+                p.asked[k] - product(k, p, p.side_fields[p.n :]), noise
+            )
             right[3 * i + 1] = p.least[k] - p.residuals[k]
             right[3 * i + 2] = p.most[k] - p.rates[k]
             for j in range(sliding):
-                change = at(fields, (j + 1) * width + n)
+                change = p.side_fields[(j + 1) * width + p.n :]
                 B[i * sliding + j] = above(product(k, p, change), noise)
-            even_out(at(B, i * sliding), sliding, at(right, 3 * i))
+            even_out(B[i * sliding :], sliding, right[3 * i :])
             i += 1
     solve(sliding, B, right)
     take_shares(sliding, p)
@@ -225,42 +221,39 @@ def above(x: float, noise: float) -> float:
 def take_shares(sliding: int, p: Parameters) -> None:
     """Combine the fields; a share that does not keep to its surface becomes -1."""
     width = p.size + p.m
-    slides, asked, share, fields = p.slides, p.asked, p.share, p.side_fields
-    forced = at(fields, p.n)
-    B, right = p.B, p.right
+    fields = p.side_fields
+    forced = fields[p.n :]
     i = 0
     for k in range(p.surfaces):
-        if slides[k] == FOLLOWED:
-            share[k] = right[3 * i]
-            B[i] = abs(asked[k]) + extent(k, p, forced)
+        if p.slides[k] == FOLLOWED:
+            p.share[k] = p.right[3 * i]
+            p.B[i] = abs(p.asked[k]) + extent(k, p, forced)
             i += 1
     for i in range(sliding):
-        fields[:width] += right[3 * i] * fields[(i + 1) * width : (i + 2) * width]
+        fields[:width] += p.right[3 * i] * fields[(i + 1) * width : (i + 2) * width]
     i = 0
     for k in range(p.surfaces):
-        if slides[k] == FOLLOWED:
-            size = B[i] + extent(k, p, forced)
-            left = product(k, p, forced) - asked[k]
+        if p.slides[k] == FOLLOWED:
+            size = p.B[i] + extent(k, p, forced)
+            left = product(k, p, forced) - p.asked[k]
             if not abs(left) <= MISSED_SURFACE * size + p.noise[k]:
-                share[k] = -1.0
+                p.share[k] = -1.0
             i += 1
 
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
     """Give the size of the terms of row k of J times a (n,)."""
-    starts, places, J = p.row_starts, p.row_columns, p.J
     found = 0.0
-    for e in range(int(starts[k]), int(starts[k + 1])):
-        found += abs(J[e] * a[int(places[e])])
+    for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
+        found += abs(p.J[e] * a[int(p.row_columns[e])])
     return found
 
 
 def product(k: int, p: Parameters, a: Floats) -> float:
     """Give row k of J times a (n,)."""
-    starts, places, J = p.row_starts, p.row_columns, p.J
     found = 0.0
-    for e in range(int(starts[k]), int(starts[k + 1])):
-        found += J[e] * a[int(places[e])]
+    for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
+        found += p.J[e] * a[int(p.row_columns[e])]
     return found
 
 
@@ -275,7 +268,7 @@ def solve(size: int, B: Floats, right: Floats) -> None:
         for i in range(rank + found, size):
             if found > 0:
                 factor = B[i * size + k] / B[rank * size + k]
-                lower, pivot = at(B, i * size), at(B, rank * size)
+                lower, pivot = B[i * size :], B[rank * size :]
                 lower[k + 1 : size] -= factor * pivot[k + 1 : size]
                 right[3 * i : 3 * i + 3] -= factor * right[3 * rank : 3 * rank + 3]
             B[i * size + k] = 0.0

@@ -19,7 +19,6 @@ from lagsim.native.kernels.translation import translate
 from lagsim.native.kernels.words import (
     Static,
     apart,
-    at,
     external,
     fused,
     total,
@@ -146,8 +145,8 @@ def conjunction(a: bool, b: bool) -> bool:
 
 def fill(n: int, y: Floats, out: Floats) -> None:
     """Store into the three parts of `out` (3 n,)."""
-    tail = at(out, n)
-    last = at(tail, n)
+    tail = out[n:]
+    last = tail[n:]
     for i in range(n):
         out[i], tail[i] = y[i], -y[n - 1 - i]
         last[i] = i
@@ -170,7 +169,7 @@ def sums(n: int, y: Floats, out: Floats) -> None:
 
 
 def side_by_side(n: int, y: Floats, out: Floats) -> None:
-    middle = at(out, n)
+    middle = out[n:]
     for i in apart(n):
         slope = total(WEIGHTS[0][j] * y[i] for j in unrolled(3))
         middle[i] = slope + 0.1 * y[n - 1 - i]
@@ -367,7 +366,7 @@ def test_externals_are_linked_and_bound() -> None:
 HEAD = """from __future__ import annotations
 import math
 from lagsim.language.arrays import Floats
-from lagsim.native.kernels.words import at, external, total, unrolled
+from lagsim.native.kernels.words import external, total, unrolled
 TABLE = (1.0, 2.0)
 ROWS = {}
 N = 2
@@ -433,7 +432,7 @@ def test_an_external_may_be_translated_along(tmp_path: Path) -> None:
 # The body of `f`, where `!` marks the line at fault, and what the message says.
 FAULTS = [
     ("!return sum([x])", "not of the subset"),
-    ("!return at(a[::2], 1)[0]", "leaves some elements out"),
+    ("!return a[::2][0]", "leaves some elements out"),
     ("!a[:] = x\nreturn x", "needs an end"),
     ("k = 1\n!k = x\nreturn x", "is float, not int"),
     ("!if n:\n    return x\nreturn x", "is int, not bool"),

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels.words import at
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
 from lagsim.solve.dense import position_step, solve_motion, velocity_step
@@ -38,7 +37,7 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
     m = p.m
     for i in range(n * n + n * m):
         out[i] = y[i]
-    residuals = at(out, n * n + n * m)
+    residuals = out[n * n + n * m :]
     for i in range(m):
         residuals[i] = y[n * n + n * m + n + i]
         residuals[m + i] = 2.0 * residuals[i]

@@ -10,7 +10,6 @@ import pytest
 
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.native.kernels.words import at
 from lagsim.solve import dense, laws
 from tests.kernels import bind
 
@@ -304,7 +303,7 @@ def test_what_holds_rounds_as_relations_do(seed):
         put(out, (x.M, x.A[rows], x.f, x.asked[rows]))
 
     def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
-        put(at(out, 0), (x.loads,))
+        put(out[0:], (x.loads,))
 
     p = Parameters.made(n=N, m=len(rows), size=2 * N, loops=1)
     p.expected, p.least_sigma = len(rows), 1.0

@@ -198,7 +198,6 @@ class _Function(Folding):
             math.floor: lambda node: self._truncated(
                 self._intrinsic("floor", *self._floats(node, 1))
             ),
-            words.at: self._at,
             words.total: self._total,
         }
 
@@ -567,11 +566,6 @@ class _Function(Folding):
         opposite = self._op("int", f"sub i64 0, {value.text}").text
         text = f"select i1 {negative}, i64 {opposite}, i64 {value.text}"
         return self._op("int", text)
-
-    def _at(self, node: ast.Call) -> Value:
-        array, index = self._arguments(node, 2)
-        view = ast.copy_location(ast.Subscript(array, index, ast.Load()), node)
-        return Value(self._element(view), "Floats")
 
     def _total(self, node: ast.Call) -> Value:
         [terms] = self._arguments(node, 1)

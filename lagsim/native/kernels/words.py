@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from lagsim.language.arrays import Floats
-
 # The kind of a parameter that is known at translation: the function is translated once
 # for each value that it is called with.
 Static: TypeAlias = int
@@ -24,11 +22,6 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _EXTERNAL = "lagsim_external"
-
-
-def at(a: Floats, k: int) -> Floats:
-    """Give the array from element `k` on: a view, sharing its memory with `a`."""
-    return a[k:]
 
 
 def unrolled(*bounds: int) -> range:
