@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from lagsim.errors import InputError
 from lagsim.methods.exponential import balance, norm
 from tests.support import run
 
@@ -215,22 +214,6 @@ def test_until(until, end):
     text = ONE.format(k=1.0, c=0.0, F=0.0, x=1.0, v=0.0, duration=63, step=63)
     found = run(text.replace("method", f"until: {until}, method"))
     assert found["t"][-1] == pytest.approx(end, abs=1e-15)
-
-
-@pytest.mark.parametrize(
-    ("model", "words"),
-    [
-        ("elastic-pendulum", "not linear"),
-        ("forced-oscillator", "depend on time"),
-        ("kepler", "not linear"),
-    ],
-)
-def test_what_is_refused(model, words):
-    with pytest.raises(InputError) as raised:
-        run(model, method="exponential")
-    [problem] = raised.value.problems
-    assert problem.code == "method-refused"
-    assert words in problem.text
 
 
 def test_a_mass_without_a_finite_reciprocal_ends_the_run():

@@ -19,7 +19,6 @@ from lagsim.methods.parts.newton import (
     solve,
 )
 from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
-from tests.methods.test_registry import refusal_of
 from tests.support import run
 
 ELASTIC = """
@@ -176,23 +175,6 @@ def test_quadratic_energies_are_kept_to_rounding(name):
     assert found.drift < 2e-14 * found["energy"][0]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "instead"),
-    [
-        ("midpoint", "constraints: {rod: x^2 + y^2 = 1}", "rattle"),
-        ("gauss4", "constraints: {knife: x_dot = y_dot*x}", "dop853"),
-    ],
-)
-def test_gauss_methods_refuse_constraints(name, text, instead):
-    model = f"""
-coordinates: {{x: {{}}, y: {{}}}}
-energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: y}}
-{text}
-initial: {{x: 0, y: -1}}
-"""
-    assert instead in refusal_of(name, model)
-
-
 @pytest.mark.parametrize("name", ["midpoint", "gauss4", "generalized-alpha"])
 def test_an_iteration_that_fails_ends_the_run_with_advice(name):
     found = run(JUMPING.replace("METHOD", name))
@@ -226,19 +208,6 @@ def test_radau_counts_its_factorisations():
     assert statistics.evaluations >= 4 * statistics.steps
     assert (statistics.evaluations - statistics.steps) % 3 == 0
     assert 3 <= statistics.factorisations < statistics.steps
-
-
-@pytest.mark.parametrize("name", ["radau", "generalized-alpha", "midpoint", "gauss4"])
-def test_scenes_too_large_for_dense_matrices_are_refused(name):
-
-    from lagsim.mechanics.equations import derive
-    from lagsim.mechanics.structure import structure
-    from lagsim.model.reader import read
-
-    scene = structure(derive(read(DOUBLE.replace("METHOD", name), "m.yaml")))
-    assert scene.unknowns == 2
-    assert method(name).refusal(scene) == ""
-    assert "301" in method(name).refusal(scene._replace(unknowns=301))
 
 
 # Forces of a norm that vanishes at the start, where the derivative of a root is 0/0.

@@ -143,3 +143,50 @@ def test_oscillations_are_stable_up_to_the_imaginary_limit(name):
         assert module.amplification(1j * y) > 1.0 + 0.5 * grown
     for y in np.linspace(0.0, 0.998 * limit, 500):
         assert module.amplification(1j * y) <= 1.0 + 1e-7
+
+
+BENDY = """
+coordinates: {a: {}, b: {}}
+energy: {kinetic: a_dot^2*(2 + cos(b)) + b_dot^2, potential: a^2 + b^2}
+initial: {a: 1, b: 0}
+"""
+DRAG = """
+coordinates: {a: {}}
+energy: {kinetic: a_dot^2, potential: a^2}
+forces: {a: -a_dot*abs(a_dot)}
+initial: {a: 1}
+"""
+BLADE = """
+coordinates: {a: {}, b: {}, c: {}}
+energy: {kinetic: a_dot^2 + b_dot^2 + c_dot^2, potential: 0}
+constraints: {edge: a_dot*sin(c) = b_dot*cos(c)}
+initial: {a: 1, b: 0, c: 0}
+"""
+HELD = SCENES["held"][0]
+REFUSED = [
+    ("verlet", BENDY, "mass matrix varies with positions"),
+    ("verlet", DRAG, "forces depend on the velocities"),
+    ("verlet", HELD, "`rattle`"),
+    ("verlet", BLADE, "constraints between velocities"),
+    ("kahan-li8", BENDY, "`gauss4`"),
+    ("rattle", BENDY, "`midpoint`"),
+    ("rattle", DRAG, "forces depend on the velocities"),
+    ("rattle", BLADE, "`dop853` projects"),
+    ("midpoint", HELD, "`rattle`"),
+    ("gauss4", BLADE, "`dop853` projects"),
+    ("exponential", DRAG, "not linear"),
+    ("exponential", f"{oscillator()}forces: {{x: cos(t)}}\n", "depend on time"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "words"), REFUSED)
+def test_what_cannot_be_handled_is_refused_with_the_way_out(name, text, words):
+    assert words in refusal_of(name, text)
+    assert not method("euler").refusal(None)
+
+
+@pytest.mark.parametrize("name", ["radau", "generalized-alpha", "midpoint", "gauss4"])
+def test_scenes_too_large_for_dense_matrices_are_refused(name):
+    scene = structure(derive(read(f"{DAMPED}simulation: {{duration: 1}}", "m.yaml")))
+    assert method(name).refusal(scene) == ""
+    assert "301" in method(name).refusal(scene._replace(unknowns=301))

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.equations import Instant
-from lagsim.methods import kahan_li6, kahan_li8, method
+from lagsim.methods import kahan_li6, kahan_li8
 from lagsim.methods.parts import state as at
 from lagsim.run.observers import Keep
 from tests.methods.plain import fresh_state, state_of
-from tests.methods.test_registry import refusal_of
 from tests.small_scenes import held_pendulum
 from tests.support import ready, run
 
@@ -303,38 +302,3 @@ def test_rattle_follows_rods_that_turn_far_in_a_step():
     residuals = [name for name in found.system.columns.names if "residual_" in name]
     assert len(residuals) == 10
     assert max(np.max(np.abs(found[name])) for name in residuals) < 1e-14
-
-
-BENDY = """
-coordinates: {a: {}, b: {}}
-energy: {kinetic: a_dot^2*(2 + cos(b)) + b_dot^2, potential: a^2 + b^2}
-initial: {a: 1, b: 0}
-"""
-DRAG = """
-coordinates: {a: {}}
-energy: {kinetic: a_dot^2, potential: a^2}
-forces: {a: -a_dot*abs(a_dot)}
-initial: {a: 1}
-"""
-BLADE = """
-coordinates: {a: {}, b: {}, c: {}}
-energy: {kinetic: a_dot^2 + b_dot^2 + c_dot^2, potential: 0}
-constraints: {edge: a_dot*sin(c) = b_dot*cos(c)}
-initial: {a: 1, b: 0, c: 0}
-"""
-REFUSED = [
-    ("verlet", BENDY, "mass matrix varies with positions"),
-    ("verlet", DRAG, "forces depend on the velocities"),
-    ("verlet", PENDULUM, "`rattle`"),
-    ("verlet", BLADE, "constraints between velocities"),
-    ("kahan-li8", BENDY, "`gauss4`"),
-    ("rattle", BENDY, "`midpoint`"),
-    ("rattle", DRAG, "forces depend on the velocities"),
-    ("rattle", BLADE, "`dop853` projects"),
-]
-
-
-@pytest.mark.parametrize(("name", "text", "words"), REFUSED)
-def test_what_cannot_be_handled_is_refused_with_the_way_out(name, text, words):
-    assert words in refusal_of(name, text)
-    assert not method("euler").refusal(None)
