@@ -33,56 +33,34 @@ def accelerated(acceleration, slopes):
     return model | exact(1)
 
 
-class Fixed:
-    """Steps of Radau of length h, whatever their error, in plain Python."""
+def steps_of(model, y, h):
+    """Make two units of time of steps of Radau of length h, whatever their error.
 
-    def __init__(self, model, y, t, h):
-        self.plain, self.h = Plain(radau, model), h
+    Gives after each step t, y, and y from the dense output at parts of it.
+    """
+    plain, s = Plain(radau, model), fresh_state(radau, y, n=1, rtol=1e-12, atol=1e-12)
+    start, attempt, accept, within = map(
+        plain.kernel, ("start", "attempt", "accept", "interpolate")
+    )
+    start(s, NO_PARAMETERS)
+    found = []
+    for _ in range(round(2.0 / h)):
         # Newton's method goes on to 0.03 of a tenth of the tolerance.
-        self.s = fresh_state(radau, y, n=1, t=t, arc_start=t, rtol=1e-12, atol=1e-12)
-        self.plain.kernel("start")(self.s, NO_PARAMETERS)
-
-    def step(self):
-        kernel = self.plain.kernel
-        assert kernel("attempt")(self.s, NO_PARAMETERS, self.h) >= 0.0
-        kernel("accept")(self.s, NO_PARAMETERS, self.h)
-        self.s.jacobian = 0.0  # the Jacobian is due
-        return self.s.t, state_of(self.s)
-
-    def within(self, x):
-        out = np.zeros(2)
-        self.plain.kernel("interpolate")(self.s, x, out)
-        return out
+        assert attempt(s, NO_PARAMETERS, h) >= 0.0
+        accept(s, NO_PARAMETERS, h)
+        s.jacobian = 0.0  # the Jacobian is due
+        rows = np.zeros((len(PARTS), 2))
+        for x, row in zip(PARTS, rows, strict=True):
+            within(s, x, row)
+        found.append((s.t, state_of(s), rows))
+    return found
 
 
+PARTS = np.linspace(0.0, 1.0, 21)
+STEPS = [0.4, 0.2, 0.1]
 RATES = accelerated(
     lambda _t, q, _v: -math.sin(q), lambda _t, q, _v: (-math.cos(q), 0.0)
 )
-
-
-def test_radau_has_order_5():
-    steps, errors = [0.4, 0.2, 0.1], []
-    for h in steps:
-        fixed = Fixed(RATES, [2.0, 0.0], 0.0, h)
-        visited = [fixed.step() for _ in range(round(2.0 / h))]
-        errors.append(max(abs(y[0] - swing(t, 2.0)) for t, y in visited))
-    assert slope(steps, errors) == pytest.approx(5, abs=0.4)
-
-
-def test_order_of_radaus_dense_output():
-    # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
-    steps, errors = [0.4, 0.2, 0.1], []
-    for h in steps:
-        fixed = Fixed(RATES, [2.0, 0.0], 0.0, h)
-        _, after = fixed.step()
-        looks = np.linspace(0.05, 0.95, 19)
-        errors.append(max(abs(fixed.within(x)[0] - swing(x * h, 2.0)) for x in looks))
-        assert np.allclose(fixed.within(0.0), [2.0, 0.0], rtol=0, atol=0)
-        assert np.allclose(fixed.within(1.0), after, rtol=0, atol=1e-14)
-    # From rest the first error of the positions vanishes: one more.
-    assert slope(steps, errors) - 1 > radau.DENSE_ORDER - 0.3
-
-
 STIFF = 1e6
 
 
@@ -91,15 +69,29 @@ def prothero_robinson(t, _q, v):
     return -STIFF * (v - math.sin(t)) + math.cos(t)
 
 
+def test_radau_has_order_5_and_its_dense_output_4():
+    errors, between = [], []
+    for h in STEPS:
+        found = steps_of(RATES, [2.0, 0.0], h)
+        errors.append(max(abs(y[0] - swing(t, 2.0)) for t, y, _ in found))
+        # Over one step from exact values: a polynomial of order p is off by h^(p + 1).
+        _, after, rows = found[0]
+        between.append(np.max(np.abs(rows[:, 0] - swing(PARTS * h, 2.0))))
+        assert rows[0].tolist() == [2.0, 0.0]
+        assert rows[-1] == pytest.approx(after, abs=1e-14)
+    assert slope(STEPS, errors) == pytest.approx(5, abs=0.4)
+    # From rest the first error of the positions vanishes: one more.
+    assert slope(STEPS, between) - 1 > radau.DENSE_ORDER - 0.3
+
+
 def test_radaus_order_falls_to_3_on_a_stiff_problem():
     model = accelerated(prothero_robinson, lambda _t, _q, _v: (0.0, -STIFF))
-    steps, errors = [0.4, 0.2, 0.1], []
-    for h in steps:
-        fixed = Fixed(model, [-1.0, 0.0], 0.0, h)
-        visited = [fixed.step() for _ in range(round(2.0 / h))]
-        errors.append(max(abs(y[1] - math.sin(t)) for t, y in visited))
+    errors = []
+    for h in STEPS:
+        found = steps_of(model, [-1.0, 0.0], h)
+        errors.append(max(abs(y[1] - math.sin(t)) for t, y, _ in found))
     # IV.15, table 15.1: h^s/L with s = 3 stages.
-    assert slope(steps, errors) == pytest.approx(3, abs=0.1)
+    assert slope(STEPS, errors) == pytest.approx(3, abs=0.1)
 
 
 PROTHERO_ROBINSON = """
