@@ -30,7 +30,7 @@ from lagsim.admissibility.point import (
     conditions,
     gradient_of,
 )
-from lagsim.admissibility.rank import LEVELS, RankReport, ThinSet, analyse, thin_set
+from lagsim.admissibility.rank import LEVELS, RankReport, analyse
 from lagsim.admissibility.refusal import (
     needs_constraints,
     out_of_scale,
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.integrability import Reach
-    from lagsim.admissibility.rank import Dependence
+    from lagsim.admissibility.rank import Dependence, ThinSet
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -102,8 +102,6 @@ class StartReport(NamedTuple):
     contradictions : tuple of Dependence
         Rows that contradict others, at the state or, where no admissible one was found,
         at the point of least residuals.
-    thin : ThinSet or None
-        The rows that no multiplier keeps, at the state or the nearest admissible one.
     unsolved : str
         Why no admissible state was found, where none was; or why the guesses alone
         did not suffice.
@@ -122,7 +120,6 @@ class StartReport(NamedTuple):
     changes: dict[str, tuple[float, float]]
     warnings: tuple[Caution, ...]
     lasting: RankReport
-    thin: ThinSet | None = None
     sticking: int = 0
 
     @property
@@ -130,6 +127,11 @@ class StartReport(NamedTuple):
         """What a run begins with."""
         at = self.state
         return Start(at.t, at.q, at.v, self.lasting, self.augmented)
+
+    @property
+    def thin(self) -> ThinSet | None:
+        """The rows that no multiplier keeps, where `ranks` are those of."""
+        return self.ranks.thin
 
     @property
     def admissible(self) -> bool:
@@ -211,7 +213,6 @@ class _Judged(NamedTuple):
     ranks: RankReport
     contradictions: tuple[Dependence, ...]
     repair: dict[str, float] | None = None
-    thin: ThinSet | None = None
     unsolved: str = ""
 
 
@@ -269,7 +270,7 @@ class _Examiner:
         here = judged.point
         always = Point(self.always, here.state, here.errors)
         augmented = needs_constraints(always)
-        thin = judged.thin.names if judged.thin else ()
+        thin = judged.ranks.thin.names if judged.ranks.thin else ()
         sound = not judged.contradictions and not thin
         warnings += advice.beyond_state(e)
         warnings += advice.about_ranks(e, judged.ranks, thin, sound=sound)
@@ -304,7 +305,6 @@ class _Examiner:
             unsolved=judged.unsolved or unsolved,
             changes=self._changes(point, here) if satisfied else {},
             warnings=tuple(warnings),
-            thin=judged.thin,
         )
 
     def _warn(self, code: str, text: str) -> None:
@@ -509,24 +509,11 @@ class _Examiner:
             np.asarray(np.linalg.norm(sizes * (x - x0)) / sizes)
             for x, x0 in zip((point.q, point.v), self.origin, strict=True)
         ]
-        double = moved[0] if self.double else None
         point = self._inexact(point)
-        ranks, thin = analyse(point, levels, double=double), None
-        if levels == LEVELS:
-            around = (np.zeros(self.n) if double is None else double, moved[1])
-            thin, real = thin_set(point, ranks.dependences, around)
-            ranks = ranks._replace(
-                dependences=tuple(
-                    # It is not one too many, though no state nearby was found.
-                    d._replace(everywhere=False)
-                    if d.name in real and d.everywhere is None
-                    else d
-                    for d in ranks.dependences
-                ),
-            )
+        ranks = analyse(point, levels, moved, double=self.double)
         against = tuple(d for d in ranks.dependences if d.contradictions)
-        unsolved = f"{thin}: {SIMPLE}" if thin and not against else ""
-        return _Judged(point, ranks, against, thin=thin, unsolved=unsolved)
+        unsolved = f"{ranks.thin}: {SIMPLE}" if ranks.thin and not against else ""
+        return _Judged(point, ranks, against, unsolved=unsolved)
 
     def _exact(self, point: Point, laws: Sequence[Verdict]) -> _Judged:
         """Judge the nearest exact state; one that is exact to rounding stays."""
@@ -562,7 +549,7 @@ class _Examiner:
                 return self._repaired(point)
         changed = self._changes(self.stated, near)
         judged = self._analysed(near, LEVELS)
-        if judged.contradictions or judged.thin:
+        if judged.contradictions or judged.ranks.thin:
             return judged
         return judged._replace(repair={name: new for name, (_, new) in changed.items()})
 

@@ -119,6 +119,8 @@ class RankReport(NamedTuple):
         One for each row that the earlier ones span, in the order of the file.
     not_unique : tuple of str
         The constraints whose multipliers are not determined.
+    thin : ThinSet or None
+        The rows that no multiplier keeps.
     """
 
     rank: int
@@ -127,10 +129,15 @@ class RankReport(NamedTuple):
     generic_smallest: float
     dependences: tuple[Dependence, ...] = ()
     not_unique: tuple[str, ...] = ()
+    thin: ThinSet | None = None
 
 
 def analyse(
-    point: Point, levels: Sequence[str] = LEVELS, *, double: Floats | None = None
+    point: Point,
+    levels: Sequence[str] = LEVELS,
+    moved: Sequence[Floats] | None = None,
+    *,
+    double: bool = False,
 ) -> RankReport:
     """Find the rank of the constraint rows, and the dependent ones by name.
 
@@ -139,9 +146,11 @@ def analyse(
     levels
         Those on which contradictions are looked for: what the state satisfies, and the
         first one that it does not.
+    moved
+        How far positions and velocities moved to get to the state, (n,) each: where it
+        satisfies all levels, thin sets are looked for around it.
     double
-        The displacement to the state, where it was found as a double root and is known
-        to half of the digits of that.
+        It was found as a double root, and is known to half of the digits of that.
     """
     rows = point.e.rows
     if not rows:
@@ -151,15 +160,16 @@ def analyse(
         if smallest > SAFELY_INDEPENDENT:
             return RankReport(len(rows), smallest, len(rows), smallest)
     Y, lengths = scaled_rows(point, rounded=True)
-    if double is not None:
-        lengths = _without_traces(point, Y, lengths, double)
-    flags = dependent_rows(Y, DEPENDENT_ROWS if double is None else HALF_OF_DIGITS)
+    around = moved[0] if double and moved else None
+    if around is not None:
+        lengths = _without_traces(point, Y, lengths, around)
+    flags = dependent_rows(Y, DEPENDENT_ROWS if around is None else HALF_OF_DIGITS)
     rank = flags.count(False)
     left, sizes, _ = np.linalg.svd(Y)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
-    generic = _generic(point, rank, double)
+    generic = _generic(point, rank, around)
     demands = _demands(point, levels)
     dependences = []
     for i, coefficients in _combinations(Y, lengths, flags).items():
@@ -175,9 +185,19 @@ def analyse(
     # Rank can only be lost at a state, not won.
     if generic is None or generic.rank < rank:
         generic = _Generic(rank, smallest, tuple(flags))
-    return RankReport(
-        rank, smallest, generic.rank, generic.smallest, tuple(dependences), names
-    )
+    thin = None
+    if moved is not None and levels == LEVELS:
+        nearby = (np.zeros(point.n) if around is None else around, moved[1])
+        thin, real = thin_set(point, dependences, nearby)
+        # It is not one too many, though no state nearby was found.
+        dependences = [
+            d._replace(everywhere=False)
+            if d.name in real and d.everywhere is None
+            else d
+            for d in dependences
+        ]
+    found = rank, smallest, generic.rank, generic.smallest
+    return RankReport(*found, tuple(dependences), names, thin)
 
 
 def scaled_rows(

@@ -60,11 +60,13 @@ def test_repair_is_the_nearest_state_in_the_metric_of_inertia(mass, place):
     assert not again.changes
 
 
-def test_a_start_where_the_gradient_vanishes():
+@pytest.mark.parametrize("radius", [1e-9, 1.0, 1e9])
+def test_a_start_where_the_gradient_vanishes(radius):
     # From the centre every direction is as good; one is taken, the same each time.
-    found = [repaired(scene(CIRCLE, {"x": 0, "y": 0})).repair for _ in range(2)]
+    text = scene(f"x^2 + y^2 = {radius}^2", {"x": 0, "y": 0})
+    found = [repaired(text).repair for _ in range(2)]
     assert found[0] == found[1]
-    assert math.hypot(*found[0].values()) == pytest.approx(1.0, rel=1e-12)
+    assert math.hypot(*found[0].values()) == pytest.approx(radius, rel=1e-12)
 
 
 def test_a_ridge_is_left():

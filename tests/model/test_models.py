@@ -353,20 +353,14 @@ def test_overrides_come_before_anything_is_evaluated():
     m = model(OVERRIDDEN, overrides={"m": "k + 4"})
     assert m.parameters[1][1:3] == (5, "kg")
     assert model("parameters: {a: 1/0}", overrides={"a": "1"}).parameters
-
-
-def test_overrides_of_start_values():
-    """What is not stated there is added; others that use it follow."""
-    text = """
-parameters: {k: 2}
-definitions: {s: x + y}
-initial: {x: {guess: 1}, y: 2*x, s: 0}
-"""
+    # start values: what is not stated there is added; others that use it follow
+    text = "parameters: {k: 2}\ndefinitions: {s: x + y}\n"
+    text += "initial: {x: {guess: 1}, y: 2*x, s: 0}"
     values = {"x": "k/2 + 1/4", "y_dot": "-3", "s": "5", "k": "4"}
-    starts = {s.name: s for s in model(text, overrides=values).initial}
-    stated = {name: s.value for name, s in starts.items()}
-    assert stated == {"x": 2.25, "y": 4.5, "x_dot": 0, "y_dot": -3, "s": 5}
-    assert [name for name, s in starts.items() if s.guess] == ["x"]
+    found = model(text, overrides=values).initial
+    stated = {"x": 2.25, "y": 4.5, "x_dot": 0, "y_dot": -3, "s": 5}
+    assert {s.name: s.value for s in found} == stated
+    assert [s.name for s in found if s.guess] == ["x"]
 
 
 @pytest.mark.parametrize(
