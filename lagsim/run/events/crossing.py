@@ -1,8 +1,8 @@
-"""How the motion goes on from a state on some surfaces.
+"""Mode selection at a state on switching surfaces: crossing, sliding, or rest.
 
 A surface that is met at a rate is crossed. Where the rate vanishes, or is that of a
-velocity and so depends on the side, the forces decide (`modes`). A surface that steps
-together with another, `abs(x_dot) > 0` with `sign(x_dot)`, has no way of its own: on
+velocity and so depends on the side, forces decide (`filippov`). A surface that steps
+together with another, `abs(x_dot) > 0` with `sign(x_dot)`, has no mode of its own: on
 each side of the other it has the side that it has there. One that keeps its level on a
 whole stretch, as `sign(x - max(-1, min(1, x)))` does, is on neither side.
 
@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, LEVEL, FilippovCone
+from lagsim.run.events.filippov import ABOVE, BELOW, LEVEL, SLIDING, FilippovCone
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
@@ -54,7 +54,7 @@ SLOW = 2.0**-20
 
 
 def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bool:
-    """Let the motion rest on a surface, if it does; tell whether.
+    """Select rest at the end of a switching curve, if it holds; tell whether.
 
     Where the others that the state is on depend on its side, and the forces on both
     sides of it lead back.
@@ -111,7 +111,7 @@ def _rests(
     for j in others:
         if found[BELOW][j] != found[ABOVE][j]:
             modes.carry(j, k, float(found[ABOVE][j]))
-    modes.put(k, levels[k], ALONG)
+    modes.put(k, levels[k], SLIDING)
     return True
 
 
@@ -123,7 +123,7 @@ FARTHER = 16.0
 
 
 def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
-    """Set the floors of all roots for the arc to come.
+    """Set the regularization of all roots for the arc to come: their floors.
 
     A floor is what the tolerance lets a velocity err in the run: ten times what it may
     err in a step, so that no error leads through it.
@@ -152,7 +152,7 @@ def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
-    """Give how large the expression of each surface has been (K,).
+    """Give the largest size of the expression of each surface so far (K,).
 
     pushed : (K,), how large it would become between two rows.
     """
@@ -345,7 +345,7 @@ class Crossing:
         self._take(found or now)
 
     def _let_rest(self, cone: FilippovCone) -> list[int]:
-        """Put the motion on the level of the surfaces that it does not leave.
+        """Select rest on the level of the surfaces that the motion does not leave.
 
         With the values that are written there, sign(0) = 0, and whatever the others do.
         Surfaces that attract are none: it may have to be held on these; nor is one that
@@ -391,7 +391,7 @@ class Crossing:
         return self._leads([k], np.ones(1)) is None
 
     def _leads(self, some: Sequence[int], sides: Floats) -> bool | None:
-        """Tell whether the motion leaves each of some surfaces to its side, -1 or 1.
+        """Tell by short steps whether the motion leaves surfaces to sides, -1 or 1.
 
         None where it leaves none to the wrong side, nor all to the right one.
         """
@@ -418,10 +418,10 @@ class Crossing:
     def _take(self, ways: Sequence[int]) -> None:
         """Take a way, with what steps together with the surfaces that it follows."""
         modes = self.modes
-        base = [BELOW if way == ALONG else way for way in ways]
+        base = [BELOW if way == SLIDING else way for way in ways]
         self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
-        along = [i for i, way in enumerate(ways) if way == ALONG]
+        along = [i for i, way in enumerate(ways) if way == SLIDING]
         carried = {}
         for i in along:
             self._settle([*base[:i], ABOVE, *base[i + 1 :]])
@@ -433,7 +433,7 @@ class Crossing:
         for k, (leader, high) in carried.items():
             modes.carry(k, leader, high)
         for i in along:
-            modes.put(self.open[i], self.levels[self.open[i]], ALONG)
+            modes.put(self.open[i], self.levels[self.open[i]], SLIDING)
 
     def _corners(self) -> list[tuple[int, ...]]:
         """Give corners to look at for scales: all of few."""

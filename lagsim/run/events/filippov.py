@@ -1,8 +1,8 @@
-"""The mode of an arc: the side of each surface, as the compiled functions know it.
+"""Filippov's conditions, and the modes of switching surfaces in an arc.
 
-Which way the motion goes from a point on several surfaces follows from Filippov's
-conditions. Each surface k has a share w_k in [0, 1] of its upper side, and a rate rho_k
-at which its expression grows:
+From a point on several surfaces the motion crosses some, or slides along them, as
+Filippov's conditions select. Each surface k has a share w_k in [0, 1] of its upper
+side, and a rate rho_k at which its expression grows:
 
     w = 0 and rho <= 0 (below it),  w = 1 and rho >= 0 (above),  or rho = 0 (along it).
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     Rates = Callable[[Corner], Floats]
 
 
-BELOW, ABOVE, ALONG = 0, 1, 2
+BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 # All ways are tried up to this many surfaces; beyond it they are exchanged one by one.
 FEW = 5
@@ -42,7 +42,7 @@ MOST_EXCHANGES = 1000
 
 
 class FilippovCone:
-    """A point on `count` surfaces.
+    """Filippov's conditions at a point on `count` surfaces.
 
     Parameters
     ----------
@@ -80,10 +80,10 @@ class FilippovCone:
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
 
     def way(self, now: Sequence[int]) -> list[int] | None:
-        """Give BELOW, ABOVE or ALONG for each surface; None where no way will do.
+        """Select BELOW, ABOVE or SLIDING for each surface; None where none meets them.
 
-        Where several do, those with fewer surfaces followed and with the sides `now`
-        come first.
+        Of several selections, those with fewer sliding surfaces and with the sides
+        `now` come first.
         """
         if self.count > FEW:
             return self._exchanged(now)
@@ -96,7 +96,7 @@ class FilippovCone:
         creeping = [way for way in candidates if self.holds(way, -self.tolerance)]
         doubtful = []
         for way in creeping:
-            stays = ALONG in way or self.stays(tuple(way))
+            stays = SLIDING in way or self.stays(tuple(way))
             if stays:
                 return way
             if stays is None:
@@ -115,7 +115,7 @@ class FilippovCone:
     def is_fork(self, way: Sequence[int]) -> bool:
         """Tell whether the other side of some surface would do as well."""
         for i, k in enumerate(way):
-            if k == ALONG or i in self.held:
+            if k == SLIDING or i in self.held:
                 continue
             other = [*way[:i], 1 - k, *way[i + 1 :]]
             if self.holds(other, self._clear) or self._leads_off(other):
@@ -124,26 +124,26 @@ class FilippovCone:
 
     def _leads_off(self, way: Sequence[int]) -> bool:
         """Tell whether the motion stays on these sides though no rate says so."""
-        if self.count > FEW or ALONG in way or not self.holds(way, -self.tolerance):
+        if self.count > FEW or SLIDING in way or not self.holds(way, -self.tolerance):
             return False
         return self.stays(tuple(way)) is True
 
     def _candidates(self, now: Sequence[int]) -> Iterator[list[int]]:
         choices = [
-            [self.held[k]] if k in self.held else [now[k], 1 - now[k], ALONG]
+            [self.held[k]] if k in self.held else [now[k], 1 - now[k], SLIDING]
             for k in range(self.count)
         ]
         every = [list(way) for way in product(*choices)]
-        yield from sorted(every, key=lambda way: way.count(ALONG))
+        yield from sorted(every, key=lambda way: way.count(SLIDING))
 
     def _solved(self, way: Sequence[int]) -> tuple[Floats, Floats, Floats]:
-        """Give the shares that keep what is followed at rest, rates, attractions.
+        """Give the shares that keep sliding surfaces, rates, and attractions (count,).
 
-        An attraction is by how much its own upper side adds to a rate: below 0 where
-        the sides push onto the surface.
+        The attraction of a surface is what its own upper side adds to its rate: below 0
+        where the sides push onto the surface.
         """
-        along = [i for i, k in enumerate(way) if k == ALONG]
-        corner = tuple(BELOW if k == ALONG else k for k in way)
+        along = [i for i, k in enumerate(way) if k == SLIDING]
+        corner = tuple(BELOW if k == SLIDING else k for k in way)
         rho = self.rates(corner)
         w = np.array(corner, dtype=float)
         own = np.zeros(self.count)
@@ -167,9 +167,9 @@ class FilippovCone:
         return w, rho, own
 
     def holds(self, way: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
-        """Tell whether a way meets the conditions, with rates of at least `least`.
+        """Tell whether a selection meets the conditions, at rates of `least` or more.
 
-        And whether each surface that is followed attracts alone.
+        And whether each sliding surface attracts alone.
         """
         w, rho, own = self._solved(way)
         known = [i in self.held for i in range(self.count)]
@@ -178,7 +178,7 @@ class FilippovCone:
         attracts = (own < 0.0) | (not alone)
         follows = inside & attracts & (np.abs(rho) <= self.tolerance)
         leaves = np.where(ways == ABOVE, rho, -rho) >= least
-        return bool(np.all(known | np.where(ways == ALONG, follows, leaves)))
+        return bool(np.all(known | np.where(ways == SLIDING, follows, leaves)))
 
     def _exchanged(self, now: Sequence[int]) -> list[int] | None:
         """Exchange the first surface that violates its condition until none does.
@@ -189,7 +189,7 @@ class FilippovCone:
         """
         attracts = [self.attraction(i) < 0.0 for i in range(self.count)]
         way = [
-            self.held.get(i, ALONG if attracts[i] else now[i])
+            self.held.get(i, SLIDING if attracts[i] else now[i])
             for i in range(self.count)
         ]
         for _ in range(MOST_EXCHANGES):
@@ -199,7 +199,7 @@ class FilippovCone:
                     continue
                 new = _better(k, w[i], rho[i], self.tolerance[i])
                 if new != k:
-                    way[i] = ALONG if attracts[i] and k != ALONG else new
+                    way[i] = SLIDING if attracts[i] and k != SLIDING else new
                     break
             else:
                 return way if np.all(np.isfinite(w + rho)) else None
@@ -219,10 +219,10 @@ def _affine(rates: Rates, count: int) -> Rates:
 
 
 def _better(k: int, w: float, rho: float, tolerance: float) -> int:
-    if k == ALONG:
+    if k == SLIDING:
         if w > 1.0 + SHARE_ROUNDOFF:
             return ABOVE
-        return BELOW if w < -SHARE_ROUNDOFF else ALONG
+        return BELOW if w < -SHARE_ROUNDOFF else SLIDING
     wrong = rho < -tolerance if k == ABOVE else rho > tolerance
     return 1 - k if wrong else k
 
@@ -244,7 +244,7 @@ class Rows(NamedTuple):
 
 
 class Modes:
-    """The surfaces of a run: which side each is on.
+    """The modes of the switching surfaces of a run.
 
     Attributes
     ----------
@@ -311,7 +311,7 @@ class Modes:
         return self.arc.system.p
 
     def tell(self, **numbers: Floats) -> None:
-        """Tell the compiled functions K numbers of some kinds, by their names in p.
+        """Store K numbers of some kinds in p, by their names there.
 
         Arrays that go on with numbers of laws and of `until` keep those.
         """
@@ -332,7 +332,7 @@ class Modes:
         """Put surface k below or above its level, along it, or at rest on it."""
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
-        self.kind[k] = {ALONG: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(way, 0.0)
+        self.kind[k] = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(way, 0.0)
         self.value[k] = {ABOVE: above, LEVEL: 0.5 * (below + above)}.get(way, below)
 
     def put_clear(self, k: int, value: float) -> None:
@@ -427,9 +427,9 @@ class Modes:
         return np.asarray(rows.J @ self.accelerations(self.arc.y) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
-        """Give the size of the terms of each surface, with sizes seen so far.
+        """Give the magnitude of the terms of each surface (K,), at sizes seen so far.
 
-        And by what the rounding of such a state does: slopes may vanish there.
+        Or what the rounding of such a state does: slopes may vanish there.
         """
         arc, n = self.arc, self.arc.system.n
         seen = self.arc.seen
@@ -445,7 +445,7 @@ class Modes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Give states that rounding does not tell from the one reached.
+        """Give states that differ from the one reached by rounding.
 
         And that are no farther than `reach` (size,) besides.
         """

@@ -1,8 +1,8 @@
-"""Switches in the state: the mode of each arc, and what a switch leads to.
+"""Switches in the state: the modes of an arc, and what a located switch leads to.
 
 At the start of an arc each surface is found to be below, above or on the state. Where
 the state is on a surface, its rate decides; where that vanishes or depends on the side,
-Filippov's conditions (`shares`) do: the motion leaves to a side or follows the surface.
+Filippov's conditions do (`crossing`): the motion leaves to a side or slides along it.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class Switching(Source):
         return y
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
-        """Set the sides that are clear; give the level of each surface it is on.
+        """Set the sides of surfaces that the state is off; give levels of the others.
 
         And the rows and the sizes of the terms. A surface may depend on others' sides.
         """
@@ -204,9 +204,9 @@ class Switching(Source):
         modes.tell(slack=slack, band=np.where(slides, 0.0, noise))
 
     def _reach(self, y: Floats) -> Floats:
-        """Give how far positions and velocities (2 n,) have moved, also to y.
+        """Give the ranges of positions and velocities (2 n,) so far, also to y.
 
-        And would in a step, by each term of their forces alone.
+        And what each term of their forces alone would add in a step.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         pushes = arc.state.parts[:n]
@@ -219,7 +219,7 @@ class Switching(Source):
         return ranges
 
     def _noise(self, rows: Rows) -> Floats:
-        """Give what errors within the tolerance may do to each surface.
+        """Give the change of each surface (K,) by errors within the tolerance.
 
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
         see `methods._controller`.
@@ -280,7 +280,7 @@ class Switching(Source):
         return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Give a time before the next surface, and its number if it is met already.
+        """Give a time ahead of the next surface, and its number if it is met already.
 
         None where no surface is near.
         """
@@ -296,7 +296,7 @@ class Switching(Source):
         return k if met else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
-        """Go through a surface that the motion is as good as on, and cannot step over.
+        """Go through a surface that the state is on but for rounding.
 
         It counts as met: far from the origin a position has no value between, and steps
         too short to change it lead nowhere. A series comes no better off the surface.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.run.events.filippov import ABOVE, ALONG, BELOW, FilippovCone
+from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING, FilippovCone
 from lagsim.solve import sliding
 
 
@@ -20,9 +20,9 @@ def cone(B, r, held=None):
     [
         (1.0, 2.0, ABOVE),
         (-2.0, -1.0, BELOW),
-        (1.0, -1.0, ALONG),
+        (1.0, -1.0, SLIDING),
         (-1.0, 1.0, ABOVE),  # both would do: the side it is on
-        (0.0, -1.0, ALONG),  # not even below it moves on
+        (0.0, -1.0, SLIDING),  # not even below it moves on
         (0.0, 1.0, ABOVE),
         (0.0, 0.0, ABOVE),  # nothing moves it
     ],
@@ -50,18 +50,18 @@ def test_friction_has_one_way_and_it_is_found(count):
         way = here.way([BELOW] * count)
         # The conditions by their own words.
         w = np.array([1.0 if k == ABOVE else 0.0 for k in way])
-        along = [i for i, k in enumerate(way) if k == ALONG]
+        along = [i for i, k in enumerate(way) if k == SLIDING]
         if along:
             w[along] = np.linalg.solve(B[np.ix_(along, along)], (r - B @ w)[along])
         rho = B @ w - r
         assert np.all((w >= -1e-12) & (w <= 1 + 1e-12))
         for k, rate in zip(way, rho, strict=True):
-            assert abs(rate) < 1e-9 if k == ALONG else (rate > 0) == (k == ABOVE)
+            assert abs(rate) < 1e-9 if k == SLIDING else (rate > 0) == (k == ABOVE)
 
 
 def test_forces_of_which_only_the_sum_matters_share_it():
     here = cone([[-1.0, -1.0], [-1.0, -1.0]], [-1.0, -1.0])
-    assert here.way([BELOW, BELOW]) == [ALONG, ALONG]
+    assert here.way([BELOW, BELOW]) == [SLIDING, SLIDING]
 
 
 def test_no_way():
