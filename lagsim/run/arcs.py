@@ -25,9 +25,15 @@ from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.arc import first_arc, most_pulled
+from lagsim.run.events.constraints import (
+    Dependence,
+    RankLosses,
+    at_start,
+    before_event,
+    impact,
+    singularity_caution,
+)
 from lagsim.run.events.contacts import Contacts
-from lagsim.run.events.impacts import at_start, before_event, impact
-from lagsim.run.events.singularities import Dependence, RankLosses, singularity_caution
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Features, TimeBreaks
 from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
@@ -51,7 +57,7 @@ if TYPE_CHECKING:
     from lagsim.notes import Choice
     from lagsim.plan.subsystems import Subsystem
     from lagsim.run.arc import Arc
-    from lagsim.run.events.impacts import Before
+    from lagsim.run.events.constraints import Before
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
     from lagsim.run.trajectory import Source

@@ -77,7 +77,7 @@ _DECLARED = {
     "run.events.contacts": "Contacts",
     "run.events.filippov": "Modes",
     "run.events.sequence": "Flights Sequence",
-    "run.events.singularities": "Dependence RankLosses",
+    "run.events.constraints": "Dependence RankLosses",
     "run.events.switching": "Switching",
     "run.events.times": "Feature Features TimeBreaks",
     "run.failures": "Fallback Unmet",

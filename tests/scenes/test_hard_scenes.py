@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.run.events import singularities
+from lagsim.run.events import constraints
 from lagsim.run.trajectory import Outcome
 from tests.scenes.exact.switches import SCENES
 from tests.small_scenes import NEARLY, expected_times
@@ -35,7 +35,7 @@ def test_rows_that_nearly_lose_their_independence_are_solved_by_loops(duration, 
 
 
 def test_where_loops_would_take_too_long_the_run_goes_on_without(monkeypatch):
-    monkeypatch.setattr(singularities, "MOST_DENSE", 0)
+    monkeypatch.setattr(constraints, "MOST_DENSE", 0)
     found = run(
         NEARLY.replace("DURATION", "1.099").replace("METHOD", ", method: dop853")
     )

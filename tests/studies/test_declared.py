@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from lagsim.notes import Event
-from lagsim.run.events.singularities import RankLosses
+from lagsim.run.events.constraints import RankLosses
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.declared import UndeclaredError, decoded, encoded
 
 CLASSES = (
     "lagsim.notes:Event",
     "lagsim.run.trajectory:Outcome",
-    "lagsim.run.events.singularities:RankLosses",
+    "lagsim.run.events.constraints:RankLosses",
 )
 
 
