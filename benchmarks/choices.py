@@ -28,8 +28,8 @@ from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
 from lagsim.studies.bench.chart import chart
-from lagsim.studies.bench.reference import NoReferenceError
 from lagsim.studies.bench.work_precision import (
+    NoReferenceError,
     Wish,
     curves,
     is_answer,

@@ -27,7 +27,7 @@ from lagsim.outputs.figure import (
 )
 from lagsim.outputs.letters import raised
 from lagsim.outputs.scale import log_scale, time_scale, value_scale
-from lagsim.run.observers.thinning import Thinning
+from lagsim.studies.tables import thinned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -42,8 +42,6 @@ MOST = 4
 HEIGHT, APART = 1.4, 0.26
 # Differences so much smaller than the largest are not shown.
 LEAST = 1e-12
-# Rows that are thinned at once.
-ROWS = 1 << 16
 
 GOLDEN: Pen = {"color": PENS[1]["color"], "linewidth": 2.2}
 NEW, DIFFERENCE = PENS[0], BLACK
@@ -101,7 +99,7 @@ def picture(
         up = f"{letters.name(name)}{blank}{more}", unit
         frame(both, time, value_scale(g, n), below=below, up=up)
         for values, pen in ((g, GOLDEN), (n, NEW)):
-            series(both, *thinned(t, values), pen)
+            series(both, *_thinned(t, values), pen)
         # The size of the difference, and the band that it has to stay in.
         with np.errstate(invalid="ignore"):
             apart = np.abs(n - g)
@@ -109,9 +107,9 @@ def picture(
         scale = scale._replace(low=max(scale.low, LEAST * scale.high))
         frame(off, time, scale, below=below, up=("|new − golden|", unit))
         shade = {"facecolor": (BAND["color"], 0.45), "edgecolor": BAND["color"]}
-        times, bound = thinned(t, bound)
+        times, bound = _thinned(t, bound)
         off.fill_between(times, scale.low, bound, **shade, zorder=0.4)
-        times, apart = thinned(t, apart)
+        times, apart = _thinned(t, apart)
         series(off, times, np.where(apart > 0.0, apart, np.nan), DIFFERENCE)
         if 0.0 < worst.difference < np.inf:
             point(off, worst.t, worst.difference, PLACE)
@@ -119,9 +117,5 @@ def picture(
     return content(found)
 
 
-def thinned(t: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return values (rows,) and their times thinned for a picture."""
-    thin = Thinning(("t", "values"), paths=())
-    for k in range(0, len(t), ROWS):
-        thin.add(np.stack((t[k : k + ROWS], values[k : k + ROWS]), 1))
-    return thin.series("values")
+def _thinned(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    return thinned({"t": t, "values": values}).series("values")

@@ -395,8 +395,6 @@ def _stride(rows: int, columns: int) -> int:
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
     """Return the columns to store; of a long table derived ones are left out first."""
-    if len(columns) <= MOST_COLUMNS:
-        return tuple(columns)
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or x.startswith(("Qc_", "resid"))]
     first = [x for x in columns if x not in rest]

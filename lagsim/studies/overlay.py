@@ -18,7 +18,7 @@ from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation.film import film_of_columns, page_units
 from lagsim.outputs.results import MANIFEST
-from lagsim.studies.tables import of_another_run, read_results
+from lagsim.studies.tables import of_another_run, read_results, thinned
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 MOST_COLUMNS, MOST_NAMED = 4, 2
 # Models that a title names.
 MOST_MODELS = 3
-# Rows that are thinned at once.
-ROWS = 1 << 16
 
 
 class Shown(NamedTuple):
@@ -118,6 +116,12 @@ def _labels(folders: Sequence[Path], records: Sequence[Mapping[str, Any]]) -> li
     ]
 
 
+def _common(runs: Sequence[Shown]) -> list[str]:
+    """Return the columns that all have."""
+    others = [set(run.table.columns) for run in runs]
+    return [c for c in runs[0].table.columns if all(c in x for x in others)]
+
+
 def _differing(every: Sequence[Mapping[str, float]]) -> list[str]:
     """Give the parameters that all have, with more than one value."""
     common = set.intersection(*(set(each) for each in every))
@@ -145,9 +149,8 @@ def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
     differ = _differing(every)
     if len(differ) == 1:
         return differ[0], [float(each[differ[0]]) for each in every]
-    first = runs[0].table.columns
-    common = set.intersection(*(set(run.table.columns) for run in runs))
-    moving = [c for c in first if c in common and f"{c}_dot" in common]
+    common = _common(runs)
+    moving = [c for c in common if f"{c}_dot" in common]
     starts = {
         name: [float(run.table[name][0]) for run in runs]
         for c in moving
@@ -168,9 +171,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
         With a problem for each run that lacks one, or where all have nothing in common.
     """
     if names is None:
-        first = runs[0].table.columns
-        common = set.intersection(*(set(run.table.columns) for run in runs))
-        found = [c for c in first if c in common and f"{c}_dot" in first]
+        found = [c for c in _common(runs) if f"{c}_dot" in runs[0].table.columns]
         found = [c for c in found if not c.endswith("_dot")]
         if found:
             return found[:MOST_COLUMNS]
@@ -196,16 +197,11 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
     """Draw columns of all runs on the same axes; give a PNG, SVG or PDF."""
     from lagsim.outputs.figure import content
     from lagsim.outputs.overlay import picture
-    from lagsim.run.observers.thinning import Thinning
 
-    rows: dict[str, Thinning] = {}
-    for run in runs:
-        thin = rows[run.label] = Thinning(("t", *columns), paths=())
-        data = np.stack([run.table[name] for name in ("t", *columns)], axis=1)
-        for k in range(0, len(data), ROWS):
-            thin.add(data[k : k + ROWS])
+    names = ("t", *columns)
+    rows = {x.label: thinned({name: x.table[name] for name in names}) for x in runs}
     units = {}
-    for name in ("t", *columns):
+    for name in names:
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
     remarks = [remark for run in runs for remark in run.table.remarks]

@@ -32,11 +32,14 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
     from lagsim.language.arrays import Floats
+    from lagsim.run.observers.thinning import Thinning
 
 # Bytes read at once.
 BLOCK = 1 << 19
 # Bytes of a line at most: beyond, the file is something else.
 LONGEST_LINE = 1 << 24
+# Rows that are thinned at once.
+ROWS = 1 << 16
 # What time is in, in a line of units: a row that begins with words is none.
 TIME = "s"
 
@@ -93,6 +96,16 @@ def read_results(path: Path) -> Table:
             remarks = (f"{path} is incomplete: {manifest['reason']}",)
         remarks += of_another_run(path, (found or [path])[0].name, manifest)
     return Table(table.name, table.columns, table.data, units, remarks)
+
+
+def thinned(columns: Mapping[str, Floats]) -> Thinning:
+    """Return columns (rows,), the time `t` first, thinned for a picture."""
+    from lagsim.run.observers.thinning import Thinning
+
+    thin = Thinning(tuple(columns), paths=())
+    for k in range(0, len(columns["t"]), ROWS):
+        thin.add(np.stack([x[k : k + ROWS] for x in columns.values()], 1))
+    return thin
 
 
 def of_another_run(

@@ -13,8 +13,8 @@ import pytest
 from lagsim.model.reader import read
 from lagsim.outputs.animation import recorded
 from lagsim.run.session import open_case, wanted
-from lagsim.studies.bench.reference import make_reference
 from lagsim.studies.bench.stability import Subject
+from lagsim.studies.bench.work_precision import make_reference
 from lagsim.studies.restart import RESTART
 from tests.cli.test_resume import content, ended
 from tests.scenes.pairs.commands import CHANGED, COMMANDS, EIGENVALUES, OTHER, OUTSIDE

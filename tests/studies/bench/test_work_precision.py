@@ -17,22 +17,20 @@ from lagsim.model.reader import read, read_file
 from lagsim.notes import Event
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import open_case
-from lagsim.studies.bench.reference import (
-    Reference,
-    Solution,
-    make_reference,
-    unverified,
-)
 from lagsim.studies.bench.solving import Own, Patience
 from lagsim.studies.bench.work_precision import (
     OF_REFERENCE,
+    Reference,
+    Solution,
     Wish,
     decades,
     front,
     halvings,
     is_answer,
+    make_reference,
     measure,
     pareto,
+    unverified,
 )
 from tests.scenes.contact import scenes
 from tests.small_scenes import fall, oscillator
