@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 239
-LINES = 66_500
-LINES_OF_TESTS = 54_900
+FILES = 234
+LINES = 66_200
+LINES_OF_TESTS = 54_700
 
 
 def lines(folder):

@@ -15,8 +15,7 @@ from lagsim.outputs.notebook import block, heading, listed, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.grid import grid_of
-from lagsim.studies.sweep.runs import Found
+from lagsim.studies.sweep.runs import Found, grid_of
 from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
 from lagsim.studies.sweep.sweeping import sweep as make
 from lagsim.studies.workers import cores

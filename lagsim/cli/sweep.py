@@ -36,8 +36,7 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import INADMISSIBLE, Found
+from lagsim.studies.sweep.runs import INADMISSIBLE, Found, parsed
 from lagsim.studies.sweep.sweeping import CHART, JOURNAL, MANIFEST, TABLE, Journal
 from lagsim.studies.workers import cores, machines, processes
 

@@ -184,7 +184,7 @@ def _drift(run: Evidence) -> str:
             continue
         rounded = _rounded(run, balance, BOTH)
         since = balance.since(max(least * balance.in_play, rounded))
-        if since is not None and not jumps(equations, balance):
+        if since is not None and not jumps(equations, balance).any():
             of = f"{balance.label} is off by {balance.part:.2g} of the energy in play"
             return f"{of} from t = {since:.6g} on"
     return ""
@@ -498,7 +498,7 @@ def _off(run: Evidence, balance: Balance) -> Finding | None:
     bound = min(FAR * explained, wrong)
     bound = max(bound, _rounded(run, balance), ENERGY_DRIFT * in_play)
     since = balance.since(bound)
-    if not drift > bound or since is None or jumps(run.equations, balance):
+    if not drift > bound or since is None or jumps(run.equations, balance).any():
         return None
     if drift > FAR * explained:
         text += f", and the estimated error explains {explained / in_play:.1g}"

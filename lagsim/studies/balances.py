@@ -191,26 +191,23 @@ def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -
 CUT = {"atan2": 0, "div": 1, "pow": 0}
 # And those that take one value or another, and nothing in between.
 SWITCHES = STEPS | {"if", *CUT}
-# Ways between rows that are looked at for any jump, and switches on each.
-MOST_WAYS = 64
+# Switches that are looked at on the way from one row to the next.
 MOST_ON_A_WAY = 8
 
 
-def jumps(equations: Equations, balance: Balance) -> bool:
-    """Tell whether the energy of a balance jumps somewhere on the way."""
-    energy = Energy(equations, balance.energy)
+def jumps(equations: Equations, balance: Balance) -> Floats:
+    """Return by how much the energy jumps between rows (k,).
+
+    From the worst row to the first, then from row to row: a jump that is still there at
+    the worst row lies on any way to it.
+    """
+    energy, rows = Energy(equations, balance.energy), balance.rows
     if not energy.switches:
-        return False
-    n = len(equations.q)
-    states, worst = balance.rows, balance.worst_row
-    if worst is not None:
-        # A jump that is still there at the worst row lies on any way to it.
-        states = np.vstack([worst[: 1 + 2 * n], states])
-    sides = [energy.sides(state) for state in states]
-    changes = [k for k in range(len(states) - 1) if sides[k] != sides[k + 1]]
+        return np.zeros(len(rows))
+    worst = rows[0] if balance.worst_row is None else balance.worst_row
+    ways = pairwise([worst[: rows.shape[1]], *rows])
     least = FLAT_RANGE * balance.in_play
-    chosen = changes[:: -(-len(changes) // MOST_WAYS) or 1]
-    return any(energy.jump(states[k], states[k + 1], least) != 0.0 for k in chosen)
+    return np.array([energy.jump(a, b, least) for a, b in ways])
 
 
 def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
@@ -218,12 +215,7 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
 
     None where there are none.
     """
-    energy = Energy(equations, balance.energy)
-    states, kept = balance.rows, balance.kept
-    if not energy.switches or len(states) < 2:
-        return None
-    least = FLAT_RANGE * balance.in_play
-    jumped = np.array([energy.jump(a, b, least) for a, b in pairwise(states)])
+    jumped, kept = jumps(equations, balance)[1:], balance.kept
     sizes = np.abs(jumped[jumped != 0.0])
     if not len(sizes):
         return None

@@ -23,11 +23,13 @@ import platform
 import secrets
 import sys
 import time
+from importlib import import_module
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
+from lagsim.methods import method, names
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
@@ -52,45 +54,24 @@ MOST_OF_THE_TIME = 0.05
 _KEY = "restart.key"
 _KEY_BYTES = 32
 _BLOCK = 1 << 20
-# What a run holds that is not regenerated, by module.
-_DECLARED = {
-    "language.sparse": "SparseVector",
-    "mechanics.constraints": "Kind Law Row",
-    "mechanics.surfaces": "Side",
-    "methods.dop853": "Dop853",
-    "methods.exponential": "Exponential",
-    "methods.gauss4": "Gauss4",
-    "methods.generalized_alpha": "GeneralizedAlpha",
-    "methods.kahan_li6": "KahanLi6",
-    "methods.kahan_li8": "KahanLi8",
-    "methods.midpoint": "Midpoint",
-    "methods.moreau": "Moreau",
-    "methods.parts.fixed": "Fixed",
-    "methods.radau": "Radau",
-    "methods.rattle": "Rattle",
-    "methods.rk4": "Rk4",
-    "methods.taylor": "Taylor",
-    "methods.verlet": "Symplectic",
-    "notes": "Caution Choice Event",
-    "run.arc": "Arc",
-    "run.arcs": "Part Recorder Run",
-    "run.events.contacts": "Contacts",
-    "run.events.filippov": "Modes",
-    "run.events.sequence": "Flights Sequence",
-    "run.events.constraints": "Dependence RankLosses",
-    "run.events.switching": "Switching",
-    "run.events.times": "Feature Features TimeBreaks",
-    "run.failures": "Fallback Unmet",
-    "run.interrupt": "Horizon",
-    "run.observers": "Extremes",
-    "run.observers.monitors": "EnergyMonitor Gap Gaps Growth ResidualMonitor",
-    "run.observers.thinning": "Thinning _Envelope _Sample",
-    "run.stiffness": "Fast Stiffness",
-}
+# Modules whose classes are declared, with those of methods: what a run holds that is
+# not regenerated.
+_MODULES = (
+    "language.sparse", "mechanics.constraints", "mechanics.surfaces",
+    "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.events.constraints",
+    "run.events.contacts", "run.events.filippov", "run.events.sequence",
+    "run.events.switching", "run.events.times", "run.failures", "run.interrupt",
+    "run.observers", "run.observers.monitors", "run.observers.thinning",
+    "run.stiffness",
+)  # fmt: skip
 CLASSES = frozenset(
-    f"lagsim.{module}:{name}"
-    for module, names in _DECLARED.items()
-    for name in names.split()
+    f"{module.__name__}:{name}"
+    for module in (
+        *(import_module(f"lagsim.{name}") for name in _MODULES),
+        *map(method, names()),
+    )
+    for name, x in vars(module).items()
+    if isinstance(x, type) and x.__module__ == module.__name__
 )
 
 

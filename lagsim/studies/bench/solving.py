@@ -8,6 +8,7 @@ call, which is what they cost who uses them; the right-hand side is not.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import math
 import time
@@ -183,20 +184,14 @@ def formulations(case: Case, method: str) -> tuple[list[Own], dict[str, str]]:
 def least(solve: Callable[[], Solved]) -> Solved:
     """Solve again and again; give the solve that took the least time."""
     best = solve()
-    spent, repeats = best.seconds, 1
-    while (
-        best.rows is not None
-        and repeats < MOST_REPEATS
-        and spent + best.seconds < REPEATING_SECONDS
-    ):
-        try:
+    spent = best.seconds
+    with contextlib.suppress(GivenUpError):
+        for _ in range(1, MOST_REPEATS):
+            if best.rows is None or spent + best.seconds >= REPEATING_SECONDS:
+                break
             again = solve()
-        except GivenUpError:
-            break
-        spent += again.seconds
-        repeats += 1
-        if again.seconds < best.seconds:
-            best = again
+            spent += again.seconds
+            best = min(best, again, key=lambda solved: solved.seconds)
     return best
 
 

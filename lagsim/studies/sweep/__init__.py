@@ -1,5 +1,5 @@
 """One model at many values of parameters and of its start: all combinations of them.
 
-`grid` is what is swept, `runs` makes the rows, in pieces that any process can do,
-`sweeping` has them made and keeps them on the way, and `chart` shows them.
+`runs` is the grid, and makes rows in pieces that any process can do, `sweeping` has
+them made and keeps them on the way, and `chart` shows them.
 """

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from lagsim.studies.sweep.grid import Axis
-    from lagsim.studies.sweep.runs import Found
+    from lagsim.studies.sweep.runs import Axis, Found
 
     Array = NDArray[np.float64]
 

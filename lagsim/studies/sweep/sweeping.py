@@ -25,8 +25,17 @@ from lagsim.outputs.manifest import head
 from lagsim.outputs.results import put
 from lagsim.outputs.table import table_of
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.sweep.grid import COMPLETE, ERROR, OUTCOME, REASON
-from lagsim.studies.sweep.runs import Found, Row, made, rows_of, runs_of
+from lagsim.studies.sweep.runs import (
+    COMPLETE,
+    ERROR,
+    OUTCOME,
+    REASON,
+    Found,
+    Row,
+    made,
+    rows_of,
+    runs_of,
+)
 from lagsim.studies.workers import Died, processes, spread
 from lagsim.version import __version__
 

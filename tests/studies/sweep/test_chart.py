@@ -12,8 +12,7 @@ from lagsim.model.reader import read
 from lagsim.run.interrupt import Interrupt
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import chart as drawing
-from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Found, Runs
+from lagsim.studies.sweep.runs import Found, Runs, parsed
 from lagsim.studies.sweep.sweeping import sweep
 from tests.outputs.drawn import assert_legible, drawn, noted
 from tests.small_scenes import FALL, ON_THE_CURVE, PENDULUM

@@ -9,7 +9,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
-from lagsim.studies.sweep.grid import MOST_RUNS, grid_of, parsed
+from lagsim.studies.sweep.runs import MOST_RUNS, grid_of, parsed
 
 TEXT = """\
 parameters: {l: 2, g: {value: 9.8, unit: m/s^2}, reason: 1}

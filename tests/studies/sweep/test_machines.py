@@ -7,8 +7,7 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.attempts import ErrorBars
-from lagsim.studies.sweep.grid import parsed
-from lagsim.studies.sweep.runs import Found
+from lagsim.studies.sweep.runs import Found, parsed
 from lagsim.studies.sweep.sweeping import sweep, table
 from lagsim.studies.workers import machines
 from tests.small_scenes import PENDULUM
