@@ -377,8 +377,8 @@ def diagnose(source: Source, error: Exception) -> Diagnosis:
     """Say what a syntax error of the YAML parser means."""
     case = _Case(source, error)
     for rule in (
-        _tab, _missing_space, _no_colon, _open_quote, _open_bracket, _second_colon,
-        _indentation, _beginning, _after_quote, _in_brackets,
+        _tab, _missing_space, _unfinished, _second_colon, _indentation, _beginning,
+        _ending,
     ):  # fmt: skip
         found = rule(case)
         if found is not None:
@@ -508,35 +508,27 @@ def _missing_space(case: _Case) -> Diagnosis | None:
     return fault._replace(repair=Repair("\n".join(lines), spoilt))
 
 
-def _no_colon(case: _Case) -> Diagnosis | None:
-    if "simple key" not in case.context or case.context_at is None:
+def _unfinished(case: _Case) -> Diagnosis | None:
+    """Name what is never closed: a key without a colon, a quote, a bracket."""
+    context, at = case.context, case.context_at
+    if at is None:
         return None
-    number, column = case.context_at
-    found = case.source.line(number)[column:].strip()
-    text = f"expected `key: value`, found `{found[:40]}`"
-    return case.fault(text, at=case.context_at, length=len(found))
-
-
-def _open_quote(case: _Case) -> Diagnosis | None:
-    if "quoted scalar" not in case.context or case.context_at is None:
-        return None
-    if "end of stream" in case.problem or "document" in case.problem:
-        return case.fault("this quote is never closed", at=case.context_at)
-    text = "this is no escape of YAML's double quotes"
-    return case.fault(text, "use single quotes", set_aside=True)
-
-
-def _open_bracket(case: _Case) -> Diagnosis | None:
-    if "parsing a flow" not in case.context or case.context_at is None:
-        return None
-    number, column = case.context_at
-    rest = case.source.line(number)[column:]
-    bracket = rest[:1]
-    if bracket not in ("{", "[") or (number == case.at[0] and _is_balanced(rest)):
+    rest = case.source.line(at[0])[at[1] :]
+    if "simple key" in context:
+        found = rest.strip()
+        text = f"expected `key: value`, found `{found[:40]}`"
+        return case.fault(text, at=at, length=len(found))
+    if "quoted scalar" in context:
+        if "end of stream" in case.problem or "document" in case.problem:
+            return case.fault("this quote is never closed", at=at)
+        text = "this is no escape of YAML's double quotes"
+        return case.fault(text, "use single quotes", set_aside=True)
+    bracket, closed = rest[:1], at[0] == case.at[0] and _is_balanced(rest)
+    if "parsing a flow" not in context or bracket not in ("{", "[") or closed:
         return None
     expected = "`,` or `}`" if bracket == "{" else "`,` or `]`"
     hint = f"line {case.at[0] + 1} has something else where {expected} is expected"
-    return case.fault(f"this `{bracket}` is not closed", hint, case.context_at)
+    return case.fault(f"this `{bracket}` is not closed", hint, at)
 
 
 def _second_colon(case: _Case) -> Diagnosis | None:
@@ -594,15 +586,12 @@ def _is_expression(text: str) -> bool:
     return False
 
 
-def _after_quote(case: _Case) -> Diagnosis | None:
+def _ending(case: _Case) -> Diagnosis | None:
+    """Name what follows where a value, or a collection in brackets, ends."""
     entry = case.entry()
-    if entry is None or entry["value"][0] not in "'\"":
-        return None
-    text = "something follows the closing quote"
-    return case.fault(text, "quote the whole value", set_aside=True)
-
-
-def _in_brackets(case: _Case) -> Diagnosis | None:
+    if entry is not None and entry["value"][0] in "'\"":
+        text = "something follows the closing quote"
+        return case.fault(text, "quote the whole value", set_aside=True)
     if case.character and case.character in "}]":
         return case.fault(f"`{case.character}` closes nothing", set_aside=True)
     if "parsing a flow" not in case.context:

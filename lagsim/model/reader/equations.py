@@ -90,39 +90,36 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
             text = f"there is no coordinate or definition `{name}` to work on"
             faults.add("unknown-name", text, place, hint)
         return None
-    if meaning.kind is Kind.COORDINATE:
+    kind, base = meaning
+    if kind is Kind.COORDINATE:
         return x.graph.variable(name), Level.POSITION
-    if meaning.kind is not Kind.DEFINITION:
-        text = f"a force cannot work on `{name}`, {meaning.kind.value}"
+    text, hint, code = f"a force cannot work on `{name}`", "", ""
+    node, level = x.definitions.get(name, (None, Level.POSITION))
+    if kind is not Kind.DEFINITION:
+        code, text = "not-a-direction", f"{text}, {kind.value}"
         hint = "it works on a coordinate or on a definition"
-        if meaning.kind in (Kind.VELOCITY, Kind.RATE):
-            hint = f"write `{meaning.base}`: a force on `{meaning.base}` has the power "
-            hint += f"p*{name}"
-        faults.add("not-a-direction", text, place, hint)
-        return None
-    definition = x.definitions.get(name)
-    if definition is None:
-        return None
-    node, level = definition
-    if level is Level.OUTPUT:
-        text = f"a force cannot work on `{name}`: it uses {Level.OUTPUT.value}"
-        faults.add("output-only", text, place, "work on positions or velocities")
-        return None
-    if node is not None and level is Level.VELOCITY and not _is_affine(node, x):
-        text = f"a force cannot work on `{name}`: it is not linear in the velocities"
-        faults.add("not-affine", text, place, _SUM)
-        return None
-    return None if node is None else (node, level)
+        if kind in (Kind.VELOCITY, Kind.RATE):
+            hint = f"write `{base}`: a force on `{base}` has the power p*{name}"
+    elif level is Level.OUTPUT:
+        code, text = "output-only", f"{text}: it uses {level.value}"
+        hint = "work on positions or velocities"
+    elif node is not None and level is Level.VELOCITY and not _is_affine(node, x):
+        code, text = "not-affine", f"{text}: it is not linear in the velocities"
+        hint = _SUM
+    if code:
+        faults.add(code, text, place, hint)
+    return None if code or node is None else (node, level)
 
 
-def _degrees(node: int, x: Expressions) -> frozenset[int] | None:
-    """Give the degrees in the velocities of the terms of a node, see `Graph.degree`."""
-    return x.graph.degree(node, {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)})
+def _degrees(node: int, x: Expressions) -> frozenset[int]:
+    """Give the degrees in the velocities of the terms of a node, or {-1} for others."""
+    velocities = {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)}
+    found = x.graph.degree(node, velocities)
+    return frozenset((-1,)) if found is None else found
 
 
 def _is_affine(node: int, x: Expressions) -> bool:
-    found = _degrees(node, x)
-    return found is not None and found <= {0, 1}
+    return _degrees(node, x) <= {0, 1}
 
 
 # --- Relations: constraints, and `until`
@@ -320,15 +317,15 @@ class _Reader:
             return self._coefficient(node, f"the friction of {what}")[0], None
         place = self.below.place_of("friction")
         given = fields(node, f"the friction of {what}", FRICTION, faults, place)
-        found: dict[str, tuple[int | None, float | None]] = {}
+        found = []
         for key in FRICTION:
             part = given.value(key)
-            found[key] = self._coefficient(part, f"the {key} friction of {what}")
+            found.append(self._coefficient(part, f"the {key} friction of {what}"))
             if part is None:
                 text = f"the friction of {what} has no `{key}`"
                 hint = "{static: ..., dynamic: ...}, or one number for both"
                 faults.add("missing-key", text, place, hint)
-        (sticking, most), (sliding, least) = found.values()
+        (sticking, most), (sliding, least) = found
         if most is not None and least is not None and most < least:
             text = f"the static friction of {what} is {most:g}, less than the dynamic "
             hint = "what sticks holds at least what sliding does"
@@ -341,33 +338,31 @@ class _Reader:
     ) -> tuple[int | None, float | None]:
         """Give the node of a coefficient, and its value."""
         value = self._not_negative(node, what)
-        sound = value is not None
-        return (self.x.compile(node, what, NUMBERS) if sound else None), value
+        found = None if value is None else self.x.compile(node, what, NUMBERS)
+        return found, value
 
     def _slips(self) -> tuple[int, ...]:
-        node, what = self.below.value("slip"), f"the slip of {self.what}"
+        node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x
         if node is None:
             return ()
         parts = node.items if isinstance(node, Sequence) else (node,)
         if len(parts) not in (1, 2):
             text = f"{what} must be one expression or two, found {len(parts)}"
-            self.x.faults.add("wrong-count", text, node.place)
+            x.faults.add("wrong-count", text, node.place)
             return ()
-        found = (self._slip(part, what) for part in parts)
-        return tuple(slip for slip in found if slip is not None)
-
-    def _slip(self, node: Node, what: str) -> int | None:
-        slip = self.x.compile(node, what, STATE)
-        if slip is None:
-            return None
-        text = hint = ""
-        if not _has_velocity(slip, self.x):
-            text, hint = f"{what} contains no velocity", "it is a sliding velocity"
-        elif not _is_affine(slip, self.x):
-            text, hint = f"{what} is not affine in the velocities", _SUM
-        if text:
-            self.x.faults.add("not-affine", text, node.place, hint)
-        return slip
+        found = []
+        for part in parts:
+            slip = x.compile(part, what, STATE)
+            if slip is None:
+                continue
+            found.append(slip)
+            if not _has_velocity(slip, x):
+                text, hint = f"{what} contains no velocity", "it is a sliding velocity"
+                x.faults.add("not-affine", text, part.place, hint)
+            elif not _is_affine(slip, x):
+                text = f"{what} is not affine in the velocities"
+                x.faults.add("not-affine", text, part.place, _SUM)
+        return tuple(found)
 
 
 def _has_velocity(node: int, x: Expressions) -> bool:

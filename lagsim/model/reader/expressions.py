@@ -225,7 +225,7 @@ class Names:
             near = faults.guess(base, self.moving())
             hint = f"did you mean `{near}{ending}`?" if near else ""
             return f"`{name}`: there is no coordinate or definition `{base}`", hint
-        if meaning.kind in (Kind.VELOCITY, Kind.RATE):
+        if meaning.kind in _VELOCITIES:
             hint = f"the second rate is written `{meaning.base}_ddot`"
             return f"`{name}` is no name", hint if ending == "_dot" else ""
         text = f"`{name}`: `{base}` is {meaning.kind.value} and has no rate here"

@@ -206,10 +206,6 @@ def _power_of_call(found: re.Match[str]) -> str:
     return f"write {base if base[-1] == ')' else f'({base})'}^{power}"
 
 
-def _inverse(found: re.Match[str]) -> str:
-    return f"write a{found[1]}({found[2] or found[3] or '...'})"
-
-
 def latex(text: str) -> str:
     """Give what is written here for an expression of LaTeX."""
     for pattern, plain in _LATEX:
@@ -282,7 +278,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     ),
     (
         rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
-        _inverse,
+        lambda found: f"write a{found[1]}({found[2] or found[3] or '...'})",
     ),
     (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", _call),
     (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", _call),
@@ -457,19 +453,18 @@ def of_text(
     whole, text, offset = text, text[first : offset + WINDOW], offset - first
     if text == whole and (hint := _of_number(text, known, beside=beside)):
         return hint
-    if hint := quantities.separated_around(text, offset):
+    number = quantities.around(quantities.SEPARATED, text, offset)
+    if number and (hint := quantities.separated(number[0])):
         return hint
     if "\\" in text and text == whole:
         return f"write {latex(text)}"
     hint = _matching(patterns(), text, offset, known) or _of_unit(
         text, offset, known, beside=beside and text == whole
     )
-    return re.sub(r"[^\W\d_]+", lambda word: _in_letters(word[0], known), hint)
-
-
-def _in_letters(word: str, known: Collection[str]) -> str:
-    """Give a Greek word by the variable that is called as it is."""
-    return word if word.isascii() else _called_so(word, known) or word
+    # A Greek word by the variable that is called as it is.
+    words = {word for word in re.findall(r"[^\W\d_]+", hint) if not word.isascii()}
+    named = {word: _called_so(word, known) or word for word in words}
+    return re.sub(r"[^\W\d_]+", lambda word: named.get(word[0], word[0]), hint)
 
 
 def _matching(
@@ -499,9 +494,8 @@ def of_unknown(text: str, offset: int) -> str:
 def _of_comparison(text: str, offset: int) -> str:
     """Give a hint for a comparison that stands as a number."""
     for pattern in (r"\(([^(),]+[<>][^(),]*)\)", rf"^({_SIDE}+[<>]=?{_SIDE}+)$"):
-        for found in re.finditer(pattern, text[: offset + WINDOW]):
-            if found.start() <= offset <= found.end():
-                return f"write if({found[1].strip()}, 1, 0)"
+        if found := quantities.around(pattern, text[: offset + WINDOW], offset):
+            return f"write if({found[1].strip()}, 1, 0)"
     return ""
 
 

@@ -128,14 +128,14 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
 
 
 _MARKS = r"[ ',.\u00a0\u202f]"
-_SEPARATED = rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?"
+SEPARATED = rf"(?<![\w.])\d+(?:{_MARKS}\d+)+(?:[eE][+-]?\d+)?"
 # So many digits are between two marks of thousands.
 _GROUP = 3
 
 
 def separated(text: str) -> str:
     """Say how a number with a decimal comma or marks of thousands is written."""
-    if not re.fullmatch(_SEPARATED, text):
+    if not re.fullmatch(SEPARATED, text):
         return ""
     text, *power = re.split(r"(?=[eE])", text)
     parts, marks = re.split(_MARKS, text), re.findall(_MARKS, text)
@@ -168,12 +168,10 @@ def span(node: Node) -> str:
     return f"write `start: {ends[1]}` and `end: {ends[2]}`"
 
 
-def separated_around(text: str, offset: int) -> str:
-    """Say the same of the number in a text that stands around an offset."""
-    for found in re.finditer(_SEPARATED, text):
-        if found.start() <= offset <= found.end():
-            return separated(found[0])
-    return ""
+def around(pattern: str, text: str, offset: int) -> re.Match[str] | None:
+    """Give what matches in a text around an offset."""
+    found = re.finditer(pattern, text)
+    return next((m for m in found if m.start() <= offset <= m.end()), None)
 
 
 def split_by_comma(key: Scalar) -> str:
