@@ -15,6 +15,7 @@ gain K = -A^T (A M^-1 A^T)^-1. It is given for equality constraints that always 
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,8 @@ if TYPE_CHECKING:
 
 
 Matrix = list[list[Any]]
+Inverse = list[tuple[list[int], Matrix, Any]]
+"""Blocks: their indices, adjugates and determinants."""
 
 # Symbols and operations in one acceleration that is still read, not only looked at.
 READABLE = 130
@@ -59,88 +62,164 @@ READABLE = 130
 LARGEST_BLOCK = 3
 
 
-def solution(
-    x: Translation,
-    M: Matrix,
-    f: list[Any],
-    constraints: Sequence[Condition],
-    notes: list[str],
-    *,
-    insist: bool,
-) -> Solution | None:
-    """Give accelerations and multipliers, or None where they are too long."""
-    found = _closed(x, M, f, constraints)
-    if found and _readable((*found.accelerations, *found.multipliers)):
-        return found
-    why = _no_steps(x, constraints, insist=insist)
-    if not why:
-        try:
-            return _stepwise(x, M, f, constraints)
-        except TooLongError:
-            why = (
-                "the accelerations in closed form take thousands of steps; "
-                "`--format python` gives the functions that are solved for them"
-            )
-    notes.append(why)
-    return None
+class _Solver:
+    """M q'' = f + A^T lambda, A q'' = b in closed form, where that can be read.
 
-
-def _no_steps(x: Translation, constraints: Sequence[Condition], *, insist: bool) -> str:
-    """Give why the elimination is not written step by step; nothing where it is."""
-    if without_inertia(x.equations) is not None:
-        return "M is not positive definite: it is not solved for the accelerations"
-    if any(c.law for c in constraints):
-        contact = any(c.kind == "one-sided" for c in constraints)
-        what = "contacts" if contact else "constraints"
-        return f"the accelerations are left out: {what} come and go"
-    if not insist:
-        return "the accelerations are too long to be read; `--solve` gives them"
-    return ""
-
-
-def _closed(
-    x: Translation, M: Matrix, f: list[Any], constraints: Sequence[Condition]
-) -> Solution | None:
-    # Each multiplier is in some acceleration, or is eliminated with the others.
-    held = all(not c.law for c in constraints)
-    if len(constraints) > (LARGEST_BLOCK if held else READABLE * len(f)):
-        return None
-    inverse = inverted(x, M)
-    if inverse is None:
-        return None
-    right = [
-        fj
-        + sp.Add(*(c.A[j] * s for c, s in zip(constraints, x.multipliers, strict=True)))
-        for j, fj in enumerate(f)
-    ]
-    accelerations = tuple(inverse.times(right))
-    if not held:
-        return Solution(accelerations, ())
-    multipliers = multipliers_of(x, inverse, f, constraints)
-    return None if multipliers is None else Solution(accelerations, tuple(multipliers))
-
-
-class Inverse:
-    """The inverse of a matrix, as adjugates over determinants of its blocks."""
+    Parameters
+    ----------
+    notes
+        What is left out is added.
+    """
 
     def __init__(
-        self, x: Translation, blocks: list[tuple[list[int], Matrix, Any]], size: int
+        self,
+        x: Translation,
+        M: Matrix,
+        f: list[Any],
+        constraints: Sequence[Condition],
+        notes: list[str],
     ) -> None:
-        self.x, self.blocks, self.size = x, blocks, size
+        self.x, self.M, self.f, self.notes = x, M, f, notes
+        self.constraints = constraints
+        self.held = [c for c in constraints if not c.law]
+        self.come_and_go = len(self.held) < len(constraints)
 
-    def times(self, right: Sequence[Any]) -> list[Any]:
-        """Give the inverse times a vector, each entry as one fraction."""
-        out = [sp.S.Zero] * self.size
-        for indices, adjugate, determinant in self.blocks:
-            for i, row in zip(indices, adjugate, strict=True):
-                total = sp.Add(
-                    *(a * right[j] for a, j in zip(row, indices, strict=True))
+    @cached_property
+    def inverse(self) -> Inverse | None:
+        """That of M."""
+        return _inverted(self.x, self.M)
+
+    @cached_property
+    def gram(self) -> Inverse | None:
+        """That of A M^-1 A^T, of the constraints that always hold."""
+        x, inverse = self.x, self.inverse
+        if inverse is None or len(self.held) > LARGEST_BLOCK:
+            return None
+        moved = [_solved(x, inverse, c.A) for c in self.held]
+        return _inverted(
+            x, [[x.tidy(_dot(c.A, z), factored=True) for z in moved] for c in self.held]
+        )
+
+    def solution(self, *, insist: bool) -> Solution | None:
+        """Give accelerations and multipliers, or None where they are too long."""
+        found = self._closed()
+        if found and _readable((*found.accelerations, *found.multipliers)):
+            return found
+        why = self._no_steps(insist=insist)
+        if not why:
+            try:
+                return self._stepwise()
+            except TooLongError:
+                why = (
+                    "the accelerations in closed form take thousands of steps; "
+                    "`--format python` gives the functions that are solved for them"
                 )
-                out[i] = quotient(self.x, total, determinant)
-        return out
+        self.notes.append(why)
+        return None
+
+    def _no_steps(self, *, insist: bool) -> str:
+        """Give why the elimination is not written step by step; nothing where it is."""
+        if without_inertia(self.x.equations) is not None:
+            return "M is not positive definite: it is not solved for the accelerations"
+        if self.come_and_go:
+            contact = any(c.kind == "one-sided" for c in self.constraints)
+            what = "contacts" if contact else "constraints"
+            return f"the accelerations are left out: {what} come and go"
+        if not insist:
+            return "the accelerations are too long to be read; `--solve` gives them"
+        return ""
+
+    def _closed(self) -> Solution | None:
+        # Each multiplier is in some acceleration, or is eliminated with the others.
+        most = READABLE * len(self.f) if self.come_and_go else LARGEST_BLOCK
+        if len(self.constraints) > most or self.inverse is None:
+            return None
+        right = [
+            fj + _dot([c.A[j] for c in self.constraints], self.x.multipliers)
+            for j, fj in enumerate(self.f)
+        ]
+        accelerations = tuple(_solved(self.x, self.inverse, right))
+        if self.come_and_go or not self.held:
+            return Solution(accelerations, ())
+        if self.gram is None:
+            return None
+        free = _solved(self.x, self.inverse, self.f)
+        missed = (c.b - _dot(c.A, free) for c in self.held)
+        right = [self.x.tidy(e, factored=True) for e in missed]
+        return Solution(accelerations, tuple(_solved(self.x, self.gram, right)))
+
+    def _stepwise(self) -> Solution:
+        """Give the elimination step by step: what is used twice has a name."""
+        x, e, g = self.x, self.x.equations, self.x.g
+        elimination = Elimination(e)
+        known = dict(x.known)
+        for entries, values in zip((*e.M, e.f), (*self.M, self.f), strict=True):
+            known |= dict(zip(entries, values, strict=True))
+        for row, c in zip(e.rows, self.constraints, strict=True):
+            known |= dict(zip(row.A, c.A, strict=True)) | {row.b: c.b}
+        known |= {g.constant(v): number(v) for v in (0.0, 1.0)}
+        found = elimination.motion()
+        steps = _steps(x, known, [n for nodes in found for n in nodes])
+        accelerations, multipliers = (tuple(known[n] for n in nodes) for nodes in found)
+        return Solution(accelerations, multipliers, tuple(steps))
+
+    def gauss(self) -> Gauss:
+        """Give Gauss's principle.
+
+        Raises
+        ------
+        InputError
+            Where M is singular, so that there is no unconstrained acceleration.
+        """
+        x, M = self.x, self.M
+        if self.come_and_go:
+            self.notes.append("Gauss's principle is given for the equality constraints")
+        lacking = without_inertia(x.equations)
+        if lacking is not None:
+            raise InputError([singular(lacking)])
+        free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
+        apart = [a - b for a, b in zip(x.a, free, strict=True)]
+        G = sp.Add(
+            *(
+                M[i][j] * apart[i] * apart[j] / (2 if i == j else 1)
+                for i in range(len(M))
+                for j in range(i + 1)
+            )
+        )
+        a = _solved(x, self.inverse, self.f) if self.inverse else None
+        a = a if a and _readable(a) else None
+        K, Qc = self._gain(free) if self.held and self.gram else (None, None)
+        long = ["a = M^-1 f"] if a is None else []
+        long += ["the gain K"] if self.held and K is None else []
+        if long:
+            text = f"left out, for it is too long to be read: {' and '.join(long)}"
+            self.notes.append(text)
+        return Gauss(tuple(a) if a else None, G, K, Qc)
+
+    def _gain(self, free: list[Any]) -> tuple[Any, Any]:
+        """Give K and Qc = K (A a - b), or None twice."""
+        assert self.gram is not None
+        x, held = self.x, self.held
+        columns = ([c.A[j] for c in held] for j in range(len(x.q)))
+        gains = (_solved(x, self.gram, column) for column in columns)
+        K = tuple(tuple(-e for e in row) for row in gains)
+        if not all(map(_readable, K)):
+            return None, None
+        missed = [x.tidy(_dot(c.A, free) - c.b) for c in held]
+        return K, tuple(x.tidy(_dot(row, missed)) for row in K)
 
 
-def quotient(x: Translation, over: Any, under: Any) -> Any:
+def _solved(x: Translation, inverse: Inverse, right: Sequence[Any]) -> list[Any]:
+    """Give the inverse times a vector, each entry as one fraction."""
+    out = [sp.S.Zero] * len(right)
+    for indices, adjugate, determinant in inverse:
+        for i, row in zip(indices, adjugate, strict=True):
+            total = _dot(row, [right[j] for j in indices])
+            out[i] = _quotient(x, total, determinant)
+    return out
+
+
+def _quotient(x: Translation, over: Any, under: Any) -> Any:
     """Give a tidy fraction."""
     whole = x.tidy.one_fraction(under)
     if any(part.is_Add for part in sp.Mul.make_args(whole)):
@@ -148,9 +227,9 @@ def quotient(x: Translation, over: Any, under: Any) -> Any:
     return x.tidy(over / whole, factored=True)
 
 
-def inverted(x: Translation, M: Matrix) -> Inverse | None:
+def _inverted(x: Translation, M: Matrix) -> Inverse | None:
     """Give the inverse, or None where a block is too large or singular."""
-    whole, blocks = sp.Matrix(M), []
+    whole, blocks = sp.Matrix(M), list[tuple[list[int], Matrix, Any]]()
     for indices in whole.connected_components():
         if len(indices) > LARGEST_BLOCK:
             return None
@@ -162,61 +241,16 @@ def inverted(x: Translation, M: Matrix) -> Inverse | None:
         adjugate = part.adjugate(method="laplace").tolist()
         blocks.append((indices, [[x.tidy(e) for e in row] for row in adjugate],
                        determinant))  # fmt: skip
-    return Inverse(x, blocks, len(M))
+    return blocks
 
 
-def multipliers_of(
-    x: Translation, inverse: Inverse, f: list[Any], constraints: Sequence[Condition]
-) -> list[Any] | None:
-    """Give lambda = (A M^-1 A^T)^-1 (b - A M^-1 f), or None where that is too large."""
-    if not constraints:
-        return []
-    small = gram(x, inverse, constraints)
-    if small is None:
-        return None
-    free = inverse.times(f)
-    return small.times(
-        [x.tidy(c.b - dot(c.A, free), factored=True) for c in constraints]
-    )
-
-
-def gram(
-    x: Translation, inverse: Inverse, constraints: Sequence[Condition]
-) -> Inverse | None:
-    """Give the inverse of A M^-1 A^T."""
-    if len(constraints) > LARGEST_BLOCK:
-        return None
-    moved = [inverse.times(c.A) for c in constraints]
-    return inverted(
-        x, [[x.tidy(dot(c.A, z), factored=True) for z in moved] for c in constraints]
-    )
-
-
-def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     """Give the sum of products."""
     return sp.Add(*(p * q for p, q in zip(a, b, strict=True)))
 
 
-def _stepwise(
-    x: Translation,
-    M: Matrix,
-    f: list[Any],
-    constraints: Sequence[Condition],
-) -> Solution:
-    """Give the elimination step by step: what is used twice has a name."""
-    e, g = x.equations, x.g
-    elimination = Elimination(e)
-    known = dict(x.known)
-    for entries, values in zip(e.M, M, strict=True):
-        known |= dict(zip(entries, values, strict=True))
-    known |= dict(zip(e.f, f, strict=True))
-    for row, c in zip(e.rows, constraints, strict=True):
-        known |= dict(zip(row.A, c.A, strict=True)) | {row.b: c.b}
-    known |= {g.constant(v): number(v) for v in (0.0, 1.0)}
-    accelerations, multipliers = elimination.motion()
-    steps = _steps(x, known, [*accelerations, *multipliers])
-    values = [known[n] for n in (*accelerations, *multipliers)]
-    return Solution(tuple(values[: len(f)]), tuple(values[len(f) :]), tuple(steps))
+def _readable(parts: Sequence[Any]) -> bool:
+    return all(cost(e) <= READABLE for e in parts)
 
 
 def _steps(
@@ -251,68 +285,6 @@ def _free_letter(x: Translation) -> str:
     names = {s.name for s in x.names}
     letters = ("s", "k", "z", "step", "step_")
     return next(p for p in letters if not any(n.startswith(p) for n in names))
-
-
-def gauss(
-    x: Translation,
-    M: list[list[Any]],
-    f: list[Any],
-    constraints: Sequence[Condition],
-    notes: list[str],
-) -> Gauss:
-    """Give Gauss's principle.
-
-    Raises
-    ------
-    InputError
-        Where M is singular, so that there is no unconstrained acceleration.
-    """
-    if any(c.law for c in constraints):
-        notes.append("Gauss's principle is given for the equality constraints")
-    constraints = [c for c in constraints if not c.law]
-    lacking = without_inertia(x.equations)
-    if lacking is not None:
-        raise InputError([singular(lacking)])
-    free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
-    apart = [a - b for a, b in zip(x.a, free, strict=True)]
-    pairs = (
-        M[i][j] * apart[i] * apart[j] * (1 if i == j else 2)
-        for i in range(len(M))
-        for j in range(i + 1)
-    )
-    G = sp.Add(*(p / 2 for p in pairs))
-    inverse = inverted(x, M)
-    a = inverse.times(f) if inverse is not None else None
-    a = a if a is not None and _readable(a) else None
-    K = Qc = None
-    small = gram(x, inverse, constraints) if inverse is not None else None
-    if small is not None and constraints:
-        K, Qc = _gain(x, small, constraints, free)
-    long = [
-        *(["a = M^-1 f"] if a is None else []),
-        *(["the gain K"] if constraints and K is None else []),
-    ]
-    if long:
-        notes.append(f"left out, for it is too long to be read: {' and '.join(long)}")
-    return Gauss(tuple(a) if a else None, G, K, Qc)
-
-
-def _gain(
-    x: Translation, small: Any, constraints: Sequence[Condition], free: list[Any]
-) -> tuple[Any, Any]:
-    n, m = len(x.q), len(constraints)
-    K = tuple(
-        tuple(-e for e in small.times([c.A[j] for c in constraints])) for j in range(n)
-    )
-    if not all(_readable(row) for row in K):
-        return None, None
-    missed = [x.tidy(dot(c.A, free) - c.b) for c in constraints]
-    names = [x.tidy(sp.Add(*(K[j][i] * missed[i] for i in range(m)))) for j in range(n)]
-    return K, tuple(names)
-
-
-def _readable(parts: Sequence[Any]) -> bool:
-    return all(cost(e) <= READABLE for e in parts)
 
 
 def _unconstrained(x: Translation, q: str, j: int) -> Any:
@@ -449,10 +421,9 @@ class _Derivation:
             x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, self.constraints
         )
         notes = _on_contacts(self.constraints)
-        solved = solution(x, M, f, self.constraints, notes, insist=solve)
-        principle = None
-        if with_gauss:
-            principle = gauss(x, M, f, self.constraints, notes)
+        solver = _Solver(x, M, f, self.constraints, notes)
+        solved = solver.solution(insist=solve)
+        principle = solver.gauss() if with_gauss else None
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "

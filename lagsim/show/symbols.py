@@ -257,23 +257,17 @@ class Translation:
     def _shown(
         self, parameters: list[Any]
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
-        plain = [p.name for p in self.equations.model.parameters]
-        names = {s: Name(n) for s, n in zip(parameters, plain, strict=True)}
-        names |= {k.symbol: Name(k.name) for k in self.kept}
-        names[self.t] = Name("t")
+        model, kept = self.equations.model, [k.symbol for k in self.kept]
+        names = {s: Name(s.name) for s in (*parameters, *kept, self.t)}
         for order, group in enumerate((self.q, self.v, self.a)):
-            names |= {
-                s: Name(q.name, order) for s, q in zip(group, self.q, strict=True)
-            }
-        constraints = self.equations.model.constraints
-        names |= {
-            s: Name(c.name, 0, "multiplier")
-            for s, c in zip(self.multipliers, constraints, strict=True)
-        }
-        kept = [k.symbol for k in self.kept]
-        parameters = _as_people_order(self.equations.model.parameters)
-        positions = [self.t, *self.q]
-        groups = [parameters, kept, positions, self.v, self.a, self.multipliers]
+            shown = (Name(q.name, order) for q in self.q)
+            names |= dict(zip(group, shown, strict=True))
+        shown = (Name(c.name, 0, "multiplier") for c in model.constraints)
+        names |= dict(zip(self.multipliers, shown, strict=True))
+        groups = [
+            _as_people_order(model.parameters), kept, [self.t, *self.q],
+            self.v, self.a, self.multipliers,
+        ]  # fmt: skip
         rank = {
             s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
         }

@@ -8,6 +8,7 @@ allowed, scripts with a base and an argument, at most one `&` in a line of align
 from __future__ import annotations
 
 import re
+from collections import deque
 
 _LETTERS = """
 alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi rho pi sigma
@@ -16,23 +17,19 @@ Omega
 varphi partial sum cdot le ge perp sin cos tan sinh cosh tanh exp min max ln arcsin
 arccos arctan leq geq vee wedge neg quad qquad lfloor rfloor lceil rceil log
 """
-_OVER = (
-    "dot ddot bar mathrm mathit mathbf mathcal mathsf boldsymbol operatorname text sqrt"
-)
+_OVER = "dot ddot bar mathrm mathit mathbf mathcal mathsf boldsymbol operatorname sqrt"
 # Command -> how many arguments in braces it takes.
 MATH = dict.fromkeys(_LETTERS.split(), 0) | dict.fromkeys(_OVER.split(), 1)
 MATH["frac"] = 2
 TEXT = ("section", "subsection", "textasciicircum", "textbackslash", "textless",
         "textgreater", "textasciitilde", "texttt", "allowdisplaybreaks",
         "documentclass", "usepackage", "setcounter")  # fmt: skip
-_TOKEN = re.compile(r"\\([A-Za-z]+)\*?|\\(.)|([{}$&_^])|(\s+)|(.)", re.DOTALL)
-_ENVIRONMENTS = {
-    "align*": True,
-    "bmatrix": None,
-    "cases": None,
-    "gathered": None,
-    "document": False,
-}
+_ENVIRONMENTS = ("bmatrix", "cases", "gathered")
+_DELIMITERS = (*"()|[].", r"\lfloor", r"\rfloor", r"\lceil", r"\rceil")
+_FORMULA = re.compile(
+    r"\\\[(.*?)\\\]|(?<!\\)\$(.*?)(?<!\\)\$|\\begin\{align\*\}(.*?)\\end\{align\*\}",
+    re.DOTALL,
+)
 
 
 class LatexError(Exception):
@@ -40,165 +37,99 @@ class LatexError(Exception):
 
 
 def check(document: str) -> list[str]:
-    """Read a document; give the display formulas in it."""
-    reader = _Reader(document)
-    reader.whole()
-    return reader.displays
+    """Read a document; give the aligned formulas in it."""
+    displays = []
+
+    def read(m: re.Match[str]) -> str:
+        _Formula(m[1] or m[2] or m[3], "align*" if m[3] else "").whole()
+        displays.extend([m[3]] if m[3] else [])
+        return " "
+
+    start, *pieces = _FORMULA.sub(read, document).split(r"\begin{document}")
+    if not start.startswith(r"\documentclass") or len(pieces) != 1:
+        raise LatexError("no document")
+    text, *after = pieces[0].split(r"\end{document}")
+    plain = re.sub(r"\\[{}$&#%_ ]", "", start + text)
+    unknown = {*re.findall(r"\\([A-Za-z]*)", plain)} - {*TEXT}
+    signs = re.findall(r"[$&_^]|[^\x00-\u017f]", plain)
+    if unknown or signs or len(after) != 1 or plain.count("{") != plain.count("}"):
+        raise LatexError(f"in text: {unknown} {signs}")
+    return displays
 
 
-class _Reader:
-    def __init__(self, document: str) -> None:
-        self.tokens = [m for m in _TOKEN.finditer(document) if not m[4]]
-        self.document = document
-        self.at = 0
-        self.stack: list[str] = []
-        self.displays: list[str] = []
+class _Formula:
+    def __init__(self, formula: str, environment: str) -> None:
+        self.formula = formula
+        self.tokens = deque(re.findall(r"\\[A-Za-z]+|\\.|\S", formula, re.DOTALL))
+        self.environments = [environment]
         self.large = 0  # parentheses that stay open past the end of a line
 
-    def fail(self, why: str) -> LatexError:
-        place = self.tokens[min(self.at, len(self.tokens) - 1)].start()
-        return LatexError(f"{why}: {self.document[max(0, place - 40) : place + 40]!r}")
-
     def whole(self) -> None:
-        if not self.document.startswith("\\documentclass"):
-            raise self.fail("no document class")
-        while self.at < len(self.tokens):
-            self.text()
-        if self.large:
-            raise self.fail("\\bigl and \\bigr do not match")
-        if self.stack:
-            raise self.fail(f"not closed: {self.stack}")
-        if self.document.count("\\begin{document}") != 1:
-            raise self.fail("no document")
+        self.group(None)
+        self.demand(self.large == 0, r"\bigl and \bigr do not match")
 
-    def next(self):
-        if self.at >= len(self.tokens):
-            raise self.fail("ends too early")
-        self.at += 1
-        return self.tokens[self.at - 1]
+    def demand(self, holds: bool, why: str) -> None:
+        if not holds:
+            raise LatexError(f"{why}: {self.formula!r}")
 
-    def peek(self) -> str:
-        return self.tokens[self.at][0] if self.at < len(self.tokens) else ""
+    def take(self, *wanted: str) -> str:
+        self.demand(bool(self.tokens), "ends too early")
+        token = self.tokens.popleft()
+        self.demand(not wanted or token in wanted, f"{token} instead of {wanted}")
+        return token
 
-    def braces(self) -> str:
-        """Pass over a group of plain letters; give it."""
-        if self.next()[0] != "{":
-            raise self.fail("an argument is missing")
-        name = ""
-        while (token := self.next()[0]) != "}":
-            name += token
-        return name
+    def letters(self, opens: str, closes: str) -> str:
+        self.take(opens)
+        found = ""
+        while (token := self.take()) != closes:
+            found += token
+        return found
 
-    def text(self) -> None:  # noqa: C901  one branch for each kind of sign
-        token = self.next()
-        command, escaped, special = token[1], token[2], token[3]
-        if command == "begin":
-            name = self.braces()
-            self.stack.append(name)
-            if _ENVIRONMENTS[name]:
-                start = self.tokens[self.at].start()
-                self.math(r"\end")
-                self.displays.append(
-                    self.document[start : self.tokens[self.at - 1].start()]
-                )
-                self.close()
-        elif command == "end":
-            self.close()
-        elif command is not None:
-            if command not in TEXT:
-                raise self.fail(f"unknown command in text \\{command}")
-            if self.peek() == "[":
-                while self.next()[0] != "]":
-                    pass
-        elif escaped == "[":
-            self.math(r"\]")
-        elif escaped is not None and escaped not in "{}$&#%_ ":
-            raise self.fail("unknown sign in text")
-        elif special == "$":
-            self.math("$")
-        elif special is not None and special not in "{}":
-            raise self.fail(f"`{special}` in text")
-        elif token[5] is not None and not token[5].isascii() and token[5] > "ſ":
-            raise self.fail("a sign that fonts do not have")
-
-    def close(self) -> None:
-        name = self.braces()
-        if not self.stack or self.stack.pop() != name:
-            raise self.fail(f"\\end{{{name}}} closes nothing")
-
-    def math(self, end: str, *, depth: int = 0) -> None:  # noqa: C901
-        """Read mathematics up to `end`."""
-        columns, base = 0, False
-        while True:
-            token = self.next()
-            text, command, special = token[0], token[1], token[3]
-            if text == end or (command == "end" and end == r"\end"):
+    def group(self, end: str | None) -> None:
+        base, columns = False, 0
+        while self.tokens or end:
+            token, inside = self.take(), self.environments[-1]
+            if token == end:
                 return
-            if command == "begin":
-                name = self.braces()
-                self.stack.append(name)
-                if _ENVIRONMENTS[name] is not None:
-                    raise self.fail(f"{name} in mathematics")
-                self.math(r"\end", depth=depth + 1)
-                self.close()
-                base = True
-            elif command == "left":
-                self.delimiter()
-                self.math(r"\right", depth=depth + 1)
-                self.delimiter()
-                base = True
-            elif command is not None:
-                self.command(command, depth)
-                base = True
-            elif text == "{":
-                self.math("}", depth=depth + 1)
-                base = True
-            elif special in ("_", "^"):
-                if not base:
-                    raise self.fail("a script without a base")
-                if self.next()[0] != "{":
-                    raise self.fail("a script without braces")
-                self.math("}", depth=depth + 1)
-                if self.peek() == special:
-                    raise self.fail("a double script")
-            elif text == "&":
-                columns += 1
-                if self.stack[-1] == "align*" and (columns > 1 or depth):
-                    raise self.fail("too many marks in a line of align*")
-            elif text == r"\\":
-                columns = 0
-                if self.stack[-1] not in ("align*", "bmatrix", "cases", "gathered"):
-                    raise self.fail("a new line in a formula")
-            elif text in ("}", "$") or not text.isascii():
-                raise self.fail(f"`{text}` in mathematics")
-            elif token[2] is not None and text not in (r"\,", r"\:", r"\_", r"\|"):
-                raise self.fail(f"unknown sign {text}")
+            if token in ("_", "^"):
+                self.demand(base, "a script without a base")
+                self.take("{")
+                self.group("}")
+                double = bool(self.tokens) and self.tokens[0] == token
+                self.demand(not double, "a double script")
+            elif token in ("&", r"\\"):
+                columns = columns + 1 if token == "&" else 0
+                few = inside != "align*" or (columns < 2 and end is None)
+                self.demand(bool(inside) and few, f"{token} in a formula")
             else:
+                self.operand(token)
                 base = True
 
-    def delimiter(self) -> None:
-        token = self.next()
-        if token[0] not in ("(", ")", "|", "[", "]", ".") and token[1] not in (
-            "lfloor", "rfloor", "lceil", "rceil",
-        ):  # fmt: skip
-            raise self.fail("no delimiter")
-
-    def command(self, name: str, depth: int) -> None:
-        if name in ("bigl", "bigr"):
-            self.large += 1 if name == "bigl" else -1
-            self.delimiter()
-            return
-        if name == "right":
-            raise self.fail("\\right without \\left")
-        if name not in MATH:
-            raise self.fail(f"unknown command \\{name}")
-        if name == "sqrt" and self.peek() == "[":
-            while self.next()[0] != "]":
-                pass
-        if name == "text":
-            self.braces()  # letters of any script
-            return
-        for _ in range(MATH[name]):
-            if self.next()[0] != "{":
-                raise self.fail(f"\\{name} lacks an argument")
-            self.math("}", depth=depth + 1)
+    def operand(self, token: str) -> None:
+        if token == "{":
+            self.group("}")
+        elif token == r"\left":
+            self.take(*_DELIMITERS)
+            self.group(r"\right")
+            self.take(*_DELIMITERS)
+        elif token in (r"\bigl", r"\bigr"):
+            self.large += 1 if token == r"\bigl" else -1
+            self.take(*_DELIMITERS)
+        elif token == r"\begin":
+            name = self.letters("{", "}")
+            self.demand(name in _ENVIRONMENTS, f"{name} in mathematics")
+            self.environments.append(name)
+            self.group(r"\end")
+            self.demand(self.letters("{", "}") == self.environments.pop(), "not closed")
+        elif token == r"\text":
+            self.letters("{", "}")  # of any script
+        elif token[0] == "\\" and token[1].isalpha():
+            self.demand(token[1:] in MATH, f"unknown command {token}")
+            if token == r"\sqrt" and self.tokens[0] == "[":
+                self.letters("[", "]")
+            for _ in range(MATH[token[1:]]):
+                self.take("{")
+                self.group("}")
+        else:
+            plain = token in (r"\,", r"\:", r"\_", r"\|") or token[0] not in "\\}$"
+            self.demand(plain and token.isascii(), f"{token} in mathematics")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import unicodedata
 
 import pytest
 
@@ -89,16 +88,3 @@ def test_twice_the_coordinates_take_no_more_work_for_each_letter(shape):
     )
     few, many = map(float, done.stdout.split())
     assert many < 1.15 * few
-
-
-def test_letters_of_long_lines_are_measured_a_few_times(monkeypatch):
-    measured = 0
-
-    def counted(letter, of=unicodedata.combining):
-        nonlocal measured
-        measured += 1
-        return of(letter)
-
-    found = derived(products_of_sines(18), 18)
-    monkeypatch.setattr(unicodedata, "combining", counted)
-    assert len(as_text(found)) > measured / 6
