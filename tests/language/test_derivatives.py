@@ -93,14 +93,11 @@ def test_slopes(text: str, x: float, expected: float) -> None:
 @pytest.mark.parametrize(
     ("text", "x", "expected"),
     [
-        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0),
-        ("max(0, x)^2.5", 0.0, 0.0),
-        ("max(0, x)^2.5", 4.0, 7.5),
-        ("max(1, sqrt(x))", 0.0, 0.0),
-        ("if(x > 0, x^2, x^3)", 0.0, 0.0),
-        ("abs(x)*x", -1.0, -2.0),
+        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0), ("max(0, x)^2.5", 0.0, 0.0),
+        ("max(0, x)^2.5", 4.0, 7.5), ("max(1, sqrt(x))", 0.0, 0.0),
+        ("if(x > 0, x^2, x^3)", 0.0, 0.0), ("abs(x)*x", -1.0, -2.0),
     ],
-)
+)  # fmt: skip
 def test_second_slopes(text: str, x: float, expected: float) -> None:
     assert slope(text, x, order=2) == pytest.approx(expected, rel=1e-14)
 

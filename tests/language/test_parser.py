@@ -172,17 +172,11 @@ def test_faults(text: str, offset: int, length: int, message: str, hint: str) ->
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        ("sine(x)", "unknown-function"),
-        ("2x", "number"),
-        ("1e999", "not-finite"),
-        ("_x", "name"),
-        ("x²", "name"),
-        ("(x", "parenthesis"),
-        ("x)", "parenthesis"),
-        ("sin(x, y)", "arity"),
-        ("x +", "syntax"),
+        ("sine(x)", "unknown-function"), ("2x", "number"), ("1e999", "not-finite"),
+        ("_x", "name"), ("x²", "name"), ("(x", "parenthesis"), ("x)", "parenthesis"),
+        ("sin(x, y)", "arity"), ("x +", "syntax"),
     ],
-)
+)  # fmt: skip
 def test_codes(text: str, code: str) -> None:
     assert fault(text).code == code
 
@@ -240,10 +234,8 @@ def test_relations() -> None:
         ("x > 1", 2, "a relation is not strict", "write `>=`"),
         ("x = y = 1", 6, "a relation has one", "two constraints"),
         ("0 <= x <= 1", 7, "a relation has one", "two constraints"),
-        ("= 1", 0, "found nothing", ""),
-        ("x =", 3, "found nothing", ""),
-        ("", 0, "found nothing", ""),
-        ("(x = 1)", 3, "`=` has no meaning here", ""),
+        ("= 1", 0, "found nothing", ""), ("x =", 3, "found nothing", ""),
+        ("", 0, "found nothing", ""), ("(x = 1)", 3, "`=` has no meaning here", ""),
         ("(x <= 1)", 1, "a comparison is allowed only in `if`", ""),
         ("(x = 1", 3, "`=` has no meaning here", ""),
         ("x) = 1", 1, "never opened", ""),
@@ -252,7 +244,7 @@ def test_relations() -> None:
         ("x = * 1", 4, "a value is expected before `*`", ""),
         ("if(x = 1, 2, 3) = 2", 5, "`=` has no meaning here", ""),
     ],
-)
+)  # fmt: skip
 def test_faults_of_relations(text: str, offset: int, message: str, hint: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse_relation(text)

@@ -17,14 +17,11 @@ def build(g: Graph, text: str) -> int:
 @pytest.mark.parametrize(
     ("text", "written"),
     [
-        ("l*(cos(a)*v)", "(l*cos(a))*v"),
-        ("v*(v*(sin(a)*l))", "(l*sin(a))*(v*v)"),
-        ("m*(2*(v + w))", "(m*2)*(v + w)"),
-        ("-(v*(a*m))", "-((m*a)*v)"),
-        ("(v*a)*m/(w*l)", "((m*a)*v)/(l*w)"),
-        ("a*a*l", "l*(a*a)"),
+        ("l*(cos(a)*v)", "(l*cos(a))*v"), ("v*(v*(sin(a)*l))", "(l*sin(a))*(v*v)"),
+        ("m*(2*(v + w))", "(m*2)*(v + w)"), ("-(v*(a*m))", "-((m*a)*v)"),
+        ("(v*a)*m/(w*l)", "((m*a)*v)/(l*w)"), ("a*a*l", "l*(a*a)"),
     ],
-)
+)  # fmt: skip
 def test_slow_factors_come_first(text: str, written: str) -> None:
     g = Graph()
     node, expected = build(g, text), build(g, written)

@@ -40,8 +40,7 @@ def test_no_value_appears_where_there_is_none(text: str) -> None:
         ("sqrt(x^2 + y^2)*y*sqrt(x^2 + y^2)", lambda x, y: y * (x * x + y * y)),
         ("sqrt(x + 5)*y*sqrt(x + 5)", lambda x, y: y * (x + 5)),
         ("(3*cbrt(x))^3/y", lambda x, y: 27 * x / y),
-        ("abs(x)^3", lambda x, _: abs(x) ** 3),
-        ("abs(x)*x", lambda x, _: abs(x) * x),
+        ("abs(x)^3", lambda x, _: abs(x) ** 3), ("abs(x)*x", lambda x, _: abs(x) * x),
         ("abs(x)*abs(y)*abs(x)", lambda x, y: x * x * abs(y)),
         ("cbrt(x)^4", lambda x, _: x * np.cbrt(x)),
         ("cbrt(x)*cbrt(x)", lambda x, _: np.cbrt(x) ** 2),
@@ -49,7 +48,7 @@ def test_no_value_appears_where_there_is_none(text: str) -> None:
         ("hypot(x, y)^2*hypot(x, y)", lambda x, y: (x * x + y * y) ** 1.5),
         ("(x*hypot(x, y))^-2", lambda x, y: (x * x * (x * x + y * y)) ** -1),
     ],
-)
+)  # fmt: skip
 def test_values(text: str, expected) -> None:
     g = Graph()
     node = build(g, text)

@@ -112,17 +112,10 @@ def test_equations_stand_one_under_the_other() -> None:
 @pytest.mark.parametrize(
     "broken",
     [
-        r"\frac{1}",
-        r"\left(x",
-        "x_",
-        "x^2",
-        r"\unknown",
-        "a & b & c",
-        "{x",
-        "ü",
+        r"\frac{1}", r"\left(x", "x_", "x^2", r"\unknown", "a & b & c", "{x", "ü",
         "x_{a}_{b}",
     ],
-)
+)  # fmt: skip
 def test_the_reader_is_strict(broken: str) -> None:
     page = "\\documentclass{article}\n\\begin{document}\n\\begin{align*}\n%s\n"
     page += "\\end{align*}\n\\end{document}\n"

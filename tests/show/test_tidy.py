@@ -28,8 +28,7 @@ def tidier(**budget: int) -> Tidier:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        (m * sin(a) ** 2 + m * cos(a) ** 2, m),
-        (m - m * cos(a) ** 2, m * sin(a) ** 2),
+        (m * sin(a) ** 2 + m * cos(a) ** 2, m), (m - m * cos(a) ** 2, m * sin(a) ** 2),
         (cos(a) * cos(b) + sin(a) * sin(b), cos(a - b)),
         (cos(a) * cos(b) - sin(a) * sin(b), cos(a + b)),
         (sin(a) * cos(b) - cos(a) * sin(b), sin(a - b)),
@@ -40,7 +39,7 @@ def tidier(**budget: int) -> Tidier:
         ((2 * l + 2 * u) * m * v, 2 * m * (l + u) * v),
         (m * (l + u) ** 2 * v**2, m * (l + u) ** 2 * v**2),
     ],
-)
+)  # fmt: skip
 def test_what_a_person_would_do(given: sp.Expr, expected: sp.Expr) -> None:
     assert tidier()(given) == expected
 
