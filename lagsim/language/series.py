@@ -160,6 +160,8 @@ class Coefficients:
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]
+        if op in ("add", "sub", "neg"):
+            return g.call(op, *map(self, args))
         if row.branches is not None:
             first, second = (self(a) for a in args[-2:])
             return g.call("if", row.branches(g, args), first, second)
@@ -176,23 +178,6 @@ _CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.conditio
 
 
 # The recurrences of single operations
-
-
-def _add(s: Coefficients, n: int) -> int:
-    """Give x_k + y_k."""
-    x, y = s.g.args[n]
-    return s.g.call("add", s(x), s(y))
-
-
-def _sub(s: Coefficients, n: int) -> int:
-    """Give x_k - y_k."""
-    x, y = s.g.args[n]
-    return s.g.call("sub", s(x), s(y))
-
-
-def _neg(s: Coefficients, n: int) -> int:
-    """Give -x_k."""
-    return s.g.call("neg", s(s.g.args[n][0]))
 
 
 def _mul(s: Coefficients, n: int) -> int:
@@ -283,8 +268,7 @@ def _as_products(s: Coefficients, n: int) -> int | None:
 
 
 RECURRENCES = {
-    "add": _add, "sub": _sub, "neg": _neg, "mul": _mul, "div": _div, "sqrt": _sqrt,
-    "hypot": _hypot, "pow": _power,
+    "mul": _mul, "div": _div, "sqrt": _sqrt, "hypot": _hypot, "pow": _power,
 }  # fmt: skip
 
 

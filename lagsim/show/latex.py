@@ -126,7 +126,10 @@ class _Latex(Outline):
 
     def _say(self, text: str) -> None:
         text = text.strip()
-        self.lines.append(text if text.startswith("\\[") else _sentence(text))
+        if not text.startswith("\\["):
+            end = "" if text.endswith(".") else "."
+            text = f"{text[0].upper()}{text[1:]}{end}\n"
+        self.lines.append(text)
 
     def _title(self, text: str) -> None:
         self.lines.append(f"\n\\subsection*{{{plain_latex(text)}}}")
@@ -208,11 +211,14 @@ class _Latex(Outline):
         for line in self.c.lines:
             right = self.pieces(line.right, LONGEST_LINE)
             found.append((self.write(line.left), line.left, right))
-        widths = [(_width(left), _width_of(right)) for left, _, right in found]
+        widths = [
+            (_width(left), sum(_width(text) + 3 for _, text in right))
+            for left, _, right in found
+        ]
         if sum(map(max, zip(*widths, strict=True))) <= LONGEST_LINE:
             return [(left, right, "") for left, _, right in found]
         return [
-            ("", [*self.pieces(left, LONGEST_LINE), *_related("=", right)], "")
+            ("", [*self.pieces(left, LONGEST_LINE), *_equal_to(right)], "")
             for _, left, right in found
         ]
 
@@ -234,12 +240,6 @@ class _Latex(Outline):
 
     def _statement(self, _: str, text: str) -> None:
         self._say(rf"\[ {text} \]")
-
-
-def _sentence(text: str) -> str:
-    """Give a text as a paragraph."""
-    text = text if text.endswith(".") else f"{text}."
-    return f"{text[0].upper()}{text[1:]}\n"
 
 
 def _lines(left: str, terms: Pieces, tail: str) -> list[str]:
@@ -265,14 +265,10 @@ def _filled(line: str, parts: Pieces, room: int, begin: str) -> list[str]:
     return [*lines, line.rstrip()]
 
 
-def _related(relation: str, terms: Pieces) -> Pieces:
-    """Give the terms that follow on a relation."""
+def _equal_to(terms: Pieces) -> Pieces:
+    """Give the terms of a right side, the first behind the sign of equality."""
     (sign, text), *rest = terms
-    return [(relation, text if sign == "+" else f"{sign} {text}"), *rest]
-
-
-def _width_of(terms: Pieces) -> int:
-    return sum(_width(text) + 3 for _, text in terms)
+    return [("=", text if sign == "+" else f"{sign} {text}"), *rest]
 
 
 # What text, outside of formulas, has in LaTeX that Markdown writes otherwise: of the

@@ -384,7 +384,7 @@ def _product(*factors: Any) -> Any:
     sums = [x for x in factors if isinstance(x, sp.Add)]
     if not sums:
         return sp.Mul(*factors)
-    negative = [x for x in sums if all(map(_has_minus, x.args))]
+    negative = [x for x in sums if all(p.as_coeff_Mul()[0] < 0 for p in x.args)]
     turned = [-x if x in negative else x for x in factors]
     sign = (-sp.S.One) ** len(negative)
     whole = sp.Mul(sign, *turned)
@@ -393,10 +393,6 @@ def _product(*factors: Any) -> Any:
     (first, *_) = (x for x in turned if isinstance(x, sp.Add))
     number = sign * sp.Mul(*(x for x in turned if x is not first))
     return whole if abs(number) == 1 else sp.Mul(number, first, evaluate=False)
-
-
-def _has_minus(e: Any) -> bool:
-    return bool(e.as_coeff_Mul()[0] < 0)
 
 
 def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:

@@ -79,5 +79,6 @@ def test_files_of_a_hundred_thousand_letters(lagsim, tmp_path, shape, name):
     (tmp_path / "model.yaml").write_text(SHAPES[shape](LETTERS))
     before = time.process_time()
     calm(lagsim(name, "model.yaml"))
-    # 10 s are promised on a machine that does nothing else.
-    assert time.process_time() - before < PATIENCE * 20.0
+    # 10 s and 20 s are promised on a machine that does nothing else.
+    most = {"check": 20.0, "derive": 15.0}[name]
+    assert time.process_time() - before < PATIENCE * most

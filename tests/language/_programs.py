@@ -8,6 +8,7 @@ import mpmath as mp
 from hypothesis import strategies as st
 
 from lagsim.language.graph import Graph
+from lagsim.language.parser import parse
 from tests.language._cases import CASES, DIGITS
 
 if TYPE_CHECKING:
@@ -32,6 +33,11 @@ class AsWritten(Graph):
 
     def call(self, op: str, *args: int) -> int:
         return self.kept(op, args)
+
+
+def build(g: Graph, text: str) -> int:
+    """Give the node of a text."""
+    return parse(text).build(g, g.variable)
 
 
 class OutsideError(Exception):

@@ -12,21 +12,17 @@ from hypothesis import strategies as st
 
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
-from lagsim.language.parser import parse
 from lagsim.show.symbols import symbol, to_sympy
 from tests.language._programs import (
     AsWritten,
     OutsideError,
     Program,
+    build,
     exactly,
     on_graph,
     programs,
     states,
 )
-
-
-def build(g: Graph, text: str) -> int:
-    return parse(text).build(g, g.variable)
 
 
 @pytest.mark.parametrize(

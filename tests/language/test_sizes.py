@@ -10,13 +10,9 @@ import pytest
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
-from lagsim.language.parser import parse
 from lagsim.language.simpler import never_negative
+from tests.language._programs import build
 from tests.support import run
-
-
-def build(g: Graph, text: str) -> int:
-    return parse(text).build(g, g.variable)
 
 
 @pytest.mark.parametrize(

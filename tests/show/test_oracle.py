@@ -221,25 +221,6 @@ def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
             close(np.ravel(found), evaluate(e.graph, nodes, values))
 
 
-@pytest.mark.parametrize("name", ["double-pendulum", "elastic-pendulum-steered"])
-def test_the_python_module_agrees_with_native_code(name: str) -> None:
-    from tests.mechanics.test_equations import native_of
-
-    e, module = equations_of(name), module_of(name)
-    values = state_of(name, seed=1)
-    _, q_ddot, lam = native_of(name, loops=False).motion(values)
-    module["PARAMETERS"].update({p: values[p] for p in module["PARAMETERS"]})
-    at = values["t"], [values[q] for q in e.q], [values[v] for v in e.velocities]
-    M, f, A, b = (
-        module[k](*at)
-        for k in ("mass_matrix", "force", "constraint_matrix", "constraint_rhs")
-    )
-    lam = np.asarray(lam)
-    close(M @ q_ddot, f + A.T @ lam)
-    if len(e.rows):
-        close(A @ q_ddot, b)
-
-
 QUICK = ("bead-hoop", "charged-particle", "heavy-top", "kepler")
 
 
