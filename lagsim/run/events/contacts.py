@@ -216,8 +216,8 @@ class Contacts(Source):
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
         """Give which series of bounces end with an impact, and when each would.
 
-        Each contact is judged by its own flights; what an impact that is one acts on
-        as well flies on. All that end do so together, as one accumulation.
+        Each contact is judged by its own flights. All that end do so together, as one
+        accumulation.
         """
         t = here.arc.t
         struck = {k for k in self.contacts if closed[k] and here.strikes(k)}
@@ -234,8 +234,6 @@ class Contacts(Source):
                     ends[k] = end
         if struck.isdisjoint(ends):
             return {}
-        loud = struck.difference(ends)
-        ends = {k: end for k, end in ends.items() if not here.acts_on(k, loud)}
         for k in struck.intersection(ends):
             self.flights[k].rests.append(t)
         return ends
@@ -268,7 +266,9 @@ class Contacts(Source):
         e = [0.0 if k in ends else self.laws[k].restitution for k in some]
         problem, response = here.problem(some, np.array(e))
         if stopped:
-            problem = replace(problem, kinds=tuple(self._stopped(here, some, ends)))
+            # What ends is held: a slip has the friction of what is left of its impacts.
+            kinds = [Kind.TIMED if k in ends else self.laws[k].kind for k in some]
+            problem = replace(problem, kinds=tuple(kinds))
         rates = here.rates[some]
         result = impact(problem, rates, here.still[some])
         # A flight that begins a rounding below the ground would end one farther below.
@@ -313,18 +313,6 @@ class Contacts(Source):
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
         if result.energy > IMPACT_GAIN * (np.abs(result.impulses) @ speeds):
             self._tell(found, "impact-energy", some, t=here.t, gained=result.energy)
-
-    def _stopped(
-        self, here: Kinematics, some: list[int], ends: Collection[int]
-    ) -> Iterator[Kind]:
-        """Give kinds for which those that end are held, with slips that have gone.
-
-        What slides on has the friction of what is left of their impacts.
-        """
-        for k in some:
-            law = self.laws[k]
-            spent = law.normal in ends and here.is_spent(k)
-            yield Kind.TIMED if k in ends or spent else law.kind
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:

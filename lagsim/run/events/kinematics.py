@@ -278,17 +278,6 @@ class Kinematics:
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
         return float(max(told, CLEAR_OF_ROUNDING * rounded))
 
-    def is_spent(self, k: int) -> bool:
-        """Tell whether a slip could go no farther than the tolerance.
-
-        With all the speed that it has, against its friction.
-        """
-        law = self.laws[k]
-        least = self.arc.plan.tolerance * self.reach[0][k]
-        force = self.bounds[k] * self.forces[law.normal]
-        speed = abs(self.rates[k])
-        return bool(speed <= self.still[k] or speed * speed <= 2.0 * force * least)
-
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Tell whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
