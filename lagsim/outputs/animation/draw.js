@@ -1,6 +1,6 @@
 // One picture of a run: ground, trails, links, points, forces.
 
-// M. Okabe, K. Ito (2008): told apart by the colour blind.
+// M. Okabe, K. Ito (2008): distinct for the colour blind.
 const COLOURS = {
   light: ["#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9"],
   dark: ["#4db2ef", "#ff9152", "#35cfa3", "#f5bd4f", "#e6a3ca", "#8fd4fb"],

@@ -194,7 +194,7 @@ function wanted() {
   return found && Number.isFinite(Number(found[1])) ? Number(found[1]) : null;
 }
 
-function tell() {
+function describe() {
   $("title").textContent = document.title;
   $("description").textContent = many ? "" : runs[0].description;
   for (const {kind, times} of line.marks) {
@@ -223,7 +223,7 @@ function tell() {
 const dark = matchMedia("(prefers-color-scheme: dark)");
 dark.addEventListener("change", () => { look(dark.matches ? "dark" : "light"); show(); });
 look(dark.matches ? "dark" : "light");
-tell();
+describe();
 button();
 arrange();
 faster(1);

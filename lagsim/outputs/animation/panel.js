@@ -102,8 +102,8 @@ class TimeLine {
   // What has happened at a place of the line: the nearest events.
   about(x) {
     const found = this.runs.flatMap((run) => run.events).filter((e) => Math.abs(this.x(e.t) - x) < 5);
-    const told = found.slice(0, 5).map((e) => `t = ${short(e.t)} s: ${eventLook(e.kind)[2]} ${e.what}`);
-    return [...told, ...(found.length > 5 ? [`and ${found.length - 5} more`] : [])].join("\n");
+    const lines = found.slice(0, 5).map((e) => `t = ${short(e.t)} s: ${eventLook(e.kind)[2]} ${e.what}`);
+    return [...lines, ...(found.length > 5 ? [`and ${found.length - 5} more`] : [])].join("\n");
   }
 
   // The event before a time, or after it.
