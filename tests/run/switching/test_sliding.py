@@ -13,15 +13,6 @@ from lagsim.run.system.functions import NEEDED
 from tests.run.switching.scenes import events, scene
 from tests.support import run
 
-INCLINE = """
-parameters: {{mu: {mu}, a: 0.3, g: 9.81}}
-coordinates: {{x: {{}}}}
-energy: {{kinetic: x_dot^2/2, potential: g*x*sin(a)}}
-forces: {{x: -mu*g*cos(a)*sign(x_dot)}}
-initial: {{x: 0, x_dot: {v}}}
-simulation: {{duration: 3, output_step: 0.05}}
-"""
-
 
 def test_dry_friction_to_rest():
     found = run("dry-friction")
@@ -126,39 +117,6 @@ def test_a_method_that_needs_more_than_rates_leaves_sliding_to_dop853(monkeypatc
     assert np.max(np.abs(found["x"] - plain["x"])) < 1e-12
     # Sticking takes dop853 a few steps; RK4 takes 500 a second.
     assert found.trajectory.statistics.steps < 0.8 * plain.trajectory.statistics.steps
-
-
-@pytest.mark.parametrize(("v", "slope"), [(3, 1.0), (-3, -1.0)])
-def test_a_block_on_an_incline_stops_and_stays(v, slope):
-    found = run(INCLINE.format(mu=0.5, v=v))
-    deceleration = 9.81 * (0.5 * math.cos(0.3) + slope * math.sin(0.3))
-    assert events(found) == [(pytest.approx(3 / deceleration, abs=1e-12), "stick")]
-    assert found["x"][-1] == pytest.approx(slope * 4.5 / deceleration, abs=1e-12)
-
-
-def test_a_block_at_rest_slides_where_friction_cannot_hold_it():
-    found = run(INCLINE.format(mu=0.2, v=0))
-    a = -9.81 * (math.sin(0.3) - 0.2 * math.cos(0.3))
-    assert events(found) == []
-    assert np.max(np.abs(found["x"] - a * found["t"] ** 2 / 2)) < 1e-12
-    assert found["x_ddot"][1:] == pytest.approx(a)
-
-
-@pytest.mark.parametrize("mu", ["0.5", "tan(a)"])
-def test_a_block_at_rest_stays_where_friction_holds_it(mu):
-    text = INCLINE.format(mu=0, v=0).replace("mu: 0, a: 0.3", f"a: 0.3, mu: {mu}")
-    found = run(text)
-    assert events(found) == [(0.0, "stick")]
-    assert not np.any(found["x"])
-    assert found.trajectory.statistics.steps < 20
-
-
-def test_friction_breaks_loose_when_the_force_grows():
-    # Force t against friction 2: x = (t - 2)^3/6 from t = 2.
-    found = run(scene(force="t - 2*sign(x_dot)", duration=5))
-    assert events(found) == [(0.0, "stick"), (pytest.approx(2.0, abs=1e-13), "slip")]
-    exact = np.maximum(found["t"] - 2, 0) ** 3 / 6
-    assert np.max(np.abs(found["x"] - exact)) < 1e-12
 
 
 TWO = """

@@ -168,3 +168,46 @@ for force in ("1e-3", "1e-3*sin(t)", "1e-6*sin(t)", "1e-6*t^3"):
         ),
         within=1e-12, steps=300,
     )  # fmt: skip
+
+# On an incline of 0.3 rad, of what pulls and of what the weight presses with.
+PULL, PRESS = 9.81 * math.sin(0.3), 9.81 * math.cos(0.3)
+
+
+def incline(mu: float, v: float) -> str:
+    """A block on it with friction, thrown up or down."""
+    return scene(
+        "x", "x_dot^2/2", f"{PULL!r}*x", {}, {"x": 0, "x_dot": v},
+        forces={"x": f"{-mu * PRESS!r}*sign(x_dot)"}, duration=3,
+    )  # fmt: skip
+
+
+def stopped(v: float, a: float) -> Any:
+    """Thrown with v it is slowed down by a."""
+
+    def motion(t: Any) -> dict[str, Any]:
+        s = np.minimum(t, abs(v) / a)
+        return {"x": np.copysign(abs(v) * s - a * s**2 / 2.0, v)}
+
+    return motion
+
+
+for v in (3.0, -3.0):
+    a = 0.5 * PRESS + math.copysign(PULL, v)
+    SCENES[f"stops from {v} on an incline"] = Exact(
+        incline(0.5, v), stopped(v, a), events={"stick": [3.0 / a]}
+    )
+SCENES["slides down an incline"] = Exact(
+    incline(0.2, 0), lambda t: {"x": (0.2 * PRESS - PULL) * t**2 / 2.0}, events={}
+)
+for mu in (0.5, math.tan(0.3)):
+    SCENES[f"rests on an incline by {mu:.3g}"] = Exact(
+        incline(mu, 0), lambda t: {"x": 0.0 * t}, still="x", events={}, steps=20,
+        unlike=MOVING,
+    )  # fmt: skip
+SCENES["breaks loose"] = Exact(
+    scene(
+        "x", "x_dot^2/2", "0", {}, {"x": 0},
+        forces={"x": "t - 2*sign(x_dot)"}, duration=5,
+    ),
+    lambda t: {"x": np.maximum(t - 2.0, 0.0) ** 3 / 6.0}, events={"slip": [2.0]},
+)  # fmt: skip
