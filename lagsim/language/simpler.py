@@ -15,10 +15,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Protocol
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from typing import Protocol
 
 
 class Builder(Protocol):
@@ -43,9 +40,6 @@ class Builder(Protocol):
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
         """Give the node of an operation as it is."""
-
-    def product_sum(self, pairs: Iterable[tuple[int, int]]) -> int:
-        """Give the sum of a * b over `pairs`."""
 
 
 # Factors are looked for so far down: shared products would be walked through again and

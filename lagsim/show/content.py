@@ -157,8 +157,21 @@ UNICODE = {
     "limit": "|{lam}| ≤ {limit} while it holds; |{lam}| = {limit} against the slip",
     "when": "{lam} = 0 unless {when}",
 }
-_PLAIN = {"≤": "<=", "≥": ">=", "⊥": "_|_", "⁺": "+", "⁻": "-", "−": "-"}
-ASCII = {k: "".join(_PLAIN.get(c, c) for c in text) for k, text in UNICODE.items()}
+_PLAIN = {
+    "−": "-", "≥": ">=", "≤": "<=", "⊥": "_|_", "∂": "d", "Σ": "sum", "q̇": "q'",
+    "q̈": "q''", "⁻¹": "^-1", "⁺": "+", "⁻": "-", "ᵀ": "^T", "²": "^2", "λ": "lambda",
+}  # fmt: skip
+
+
+def in_ascii(signs: Mapping[str, str]) -> dict[str, str]:
+    """Give how signs are written in ASCII."""
+    found = dict(signs)
+    for sign, letters in _PLAIN.items():
+        found = {k: text.replace(sign, letters) for k, text in found.items()}
+    return found
+
+
+ASCII = in_ascii(UNICODE)
 LATEX = {
     "complementarity": r"0 \le {g} \perp {lam} \ge 0",
     "impact": r"{rate}^{{+}} = -{e} \, {rate}^{{-}}",

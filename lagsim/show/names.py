@@ -57,8 +57,8 @@ class Name:
 
 
 @dataclass
-class Typeset:
-    """The names of one model in one style.
+class ModelNames:
+    """The names of one model as its file writes them; other styles derive from this.
 
     Attributes
     ----------
@@ -84,59 +84,34 @@ class Typeset:
         if name.kind == "multiplier":
             return self.multiplier(name.base)
         if name.kind == "unconstrained":
-            return self.unconstrained(self.show(Name(name.base)))
+            taken = {self.joined(*parts, 0) for parts in self._shown.values()}
+            looks = self.accelerations(self.show(Name(name.base)))
+            return next(x for x in looks if x not in taken)
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
 
     def split(self, name: str) -> tuple[str, str]:
         """Give the letter and the subscript of a name."""
-        raise NotImplementedError
+        return self.verbatim(name)
 
     def verbatim(self, name: str) -> tuple[str, str]:
-        """Give a name letter by letter."""
-        raise NotImplementedError
-
-    def joined(self, base: str, below: str, order: int) -> str:
-        """Put letter, dots and subscript together."""
-        raise NotImplementedError
-
-    def multiplier(self, constraint: str) -> str:
-        """Give the multiplier of a constraint."""
-        raise NotImplementedError
-
-    def unconstrained(self, shown: str) -> str:
-        """Give the acceleration without constraints of a coordinate."""
-        taken = {self.joined(*parts, 0) for parts in self._shown.values()}
-        return next(x for x in self.accelerations(shown) if x not in taken)
-
-    def accelerations(self, shown: str) -> tuple[str, ...]:
-        """Give what that may look like, the best first."""
-        return f"a_{shown}", f"a\u0304_{shown}"
-
-
-class ModelNames(Typeset):
-    """Names as the model file writes them."""
-
-    def split(self, name: str) -> tuple[str, str]:
-        """Give the name as it is."""
+        """Give a name letter by letter, and no subscript."""
         return name, ""
 
-    verbatim = split
-
     def joined(self, base: str, below: str, order: int) -> str:
-        """Give `q`, `q_dot`, `q_ddot`."""
+        """Put letter, subscript and derivative together: `q`, `q_dot`, `q_ddot`."""
         return f"{base}{below}" + (f"_{DOTS[order]}" if order else "")
 
     def multiplier(self, constraint: str) -> str:
-        """Give `lambda_c`."""
+        """Give the multiplier of a constraint: `lambda_c`."""
         return f"lambda_{constraint}"
 
     def accelerations(self, shown: str) -> tuple[str, ...]:
-        """Give `a_q`, `a_q_` and so on: one of them is no name of the file."""
+        """Give looks of an acceleration without constraints, the best first."""
         return tuple(f"a_{shown}{'_' * k}" for k in range(len(self._shown) + 1))
 
 
-class UnicodeNames(Typeset):
+class UnicodeNames(ModelNames):
     """Greek letters, subscripts, and dots above."""
 
     def split(self, name: str) -> tuple[str, str]:
@@ -146,10 +121,6 @@ class UnicodeNames(Typeset):
             return name, ""
         word, digits, rest = match.groups("")
         return GREEK.get(word, word), digits.translate(_LOWERED) + rest
-
-    def verbatim(self, name: str) -> tuple[str, str]:
-        """Give the name as it is."""
-        return name, ""
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put dots over a letter; of a word they would be those of its first letter."""
@@ -161,8 +132,12 @@ class UnicodeNames(Typeset):
         """Give λ with the constraint as a subscript."""
         return f"λ_{constraint}"
 
+    def accelerations(self, shown: str) -> tuple[str, ...]:
+        """Give `a_q`, or that with a bar."""
+        return f"a_{shown}", f"a\u0304_{shown}"
 
-class LatexNames(Typeset):
+
+class LatexNames(ModelNames):
     """Commands for Greek letters, subscripts, and dots above."""
 
     def split(self, name: str) -> tuple[str, str]:

@@ -21,7 +21,7 @@ from lagsim.show.names import RAISED
 from lagsim.show.symbols import LARGEST_DENOMINATOR
 
 if TYPE_CHECKING:
-    from lagsim.show.names import Typeset
+    from lagsim.show.names import ModelNames
     from lagsim.show.symbols import Translation
 
 
@@ -54,7 +54,7 @@ class Printer:
     settings: ClassVar[dict[str, Any]] = {}
 
     def __init__(
-        self, x: Translation, names: Typeset, digits: int | None = DIGITS
+        self, x: Translation, names: ModelNames, digits: int | None = DIGITS
     ) -> None:
         super().__init__(self.settings)  # type: ignore[call-arg]
         self.names, self.symbols, self.rank = names, x.names, x.rank

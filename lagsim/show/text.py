@@ -10,7 +10,7 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.content import ASCII, UNICODE, conditions
+from lagsim.show.content import ASCII, UNICODE, conditions, in_ascii
 from lagsim.show.names import ModelNames, Name, UnicodeNames
 from lagsim.show.printers import ModelPrinter, TextPrinter
 
@@ -296,10 +296,6 @@ _SIGNS = {
     "shifted momentum": "shifted momentum", "total momentum": "total momentum",
     "angular momentum": "angular momentum",
 }  # fmt: skip
-_ASCII = {
-    "−": "-", "≥": ">=", "∂": "d", "Σ": "sum", "q̇": "q'", "q̈": "q''", "⁻¹": "^-1",
-    "ᵀ": "^T", "²": "^2", "λ": "lambda",
-}  # fmt: skip
 
 
 def as_text(content: Content, *, ascii_only: bool = False) -> str:
@@ -308,9 +304,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     plain = x.own_names
     names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
     write = ModelPrinter(x, names) if ascii_only else TextPrinter(x, names)
-    signs = dict(_SIGNS)
-    for sign, letters in _ASCII.items() if ascii_only else ():
-        signs = {k: text.replace(sign, letters) for k, text in signs.items()}
+    signs = in_ascii(_SIGNS) if ascii_only else dict(_SIGNS)
     shown = {names.show(Name(n)) for n in plain}
     # The letters of mechanics give way to the file's names.
     words = {"T": "kinetic", "V": "potential", "L": "lagrangian"}
