@@ -102,8 +102,9 @@ def method(name: str) -> ModuleType:
       are integrated as they are: the action, the coordinates that `reduction` leaves;
     - EVENTS (optional): False where its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
-    - STATE, the class of the memory it keeps, and the kernels `start`, `step` and
-      `interpolate`; where ADAPTIVE, `interpolate_rates` as well.
+    - STATE, the class of the memory it keeps, PARAMETERS (optional), that of what the
+      model gives it, and the kernels `start`, `step` and `interpolate`; where ADAPTIVE,
+      `interpolate_rates` as well.
 
     A number of STATE that is declared as an `option` is one that users choose: reader,
     schema, commands, Python interface and pages know of it by that.

@@ -45,7 +45,7 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effort
-from lagsim.native.layout import array
+from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, SETTLED_IMPULSE, SLIP_AT_REST
 
 if TYPE_CHECKING:
@@ -79,6 +79,51 @@ class Moreau(State):
 STATE = Moreau
 
 
+class Impulses(Parameters):
+    """Rows that are satisfied by impulses in each step."""
+
+    met: int  # these rows
+    inertial: int  # elements of M in its envelope
+    sloping: int  # those of the rows that do not vanish
+
+    met_kind: Floats = array("met")
+    met_normal: Floats = array("met")
+    met_pair: Floats = array("met")
+    met_restitution: Floats = array("met")
+    # Where `balance` has what.
+    inertia_first: Floats = array("n")
+    slope_starts: Floats = array(lambda p: p.met + 1)
+    slope_columns: Floats = array("sloping")
+    # What `balance` gives: M in its envelope, the elements of the rows, the forces;
+    # then of each row its gap, what its rate is at rest, its bounds, whether it is in
+    # force.
+    balance: Floats = array(lambda p: p.inertial + p.sloping + p.n + 5 * p.met)
+    met_slopes: Floats = part("balance", "sloping", "inertial")
+    pushes: Floats = after("met_slopes", "n")
+    met_gaps: Floats = after("pushes", "met")
+    met_offsets: Floats = after("met_gaps", "met")
+    met_bounds: Floats = after("met_offsets", "met")
+    met_statics: Floats = after("met_bounds", "met")
+    met_force: Floats = after("met_statics", "met")
+    inertia_factor: Floats = array("inertial")
+    # Of what acts in a step: its number, and of each row its place, from 1; what an
+    # impulse of one changes, element by element, and where those begin.
+    acting: Floats = array("met")
+    among: Floats = array("met")
+    answer_starts: Floats = array(lambda p: p.met + 1)
+    answers: Floats = array(lambda p: p.met * p.n)
+    answer_columns: Floats = array(lambda p: p.met * p.n)
+    # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
+    # how large its rates are.
+    struck: Floats = array("met")
+    aims: Floats = array("met")
+    yields: Floats = array("met")
+    reaches: Floats = array("met")
+
+
+PARAMETERS = Impulses
+
+
 def amplification(z: complex) -> float:
     """Give the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
     import numpy as np
@@ -89,7 +134,7 @@ def amplification(z: complex) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
 
 
-def start(s: Moreau, p: Parameters) -> None:
+def start(s: Moreau, p: Impulses) -> None:
     """Begin an arc: multipliers at its start are those of the step to come."""
     s.step_h = 0.0
     s.multipliers = s.size - p.met
@@ -100,7 +145,7 @@ def start(s: Moreau, p: Parameters) -> None:
     record_extents(s)
 
 
-def step(s: Moreau, p: Parameters) -> int:
+def step(s: Moreau, p: Impulses) -> int:
     """Make one step, or give a code other than 0."""
     after = next_time(s)
     if attempt(s, p, step_length(s, after)) == 0:
@@ -117,7 +162,7 @@ def step(s: Moreau, p: Parameters) -> int:
     return DONE
 
 
-def attempt(s: Moreau, p: Parameters, h: float) -> int:
+def attempt(s: Moreau, p: Impulses, h: float) -> int:
     """Leave the state after a step h; give 0 if the impulses are not quite right."""
     n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
@@ -139,7 +184,7 @@ def attempt(s: Moreau, p: Parameters, h: float) -> int:
     return sweeps
 
 
-def meet_rows(s: Moreau, p: Parameters, h: float) -> int:
+def meet_rows(s: Moreau, p: Impulses, h: float) -> int:
     """Find the impulses, and the multipliers that they are in the mean.
 
     The last ones are the guess.
@@ -155,7 +200,7 @@ def meet_rows(s: Moreau, p: Parameters, h: float) -> int:
     return sweeps
 
 
-def add_work(s: Moreau, p: Parameters, middle: float, h: float) -> None:
+def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
     """Add the works of the forces, and of the impulses at the mean velocities."""
     n, works = s.n, p.works
     z, new = s.z, s.new
@@ -207,7 +252,7 @@ BEYOND = 1.7
 NEAR = 1e-3
 
 
-def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
     """Give the columns of a row: q'' is that of the forces and the mean multipliers.
 
     y ends with these.
@@ -224,7 +269,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     columns(t, y, p, out)
 
 
-def factor(p: Parameters) -> None:
+def factor(p: Impulses) -> None:
     """Factor M = L L^T within its envelope, once if it is constant."""
     L = p.inertia_factor
     if p.factored >= 1.0:
@@ -251,7 +296,7 @@ def factor(p: Parameters) -> None:
         row += i - begin + 1
 
 
-def respond(p: Parameters, x: Floats) -> None:
+def respond(p: Impulses, x: Floats) -> None:
     """Replace forces x (n,) by M^-1 x."""
     n, L = p.n, p.inertia_factor
     row = 0
@@ -272,7 +317,7 @@ def respond(p: Parameters, x: Floats) -> None:
                 x[j] -= L[row + j - begin] * x[i]
 
 
-def gather(p: Parameters, v: Floats, w: Floats, h: float, room: Floats) -> int:
+def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
     """List the active rows with their aims and responses; give their number.
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
@@ -302,7 +347,7 @@ def gather(p: Parameters, v: Floats, w: Floats, h: float, room: Floats) -> int:
     return count
 
 
-def answer(p: Parameters, k: int, count: int, room: Floats) -> int:
+def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
     """Note M^-1 A^T of row k, and its own part; give 0 where nothing answers."""
     starts = p.slope_starts
     room[: p.n] = 0.0
@@ -325,7 +370,7 @@ def answer(p: Parameters, k: int, count: int, room: Floats) -> int:
     return 1
 
 
-def rate(p: Parameters, k: int, v: Floats) -> float:
+def rate(p: Impulses, k: int, v: Floats) -> float:
     """Give the rate of row k at velocities v (n,)."""
     found = float(p.met_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
@@ -333,7 +378,7 @@ def rate(p: Parameters, k: int, v: Floats) -> float:
     return found
 
 
-def reach(p: Parameters, k: int, v: Floats, w: Floats) -> float:
+def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
     """Give how large the rate of row k is at velocities v, and at w."""
     found = abs(p.met_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
@@ -342,13 +387,13 @@ def reach(p: Parameters, k: int, v: Floats, w: Floats) -> float:
     return float(found)
 
 
-def push(p: Parameters, i: int, impulse: float, w: Floats) -> None:
+def push(p: Impulses, i: int, impulse: float, w: Floats) -> None:
     """Add the response to an impulse of the row in place i to velocities w."""
     for e in range(int(p.answer_starts[i]), int(p.answer_starts[i + 1])):
         w[int(p.answer_columns[e])] += p.answers[e] * impulse
 
 
-def relax(p: Parameters, count: int, h: float, v: Floats, w: Floats) -> int:
+def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
     """Find the impulses of the rows that act; give the sweeps, or 0 if it did not end.
 
     v : (n,), the velocities before. w : (n,), those that there would be without the
@@ -368,7 +413,7 @@ def relax(p: Parameters, count: int, h: float, v: Floats, w: Floats) -> int:
     return 0
 
 
-def meet(p: Parameters, i: int, h: float, v: Floats, w: Floats, beyond: float) -> float:
+def meet(p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float) -> float:
     """Meet the law of the row in place i; give how much that changes, of its rates."""
     k = int(p.acting[i])
     kind = p.met_kind[k]
@@ -397,7 +442,7 @@ def meet(p: Parameters, i: int, h: float, v: Floats, w: Floats, beyond: float) -
     return float(own * abs(found - before) / size) if size > 0.0 else 0.0
 
 
-def meet_two(p: Parameters, i: int, other: int, v: Floats, w: Floats) -> float:
+def meet_two(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
     """Meet the law of two slips, in places i and other: on the disc."""
     struck = p.struck
     k = int(p.acting[i])
@@ -418,7 +463,7 @@ def meet_two(p: Parameters, i: int, other: int, v: Floats, w: Floats) -> float:
     return float(own * changed / size) if size > 0.0 else 0.0
 
 
-def limit(p: Parameters, k: int, h: float, v: Floats, asked: float) -> float:
+def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
     """Give the largest impulse of row k: another while it rests, if that is enough."""
     normal = int(p.met_normal[k])
     factor_of = h

@@ -40,6 +40,7 @@ from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.newton import (
+    SparseNewton,
     decompose_newton,
     decompose_sparse,
     solve_newton,
@@ -48,7 +49,6 @@ from lagsim.methods.parts.newton import (
     take_finite,
     too_large,
 )
-from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,
@@ -95,7 +95,7 @@ KEEP_BELOW = 1e-3
 NOT_WORTH = 1.2
 
 
-def start(s: Radau, p: Parameters) -> None:
+def start(s: Radau, p: SparseNewton) -> None:
     """Begin an arc: evaluate at its start, choose the first step."""
     slope = s.slope
     derivative(s.t, s.y, p, slope)
@@ -110,7 +110,7 @@ def start(s: Radau, p: Parameters) -> None:
         s.h = leave_loss(s, p, s.h)
 
 
-def step(s: Radau, p: Parameters) -> int:
+def step(s: Radau, p: SparseNewton) -> int:
     """Make one accepted step, or give a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
@@ -149,7 +149,7 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
             s.h = h
 
 
-def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
+def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
     """Tell whether the step is one over or from a loss of rank, or fails before it.
 
     The accelerations off the constraints, and their derivatives, grow with the inverse
@@ -162,7 +162,7 @@ def cannot_pass(s: Radau, p: Parameters, rejected: bool) -> bool:
     return leaves or s.passes > 0.0
 
 
-def verdict(s: Radau, p: Parameters, h: float, error: float) -> int:
+def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
     """Code of an attempted step, DONE or its failure; s.h is the next to try."""
     if not error < OVERFLOW:
         s.h = 0.1 * h
@@ -198,7 +198,7 @@ def predict(s: Radau, h: float, error: float) -> float:
     return float(quotient)
 
 
-def attempt(s: Radau, p: Parameters, h: float) -> float:
+def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     """Make a step and give its error in units of the tolerance.
 
     Negative where Newton's method did not converge; s.h is then the step to try next.
@@ -224,7 +224,7 @@ def attempt(s: Radau, p: Parameters, h: float) -> float:
     return error
 
 
-def estimate(s: Radau, p: Parameters, h: float) -> float:
+def estimate(s: Radau, p: SparseNewton, h: float) -> float:
     """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
     size, errors, F = s.size, s.errors, s.F
     for i in range(size):
@@ -240,7 +240,7 @@ def estimate(s: Radau, p: Parameters, h: float) -> float:
     return error
 
 
-def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
+def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
     """Solve for the errors, and give their size against the estimate's tolerance.
 
     The estimate goes with h^4, the error of the whole motion with h^5: held to
@@ -256,7 +256,7 @@ def filtered(s: Radau, p: Parameters, h: float, errors: Floats) -> float:
     return float(error)
 
 
-def accept(s: Radau, p: Parameters, h: float) -> None:
+def accept(s: Radau, p: SparseNewton, h: float) -> None:
     """Take the new state; keep the polynomial through the slopes of the stages."""
     size, slope, new = s.size, s.slope, s.new
     for i in range(size):
@@ -348,9 +348,10 @@ class Radau(State):
 
 
 STATE = Radau
+PARAMETERS = SparseNewton
 
 
-def renew(s: Radau, p: Parameters, h: float) -> int:
+def renew(s: Radau, p: SparseNewton, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
@@ -370,7 +371,7 @@ def renew(s: Radau, p: Parameters, h: float) -> int:
     return 0
 
 
-def factor(width: Static, s: Radau, p: Parameters) -> int:
+def factor(width: Static, s: Radau, p: SparseNewton) -> int:
     """Factor the real matrix, or the complex one; give 0 where it is singular."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
@@ -380,7 +381,7 @@ def factor(width: Static, s: Radau, p: Parameters) -> int:
     return decompose_newton(width, s.n, g, s.J, K, s.pivots[(width - 1) * s.n :])
 
 
-def solve(width: Static, s: Radau, p: Parameters, r: Floats) -> None:
+def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
     """Replace r (size,) by the solution with the real matrix, or the complex one."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
@@ -391,7 +392,7 @@ def solve(width: Static, s: Radau, p: Parameters, r: Floats) -> None:
         solve_newton(width, s.n, s.size - 2 * s.n, g, s.J, K, pivots, r, s.x)
 
 
-def converge(s: Radau, p: Parameters, h: float) -> int:
+def converge(s: Radau, p: SparseNewton, h: float) -> int:
     """Solve for the stages by simplified Newton iterations; give 0 where that fails.
 
     Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
@@ -432,7 +433,7 @@ def converge(s: Radau, p: Parameters, h: float) -> int:
     return 0
 
 
-def is_rounding(s: Radau, p: Parameters, change: float) -> bool:
+def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
     """Whether a change of T^-1 Z is no larger than the roundoff of the rates.
 
     A stiff force rounds the state that it is asked at; however often, the iteration
@@ -463,7 +464,7 @@ def guess(s: Radau, h: float) -> None:
             part[: s.size] -= s.y
 
 
-def newton_step(s: Radau, p: Parameters, h: float) -> float:
+def newton_step(s: Radau, p: SparseNewton, h: float) -> float:
     """Leave the change of T^-1 Z as W, and give its size against the tolerance."""
     size, F, W, Z = s.size, s.F, s.W, s.Z
     for stage in unrolled(3):

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.methods.parts.parameters import Parameters
+    from lagsim.methods.parts.newton import SparseNewton
 
 # A multiplication among what does not vanish takes as long as so many of full rows.
 SLOWER = 6.0
@@ -97,11 +97,11 @@ class Newton(NamedTuple):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Give the sizes of the pattern in `Parameters`."""
+        """Give the sizes of the pattern in `SparseNewton`."""
         still, moving, _ = self.counts
         return {**self.sizes_of_factors, "still": still, "damped": still + moving}
 
-    def fill(self, p: Parameters) -> None:
+    def fill(self, p: SparseNewton) -> None:
         """Write the pattern."""
         n = p.n
         p.newton_slots[:] = self.slots

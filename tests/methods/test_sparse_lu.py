@@ -12,8 +12,7 @@ from scipy.linalg import expm
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts import newton as lu
-from lagsim.methods.parts.newton import decompose_sparse
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.newton import SparseNewton, decompose_sparse
 from lagsim.model.reader import read
 from lagsim.plan.making import by_loops
 from lagsim.solve import newton as module
@@ -52,7 +51,7 @@ def test_a_pivot_that_cancels_is_none(left):
     # (1, 1; 1, 1 + left): nothing but rounding is left of the second diagonal.
     entries = [Entry(0, i, j, 0) for i in (0, 1) for j in (0, 1)]
     found = factored(entries, 2, {})
-    p = Parameters.made(n=2, size=4, **found.sizes)
+    p = SparseNewton.made(n=2, size=4, **found.sizes)
     found.fill(p)
     for last, done in ((1.0 + left, 0), (1.5, 1)):
         values = np.array([1.0, 1.0, 1.0, last])

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from lagsim.methods import method, names
+from lagsim.methods.moreau import Impulses
+from lagsim.methods.parts.newton import SparseNewton
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.keys import KernelError, fingerprint
 from lagsim.native.kernels.translation import translate
@@ -142,7 +144,8 @@ def test_another_declaration_is_another_fingerprint(
     assert fingerprint([move]) != before
 
 
-MEMORIES = [method(name).STATE for name in names()] + [Parameters]
+MEMORIES = [method(name).STATE for name in names()]
+MEMORIES += [Parameters, Impulses, SparseNewton]
 
 
 @pytest.mark.parametrize("memory", MEMORIES)

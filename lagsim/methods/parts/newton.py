@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import Static, total, unrolled
+from lagsim.native.layout import array
 from lagsim.tolerances import LEAST_PIVOT, OVERFLOW, STALLED_STEP, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -270,7 +271,30 @@ def solve_newton(
 # Source: T. A. Davis, Direct Methods for Sparse Linear Systems (2006), chapter 6.
 
 
-def assemble(width: Static, p: Parameters, g: Floats, J: Floats, K: Floats) -> None:
+class SparseNewton(Parameters):
+    """The pattern of a sparse Newton matrix; `lagsim.solve.newton` writes it."""
+
+    # Its rows, the entries of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
+    unknowns: int
+    filled: int
+    still: int
+    damped: int
+    entries: int
+
+    # Of each entry its place among those of the factors, its row there, and the
+    # component of y that its column stands for.
+    newton_slots: Floats = array("entries")
+    newton_rows: Floats = array("entries")
+    newton_parts: Floats = array("entries")
+    # Where each unknown comes in the factors; where their rows begin, their diagonal,
+    # and the column of each entry.
+    newton_places: Floats = array("unknowns")
+    newton_starts: Floats = array(lambda p: p.unknowns + 1)
+    newton_diagonals: Floats = array("unknowns")
+    newton_columns: Floats = array("filled")
+
+
+def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) -> None:
     """Give C0 + g C1 + g^2 C2 of their entries J, where the factors will be."""
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
@@ -283,7 +307,7 @@ def assemble(width: Static, p: Parameters, g: Floats, J: Floats, K: Floats) -> N
 
 
 def decompose_sparse(
-    width: Static, p: Parameters, g: Floats, J: Floats, K: Floats, x: Floats
+    width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats, x: Floats
 ) -> int:
     """Factor that into K; give 0 where a pivot vanishes. x : (N,), room to work in.
 
@@ -325,8 +349,9 @@ def decompose_sparse(
 
 
 def solve_sparse(
-    width: Static, p: Parameters, g: Floats, J: Floats, K: Floats, r: Floats, x: Floats
-) -> None:
+    width: Static, p: SparseNewton,
+    g: Floats, J: Floats, K: Floats, r: Floats, x: Floats,
+) -> None:  # fmt: skip
     """Replace r (size,) by the solution. x : (N + n,), room to work in."""
     n = p.n
     combined = x[width * p.unknowns :]

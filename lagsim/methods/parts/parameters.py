@@ -146,50 +146,7 @@ class Laws(Surfaces):
     impulses: Floats = array("laws")  # of an impact, while its row is written
 
 
-class Impulses(Laws):
-    """Rows that are satisfied by impulses in each step, for `moreau`."""
-
-    # Where each step meets all rows by impulses: their number, elements of M in its
-    # envelope, and those of the rows that do not vanish.
-    met: int
-    inertial: int
-    sloping: int
-
-    # Of each row that is met by impulses; and where `balance` has what.
-    met_kind: Floats = array("met")
-    met_normal: Floats = array("met")
-    met_pair: Floats = array("met")
-    met_restitution: Floats = array("met")
-    inertia_first: Floats = array(lambda p: p.n if p.inertial else 0)
-    slope_starts: Floats = array(lambda p: p.met + 1)
-    slope_columns: Floats = array("sloping")
-
-
-class SparseNewton(Impulses):
-    """The pattern of Newton's matrix where it is sparse, see `solve.newton`."""
-
-    # Of Newton's matrix where it is sparse, see `solve.newton`: its rows, the entries
-    # of its factors, those of C0, of C0 and C1, of C0, C1 and C2.
-    unknowns: int
-    filled: int
-    still: int
-    damped: int
-    entries: int
-
-    # Newton's matrix: of each entry its place among those of the factors, its row
-    # there, and the component of y that its column stands for.
-    newton_slots: Floats = array("entries")
-    newton_rows: Floats = array("entries")
-    newton_parts: Floats = array("entries")
-    # Where each unknown comes in the factors; where their rows begin, their diagonal,
-    # and the column of each entry.
-    newton_places: Floats = array("unknowns")
-    newton_starts: Floats = array(lambda p: p.unknowns + 1)
-    newton_diagonals: Floats = array("unknowns")
-    newton_columns: Floats = array("filled")
-
-
-class Parameters(SparseNewton):
+class Parameters(Laws):
     """All of it, the rank of the constraint rows, and working memory."""
 
     expected: float  # the rank that the rows have in general
@@ -200,7 +157,8 @@ class Parameters(SparseNewton):
     ranked: float  # the rank that was found then
     noted: float  # how many directions of the rows have been noted
 
-    # From here on nothing outlasts an arc: q'' and lambda first, which the model reads.
+    # From here on nothing that is written in an arc outlasts it: q'' and lambda first,
+    # which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)
     multipliers: Floats = part("motion", "m", "n")
     lengths: Floats = array(each_row)  # the rows' largest
@@ -249,30 +207,3 @@ class Parameters(SparseNewton):
         "slopes", lambda p: p.works * (p.n + p.m) * p.slopes_known, columns
     )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)
-    # What `balance` gives: M in its envelope, the elements of the rows, the forces;
-    # then of each row its gap, what its rate is at rest, its bounds, whether it is in
-    # force.
-    balance: Floats = array(
-        lambda p: p.inertial + p.sloping + (p.n if p.inertial else 0) + 5 * p.met
-    )
-    met_slopes: Floats = part("balance", "sloping", "inertial")
-    pushes: Floats = after("met_slopes", lambda p: p.n if p.inertial else 0)
-    met_gaps: Floats = after("pushes", "met")
-    met_offsets: Floats = after("met_gaps", "met")
-    met_bounds: Floats = after("met_offsets", "met")
-    met_statics: Floats = after("met_bounds", "met")
-    met_force: Floats = after("met_statics", "met")
-    inertia_factor: Floats = array("inertial")
-    # Of what acts in a step: its number, and of each row its place, from 1; what an
-    # impulse of one changes, element by element, and where those begin.
-    acting: Floats = array("met")
-    among: Floats = array("met")
-    answer_starts: Floats = array(lambda p: p.met + 1)
-    answers: Floats = array(lambda p: p.met * p.n)
-    answer_columns: Floats = array(lambda p: p.met * p.n)
-    # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
-    # how large its rates are.
-    struck: Floats = array("met")
-    aims: Floats = array("met")
-    yields: Floats = array("met")
-    reaches: Floats = array("met")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -99,6 +99,8 @@ class System:
         Their names.
     p : ndarray
         Parameters, modes, and working memory.
+    unused : ndarray
+        The working memory, as each arc begins with it.
     inertias : tuple of str
         The coordinates whose inertia varies with positions.
     laws : tuple of Law
@@ -269,7 +271,8 @@ class System:
                 "met": len(self.equations.multipliers),
                 "inertial": self.met.inertial, "sloping": len(self.met.columns),
             }  # fmt: skip
-        p = Parameters.made(
+        memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
+        p = memory.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), loops=self.has_loops,
@@ -293,18 +296,18 @@ class System:
             p.law_kind[:] = [CODES[law.kind] for law in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
-        return p
+        return cast("Parameters", p)
 
     def _filled(self, p: Parameters) -> Parameters:
         """Give the memory with the values of this binding."""
         # Behind what is declared lies what the code keeps for itself.
-        whole = Parameters(
-            np.concatenate([p.flat, np.zeros(self._p_size - len(p.flat))])
-        )
+        more = np.zeros(self._p_size - len(p.flat))
+        whole = type(p)(np.concatenate([p.flat, more]))
         for row, length in zip(self.equations.rows, self.plan.lengths, strict=True):
             whole.flat[self._layout_of[f"length.{row.name}"]] = length
         for parameter in self.equations.model.parameters:
             whole.flat[self._layout_of[parameter.name]] = parameter.value
+        self.unused = whole.flat[whole.place("motion") :].copy()
         return whole
 
     def _layout(self, memory: Parameters) -> Layout:

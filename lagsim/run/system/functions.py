@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.ldl import Elimination
     from lagsim.mechanics.surfaces import Side
     from lagsim.mechanics.switches import Switches
-    from lagsim.methods.parts.parameters import Parameters
+    from lagsim.methods.moreau import Impulses
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
 
@@ -324,7 +324,7 @@ def pattern(e: Equations) -> Pattern:
     return Pattern(first, starts, columns)
 
 
-def fill(p: Parameters, e: Equations, found: Pattern) -> None:
+def fill(p: Impulses, e: Equations, found: Pattern) -> None:
     """Tell the kernels what rows there are."""
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first

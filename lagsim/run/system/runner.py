@@ -141,7 +141,7 @@ class Runner:
         p.reference = self.system.plan.smallest_singular_value
         p.factored = p.noted = 0.0
         p.sigma = p.least_sigma = 1.0
-        p.flat[p.place("motion") :] = 0.0
+        p.flat[p.place("motion") :] = self.system.unused
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have none
             p.lengths[:rows] = self.system.plan.lengths
