@@ -216,6 +216,18 @@ def test_digits_are_cut_by_a_twentieth_of_the_bound_at_most(value, bound):
     assert len(digits) <= max(1, most)
 
 
+@pytest.mark.parametrize("ends", [True, False])
+def test_rows_are_found_by_their_times(pendulum, ends):
+    motion = motion_of(pendulum, 10)
+    t = motion.rows[:, 0]
+    assert np.array_equal(motion.at(t + 1e-10, 1e-9, ends=ends), motion.rows)
+    between = motion.at(t[:-1] + 0.01, 1e-9, ends=ends)
+    assert np.all(np.isnan(between[:-1]))
+    # The end of a motion is a result: it goes with the end of the other.
+    last = motion.rows[-1] if ends else np.full(len(motion.columns), np.nan)
+    assert np.array_equal(between[-1], last, equal_nan=True)
+
+
 def test_what_never_moves_is_stored():
     # All ranges and all bounds but those of the time may be 0.
     text = """

@@ -128,6 +128,14 @@ def test_an_energy_that_jumps_is_not(potential):
     assert doubt(spoilt(found, "energy", bump(0.3))) is None
 
 
+def test_a_jump_that_one_row_alone_shows():
+    # At t = 1.01: of the 1001 rows each other one is kept to be looked at.
+    potential = "x^2 + if(abs(x - 0.142) < 0.001, 0.01, 0)"
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift > 1e-3
+    assert doubt(found) is None
+
+
 def test_a_constraint_that_lets_go():
     found = spoilt(run(ROD), "residual_rod", lambda t: 1e-3 * np.maximum(t - 6, 0))
     told = doubt(found)
