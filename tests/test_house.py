@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 234
-LINES = 66_100
-LINES_OF_TESTS = 54_500
+LINES = 66_000
+LINES_OF_TESTS = 54_400
 
 
 def lines(folder):

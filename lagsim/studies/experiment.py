@@ -28,14 +28,6 @@ def machine() -> dict[str, Any]:
     }
 
 
-def described(found: dict[str, Any]) -> str:
-    """Give the same in words."""
-    threads = f"one of {found['cores']} threads"
-    text = f"{found['processor']}, {threads}, {found['system']}"
-    load = found["load"] or 0.0
-    return f"{text}, busy (load {load:.1f})" if load > BUSY else text
-
-
 def today() -> str:
     """Give the date."""
     return datetime.now(UTC).date().isoformat()
@@ -51,7 +43,12 @@ def stamp(document: Mapping[str, Any]) -> str:
     with_ = ", ".join([f"lagsim {document['lagsim']}", *packages])
     if "machine" not in document:
         return f"Found with {with_}"
-    return f"Measured {document['date']} on {described(document['machine'])}; {with_}"
+    found = document["machine"]
+    threads = f"one of {found['cores']} threads"
+    where = f"{found['processor']}, {threads}, {found['system']}"
+    load = found["load"] or 0.0
+    where += f", busy (load {load:.1f})" if load > BUSY else ""
+    return f"Measured {document['date']} on {where}; {with_}"
 
 
 def _processor() -> str:

@@ -43,6 +43,7 @@ from lagsim.studies.bench.stability import (
     VERDICTS,
 )
 from lagsim.studies.experiment import stamp
+from lagsim.studies.sweep.chart import borders
 from lagsim.tolerances import AMPLIFICATION_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -338,17 +339,13 @@ def _step_shown(document: Record, name: str) -> tuple[float, str]:
 
 
 def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
-    """Give the scale that cells fill, and their borders: half a cell past the last.
+    """Return the scale that cells fill, and their borders: half a cell past the last.
 
-    Their places are evenly spaced, or their logarithms are where all are above 0.
+    By powers of ten where all places are above 0.
     """
     log = min(places) > 0.0
-    known = np.log10(places) if log else np.asarray(places, float)
-    half = 0.5 * (known[-1] - known[0]) / max(1, len(known) - 1) or 0.05
-    borders = np.linspace(known[0] - half, known[-1] + half, len(known) + 1)
-    if log:
-        borders = 10.0**borders
-    return Scale(float(borders[0]), float(borders[-1]), log=log), borders
+    edges = borders(np.array(places, float), log=log)
+    return Scale(float(edges[0]), float(edges[-1]), log=log), edges
 
 
 def _work(part: SubFigure, document: Record) -> None:

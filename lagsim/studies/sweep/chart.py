@@ -182,12 +182,15 @@ def is_log(x: Array) -> bool:
     return bool(np.ptp(powers) / np.max(powers) < np.ptp(even) / np.max(even))
 
 
-def borders(x: Array) -> Array:
-    """Give the borders (k + 1,) of cells around sorted values (k,)."""
+def borders(x: Array, *, log: bool | None = None) -> Array:
+    """Return the borders (k + 1,) of cells around sorted values (k,).
+
+    `log`: they lie in the middle of logarithms; None: where those are spread evenly.
+    """
     if len(x) == 1:
         half = 0.5 * abs(x[0]) or 0.5
         return np.array([x[0] - half, x[0] + half])
-    log = is_log(x)
+    log = is_log(x) if log is None else log
     x = np.log(x) if log else x
     middles = (x[1:] + x[:-1]) / 2.0
     edges = np.array([2 * x[0] - middles[0], *middles, 2 * x[-1] - middles[-1]])
