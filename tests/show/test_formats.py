@@ -441,6 +441,15 @@ def test_a_denominator_of_latex_longer_than_a_line_is_stacked() -> None:
         assert whole.count(found) >= 6
 
 
+def test_a_factor_of_latex_longer_than_a_line_keeps_its_power() -> None:
+    inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
+    sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {inside})^7.5")
+    document = as_latex(small(sought))
+    check(document)
+    for power in ("15", "13"):  # in V, and in its slopes
+        assert rf"\bigr)^{{\frac{{{power}}}{{2}}}}" in document
+
+
 def test_a_word_with_a_dot_is_one_symbol() -> None:
     text = as_text(small(LONG.replace("NUMBERS", "5 + cos(th1 - b)")))
     assert "th₁_dot²" in text
