@@ -316,6 +316,7 @@ yaml-syntax | `]` | x-a: ⟪[⟫1, 2
 yaml-syntax | never closed | x-a: ⟪'⟫x¶x-b: 1
 yaml-syntax | whole | x-a: 'x' ⟪+⟫ y
 yaml-syntax | single quotes | x-a: "⟪\⟫q"
+yaml-syntax | best quoted | x-a: {b: "c" ⟪d⟫}
 yaml-syntax | `}` closes nothing | x-a: {x}⟪}⟫
 yaml-syntax | which has a value already | x-a: 1¶  ⟪x⟫-b: 2
 yaml-syntax | column |   x-a: 1¶⟪x⟫-b: 2
