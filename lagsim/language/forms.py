@@ -598,25 +598,53 @@ class Collected:
     def sum(self, products: Iterable[Sequence[int]]) -> int:
         """Give the sum of products of nodes."""
         g, total = self.g, self.g.zero
-        for still, group in self._alike(products).items():
+        alike, given = self._alike(products)
+        for still, group in alike.items():
+            [whole, *others] = [x for _, key in group for x in given[key]]
+            if not others and self._stays(still, whole):
+                total = g.call("add", total, self._product(whole))
+                continue
             moved = g.zero
             for op, factors in group:
-                product = g.one
-                for n in factors:
-                    product = g.call("mul", product, n)
-                moved = g.call(op, moved, product)
+                moved = g.call(op, moved, self._product(factors))
             total = g.call("add", total, g.call("mul", still, moved))
         return total
 
-    def _alike(self, products: Iterable[Sequence[int]]) -> dict[int, Group]:
-        """Give what moves in products, by the factor in front of it."""
+    def _product(self, factors: Iterable[int]) -> int:
+        g, whole = self.g, self.g.one
+        for n in factors:
+            whole = g.call("mul", whole, n)
+        return whole
+
+    def _stays(self, still: int, factors: Sequence[int]) -> bool:
+        """Tell whether a product that is like no other is best as it is given.
+
+        What stands still in its factors may stand so elsewhere, and is collected only
+        where there is less of it then.
+        """
+        signs = self.g.one, self.g.constant(-1.0)
+        fixed = [n for n in factors if n not in signs and not self.moves(n)]
+        if still in signs or len(fixed) > 1:
+            return False
+        own = [c for c in (self.parts(n)[0] for n in factors) if c not in signs]
+        return len(own) == 1 or self._size([still]) == sum(self._size([c]) for c in own)
+
+    def _size(self, factors: Sequence[int]) -> int:
+        return sum(map(abs, self._powers(factors)[1].values()))
+
+    def _alike(
+        self, products: Iterable[Sequence[int]]
+    ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
+        """Give what moves by the factor in front of it; and what was given of each."""
         g = self.g
+        given: dict[Key, list[Sequence[int]]] = {}
         fronts: dict[Key, int] = {}
         for factors in products:
             parts = [self.parts(n) for n in factors]
             key = tuple(sorted(core for _, core in parts if core != g.one))
             still = self.still([c for c, _ in parts])
             fronts[key] = g.call("add", fronts.get(key, g.zero), still)
+            given.setdefault(key, []).append(factors)
         alike: dict[int, Group] = {}
         for key, still in fronts.items():
             opposite = g.call("neg", still)
@@ -624,7 +652,7 @@ class Collected:
                 alike[opposite].append(("sub", key))
             elif still != g.zero:
                 alike.setdefault(still, []).append(("add", key))
-        return alike
+        return alike, given
 
     def scaled(self, node: int, factor: int) -> int:
         """Give node * factor; what of it stands still goes into a sum if that is short.
@@ -636,7 +664,7 @@ class Collected:
         terms = [(sign, *self.parts(n)) for sign, n in self.addends(node)]
         inside = [(still, *factors) for factors in terms]
         signs = {g.one, g.constant(-1.0)}
-        before, after = (len(self._alike(x).keys() - signs) for x in (terms, inside))
+        before, after = (len(self._alike(x)[0].keys() - signs) for x in (terms, inside))
         if still == g.one or after > before or (after == before and core != g.one):
             return g.call("mul", node, factor)
         return g.call("mul", self.sum(inside), core)
