@@ -135,8 +135,6 @@ class Solution:
     modes : list of Mode
     ways : ndarray, shape (r,)
         Of a driven row: the part of its bound.
-    residual : float
-        Of the laws, relative to c, in the units of the rows.
     found : bool
         A solution at all.
     apart : bool
@@ -147,7 +145,6 @@ class Solution:
     w: Floats
     modes: list[Mode]
     ways: Floats
-    residual: float
     found: bool
     apart: bool = False
 
@@ -162,15 +159,14 @@ def solve(problem: Problem) -> Solution:
     if len(groups) <= 1:
         return _solved(problem)
     whole = _unsolved(problem)
-    residuals, found = [], True
+    found = True
     for rows in groups:
         own = _solved(problem.part(rows))
         whole.p[rows], whole.w[rows], whole.ways[rows] = own.p, own.w, own.ways
         for k, mode in zip(rows, own.modes, strict=True):
             whole.modes[k] = mode
-        residuals.append(own.residual)
         found = found and own.found
-    return replace(whole, residual=max(residuals), found=found)
+    return replace(whole, found=found)
 
 
 def _decoupled(problem: Problem) -> list[list[int]]:
@@ -223,14 +219,13 @@ def _unsolved(problem: Problem) -> Solution:
     """Give what there is where nothing is known: no multipliers, and no solution."""
     modes = [_STARTS[role] for role in problem.roles.tolist()]
     p, w = np.zeros(len(modes)), problem.c.copy()
-    return Solution(p, w, modes, problem.ways.copy(), np.inf, found=False)
+    return Solution(p, w, modes, problem.ways.copy(), found=False)
 
 
 def _judged(problem: Problem, p: Floats, modes: list[Mode], ways: Floats) -> Solution:
-    amiss = _residual(problem, p)
     w = problem.D @ p + problem.c
     w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0
-    return Solution(p, w, modes, ways, amiss, amiss < SOLVED_LAWS)
+    return Solution(p, w, modes, ways, _residual(problem, p) < SOLVED_LAWS)
 
 
 def _residual(problem: Problem, p: Floats) -> float:
@@ -340,11 +335,9 @@ def _by_cases(problem: Problem) -> Solution | None:
             continue
         w, broken = _broken(problem, limits, mu, case, p)
         if broken <= BROKEN:
-            modes, parts = [mode for mode, _ in case], [way for _, way in case]
-            return Solution(
-                np.array(p), np.array(w), modes, np.array(parts), broken,
-                found=True, apart=True,
-            )  # fmt: skip
+            modes = [mode for mode, _ in case]
+            rows = np.array([p, w, [way for _, way in case]])
+            return Solution(rows[0], rows[1], modes, rows[2], found=True, apart=True)
     return None
 
 

@@ -191,8 +191,6 @@ class Impact:
     impulses : ndarray, shape (r,)
     after : ndarray, shape (r,)
         The rates.
-    residual : float
-        Of the laws, relative to the rates.
     open : bool
         Another order of the impacts would end elsewhere: a choice of this law.
     energy : float
@@ -203,7 +201,6 @@ class Impact:
 
     impulses: Floats
     after: Floats
-    residual: float
     open: bool
     energy: float
     found: bool = True
@@ -232,7 +229,7 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     p, after = solution.p, solution.w + target
     is_open = locked or _is_open(closed, before, p)
     energy = float(p @ (before + after)) / 2.0
-    return Impact(p, after, solution.residual, is_open, energy, solution.found)
+    return Impact(p, after, is_open, energy, solution.found)
 
 
 def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
@@ -244,10 +241,9 @@ def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
     p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
     after = before + own * p
     asked, missed = abs(before - target), max(target - after, 0.0)
-    residual = missed / asked if asked > 0.0 else 0.0
     energy = p * (before + after) / 2.0
-    found = residual < SOLVED_LAWS
-    return Impact(np.array([p]), np.array([after]), residual, False, energy, found)
+    found = asked == 0.0 or missed < SOLVED_LAWS * asked
+    return Impact(np.array([p]), np.array([after]), False, energy, found)
 
 
 def _impulses(closed: Closed, c: Floats) -> Solution:
@@ -315,7 +311,7 @@ class Modes:
         Of a driven row: its multiplier is way times its bound; with two slips, of each
         its part. Of an implied row that bears a share: the part, at most 1, of its
         bound at rest. Else 0.
-    multipliers, accelerations : ndarray, shape (r,)
+    multipliers : ndarray, shape (r,)
     paradox : bool
         Painlevé's: no solution, or a sliding contact that presses with an effective
         mass that is not positive. What may part instead is let go.
@@ -324,13 +320,7 @@ class Modes:
     mode: tuple[Mode, ...]
     way: Floats
     multipliers: Floats
-    accelerations: Floats
     paradox: bool
-
-    @property
-    def unique(self) -> bool:
-        """Whether the multipliers are determined."""
-        return Mode.IMPLIED not in self.mode
 
 
 def modes(
@@ -366,7 +356,7 @@ def modes(
             and not _begins(closed, problem, solution.modes).any()
         ):
             found = tuple(solution.modes)
-            return Modes(found, solution.ways, solution.p, solution.w, paradox=False)
+            return Modes(found, solution.ways, solution.p, paradox=False)
         what, ways = _on_edges(closed, problem, solution, quiet, lean)
         begin = _begins(closed, problem, what)
         if begin.any():
@@ -379,7 +369,7 @@ def modes(
             what, ways = _on_edges(closed, problem, solution, quiet, lean)
         return _decided(closed, problem, what, ways)
     nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
-    return Modes(off, nothing, nothing, solution.w, paradox=True)
+    return Modes(off, nothing, nothing, paradox=True)
 
 
 def _at_rates(
@@ -594,8 +584,7 @@ def _decided(
     known = np.where(implied, closed.statics, closed.bounds)
     other = (known > 0.0) & (known != problem.sizes)
     parts = np.where(other, problem.sizes, 1.0) / np.where(other, known, 1.0)
-    w = closed.D @ p + problem.c
-    return Modes(tuple(modes), ways * parts, p, w, _jams(closed, problem, modes, ways))
+    return Modes(tuple(modes), ways * parts, p, _jams(closed, problem, modes, ways))
 
 
 def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> bool:

@@ -19,8 +19,10 @@ from lagsim.mechanics.structure import structure
 from lagsim.tolerances import (
     ASYMMETRY,
     COMPUTED_ZERO,
+    ENERGY_ROUNDOFF,
     NEUTRAL_EIGENVALUE,
     RESIDUAL_FORCE,
+    RESIDUAL_ROUNDOFF,
     SETTLED_POSITION,
 )
 
@@ -118,7 +120,7 @@ class _Search:
         for _ in range(20):
             linear = self.linear(q)
             change = linear.restoring @ linear.residuals
-            if np.linalg.norm(linear.lengths @ change) <= 1e-14 * self.size:
+            if np.linalg.norm(linear.lengths @ change) <= RESIDUAL_ROUNDOFF * self.size:
                 break
             q = q + change
         return q, linear
@@ -167,10 +169,9 @@ class _Search:
             return float(np.linalg.norm(linear.force))
 
         before = height(q, linear)
-        slack = 1e-13 * abs(before)
         for k in range(MOST_HALVINGS):
             new, there = self.settled(q + change * 0.5**k)
-            if height(new, there) <= before + slack:
+            if height(new, there) <= before + ENERGY_ROUNDOFF * abs(before):
                 break
         return new, there
 

@@ -640,29 +640,18 @@ class _Finder:
             return args
         if op == "if":
             return args[1:] if _is_guard(g, n) else args
-        if row.condition:
-            return self._condition(n, op, args)
-        if any(a in self.moving for a in args):
-            discrete = self.decided[n] = self._discrete(n, op, args)
-            # abs, min and max keep their name where their derivative is a switch too.
-            if op not in STEPS or discrete not in self.state:
-                self.state[discrete] = op, args
-        elif any(a in self.timed for a in args):
-            self.time[n] = self._discrete(n, op, args)
-            return () if op in STEPS else args
+        plain, timed = row.condition or op in STEPS, n in self.timed
+        if not timed and (n not in self.moving or op in JOINING):
+            return args
+        discrete = n if plain else g.call(row.decided_by, *args)
+        if timed:
+            self.time[n] = discrete
+            return () if plain else args
+        self.decided[n] = discrete
+        # abs, min and max keep their name where their derivative is a switch too.
+        if not plain or discrete not in self.state:
+            self.state[discrete] = ("if", (n,)) if row.condition else (op, args)
         return args
-
-    def _condition(self, n: int, op: str, args: tuple[int, ...]) -> tuple[int, ...]:
-        if n in self.timed:
-            self.time[n] = n
-            return ()
-        if n in self.moving and op not in JOINING:
-            self.state.setdefault(n, ("if", (n,)))
-            self.decided[n] = n
-        return args
-
-    def _discrete(self, n: int, op: str, args: tuple[int, ...]) -> int:
-        return n if op in STEPS else self.g.call(OPERATIONS[op].decided_by, *args)
 
 
 def _is_guard(g: Graph, n: int) -> bool:

@@ -1,1 +1,1 @@
-"""Solving for q'' and lambda: `straight` on the graph, `dense` in loops."""
+"""Other forms of the motion: solved for by loops, as series, along surfaces."""
