@@ -27,6 +27,9 @@ _HELD = {
     "nonlinear velocity constraint": BETWEEN_VELOCITIES,
 }
 _LAWS = dict.fromkeys(HOLDS_AT_TIMES, ALONE)
+_SWITCHES = ("switch in the state", "two switches", "sliding")
+_POSITIONS = ("holonomic", "rheonomic", "redundant", "singular M")
+_VELOCITIES = ("Pfaffian", "nonlinear velocity constraint")
 _EXPLICIT = {**_LAWS, **_HELD, "sliding": OF_VELOCITIES}
 # Method -> feature -> the words of the refusal, which names both.
 METHODS: dict[str, dict[str, str]] = {
@@ -37,17 +40,7 @@ METHODS: dict[str, dict[str, str]] = {
         "switch in t": IN_TIME,
         "rheonomic": IN_TIME,
         "redundant": BY_LOOPS,
-        **dict.fromkeys(
-            (
-                "switch in the state",
-                "two switches",
-                "sliding",
-                "holonomic",
-                "Pfaffian",
-                "nonlinear velocity constraint",
-            ),
-            NOT_LINEAR,
-        ),
+        **dict.fromkeys((*_SWITCHES, "holonomic", *_VELOCITIES), NOT_LINEAR),
     },
     "gauss4": {**_LAWS, **_HELD},
     "generalized-alpha": _LAWS,
@@ -68,43 +61,24 @@ METHODS: dict[str, dict[str, str]] = {
 # Degrees of freedom: coordinates less the rank of what holds both ways and does not
 # slip at the start.
 FREEDOM = {
-    "friction on one slip": 2,
-    "friction on the disc": 3,
-    "limit": 0,
-    "when": 0,
-    "rheonomic": 0,
-    "Pfaffian": 2,
-    "many coordinates": 20,
-}
+    "friction on one slip": 2, "friction on the disc": 3, "limit": 0, "when": 0,
+    "rheonomic": 0, "Pfaffian": 2, "many coordinates": 20,
+}  # fmt: skip
 
-NO_CONSTRAINTS = dict.fromkeys(
-    (
-        "smooth",
-        "ignorable",
-        "switch in t",
-        "switch in the state",
-        "two switches",
-        "sliding",
-        "until",
-        "many coordinates",
-    ),
-    "the model has no constraints",
-)
+_FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "many coordinates")
+NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
 AT_TIMES = "the model has constraints that come and go"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
-_POSITIONS = ("holonomic", "rheonomic", "redundant", "singular M")
-_VELOCITIES = ("Pfaffian", "nonlinear velocity constraint")
 NO_FACTOR = "no coordinate has in .* a factor that is constant and not 0"
+UNENFORCED = "the model has constraints; `drift` integrates without enforcing them"
+ONE_STEP = "a contact or a limit can stop the step of any of them"
 QUADRATURES = "work and action depend on all of them"
 # Formulation -> feature -> the words of the refusal.
 FORMULATIONS: dict[str, dict[str, str]] = {
     "full": {},
     "none": {
         **_AT_TIMES,
-        **dict.fromkeys(
-            (*_POSITIONS, *_VELOCITIES),
-            "the model has constraints; `drift` integrates without enforcing them",
-        ),
+        **dict.fromkeys((*_POSITIONS, *_VELOCITIES), UNENFORCED),
     },
     "projection": NO_CONSTRAINTS,
     "velocity projection": {
@@ -126,20 +100,9 @@ FORMULATIONS: dict[str, dict[str, str]] = {
         **_AT_TIMES,
     },
     "apart": {
-        **dict.fromkeys(
-            HOLDS_AT_TIMES, "a contact or a limit can stop the step of any of them"
-        ),
-        **dict.fromkeys(
-            (
-                "switch in t",
-                "switch in the state",
-                "two switches",
-                "sliding",
-                "rheonomic",
-                "nonlinear velocity constraint",
-            ),
-            QUADRATURES,
-        ),
+        **dict.fromkeys(HOLDS_AT_TIMES, ONE_STEP),
+        **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic"), QUADRATURES),
+        "nonlinear velocity constraint": QUADRATURES,
         "until": "`until` depends on all of them",
     },
     "baumgarte": {**NO_CONSTRAINTS, **_AT_TIMES},
@@ -184,32 +147,18 @@ CHANGED = {
     "many coordinates": ("50*(", "50.0005*("),
 }
 # Where another tolerance is the same means, as of linear motion: another method.
-OTHER = dict.fromkeys(
-    (
-        "smooth",
-        "ignorable",
-        "until",
-        "contact",
-        "friction on one slip",
-        "limit",
-        "freewheel",
-        "when",
-        "singular M",
-        "many coordinates",
-    ),
-    "method: rk4, step: 0.0005",
-)
+_LINEAR = (
+    "smooth", "ignorable", "until", "contact", "friction on one slip", "limit",
+    "freewheel", "when", "singular M", "many coordinates",
+)  # fmt: skip
+OTHER = dict.fromkeys(_LINEAR, "method: rk4, step: 0.0005")
 _BEAT = (2j, -2j)
 # Of the linearised motion at the start.
 EIGENVALUES = {
-    **dict.fromkeys(
-        ("ignorable", "switch in t", "two switches", "sliding", "until", "holonomic"),
-        (0.0, 0.0),
-    ),
-    **dict.fromkeys(
-        ("smooth", "switch in the state", "redundant", "singular M", "elimination"),
-        _BEAT,
-    ),
+    **dict.fromkeys(("ignorable", "switch in t", *_SWITCHES[1:]), (0.0, 0.0)),
+    **dict.fromkeys(("until", "holonomic"), (0.0, 0.0)),
+    **dict.fromkeys(("smooth", "switch in the state", "elimination"), _BEAT),
+    **dict.fromkeys(("redundant", "singular M"), _BEAT),
     "rheonomic": (),
     # Two directions and a place across; two speeds.
     "Pfaffian": 5 * (0.0,),
