@@ -6,13 +6,9 @@ import re
 from typing import Any
 
 TYPES = {
-    "object": dict,
-    "array": list,
-    "string": str,
-    "number": (int, float),
-    "boolean": bool,
-    "null": type(None),
-}
+    "object": dict, "array": list, "string": str, "number": (int, float),
+    "boolean": bool, "null": type(None),
+}  # fmt: skip
 # What says nothing about validity.
 SILENT = {"$schema", "title", "description"}
 
@@ -21,28 +17,22 @@ def faults(data: Any, schema: Any, at: str = "") -> list[str]:
     """Give what is wrong with `data`, each with its place."""
     if isinstance(schema, bool):
         return [] if schema else [f"{at}: nothing may stand here"]
-    found = []
-    for word, rule in schema.items():
-        if word not in SILENT:
-            found += [f"{at}: {text}" for text in _RULES[word](data, rule, schema)]
-    return found
+    assert schema.keys() <= SILENT.union(*RULES.values())
+    return [
+        f"{at}: {text}"
+        for kind, rules in RULES.items()
+        if isinstance(data, kind)
+        for word in rules.keys() & schema.keys()
+        for text in rules[word](data, schema[word], schema)
+    ]
 
 
-def _type(data, rule, _schema):
+def _is(data, rule):
+    """Tell whether data are of one of some types; a boolean is no number."""
     names = [rule] if isinstance(rule, str) else rule
-    wrong = isinstance(data, bool) and "boolean" not in names
-    if wrong or not isinstance(data, tuple(_flat(TYPES[n] for n in names))):
-        yield f"{data!r} is none of {names}"
-
-
-def _flat(types):
-    for one in types:
-        yield from one if isinstance(one, tuple) else (one,)
-
-
-def _enum(data, rule, _schema):
-    if data not in rule:
-        yield f"{data!r} is none of {rule}"
+    if isinstance(data, bool):
+        return "boolean" in names
+    return any(isinstance(data, TYPES[name]) for name in names)
 
 
 def _matches(pattern, text):
@@ -50,99 +40,54 @@ def _matches(pattern, text):
     return re.search(pattern.replace("$", r"\Z"), text)
 
 
-def _pattern(data, rule, _schema):
-    if isinstance(data, str) and not _matches(rule, data):
-        yield f"{data!r} does not match {rule}"
+def _each(pairs):
+    """Give the faults of some parts: (data, schema, place)."""
+    return [text for part, schema, at in pairs for text in faults(part, schema, at)]
 
 
-def _required(data, rule, _schema):
-    if isinstance(data, dict):
-        yield from (f"`{name}` is missing" for name in rule if name not in data)
-
-
-def _dependencies(data, rule, _schema):
-    for name, needed in rule.items():
-        if isinstance(data, dict) and name in data:
-            yield from _required(data, needed, None)
-
-
-def _properties(data, rule, _schema):
-    for name in rule.keys() & (data.keys() if isinstance(data, dict) else set()):
-        yield from faults(data[name], rule[name], name)
-
-
-def _pattern_properties(data, rule, _schema):
-    for pattern, inner in rule.items():
-        for name in data if isinstance(data, dict) else ():
-            if _matches(pattern, name):
-                yield from faults(data[name], inner, name)
-
-
-def _additional(data, rule, schema):
+def _others(data, schema):
+    """Give the names that neither `properties` nor `patternProperties` has."""
     patterns = schema.get("patternProperties", {})
-    for name in data if isinstance(data, dict) else ():
-        known = name in schema.get("properties", {})
-        if not known and not any(_matches(p, name) for p in patterns):
-            yield from faults(data[name], rule, name)
+    known = schema.get("properties", {})
+    return [
+        n for n in data if n not in known and not any(_matches(p, n) for p in patterns)
+    ]
 
 
-def _property_names(data, rule, _schema):
-    for name in data if isinstance(data, dict) else ():
-        yield from faults(name, rule, "a name")
-
-
-def _least_properties(data, rule, _schema):
-    if isinstance(data, dict) and len(data) < rule:
-        yield f"fewer than {rule}"
-
-
-def _items(data, rule, _schema):
-    for k, item in enumerate(data if isinstance(data, list) else ()):
-        yield from faults(item, rule, str(k))
-
-
-def _least(data, rule, _schema):
-    if isinstance(data, list) and len(data) < rule:
-        yield f"fewer than {rule}"
-
-
-def _most(data, rule, _schema):
-    if isinstance(data, list) and len(data) > rule:
-        yield f"more than {rule}"
-
-
-def _any_of(data, rule, _schema):
+def _tried(data, rule, wanted, what):
+    """Give nothing if as many of several schemas hold as are wanted."""
     tried = [faults(data, one) for one in rule]
-    if all(tried):
-        yield f"none of: {tried}"
+    return [] if wanted(sum(not found for found in tried)) else [f"{what}: {tried}"]
 
 
-def _one_of(data, rule, _schema):
-    tried = [faults(data, one) for one in rule]
-    if sum(not found for found in tried) != 1:
-        yield f"not exactly one of: {tried}"
-
-
-def _not(data, rule, _schema):
-    if not faults(data, rule):
-        yield f"{data!r} must not be {rule}"
-
-
-_RULES = {
-    "type": _type,
-    "enum": _enum,
-    "pattern": _pattern,
-    "required": _required,
-    "dependencies": _dependencies,
-    "properties": _properties,
-    "patternProperties": _pattern_properties,
-    "additionalProperties": _additional,
-    "propertyNames": _property_names,
-    "minProperties": _least_properties,
-    "items": _items,
-    "minItems": _least,
-    "maxItems": _most,
-    "anyOf": _any_of,
-    "oneOf": _one_of,
-    "not": _not,
-}
+# By the kind of data of which a word speaks: of data, its rule, the whole schema.
+RULES: dict[type, dict[str, Any]] = {
+    object: {
+        "type": lambda d, r, _: [] if _is(d, r) else [f"{d!r} is none of {r}"],
+        "enum": lambda d, r, _: [] if d in r else [f"{d!r} is none of {r}"],
+        "anyOf": lambda d, r, _: _tried(d, r, lambda n: n > 0, "none of"),
+        "oneOf": lambda d, r, _: _tried(d, r, lambda n: n == 1, "not exactly one of"),
+        "not": lambda d, r, _: [] if faults(d, r) else [f"{d!r} must not be {r}"],
+    },
+    str: {"pattern": lambda d, r, _: [] if _matches(r, d) else [f"{d!r} is no {r}"]},
+    list: {
+        "items": lambda d, r, _: _each((x, r, str(k)) for k, x in enumerate(d)),
+        "minItems": lambda d, r, _: [f"fewer than {r}"] if len(d) < r else [],
+        "maxItems": lambda d, r, _: [f"more than {r}"] if len(d) > r else [],
+    },
+    dict: {
+        "required": lambda d, r, _: [f"`{n}` is missing" for n in r if n not in d],
+        "dependencies": lambda d, r, _: [
+            f"`{n}` is missing" for k in r.keys() & d for n in r[k] if n not in d
+        ],
+        "properties": lambda d, r, _: _each((d[n], r[n], n) for n in r.keys() & d),
+        "patternProperties": lambda d, r, _: _each(
+            (d[n], r[p], n) for p in r for n in d if _matches(p, n)
+        ),
+        "additionalProperties": lambda d, r, s: _each(
+            (d[n], r, n) for n in _others(d, s)
+        ),
+        "propertyNames": lambda d, r, _: _each((n, r, "a name") for n in d),
+        "minProperties": lambda d, r, _: [f"fewer than {r}"] if len(d) < r else [],
+    },
+}  # fmt: skip

@@ -6,13 +6,8 @@ import itertools
 import math
 from typing import TYPE_CHECKING
 
+from tests.hunt import pendulums
 from tests.hunt.maker import Numbers, Point, distance, short, squares, weight
-from tests.hunt.pendulums import (
-    chain_of_angles,
-    elastic_pendulum,
-    polar_orbit,
-    spherical_pendulum,
-)
 
 if TYPE_CHECKING:
     from tests.hunt.maker import Maker
@@ -309,6 +304,7 @@ def block(k: Maker) -> None:
 
 MECHANISMS = (
     points_and_springs, points_and_springs, unequal_masses, gravitating,
-    chain_of_angles, chain_of_angles, elastic_pendulum, polar_orbit, spherical_pendulum,
+    pendulums.chain_of_angles, pendulums.chain_of_angles, pendulums.elastic_pendulum,
+    pendulums.polar_orbit, pendulums.spherical_pendulum,
     rods, rods, bead, sleigh, roller, hoop, oscillators, block, block, block,
 )  # fmt: skip

@@ -12,15 +12,7 @@ import random
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tests.hunt.contact_parts import (
-    block,
-    disc,
-    latch,
-    line,
-    pendulum,
-    string,
-    wheels,
-)
+from tests.hunt import contact_parts as of
 from tests.hunt.scene import Item, Scene
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
@@ -28,7 +20,10 @@ from tests.invariance.transforms import document
 if TYPE_CHECKING:
     from tests.invariance.transforms import Document
 
-PARTS = [line, line, disc, disc, pendulum, string, block, block, wheels, latch]
+PARTS = [
+    of.line, of.line, of.disc, of.disc, of.pendulum, of.string, of.block, of.block,
+    of.wheels, of.latch,
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

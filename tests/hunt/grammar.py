@@ -13,15 +13,8 @@ from tests.hunt.maker import Maker, short
 from tests.hunt.scene import Scene
 
 # How often a scene has what: natural ones first, odd units and places now and then.
-OTHER_UNITS, OFFSET, TWO, BYSTANDER, LATER, UNTIL, METHOD = (
-    0.35,
-    0.15,
-    0.15,
-    0.15,
-    0.15,
-    0.12,
-    0.15,
-)
+OTHER_UNITS, UNTIL = 0.35, 0.12
+OFFSET = TWO = BYSTANDER = LATER = METHOD = 0.15
 ROWS = (1, 2, 3, 7, 40, 40, 200, 200, 1000)
 METHODS = ("dop853", "taylor", "radau")
 

@@ -16,14 +16,8 @@ STEP = 0.01
 
 
 def worst_residual(formulation, duration, **options):
-    found = run(
-        "pendulum-cartesian",
-        formulation=formulation,
-        method="rk4",
-        step=STEP,
-        duration=duration,
-        **options,
-    )
+    options |= {"formulation": formulation, "duration": duration}
+    found = run("pendulum-cartesian", method="rk4", step=STEP, **options)
     assert found.trajectory.outcome is Outcome.DONE
     return np.max(np.abs(found["residual_rod"]))
 
@@ -76,18 +70,14 @@ def test_a_large_gain_is_paid_for_in_steps():
     # DOP853 on g'' + 2 a g' + a^2 g = 0 is stable for a h up to about 6, so that 12
     # evaluations go no further than 6/a; a natural step is 0.04 s.
     gain, duration = 1e4, 0.5
+    asked = {"gain": gain, "duration": duration, "output_step": 0.01}
     costs = {
         name: run(
-            "pendulum-cartesian",
-            formulation=name,
-            gain=gain,
-            duration=duration,
-            output_step=0.01,
-            rtol="1e-8",
-            method="dop853",
+            "pendulum-cartesian", formulation=name, rtol="1e-8", method="dop853",
+            **asked,
         ).trajectory.statistics.evaluations
         for name in ("baumgarte", "projection")
-    }
+    }  # fmt: skip
     assert costs["baumgarte"] > 12 * gain * duration / 7
     assert costs["projection"] < 1e-2 * costs["baumgarte"]
 
@@ -95,11 +85,8 @@ def test_a_large_gain_is_paid_for_in_steps():
 @pytest.mark.slow
 def test_a_gain_of_a_hundred_thousand_takes_ten_million_evaluations():
     found = run(
-        "pendulum-cartesian",
-        formulation="baumgarte",
-        gain=1e5,
-        rtol="1e-8",
+        "pendulum-cartesian", formulation="baumgarte", gain=1e5, rtol="1e-8",
         method="dop853",
-    )
+    )  # fmt: skip
     assert found.trajectory.outcome is Outcome.DONE
     assert found.trajectory.statistics.evaluations > 1e7

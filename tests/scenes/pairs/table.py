@@ -11,13 +11,9 @@ import zlib
 from tests.scenes.pairs.physical import BY_NAME, FRAGMENTS
 
 HOLDS_AT_TIMES = (
-    "contact",
-    "friction on one slip",
-    "friction on the disc",
-    "limit",
-    "freewheel",
+    "contact", "friction on one slip", "friction on the disc", "limit", "freewheel",
     "when",
-)
+)  # fmt: skip
 PAIRS = tuple(
     (a.name, b.name) for a, b in itertools.combinations_with_replacement(FRAGMENTS, 2)
 )
@@ -27,14 +23,10 @@ REFUSED = {
     ("until", "until"): r"the key `until` is given twice",
     ("redundant", "elimination"): r"`elimination` cannot be used: constraints are "
     r"redundant",
-    **{
-        (
-            law,
-            "elimination",
-        ): r"`elimination` cannot be used: the model has constraints "
-        r"that come and go"
-        for law in HOLDS_AT_TIMES
-    },
+    **dict.fromkeys(
+        ((law, "elimination") for law in HOLDS_AT_TIMES),
+        "`elimination` cannot be used: the model has constraints that come and go",
+    ),
 }
 
 
