@@ -10,10 +10,8 @@ keeps fill small, and what depends on parameters alone is later computed only on
 n rods in Cartesian coordinates takes O(n) operations. For regular M and rows; `dense`
 is for all else.
 
-Rows are combined first, (1/2) of 2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2): a number
-that all of a row has in common is taken out, and where rows agree in all coordinates
-that they share (bodies that meet in one joint), each is taken from the next: S then has
-fewer entries. Both are exact.
+A number that all of a row has in common is taken out first, which is exact: (1/2) of
+2 dx x'' + 2 dy y'' = -2 (dx'^2 + dy'^2).
 """
 
 from __future__ import annotations
@@ -30,97 +28,40 @@ from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
 
 
-class Combined(NamedTuple):
-    """A combination of rows.
+class Scaled(NamedTuple):
+    """A row times a number.
 
     Attributes
     ----------
-    weights : dict
-        Which, and how often: index of a row -> number.
+    weight : float
     A : dict
         Index of a coordinate -> node.
     b : int
     """
 
-    weights: dict[int, float]
-    A: dict[int, int]
+    weight: float
+    A: Vector
     b: int
 
 
-def shortest(
-    x: Collected, rows: Sequence[Row], forward: Callable[[dict[int, int]], Vector]
-) -> list[Combined]:
-    """Give the rows that S takes fewest operations for; `forward` gives Z of one."""
-    plain = shared_out(x, rows)
-    others = differences(x, rows, plain)
-    if others == plain:
-        return plain
-    return min(plain, others, key=lambda found: fill([forward(r.A) for r in found]))
-
-
-def shared_out(x: Collected, rows: Sequence[Row]) -> list[Combined]:
-    """Give rows without common numbers, one for each of `rows`."""
-    return [_of(x, rows, {i: 1.0 / _content(x, row)}) for i, row in enumerate(rows)]
-
-
-def differences(
-    x: Collected, rows: Sequence[Row], found: Sequence[Combined]
-) -> list[Combined]:
-    """Give `found` with rows taken from others that they agree with."""
-    holders: dict[tuple[int, int], int] = {}  # coordinate and entry -> row that has it
-    differing: list[Combined] = []
-    for k, row in enumerate(found):
-        near = {holders[entry] for entry in row.A.items() if entry in holders}
-        weights = row.weights
-        for i in sorted(near, reverse=True):
-            other = found[i]
-            if all(other.A[j] == row.A[j] for j in row.A.keys() & other.A.keys()):
-                weights = _less(differing[i].weights[i], other, row)
-                break
-        holders |= dict.fromkeys(row.A.items(), k)
-        new = row if len(weights) == 1 else _of(x, rows, weights)
-        differing.append(new)
-    return differing
-
-
-def _less(sign: float, one: Combined, other: Combined) -> dict[int, float]:
-    """Give the weights of one - other, or of other - one if `sign` is negative.
-
-    So what is left of `one` has the sign that it has in the row of its own.
-    """
-    one, other = (one, other) if sign > 0 else (other, one)
-    return one.weights | {i: -w for i, w in other.weights.items()}
-
-
-def _of(x: Collected, rows: Sequence[Row], weights: Mapping[int, float]) -> Combined:
-    g = x.g
-    entries: dict[int, list[tuple[int, int]]] = {}
-    b = []
-    for i, weight in weights.items():
-        w = g.constant(weight)
-        for j, node in rows[i].A.entries.items():
-            entries.setdefault(j, []).append((w, node))
-        b += [(w, sign, n) for sign, n in x.addends(rows[i].b)]
-    A = {j: x.sum(terms) for j, terms in sorted(entries.items())}
-    return Combined(
-        dict(weights), {j: n for j, n in A.items() if n != g.zero}, x.sum(b)
-    )
-
-
-def _content(x: Collected, row: Row) -> float:
-    """Give the size of the number that most entries of a row are multiples of."""
-    found = Counter[float]()
+def without_content(x: Collected, row: Row) -> Scaled:
+    """Give a row over the number that most of its entries are multiples of."""
+    g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
-        if core != x.g.one:
+        if core != g.one:
             found[abs(_number(x, still))] += 1
-    return found.most_common(1)[0][0] if found else 1.0
+    weight = 1.0 / found.most_common(1)[0][0] if found else 1.0
+    w = g.constant(weight)
+    A = {j: x.sum([(w, node)]) for j, node in row.A.entries.items()}
+    b = x.sum([(w, sign, n) for sign, n in x.addends(row.b)])
+    return Scaled(weight, A, b)
 
 
 def _number(x: Collected, still: int) -> float:
@@ -194,12 +135,9 @@ class Elimination:
         self.meter = Meter(limit)
         self.n, self.m = len(e.q), len(e.rows)
         self.names = [row.name for row in e.rows]
-        self.slopes = [row.A.entries for row in e.rows]
         self.equations = e
         self.mass = factored_mass(e, self.meter)
-        self.rows: list[Combined] = []
-        if e.rows:
-            self.rows = shortest(self.collected, e.rows, self.mass.forward)
+        self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
         tidy = self.collected.tidy([*e.f, *e.quadrature_rates])
@@ -292,14 +230,8 @@ class Elimination:
 
     def square(self, k: int) -> int:
         """Give the diagonal entry of A M^-1 A^T of a row as it was given."""
-        g, weights = self.g, self.rows[k].weights
-        whole, factors = self.schur.pivots[k][1], [self.unit]
-        if len(weights) == 1:
-            factors.append(g.constant(weights[k] ** 2))
-        else:
-            z = self.mass.forward(self.slopes[k])
-            whole = self._weighted(z, z)
-        divisor = self.collected.still(factors)
+        g, (whole, weight) = self.g, (self.schur.pivots[k][1], self.rows[k].weight)
+        divisor = self.collected.still([self.unit, g.constant(weight**2)])
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
@@ -308,14 +240,13 @@ class Elimination:
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)
         q = self._accelerations(f, found)
-        lam: list[list[tuple[int, ...]]] = [[] for _ in range(self.m)]
-        for k, multiplier in sorted(found.items()):
-            for i, weight in self.rows[k].weights.items():
-                lam[i].append((self.unit, g.constant(weight), multiplier))
-        return (
-            [q.get(j, g.zero) for j in range(self.n)],
-            [self.collected.sum(terms) for terms in lam],
-        )
+        lam = [
+            self.collected.sum([(self.unit, g.constant(row.weight), found[k])])
+            if k in found
+            else g.zero
+            for k, row in enumerate(self.rows)
+        ]
+        return [q.get(j, g.zero) for j in range(self.n)], lam
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
         """Give b - z^T D^-1 f."""
@@ -363,9 +294,7 @@ class Elimination:
         """
         g = self.g
         right = {
-            k: self.collected.sum(
-                (g.constant(-weight), residuals[i]) for i, weight in row.weights.items()
-            )
+            k: self.collected.sum([(g.constant(-row.weight), residuals[k])])
             for k, row in enumerate(self.rows)
         }
         change = self._accelerations({}, self.schur.solve(right))
@@ -383,8 +312,8 @@ class Elimination:
         for k, (pivot, _) in self.schur.pivots.items():
             length = g.variable(f"length.{self.names[k]}")
             usual = g.call("max", self.square(k), g.call("mul", length, length))
-            weight = self.rows[k].weights[k]
-            scale = self.collected.still([self.unit, g.constant(weight**2)])
+            weight = g.constant(self.rows[k].weight ** 2)
+            scale = self.collected.still([self.unit, weight])
             worst = g.call(
                 "min", g.call("div", g.call("div", pivot, scale), usual), worst
             )

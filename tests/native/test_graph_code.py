@@ -225,6 +225,13 @@ def test_random_expressions(many: Any, some_states: Any) -> None:
                 assert not math.isfinite(value)
 
 
+def test_products_are_contracted_where_asked_for() -> None:
+    g = Graph()
+    nodes = build(g, "x*y + z", "x - y*z")
+    ir = generate(g, {"exact": nodes, "fused": nodes}, LAYOUT, ("fused",)).ir
+    assert [body(ir, name).count("contract") for name in ("exact", "fused")] == [0, 4]
+
+
 @pytest.mark.parametrize("many", [3, 2 * keys.PIECE])  # in one piece, and in several
 def test_matrices_of_zeros_cost_what_their_other_entries_do(many: int) -> None:
     """M and A of many bodies by loops: LLVM takes its time for each store."""

@@ -77,9 +77,10 @@ def number(x: float) -> str:
 
 
 class Lines:
-    """Lines of IR with fresh names."""
+    """Lines of IR with fresh names; a product may be added unrounded if `contract`."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, contract: bool = False) -> None:
+        self.contract = contract
         self.lines: list[str] = []
         self.declared: set[str] = set()
         self._fresh = 0
@@ -134,6 +135,8 @@ class Lines:
     def line(self, text: str) -> str:
         """Write an instruction; give the name of its value."""
         name = self._name()
+        if self.contract and text.startswith(("fadd double", "fsub double", "fmul d")):
+            text = text.replace(" double", " contract double", 1)
         self.lines.append(f"{name} = {text}")
         return name
 

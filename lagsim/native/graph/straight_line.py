@@ -81,8 +81,10 @@ class Writer(Lines):
 
     signature = "double %t, ptr %y, ptr %p, ptr %out"
 
-    def __init__(self, g: Graph, layout: Layout, scratch: int) -> None:
-        super().__init__()
+    def __init__(
+        self, g: Graph, layout: Layout, scratch: int, *, contract: bool = False
+    ) -> None:
+        super().__init__(contract=contract)
         self.g, self.layout = g, layout
         self.scratch, self.scratch_used = scratch, 0
 
@@ -451,11 +453,14 @@ def generate(
     g: Graph,
     functions: Functions,
     layout: Layout,
+    contracted: Collection[str] = (),
     sparse: Collection[str] = (),
 ) -> Code:
     """Give the code of `functions`.
 
-    Those named in `sparse` do not write what is zero identically: they find zeros.
+    In those named in `contracted` a product may be added without being rounded first,
+    where the processor can: last digits then depend on it. Those named in `sparse` do
+    not write what is zero identically: they find zeros.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -463,7 +468,7 @@ def generate(
     writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
-        writer = Writer(g, layout, scratch)
+        writer = Writer(g, layout, scratch, contract=name in contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
             write(writer, name, nodes, places)

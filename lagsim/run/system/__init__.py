@@ -75,6 +75,8 @@ def kernels(system: System) -> Iterator[bytes]:
 
 # Functions that find zeros, and do not write what is zero identically.
 SPARSE = ("slopes",)
+# Functions in which a product may be added without being rounded first.
+CONTRACTED = ("series",)
 
 
 class System:
@@ -174,7 +176,9 @@ class System:
         layout = self._layout(p)
         begin_kernel_object(*of_method(self, plan.method))
         found_code, self._p_size = object_code(
-            keys.fingerprint(equations.graph, code, layout, plan.tape, SPARSE),
+            keys.fingerprint(
+                equations.graph, code, layout, plan.tape, SPARSE, CONTRACTED
+            ),
             lambda: self._code(code, layout),
         )
         self._layout_of = layout.p
@@ -195,7 +199,7 @@ class System:
             return tapes.generate(g, made, layout, SPARSE)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, functions, layout, SPARSE)
+        return straight_line.generate(g, functions, layout, CONTRACTED, SPARSE)
 
     @property
     def has_loops(self) -> bool:
