@@ -17,7 +17,7 @@ import cmath
 import math
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.constraints import project, record_sigma
+from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.control import record_sizes
 from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.fixed import next_time, note_sizes
@@ -126,18 +126,18 @@ STATE = Exponential
 def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
     m = 2 * s.n + 1
-    a, given, d = s.A, s.given, s.d
-    linear(s.t, s.y, p, given)
-    a[: m * m] = 0.0
-    count = fill(m, given, a)
-    balance(m, a, d)
+    linear(s.t, s.y, p, s.given)
+    s.A[:] = 0.0
+    s.forms[:] = 0.0
+    count = fill(m, s.given, s.A)
+    balance(m, s.A, s.d)
     for k in range(s.size - 2 * s.n):
         form = s.forms[k * m * m :]
-        form[: m * m] = 0.0
-        count += fill(m, given[count:], form)
+        count += fill(m, s.given[count:], form)
         for i in range(m):
-            form[i * m : (i + 1) * m] = form[i * m : (i + 1) * m] * d[i] * d
-    s.norm = norm(m, m, a)
+            row = form[i * m :]
+            row[:m] = row[:m] * s.d[i] * s.d
+    s.norm = norm(m, m, s.A)
     make(s, s.fixed_step)
     s.evaluations += 1.0
     s.step_h = 0.0
@@ -179,36 +179,32 @@ def make(s: Exponential, h: float) -> None:
         for k in range(count):
             double_form(m, F, Q[k * entries :], x, s.second)
         multiply(m, F, F, x)
-        F[:entries] = 2.0 * F[:entries] + x[:entries]
+        s.F[:] = 2.0 * F + x
     for i in range(m):
         for j in range(m):
             x[j * m + i] = F[i * m + j] * d[i] / d[j]
             for k in range(count):
                 Q[k * entries + i * m + j] /= d[i] * d[j]
-    F[:entries] = x[:entries]
+    s.F[:] = x
 
 
 def step(s: Exponential, p: Parameters) -> int:
     """Make one step, or give a code other than 0."""
     n = s.n
     m = 2 * n + 1
-    y, z, new, t = s.y, s.z, s.new, s.t
+    y, z, new = s.y, s.z, s.new
     after = next_time(s)
-    h = after - t
+    h = after - s.t
     if abs(h - s.made_for) > SAME_STEP * s.made_for:
         make(s, h)
     z[: m - 1] = y[: m - 1]
     z[m - 1] = 1.0
     times_columns(m, s.F, z, new)
-    for i in range(m - 1):
-        new[i] = y[i] + new[i]
-        if not abs(new[i]) < OVERFLOW:
-            return NOT_FINITE
-    if CONSTRAINED:
-        work = s.work
-        if project(s, p, after, h, new, work) == 0:
-            return PROJECTION_FAILED
-        record_sigma(s, work[n + 1], h)
+    new[: m - 1] += y[: m - 1]
+    if not is_finite(m - 1, new):
+        return NOT_FINITE
+    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
+        return PROJECTION_FAILED
     y[: m - 1] = new[: m - 1]
     for k in range(s.size - 2 * n):
         # What interpolation begins with, before y is the new state's.
@@ -216,7 +212,7 @@ def step(s: Exponential, p: Parameters) -> int:
         times_columns(m, s.Q[k * m * m :], z, new)
         for i in range(m):
             y[2 * n + k] += z[i] * new[i]
-    s.step_t = t
+    s.step_t = s.t
     s.step_h = h
     s.t = after
     s.steps += 1.0
@@ -233,7 +229,7 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
     m = 2 * s.n + 1
     count = s.size - 2 * s.n
     terms, found = s.terms, s.found
-    found[:count] = s.works_before[:count]
+    s.found[:] = s.works_before
     length = x * s.step_h
     parts = int(s.norm * length / SMALL) + 1
     terms[:m] = s.z / s.d
@@ -247,7 +243,7 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
                     found[k] += length / parts * WEIGHTS[node] * power
         sum_terms(m, TERMS, 1.0, terms, terms)
     out[: m - 1] = terms[: m - 1] * s.d[: m - 1]
-    out[2 * s.n : 2 * s.n + count] = found[:count]
+    out[2 * s.n : 2 * s.n + count] = found
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:

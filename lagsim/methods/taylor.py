@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
+    is_finite,
     leave_loss,
     met_part,
     passable,
@@ -415,11 +416,3 @@ def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> fl
             found = min(SQUARABLE, off / max(LEAST_NUMBER, s.tolerances[i]))
             worst = max(worst, found if off < OVERFLOW else OVERFLOW)
     return worst
-
-
-def is_finite(size: int, y: Floats) -> bool:
-    """Tell whether all components of y (size,) are."""
-    finite = True
-    for i in range(size):
-        finite = finite and abs(y[i]) < OVERFLOW
-    return finite
