@@ -174,7 +174,11 @@ def make(s: Exponential, h: float) -> None:
     count = s.size - 2 * s.n
     for k in range(count):
         begin_form(m, tau, s.A, s.forms[k * entries :], Q[k * entries :], x, s.second)
-    begin_exponential(m, tau, s.A, F, x)
+    # A tau (1 + A tau/2 (1 + A tau/3 (...))).
+    s.F[:] = 0.0
+    for back in range(TERMS):
+        multiply(m, s.A, F, x)
+        s.F[:] = tau / (TERMS - back) * (s.A + x)
     for _doubling in range(doublings):
         for k in range(count):
             double_form(m, F, Q[k * entries :], x, s.second)
@@ -387,15 +391,6 @@ def rescale(m: int, a: Floats, d: Floats, i: int, factor: float) -> None:
     a[i * m : (i + 1) * m] = a[i * m : (i + 1) * m] / factor
     for j in range(m):
         a[j * m + i] = a[j * m + i] * factor
-
-
-def begin_exponential(m: int, tau: float, a: Floats, F: Floats, x: Floats) -> None:
-    """Set F to the series A tau (1 + A tau/2 (1 + A tau/3 (...)))."""
-    F[: m * m] = 0.0
-    for back in range(TERMS):
-        part = tau / (TERMS - back)
-        multiply(m, a, F, x)
-        F[: m * m] = part * (a[: m * m] + x[: m * m])
 
 
 def begin_form(

@@ -21,7 +21,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from lagsim.methods.parts.fixed import hermite
+from lagsim.methods.parts.fixed import interpolate as hermite
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, derivative, power
 from lagsim.methods.verlet import (

@@ -284,11 +284,6 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
     record_sizes(s, p)
 
 
-def interpolate(s: Radau, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step."""
-    polynomial(s, x, out)
-
-
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
     """Give the slope of that, from the velocities on."""
     for i in range(s.n, s.size):
@@ -460,7 +455,7 @@ def guess(s: Radau, h: float) -> None:
     if s.previous_h > 0.0:
         for stage in unrolled(3):
             part = s.Z[stage * s.size :]
-            polynomial(s, 1.0 + C[stage] * h / s.previous_h, part)
+            interpolate(s, 1.0 + C[stage] * h / s.previous_h, part)
             part[: s.size] -= s.y
 
 
@@ -511,7 +506,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
     return sqrt(square / controlled)
 
 
-def polynomial(s: Radau, x: float, out: Floats) -> None:
+def interpolate(s: Radau, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step, or beyond it."""
     for i in range(s.size):
         value = 0.0

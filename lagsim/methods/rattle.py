@@ -111,8 +111,10 @@ def step(s: Rattle, p: Parameters) -> int:
     derivative(after, new, p, slope)
     s.evaluations += 1.0
     new[n : 2 * n] += 0.5 * h * slope[n : 2 * n]
-    if CONSTRAINED and hold_velocities(s, p, after, h) == 0:
-        return PROJECTION_FAILED
+    if CONSTRAINED:
+        if project_level(1, s, p, after, h, new, s.change) == 0:
+            return PROJECTION_FAILED
+        record_sigma(s, s.change[n + 1], h)
     if s.size > 2 * n:
         derivative(after, new, p, slope)
         s.evaluations += 1.0
@@ -183,11 +185,3 @@ def learn(n: int, made: int, masses: Floats, steps: Floats) -> None:
             last[:n] += share * following[:n]
         else:
             last[:n] /= 1.0 - share
-
-
-def hold_velocities(s: Rattle, p: Parameters, after: float, h: float) -> int:
-    """Make the new velocities tangent; give 0 where that fails."""
-    if project_level(1, s, p, after, h, s.new, s.change) == 0:
-        return 0
-    record_sigma(s, s.change[s.n + 1], h)
-    return 1

@@ -297,16 +297,9 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     if reduction.ignored:
         what = f"ignorable: {', '.join(reduction.ignored)}"
         choices.append(Choice(what, f"momentum is conserved: a quadrature; {reason}"))
-    return Formulation(
-        name, reduction, reduced_start(reduction, start), bool(rows), 0.0,
-        tuple(choices),
-    )  # fmt: skip
-
-
-def reduced_start(reduction: Reduction, start: Instant) -> Start:
-    """Give the start of the equations that are left."""
-    left = Instant(start.t, reduction.kept(start.q), reduction.kept(start.v))
-    return start_at(reduction.equations, left)
+    kept = Instant(start.t, reduction.kept(start.q), reduction.kept(start.v))
+    began = start_at(reduction.equations, kept)
+    return Formulation(name, reduction, began, bool(rows), 0.0, tuple(choices))
 
 
 def _eliminated(

@@ -129,7 +129,6 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         if ADAPTIVE and has_missed(s, p) > 0:
             begin(s, p)
             continue
-        record_step(s)
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
             return RANK_LOST
@@ -168,14 +167,6 @@ def has_missed(s: State, p: Parameters) -> int:
     return 1
 
 
-def record_step(s: State) -> None:
-    """Record the smallest step, but for those that an end cuts short."""
-    known = s.smallest_step
-    counts = s.steps > SETTLING and s.t < s.end
-    if counts and (known == 0.0 or s.step_h < known):
-        s.smallest_step = s.step_h
-
-
 def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     """Note how large and how small each inertia is, and when it is smallest.
 
@@ -194,7 +185,14 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
 
 
 def inspect(s: State, p: Parameters) -> None:
-    """Search the last step for an end of the arc or of the run."""
+    """Search the last step for an end of the arc or of the run; note the smallest.
+
+    But for those that an end cuts short.
+    """
+    known = s.smallest_step
+    counts = s.steps > SETTLING and s.t < s.end
+    if counts and (known == 0.0 or s.step_h < known):
+        s.smallest_step = s.step_h
     if SWITCHES or UNTIL:
         find_end(s, p)
     if SWITCHES and s.cut == 0.0:
@@ -476,7 +474,10 @@ def find_end(s: State, p: Parameters) -> None:
     """
     low = 0.0
     if UNTIL and s.orientation == 0.0:
-        orient(s, until_at(s, p, BESIDE / POINTS))
+        x = BESIDE / POINTS
+        interpolate(s, x, s.work)
+        until(s.step_t + x * s.step_h, s.work, p, s.spare)
+        orient(s, s.spare[0])
         if s.orientation == 0.0 and s.equation == 0.0:
             low = end_of_truth(s, p)
             if low < 0.0:
@@ -503,13 +504,6 @@ def end_of_truth(s: State, p: Parameters) -> float:
     s.t = t
     s.row_limit = rows
     return x
-
-
-def until_at(s: State, p: Parameters, x: float) -> float:
-    """Give the residual or gap of `until` at the fraction x of the last step."""
-    interpolate(s, x, s.work)
-    until(s.step_t + x * s.step_h, s.work, p, s.spare)
-    return float(s.spare[0])
 
 
 def search(s: State, p: Parameters, low: float) -> None:

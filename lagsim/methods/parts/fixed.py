@@ -130,7 +130,7 @@ def note_sizes(s: State, p: Parameters) -> None:
         record_extents(s)
 
 
-def hermite(s: Fixed, x: float, out: Floats) -> None:
+def interpolate(s: Fixed, x: float, out: Floats) -> None:
     """Give y (size,) at the fraction x of the last step by the cubic through its ends.
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
@@ -141,11 +141,6 @@ def hermite(s: Fixed, x: float, out: Floats) -> None:
         change = s.y[i] - s.old[i]
         bend = u * (h * s.before[i] - change) - x * (h * s.k[i] - change)
         out[i] = s.old[i] + x * (change + u * bend)
-
-
-def interpolate(s: Fixed, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: cubic Hermite."""
-    hermite(s, x, out)
 
 
 # --- Runge-Kutta tableaus -------------------------------------------------------------
