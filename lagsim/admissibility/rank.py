@@ -165,7 +165,8 @@ def analyse(
         lengths = _without_traces(point, Y, lengths, around)
     flags = dependent_rows(Y, DEPENDENT_ROWS if around is None else HALF_OF_DIGITS)
     rank = flags.count(False)
-    left, sizes, _ = np.linalg.svd(Y)
+    # All m left vectors are wanted; all n right ones would be n^2 numbers for nothing.
+    left, sizes, _ = np.linalg.svd(Y, full_matrices=len(Y) > point.n)
     smallest = float(sizes[rank - 1]) if rank else 1.0
     if rank == len(rows):
         return RankReport(rank, smallest, rank, smallest)
@@ -242,9 +243,8 @@ def weakest_rows(
             return weakest, smallest
     Y, lengths = scaled_rows(point, solving_metric)
     scale = np.maximum(lengths, usual)
-    left, sizes, _ = np.linalg.svd(
-        Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
-    )
+    Y = Y * (lengths / np.where(scale > 0, scale, 1.0))[:, None]
+    left, sizes, _ = np.linalg.svd(Y, full_matrices=False)
     last = min(rank, len(sizes)) - 1
     return left[:, last], float(sizes[last])
 
