@@ -28,7 +28,6 @@ from lagsim.model.model import DEFAULT_RTOL
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import stated_units
-from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import (
     Deviation,
@@ -57,7 +56,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
+    from lagsim.model.model import Model, Settings
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
@@ -123,6 +122,29 @@ class Motion:
         return found
 
 
+class Sparse:
+    """Keeps one row of each `stride` output times, impacts, and the last row."""
+
+    def __init__(self, settings: Settings, stride: int, columns: int) -> None:
+        self._start, self._step = settings.start, settings.output_step
+        self._stride, self._columns = stride, columns
+        self._kept: list[Floats] = []
+
+    def add(self, rows: Floats) -> None:
+        """Take rows (k, columns); those of the last time wait for its others."""
+        rows = np.concatenate([*self._kept[-1:], rows[:, : self._columns]])
+        t = rows[:, 0]
+        places = numbers(t, self._start, self._step)
+        wanted = ((places >= 0) & (places % self._stride == 0)) | at_impacts(t)
+        late = t == t[-1]
+        self._kept[-1:] = [rows[wanted & ~late], rows[late]]
+
+    @property
+    def table(self) -> Floats:
+        """What is kept (k, columns)."""
+        return np.concatenate(self._kept)
+
+
 def before_impacts(t: Floats) -> Flags:
     """Return which times (k,) equal the next, and no other: rows before an impact."""
     same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
@@ -157,24 +179,21 @@ def perturbed(case: Case, seed: int) -> Case:
 
 
 def motion_of(case: Case, stride: int) -> Motion:
-    """Return the motion of a case: one row of each `stride`, impacts, the last row.
+    """Return the motion of a case, one row of each `stride`.
 
     Raises
     ------
     InputError
         Where the method cannot handle the case.
     """
-    session, settings = case.ready(), case.settings
+    session = case.ready()
     columns = session.system.columns
-    kept, residuals = Keep(columns=columns.table), ResidualMonitor(columns.names)
+    kept = Sparse(case.settings, stride, columns.table)
+    residuals = ResidualMonitor(columns.names)
     trajectory = session.run([kept, residuals])
     sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
-    rows = kept.table
-    t = rows[:, 0]
-    places = numbers(t, settings.start, settings.output_step)
-    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
     names = columns.names[: columns.table]
-    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
+    return Motion(names, kept.table, sizes, trajectory, session.plan)
 
 
 def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:

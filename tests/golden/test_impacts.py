@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lagsim.model.model import Settings
 from lagsim.model.reader import read
 from lagsim.studies.golden import (
+    Sparse,
     Stored,
     at_impacts,
     before_impacts,
@@ -109,3 +111,15 @@ def test_twins():
     assert at_impacts(t).tolist() == [k in (1, 2, 7, 8) for k in range(9)]
     for short in ([], [1.0]):
         assert not at_impacts(np.array(short)).any()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 20])
+def test_rows_are_kept_whatever_blocks_they_come_in(size):
+    times = [0.0, 0.25, 0.25, 0.5, 1, 1.2, 1.2, 1.5, 2, 2, 2.5, 2.75]
+    rows = np.column_stack([times, np.arange(12.0), np.zeros(12)])
+    kept = Sparse(Settings(start=0.0, end=2.75, output_step=0.5), 2, 2)
+    for k in range(0, len(rows), size):
+        kept.add(rows[k : k + size])
+    # Every second output time, both rows of impacts, and the last.
+    assert kept.table[:, 1].tolist() == [0, 1, 2, 4, 5, 6, 8, 9, 11]
+    assert kept.table.shape[1] == 2
