@@ -474,6 +474,7 @@ class _Map:
         each = len(self.fixed) * (len(self.steps) + SEARCH)
         count = len(self.values) * each
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
+        self.rest = _equilibrium(self.subject)  # before an end may be asked for
         self.cells: list[dict[str, Any]] = []
         self.borders: list[dict[str, Any]] = []
         self.total = max(1, len(self.values) * (each + len(self.adaptive)))
@@ -620,7 +621,7 @@ class _Map:
                 "states": subject.states,
                 "unknown": subject.unknown or None,
             },
-            **_equilibrium(subject),
+            **self.rest,
             "refused": self.refused,
             "cells": sorted(self.cells, key=lambda x: order.index(x["method"])),
         }
