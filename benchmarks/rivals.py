@@ -311,7 +311,7 @@ def columns_seconds(scene):
 
 def document(results, others):
     """Give what was measured, on what and when: all that page and chart say."""
-    from lagsim.studies.experiment import machine, today
+    from lagsim.studies.bench.solving import machine, today
     from lagsim.version import __version__
 
     packages = ("numpy", "llvmlite", "scipy", "heyoka", "scikit-sundae", "mujoco")

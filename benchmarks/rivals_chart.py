@@ -13,7 +13,7 @@ from lagsim.studies.bench.chart import (
     look_of,
     seen,
 )
-from lagsim.studies.experiment import stamp
+from lagsim.studies.bench.solving import stamp
 
 # Inches: a panel with its scales, what is below all of them.
 HEIGHT, REST = 2.7, 0.2

@@ -31,9 +31,8 @@ from lagsim.outputs.figure import (
     mark,
 )
 from lagsim.outputs.scale import Scale, log_scale
-from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY
+from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY, stamp
 from lagsim.studies.bench.work_precision import COSTS, Key, Row, curves
-from lagsim.studies.experiment import stamp
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -33,6 +33,7 @@ from lagsim.outputs.figure import (
 )
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.studies.bench.chart import look_of
+from lagsim.studies.bench.solving import stamp
 from lagsim.studies.bench.stability import (
     BREAKS,
     DECAYS,
@@ -42,7 +43,6 @@ from lagsim.studies.bench.stability import (
     HOLDS,
     VERDICTS,
 )
-from lagsim.studies.experiment import stamp
 from lagsim.studies.sweep.chart import borders
 from lagsim.tolerances import AMPLIFICATION_ROUNDOFF
 

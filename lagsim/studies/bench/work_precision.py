@@ -41,10 +41,11 @@ from lagsim.studies.bench.solving import (
     asking,
     formulations,
     least,
+    machine,
     scipy_refusal,
+    today,
 )
 from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
-from lagsim.studies.experiment import machine, today
 from lagsim.tolerances import FLAT_RANGE, SAME_STEP
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.studies.balances import Energy
+from lagsim.studies.alarms import Energy
 from tests.studies.judged import cautions
 from tests.support import run
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from lagsim.studies.balances import group_balances
+from lagsim.studies.alarms import group_balances
 from tests.studies.alarms.test_doubt import bump, spoilt
 from tests.studies.judged import doubt, evidence
 from tests.support import run

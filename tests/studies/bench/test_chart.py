@@ -10,8 +10,7 @@ import pytest
 
 from lagsim.methods import names
 from lagsim.studies.bench.chart import MOST, chart, figure, look_of, shown
-from lagsim.studies.bench.solving import SCIPY
-from lagsim.studies.experiment import stamp
+from lagsim.studies.bench.solving import SCIPY, stamp
 from tests.outputs.drawn import assert_legible, drawn
 
 FRONT_SECONDS = 1e-3
