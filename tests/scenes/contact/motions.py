@@ -5,15 +5,12 @@ from __future__ import annotations
 import functools
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import yaml
 
 import lagsim
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 # Errors of whole runs reach a hundred times the tolerance of a step, 1e-11 by default.
 GLOBAL = 1e-9
@@ -94,11 +91,6 @@ class Motion:
         """Give a column at an output time: after, where an impact falls on it."""
         row = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))[-1]
         return float(self[name][row])
-
-    def piecewise(self, pieces: Sequence[Callable[[Any], Any]]) -> Any:
-        """Evaluate in each row the piece after as many impacts as rows show."""
-        number = np.cumsum(self.shared())
-        return np.array([pieces[k](t) for k, t in zip(number, self.t, strict=True)])
 
 
 @functools.cache

@@ -124,7 +124,12 @@ for name, (one, other) in PAIRS.items():
             ", by dop853": parting(laws, method="dop853"),
         }.items():
             SCENES[f"{name} part by {more}{way}"] = Exact(
-                text, passing, fails=("no-answer", 2.9), warned=codes
+                text,
+                passing,
+                fails=("no-answer", 2.9),
+                warned=codes,
+                # There the cube at 3 is less than a millionth of the places.
+                unlike=("shifted", "boosted") if "^3" in more else (),
             )
     laws = [one, other.format(more="0*max(0, t - 2.97)")]
     SCENES[f"{name} agree to the end"] = Exact(parting(laws), passing, warned=codes)
@@ -139,5 +144,6 @@ for relation in ("y >= 0.2*floor(x)", "y >= if(x >= 1, 0.2, 0)",
                 {"x": 0.5, "y": y, "x_dot": 1}, duration=3, output_step=0.05,
             ),
             lambda t, e=e, y=y: {"x": 0.5 + t, "y": bounced(t, e, y)},
-            fails=("constraint-jumps", 0.5),
+            # In grams: tests/scenes/test_exact.py, test_no_row_lies_past_a_jump.
+            fails=("constraint-jumps", 0.5), unlike=("grams",),
         )  # fmt: skip
