@@ -66,6 +66,8 @@ STROKE, SAMPLE, GAP = 0.28, 0.34, 0.18
 
 # How lines and marks look, in matplotlib's words for a Line2D.
 Pen: TypeAlias = dict[str, Any]
+# A name in a legend, and the pen that it names.
+Entry: TypeAlias = tuple[str, Pen]
 # What an axis shows, and its unit.
 Named: TypeAlias = tuple[str, str]
 NOTHING: Named = ("", "")
@@ -196,11 +198,9 @@ def wrapped(notes: Iterable[str], room: float) -> list[str]:
     return lines
 
 
-def in_lines(
-    entries: Sequence[tuple[str, Pen]], room: float
-) -> list[list[tuple[str, Pen]]]:
+def in_lines(entries: Sequence[Entry], room: float) -> list[list[Entry]]:
     """Break the entries of a legend into lines of at most `room` inches."""
-    lines: list[list[tuple[str, Pen]]] = []
+    lines: list[list[Entry]] = []
     left = 0.0
     for name, pen in entries:
         wanted = SAMPLE + text_width(name, SMALL) + GAP
@@ -213,7 +213,7 @@ def in_lines(
 
 
 def legend(
-    of: Figure | Axes, entries: Sequence[tuple[str, Pen]], room: float, **more: Any
+    of: Figure | Axes, entries: Sequence[Entry], room: float, **more: Any
 ) -> Legend:
     """Name lines side by side, cut to their shares of the room where it is short."""
     wanted = sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
@@ -224,7 +224,7 @@ def legend(
     return of.legend(lines, names, ncols=len(names), **more)
 
 
-def legend_above(axes: Axes, entries: Sequence[tuple[str, Pen]]) -> None:
+def legend_above(axes: Axes, entries: Sequence[Entry]) -> None:
     """Name the lines of a panel above it."""
     anchor: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0)}
     legend(axes, entries, size_of(axes)[0], **anchor, borderaxespad=0.4)
@@ -259,7 +259,7 @@ class Picture(Figure):
         subject: str = "",
         *,
         width: float = WIDTH,
-        legend: Sequence[tuple[str, Pen]] = (),
+        legend: Sequence[Entry] = (),
         remarks: Iterable[str] = (),
         notes: Iterable[str] = (),
         layout: Any = None,
@@ -278,8 +278,7 @@ class Picture(Figure):
         room -= text_width(title, HEADING, "bold") + GAP
         right = width - EDGE
         self.write(right, LEVEL, subject, room=room, ha="right", color=DIM)
-        for k, line in enumerate(names):
-            self.name(EDGE, TITLE + 0.08 + k * NAMES, line, width - 2 * EDGE)
+        self.names(EDGE, TITLE + 0.08, names, width - 2 * EDGE)
         self._small_print(self.top - LINE * len(above), above)
         self._small_print(high - under + 0.5 * LINE, below)
 
@@ -306,12 +305,16 @@ class Picture(Figure):
         shown = mathtext(fitted(text, room, look["size"], look["weight"]))
         self.text(x, self.height - y, shown, transform=self.dpi_scale_trans, **look)
 
-    def name(
-        self, x: float, y: float, entries: Sequence[tuple[str, Pen]], room: float
+    def names(
+        self,
+        x: float,
+        y: float,
+        lines: Sequence[Sequence[Entry]],
+        room: float,
     ) -> None:
-        """Name lines from here on to the right."""
-        if entries:
-            place = x, self.height - y + ASCENT * SMALL / 72
+        """Name curves from here on to the right and down, as `in_lines` has them."""
+        for k, entries in enumerate(lines):
+            place = x, self.height - y - k * NAMES + ASCENT * SMALL / 72
             legend(
                 self, entries, room, loc="upper left", bbox_to_anchor=place,
                 bbox_transform=self.dpi_scale_trans,

@@ -194,8 +194,6 @@ def chosen(names: Sequence[str], most: int) -> list[str]:
     """Return at most so many of the names, evenly spaced, first and last included."""
     if len(names) <= most:
         return list(names)
-    if most == 1:
-        return [names[0]]
     return [names[k * (len(names) - 1) // (most - 1)] for k in range(most)]
 
 
@@ -572,8 +570,7 @@ class Views:
 
     def draw(self, picture: Picture, top: float) -> None:
         """Draw them below `top`, counted from the header."""
-        for k, line in enumerate(self._lines):
-            picture.name(LEFT, picture.top + top + 0.14 + k * NAMES, line, WHOLE)
+        picture.names(LEFT, picture.top + top + 0.14, self._lines, WHOLE)
         panels = picture.panels(
             self._widths, self._heights, top=top + self._above, across=BETWEEN,
             down=BETWEEN - 0.1,
