@@ -25,6 +25,8 @@ PARTS = [
     of.wheels, of.latch,
 ]  # fmt: skip
 
+UNITS = ("metres", "megametres", "microseconds", "years", "grams", "tonnes")
+
 
 @dataclass(frozen=True)
 class ContactScene:
@@ -46,7 +48,8 @@ class ContactScene:
             self.scene.start, self.scene.duration, self.scene.output_step,
         )  # fmt: skip
         found = document(whole.text(), keep=tuple(rates))
-        for word in self.words:
+        # Sizes are in the scene's own units: these change last.
+        for word in sorted(self.words, key=UNITS.__contains__):
             found = CHANGES[word].put(found, Sizes(1.0, 1.0, self.scene.duration))
         return found
 

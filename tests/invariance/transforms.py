@@ -159,19 +159,26 @@ def _needed(definitions: dict[str, str], used: list[str]) -> dict[str, str]:
     return {k: v for k, v in definitions.items() if k in names}
 
 
+def fresh(model: Document, name: str) -> str:
+    """Give a parameter's name that no other change of the model has taken."""
+    count = sum(known.startswith(f"new_{name}") for known in model.parameters)
+    return f"new_{name}{count or ''}"
+
+
 def replaced(
     model: Document, factor: float = 1.0, far: float = 0.0, speed: float = 0.0
 ) -> Document:
     """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
     definitions, initial = {}, {}
-    parameters = model.parameters | {"new_L": repr(factor)}
-    parameters |= {"new_X": repr(far)} if far else {}
+    L, X, V, begin = (fresh(model, name) for name in ("L", "X", "V", "t"))
+    parameters = model.parameters | {L: repr(factor)}
+    parameters |= {X: repr(far)} if far else {}
     if speed:
-        parameters |= {"new_V": repr(speed), "new_t": repr(model.start)}
+        parameters |= {V: repr(speed), begin: repr(model.start)}
     for q in model.coordinates:
-        text = f"new_L*{q}_new"
-        text += " - new_X" if far else ""
-        text += " - new_V*(t - new_t)" if speed else ""
+        text = f"{L}*{q}_new"
+        text += f" - {X}" if far else ""
+        text += f" - {V}*(t - {begin})" if speed else ""
         definitions[q] = text
         initial[f"{q}_new"] = (model.initial[q] + far) / factor
         initial[f"{q}_new_dot"] = (model.initial[f"{q}_dot"] + speed) / factor
@@ -219,22 +226,24 @@ def seconds(model: Document, factor: float) -> Document:
         changed, energy=energy, laws=laws, initial=initial, settings=settings,
         start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
-        scale=factor,
+        scale=model.scale * factor, shift=model.shift / factor,
     )  # fmt: skip
 
 
 def kilograms(model: Document, factor: float) -> Document:
     """Count masses, and so energies and forces, in units of 1/factor."""
 
+    unit = fresh(model, "M")
+
     def heavier(texts: dict[str, str]) -> dict[str, str]:
-        return {name: f"new_M*({text})" for name, text in texts.items()}
+        return {name: f"{unit}*({text})" for name, text in texts.items()}
 
     laws = {
-        name: {k: f"new_M*({x})" if k == "limit" else x for k, x in law.items()}
+        name: {k: f"{unit}*({x})" if k == "limit" else x for k, x in law.items()}
         for name, law in model.laws.items()
     }
     return replace(
-        model, parameters=model.parameters | {"new_M": repr(factor)},
+        model, parameters=model.parameters | {unit: repr(factor)},
         energy=heavier(model.energy), forces=heavier(model.forces), laws=laws,
     )  # fmt: skip
 
@@ -245,11 +254,13 @@ def with_bystander(
     """Add a body that touches nothing."""
     energy = dict(model.energy)
     key = "lagrangian" if "lagrangian" in energy else "kinetic"
-    energy[key] = f"{energy[key]} + new_m*bystander_dot^2/2"
+    m = fresh(model, "m")
+    q = m.replace("new_m", "bystander")
+    energy[key] = f"{energy[key]} + {m}*{q}_dot^2/2"
     return replace(
-        model, parameters=model.parameters | {"new_m": repr(mass)},
-        coordinates=(*model.coordinates, "bystander"), energy=energy,
-        initial=model.initial | {"bystander": place, "bystander_dot": speed},
+        model, parameters=model.parameters | {m: repr(mass)},
+        coordinates=(*model.coordinates, q), energy=energy,
+        initial=model.initial | {q: place, f"{q}_dot": speed},
     )  # fmt: skip
 
 
@@ -264,4 +275,4 @@ def reordered(model: Document) -> Document:
 def later(model: Document, by: float) -> Document:
     """Start later, with clocks that are set back in the texts."""
     changed = model.everywhere(lambda text: _T.sub(f"(t - {by!r})", text))
-    return replace(changed, start=model.start + by, shift=by)
+    return replace(changed, start=model.start + by, shift=model.shift + by)
