@@ -56,10 +56,11 @@ for name, (potential, force, x, v, u, impacts) in TURNS.items():
                 if option == "step":
                     asked["method"] = "rk4"
                 SCENES[f"{name}, e = {e}, {option} {value}"] = Exact(
+                    # Beside another, whose steps are not its own.
                     scene(
-                        "x", "x_dot^2/2", potential, {"wall": contact("x >= 0", e)},
-                        {"x": x, "x_dot": v}, forces={"x": force}, duration=20,
-                        output_step=0.25, **asked,
+                        "x z", "(x_dot^2 + z_dot^2)/2", f"{potential} + 3*z^2/2",
+                        {"wall": contact("x >= 0", e)}, {"x": x, "x_dot": v, "z": 1},
+                        forces={"x": force}, duration=20, output_step=0.25, **asked,
                     ),
                     lambda t, u=u: {"x": u(t)}, events={"impact": impacts},
                     within=error,
