@@ -199,7 +199,7 @@ def note_directions(p: Parameters, end: int) -> None:
     for k in range(end):
         z = p.directions[2 * n * k :]
         mass = z[n:]
-        p.u[:] = 0.0
+        u[:n] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
             j = k - before
