@@ -146,7 +146,7 @@ def _symmetries(
     states = [[sums.power(s) for s in level] for level in (x.q, x.v)]
     try:
         for slopes in functions:
-            terms = [[sums.of(_opened(e)) for e in level] for level in slopes]
+            terms = [[sums.of(_opened(e)) for e in level] for level in _cleared(slopes)]
             changes += _changes(generators, terms, states).values()
     except TooLongError:
         return []
@@ -166,6 +166,26 @@ def _symmetries(
         of = tuple(x.q[j].name for j in sorted({j for g in chosen for j in g}))
         found.append(Conserved(kind, of, x.tidy(value)))
     return found
+
+
+def _cleared(slopes: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """Multiply all slopes of a function by the denominators that are sums.
+
+    A turn changes atan2(y, x) by (x^2 + y^2)/(x^2 + y^2).
+    """
+    powers: dict[Any, int] = {}
+    for e in (e for level in slopes for e in level):
+        for term in sp.Add.make_args(e):
+            for base, power in term.as_powers_dict().items():
+                if base.is_Add and power.is_Integer and power < 0:
+                    powers[base] = max(powers.get(base, 0), -int(power))
+    D = sp.Mul(*(base**power for base, power in powers.items()))
+    if D == 1:
+        return [list(level) for level in slopes]
+    return [
+        [sp.Add(*(D * term for term in sp.Add.make_args(e))) for e in level]
+        for level in slopes
+    ]
 
 
 def _opened(e: Any) -> Any:

@@ -128,6 +128,23 @@ def test_two_bodies_keep_their_momenta() -> None:
     assert len(found) == 4  # with the energy
 
 
+def test_a_potential_of_an_angle_in_cartesian_coordinates_keeps_a_screw() -> None:
+    # Turned by an angle about z and shifted by it along z, V is what it was.
+    text = (
+        TWO_BODIES.partition("definitions")[0]
+        + """
+energy:
+  kinetic: m1*(x1_dot^2 + y1_dot^2)/2 + m2*x2_dot^2/2 + y2_dot^2/2
+  potential: k*cos(x2 - atan2(y1, x1)) + y2^2
+initial: {x1: 1, y1: 0, x2: 1, y2: 0}
+"""
+    )
+    found = {k.of: k.value for k in small(text).conserved}
+    turned = s.m1 * (s.x1 * s.y1_dot - s.y1 * s.x1_dot)
+    assert same(found["x1", "y1", "x2"], turned + s.m2 * s.x2_dot)
+    assert len(found) == 2  # with the energy
+
+
 def test_what_acts_on_a_quantity_keeps_it_from_being_conserved() -> None:
     turned = TWO_BODIES + "forces: {x1: k*t}\n"
     assert {k.of for k in small(turned).conserved} == {("y1", "y2")}
