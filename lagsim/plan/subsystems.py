@@ -160,11 +160,13 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
 def pace(part: Subsystem) -> float:
     """Give the largest rate of the motion near its start, in radians per unit time.
 
-    0 where there is none.
+    0 where there is none, or it overflows.
     """
     start = part.start
     try:
-        linear = Linearisation(part.equations).at(start.t, start.q, start.v)
+        with np.errstate(over="ignore", invalid="ignore"):
+            linear = Linearisation(part.equations).at(start.t, start.q, start.v)
+        values = linear.eigenvalues()
     except (ValueError, np.linalg.LinAlgError):
         return 0.0
-    return float(np.max(np.abs(linear.eigenvalues()), initial=0.0))
+    return float(np.max(np.abs(values), initial=0.0))

@@ -33,7 +33,7 @@ from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.model.model import Level
 from lagsim.show.names import Name
-from lagsim.show.tidy import Tidier, circular
+from lagsim.show.tidy import Tidier, circular, not_finite
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -234,7 +234,10 @@ class Translation:
     def _value(self, node: int) -> Any:
         twins: dict[str, Callable[..., Any]] = {**TWINS, "if": self._choice}
         twins |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
-        return to_sympy(self.g, [node], known=self.known, twins=twins)[0]
+        try:
+            return to_sympy(self.g, [node], known=self.known, twins=twins)[0]
+        except TypeError as fault:  # it compares what is not real
+            raise not_finite() from fault
 
     def _choice(self, asked: Any, then: Any, other: Any) -> Any:
         """Give a choice; that of the slope of x^y, 0 where x^y = 0, is for moving x."""

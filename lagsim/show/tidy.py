@@ -368,12 +368,17 @@ def _grouped(
 
 
 def _refuse_infinite(e: Any) -> None:
-    if e.has(sp.zoo, sp.nan, sp.oo, -sp.oo):
-        text = (
-            "an energy, a force or a constraint, or its slope, is not finite anywhere"
-        )
-        hint = "look for a parameter that is 0 below the line or in a logarithm"
-        raise InputError([Problem("not-finite", text, None, hint)])
+    """Refuse what is infinite, or not real, whatever its variables are."""
+    roots = (p for p in e.atoms(sp.Pow) if p.is_number and p.is_real is False)
+    if e.has(sp.zoo, sp.nan, sp.oo, -sp.oo, sp.I) or any(roots):
+        raise not_finite()
+
+
+def not_finite() -> InputError:
+    """Give the fault of a model whose equations have no finite real value."""
+    text = "an energy, a force or a constraint, or its slope, is not finite anywhere"
+    hint = "look for a parameter that is 0 below the line, in a logarithm or a root"
+    return InputError([Problem("not-finite", text, None, hint)])
 
 
 def _product(*factors: Any) -> Any:

@@ -194,3 +194,14 @@ def test_the_work_grows_with_the_number_of_subsystems():
         return len(case.equations.graph) - before
 
     assert added(80) <= 2 * added(40) + 10
+
+
+def test_a_rate_that_overflows_is_none():
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: x*x_dot^2 + y_dot^2, potential: 1}
+initial: {x: 1e-308, y: 0, x_dot: 0.5}
+simulation: {duration: 0.01}
+"""
+    # x'' = -x'^2/(2 x) is -1.25e307: no step is short enough, and that is said.
+    assert run(text).trajectory.outcome is Outcome.STEP_TOO_SMALL
