@@ -207,11 +207,13 @@ def _combined(
 def _is_pure(value: float) -> bool:
     """Return whether a number in a product is none that stands for a quantity."""
     size = abs(value)
-    off = abs(size * 100.0 - round(size * 100.0))
     return (
         any(value * k % 1 == 0.0 and size * k <= SMALL for k in range(1, SMALL + 1))
         or any(size == k * math.pi for k in (0.25, 0.5, 1.0, 2.0, 4.0))
-        or (LEAST_PART <= size < 1.0 and off < COMPUTED_ZERO)
+        or (
+            LEAST_PART <= size < 1.0
+            and abs(size * 100.0 - round(size * 100.0)) < COMPUTED_ZERO
+        )
     )
 
 

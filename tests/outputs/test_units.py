@@ -87,6 +87,9 @@ def test_energies_that_do_not_agree_have_no_unit():
     # The number hides the metres per second squared.
     assert "energy" not in found(potential="m*y*9")
     assert "lambda_floor" not in found(potential="m*y*9")
+    # These may stand for an acceleration; a hundred times the second overflows.
+    for number in ("9.81", "1e307"):
+        assert found(potential=f"m*y*{number}")["energy"] == "J"
 
 
 def test_a_mass_without_a_unit_gives_none():

@@ -120,8 +120,10 @@ class Kinematics:
         self.residuals, self.rates, gap_scales, rate_scales = told
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
-        conditions = arc.runner.function("conditions", self.count)(t, y)
-        self.in_force: list[bool] = (conditions != 0.0).tolist()
+        self.in_force: list[bool] = [True] * self.count
+        if any(law.when is not None for law in self.laws):
+            conditions = arc.runner.function("conditions", self.count)(t, y)
+            self.in_force = (conditions != 0.0).tolist()
         slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
         self.seen, self.reach = seen, (slopes @ ranges[:n], slopes @ ranges[n : 2 * n])
         sizes = np.maximum(rate_scales, slopes @ seen[n : 2 * n])
@@ -156,12 +158,21 @@ class Kinematics:
 
     def _most(self, closed: list[bool]) -> Floats:
         """Give about how much each closed law could push with (L,)."""
-        p, own = self.arc.system.p, self.shape.reply.D.diagonal()
-        most = np.divide(self.forces, own, out=np.zeros(self.count), where=own > 0.0)
-        most = np.where(p.law_kind == kept.LIMITED, self.statics, most)
-        slips = p.law_kind == kept.SLIP
-        most[slips] = (self.statics * most[p.law_normal.astype(int)])[slips]
-        return np.where(closed, most, 0.0)
+        # Laws are few: numpy would take twice as long.
+        own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
+        most = [0.0] * self.count
+        for k, (law, force) in enumerate(
+            zip(self.laws, self.forces.tolist(), strict=True)
+        ):
+            if not closed[k]:
+                continue
+            if law.kind is Kind.SLIP:
+                most[k] = statics[k] * most[law.normal]
+            elif law.kind is Kind.LIMITED:
+                most[k] = statics[k]
+            elif own[k] > 0.0:
+                most[k] = force / own[k]
+        return np.array(most)
 
     @cached_property
     def noise(self) -> Floats:
