@@ -103,8 +103,8 @@ def method(name: str) -> ModuleType:
     - EVENTS (optional): False where its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `system.functions`;
     - STATE, the class of the memory it keeps, PARAMETERS (optional), that of what the
-      model gives it, and the kernels `start`, `step` and `interpolate`; where ADAPTIVE,
-      `interpolate_rates` as well.
+      model gives it, and the kernels `start`, `step` and `interpolate`; besides, where
+      ADAPTIVE, `interpolate_rates`, and else `make`, around which `fixed.step` is.
 
     A number of STATE that is declared as an `option` is one that users choose: reader,
     schema, commands, Python interface and pages know of it by that.

@@ -12,8 +12,8 @@ I, 2nd ed., sections II.4 (control, (2.43c)), II.5 (method) and II.6 (dense outp
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
     bent,
@@ -51,9 +51,6 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import apart, total, unrolled
 from lagsim.native.layout import array, part
 from lagsim.tolerances import OVERFLOW
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 NAME = "dop853"
 TITLE = "Dormand-Prince 8(5,3)"

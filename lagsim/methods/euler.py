@@ -14,23 +14,12 @@ ed., sections I.7 and II.1.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
-from lagsim.methods.parts.fixed import (
-    Fixed,
-    Tableau,
-    conclude,
-    next_time,
-    start,
-    step_length,
-)
+from lagsim.methods.parts.fixed import Fixed, Tableau, conclude, start, step
 from lagsim.methods.parts.parameters import Parameters
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
-__all__ = ["start"]
+__all__ = ["start", "step"]
 
 NAME = "euler"
 TITLE = "explicit Euler"
@@ -50,10 +39,8 @@ CONSTRAINED = True
 STATE = Fixed
 
 
-def step(s: Fixed, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    h = step_length(s, after)
+def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     s.new[:] = s.y + h * s.k
     return conclude(s, p, after, h)
 

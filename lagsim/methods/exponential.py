@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
+from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.control import record_sizes
-from lagsim.methods.parts.driver import State
-from lagsim.methods.parts.fixed import next_time, note_sizes
+from lagsim.methods.parts.fixed import Fixed, step
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DONE,
@@ -32,9 +32,7 @@ from lagsim.native.kernels.words import unrolled
 from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, SAME_STEP, UNCOUPLED
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
+__all__ = ["step"]
 
 NAME = "exponential"
 TITLE = "matrix exponential"
@@ -99,12 +97,11 @@ def squares(s: Exponential) -> int:
     return works(s) * square(s)
 
 
-class Exponential(State):
+class Exponential(Fixed):
     """Matrices, for z = (q, q', 1)."""
 
     made_for: float  # the step
     norm: float  # of A
-    works_before: Floats = array(works)  # before the last step
     A: Floats = array(square)  # both balanced: A ...
     forms: Floats = array(squares)  # ... and the forms P of the powers
     # What `linear` gives; then, for a step, exp - 1 by columns, and two to work with.
@@ -115,8 +112,7 @@ class Exponential(State):
     Q: Floats = array(squares)  # the forms of the works over a step
     d: Floats = array(lambda s: 2 * s.n + 1)  # the scales
     z: Floats = array(lambda s: 2 * s.n + 1)  # at the start of the step
-    new: Floats = array(lambda s: 2 * s.n + 1)
-    found: Floats = array(works)
+    moved: Floats = array(lambda s: 2 * s.n + 1)
     terms: Floats = array(lambda s: (TERMS + 1) * (2 * s.n + 1))
 
 
@@ -138,7 +134,7 @@ def start(s: Exponential, p: Parameters) -> None:
             row = form[i * m :]
             row[:m] = row[:m] * s.d[i] * s.d
     s.norm = norm(m, m, s.A)
-    make(s, s.fixed_step)
+    make_matrices(s, s.fixed_step)
     s.evaluations += 1.0
     s.step_h = 0.0
     record_sizes(s, p)
@@ -154,7 +150,7 @@ def fill(m: int, given: Floats, matrix: Floats) -> int:
     return 1 + 3 * count
 
 
-def make(s: Exponential, h: float) -> None:
+def make_matrices(s: Exponential, h: float) -> None:
     """Make the matrices for steps of length h.
 
     F = exp(A h) - 1 by its series at h / 2^k, then F <- 2 F + F^2, k times: without the
@@ -192,36 +188,27 @@ def make(s: Exponential, h: float) -> None:
     s.F[:] = x
 
 
-def step(s: Exponential, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
+def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     n = s.n
     m = 2 * n + 1
-    y, z, new = s.y, s.z, s.new
-    after = next_time(s)
-    h = after - s.t
+    y, z, moved, new = s.y, s.z, s.moved, s.new
     if abs(h - s.made_for) > SAME_STEP * s.made_for:
-        make(s, h)
+        make_matrices(s, h)
     z[: m - 1] = y[: m - 1]
     z[m - 1] = 1.0
-    times_columns(m, s.F, z, new)
-    new[: m - 1] += y[: m - 1]
+    times_columns(m, s.F, z, moved)
+    new[: m - 1] = moved[: m - 1] + y[: m - 1]
     if not is_finite(m - 1, new):
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
-    y[: m - 1] = new[: m - 1]
     for k in range(s.size - 2 * n):
-        # What interpolation begins with, before y is the new state's.
-        s.works_before[k] = y[2 * n + k]
-        times_columns(m, s.Q[k * m * m :], z, new)
+        new[2 * n + k] = y[2 * n + k]
+        times_columns(m, s.Q[k * m * m :], z, moved)
         for i in range(m):
-            y[2 * n + k] += z[i] * new[i]
-    s.step_t = s.t
-    s.step_h = h
-    s.t = after
-    s.steps += 1.0
+            new[2 * n + k] += z[i] * moved[i]
     s.evaluations += 1.0
-    note_sizes(s, p)
     return DONE
 
 
@@ -232,8 +219,8 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
     """
     m = 2 * s.n + 1
     count = s.size - 2 * s.n
-    terms, found = s.terms, s.found
-    s.found[:] = s.works_before
+    terms, found = s.terms, out[2 * s.n :]
+    found[:count] = s.old[2 * s.n :]
     length = x * s.step_h
     parts = int(s.norm * length / SMALL) + 1
     terms[:m] = s.z / s.d
@@ -241,13 +228,12 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
         make_terms(m, length / parts, s.A, terms)
         if count > 0:
             for node in unrolled(8):
-                sum_terms(m, TERMS, NODES[node], terms, s.new)
+                sum_terms(m, TERMS, NODES[node], terms, s.moved)
                 for k in range(count):
-                    power = value_of(m, s.forms[k * m * m :], s.new)
+                    power = value_of(m, s.forms[k * m * m :], s.moved)
                     found[k] += length / parts * WEIGHTS[node] * power
         sum_terms(m, TERMS, 1.0, terms, terms)
     out[: m - 1] = terms[: m - 1] * s.d[: m - 1]
-    out[2 * s.n : 2 * s.n + count] = found
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:

@@ -15,8 +15,9 @@ sections II.1.3, VI.4 and VIII.6.
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
+from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import is_finite, largest_part
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import (
@@ -24,9 +25,7 @@ from lagsim.methods.parts.fixed import (
     Tableau,
     interpolate,
     judge,
-    next_time,
-    step_length,
-    take,
+    step,
 )
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
@@ -52,11 +51,7 @@ from lagsim.methods.parts.state import (
 from lagsim.native.layout import array
 from lagsim.tolerances import SAME_STEP
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
-
-__all__ = ["interpolate"]
+__all__ = ["interpolate", "step"]
 
 NAME = "gauss4"
 TITLE = "Gauss collocation, 2 stages"
@@ -141,10 +136,8 @@ def start(s: Gauss, p: Parameters) -> None:
     s.due = 1.0
 
 
-def step(s: Gauss, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    h = step_length(s, after)
+def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     predict(s)
     if solve_stages(s, p, h) == 0:
         return NEWTON_FAILED
@@ -155,7 +148,6 @@ def step(s: Gauss, p: Parameters) -> int:
         return NEWTON_FAILED
     derivative(after, s.new, p, s.slope)
     s.evaluations += 1.0
-    take(s, p, after)
     return DONE
 
 

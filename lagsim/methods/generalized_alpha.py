@@ -19,14 +19,14 @@ from __future__ import annotations
 from math import inf
 from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import largest_part
 from lagsim.methods.parts.fixed import (
     Fixed,
     conclude,
     interpolate,
     judge,
-    next_time,
-    step_length,
+    step,
 )
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
@@ -47,15 +47,13 @@ from lagsim.tolerances import SAME_STEP
 if TYPE_CHECKING:
     from typing import TypedDict
 
-    from lagsim.language.arrays import Floats
-
     class Options(TypedDict, total=False):
         """The same for type checkers."""
 
         spectral_radius: float | str | None
 
 
-__all__ = ["interpolate"]
+__all__ = ["interpolate", "step"]
 
 NAME = "generalized-alpha"
 TITLE = "generalized-alpha"
@@ -167,10 +165,8 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
             s.a[i] += change if off >= 0.0 else -change
 
 
-def step(s: GeneralizedAlpha, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    h = step_length(s, after)
+def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     code = balance(s, p, after, h)
     if code != DONE:
         return code

@@ -19,16 +19,13 @@ section V.3.2.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
-from lagsim.methods.kahan_li8 import Composition, interpolate, start, step
+from lagsim.language.arrays import Floats
+from lagsim.methods.kahan_li8 import Composition, interpolate, make, start, step
 from lagsim.methods.verlet import composed_amplification, refusal
 from lagsim.native.layout import array
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
-__all__ = ["interpolate", "refusal", "start", "step"]
+__all__ = ["interpolate", "make", "refusal", "start", "step"]
 
 NAME = "kahan-li6"
 TITLE = "Kahan-Li composition of 9 Verlet steps"

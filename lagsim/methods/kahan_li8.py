@@ -19,25 +19,23 @@ section V.3.2.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.fixed import interpolate as hermite
+from lagsim.methods.parts.fixed import step as compose
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, derivative, power
 from lagsim.methods.verlet import (
     Symplectic,
     composed_amplification,
+    make,
     refusal,
     start,
 )
-from lagsim.methods.verlet import step as compose
 from lagsim.native.kernels.words import total, unrolled
 from lagsim.native.layout import array
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
-__all__ = ["refusal", "start"]
+__all__ = ["make", "refusal", "start"]
 
 NAME = "kahan-li8"
 TITLE = "Kahan-Li composition of 17 Verlet steps"

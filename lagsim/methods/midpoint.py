@@ -16,16 +16,13 @@ sections II.1.3, VI.4 and VIII.6.
 from __future__ import annotations
 
 from math import inf
-from typing import TYPE_CHECKING
 
-from lagsim.methods.gauss4 import Gauss, interpolate, refusal, start, step
+from lagsim.language.arrays import Floats
+from lagsim.methods.gauss4 import Gauss, interpolate, make, refusal, start, step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.native.layout import array
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
-__all__ = ["interpolate", "refusal", "start", "step"]
+__all__ = ["interpolate", "make", "refusal", "start", "step"]
 
 NAME = "midpoint"
 TITLE = "implicit midpoint rule"

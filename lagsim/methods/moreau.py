@@ -29,13 +29,12 @@ CISM 302 (1988) 1-82; M. Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235-2
 from __future__ import annotations
 
 from math import sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import record_extents
-from lagsim.methods.parts.driver import State
-from lagsim.methods.parts.fixed import next_time, step_length
+from lagsim.methods.parts.fixed import Fixed, step
 from lagsim.methods.parts.parameters import (
     ALWAYS,
     CONTACT,
@@ -48,8 +47,7 @@ from lagsim.methods.parts.state import DONE, NOT_FINITE, balance, columns, effor
 from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, SETTLED_IMPULSE, SLIP_AT_REST
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
+__all__ = ["step"]
 
 NAME = "moreau"
 TITLE = "Moreau's time stepping"
@@ -63,14 +61,14 @@ refusal = unrestricted
 NEEDS = ("balance",)
 EVENTS = False
 
+CONSTRAINED = False  # for what is shared with methods that can be
 
-class Moreau(State):
-    """The last step, and room for the one it makes."""
+
+class Moreau(Fixed):
+    """Where the multipliers are, and room for the step it makes."""
 
     unsettled: float  # steps whose impulses were not found to the end
     multipliers: float  # where they begin in y
-    old: Floats = array("size")
-    new: Floats = array("size")
     z: Floats = array("size")
     w: Floats = array("n")
     room: Floats = array("size")
@@ -145,21 +143,11 @@ def start(s: Moreau, p: Impulses) -> None:
     record_extents(s)
 
 
-def step(s: Moreau, p: Impulses) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    if attempt(s, p, step_length(s, after)) == 0:
+def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
+    """Make one step, see `fixed.make`."""
+    if attempt(s, p, h) == 0:
         s.unsettled += 1.0
-    if not is_finite(s.size, s.new):
-        return NOT_FINITE
-    s.old[:] = s.y
-    s.y[:] = s.new
-    s.step_t = s.t
-    s.step_h = after - s.t
-    s.t = after
-    s.steps += 1.0
-    record_extents(s)
-    return DONE
+    return DONE if is_finite(s.size, s.new) else NOT_FINITE
 
 
 def attempt(s: Moreau, p: Impulses, h: float) -> int:

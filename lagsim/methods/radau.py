@@ -16,8 +16,8 @@ sections IV.5, IV.8 and IV.15; K. Gustafsson, ACM Trans. Math. Software 20 (1994
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import (
     bent,
     forget_removed,
@@ -64,9 +64,6 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, TINY, UNIT_ROUNDOFF
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 NAME = "radau"
 TITLE = "Radau IIA"

@@ -22,8 +22,8 @@ Wanner, Geometric Numerical Integration, 2nd ed., section VII.1.4.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
+from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import (
     is_finite,
     is_small,
@@ -31,14 +31,7 @@ from lagsim.methods.parts.constraints import (
     project_level,
     record_sigma,
 )
-from lagsim.methods.parts.fixed import (
-    Fixed,
-    interpolate,
-    next_time,
-    start,
-    step_length,
-    take,
-)
+from lagsim.methods.parts.fixed import Fixed, interpolate, start, step
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DONE,
@@ -52,11 +45,7 @@ from lagsim.methods.verlet import amplification, inseparable
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, UNIT_ROUNDOFF
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
-
-__all__ = ["amplification", "interpolate", "start"]
+__all__ = ["amplification", "interpolate", "start", "step"]
 
 NAME = "rattle"
 TITLE = "RATTLE"
@@ -97,11 +86,9 @@ def refusal(scene: Structure) -> str:
     return inseparable(scene)
 
 
-def step(s: Rattle, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
+def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     n, y, slope, new = s.n, s.y, s.slope, s.new
-    after = next_time(s)
-    h = step_length(s, after)
     new[n : 2 * n] = y[n : 2 * n] + 0.5 * h * s.k[n : 2 * n]
     new[:n] = y[:n] + h * new[n : 2 * n]
     # The forces of the constraints that k holds are those of y'': what they lack, or
@@ -122,7 +109,6 @@ def step(s: Rattle, p: Parameters) -> int:
     if not is_finite(s.size, new):
         return NOT_FINITE
     slope[:n] = new[n : 2 * n]
-    take(s, p, after)
     return DONE
 
 

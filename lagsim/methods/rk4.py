@@ -10,8 +10,7 @@ Solving Ordinary Differential Equations I, 2nd ed., sections II.1 and II.6.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts.control import add_change, keep_compensation
 from lagsim.methods.parts.fixed import (
@@ -19,19 +18,15 @@ from lagsim.methods.parts.fixed import (
     Tableau,
     conclude,
     interpolate,
-    next_time,
     start,
-    step_length,
+    step,
 )
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import derivative
 from lagsim.native.kernels.words import total, unrolled
 from lagsim.native.layout import array
 
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
-__all__ = ["interpolate", "start"]
+__all__ = ["interpolate", "start", "step"]
 
 NAME = "rk4"
 TITLE = "classic Runge-Kutta"
@@ -65,11 +60,9 @@ class Rk4(Fixed):
 STATE = Rk4
 
 
-def step(s: Rk4, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
+def make(s: Rk4, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     size, k, t = s.size, s.stages, s.t
-    after = next_time(s)
-    h = step_length(s, after)
     k[:size] = s.k
     for stage in unrolled(1, 4):
         for i in range(size):

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import math
 from math import exp, log
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
     is_finite,
@@ -62,9 +62,6 @@ from lagsim.methods.parts.state import (
 from lagsim.native.kernels.words import fused
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 NAME = "taylor"
 TITLE = "Taylor series, order from the tolerance"

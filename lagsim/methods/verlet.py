@@ -24,14 +24,14 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
+from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import (
     Fixed,
     interpolate,
-    next_time,
-    step_length,
-    take,
+    step,
 )
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.parameters import Parameters
@@ -41,10 +41,7 @@ from lagsim.native.layout import array
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
-
-__all__ = ["interpolate"]
+__all__ = ["interpolate", "step"]
 
 NAME = "verlet"
 TITLE = "Stoermer-Verlet (leapfrog)"
@@ -156,10 +153,8 @@ def start(s: Symplectic, p: Parameters) -> None:
     begin(s, p)
 
 
-def step(s: Symplectic, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
-    after = next_time(s)
-    h = step_length(s, after)
+def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
+    """Make one step, see `fixed.make`."""
     s.new[:] = s.y
     s.slope[:] = s.k
     kick(s, p, s.t, s.kicks[0] * h)
@@ -171,7 +166,6 @@ def step(s: Symplectic, p: Parameters) -> int:
         return NOT_FINITE
     s.evaluations += s.stages
     arrive(s, p, after)
-    take(s, p, after)
     return DONE
 
 

@@ -46,7 +46,7 @@ class Plain:
         none |= {"LOCALIZED": False, "ADAPTIVE": method.ADAPTIVE}
         self.statics = none | statics
         own = {"start", "step", "interpolate"}
-        own |= {"interpolate_rates"} if method.ADAPTIVE else set()
+        own |= {"interpolate_rates"} if method.ADAPTIVE else {"make"}
         self.driven = model | {name: self.kernel(name) for name in own}
 
     def kernel(self, name: str) -> Callable[..., Any]:
@@ -54,6 +54,8 @@ class Plain:
         called = self.model
         if name != "interpolate":
             called = called | {"interpolate": self.kernel("interpolate")}
+        if name == "step" and not self.method.ADAPTIVE:
+            called = called | {"make": self.kernel("make")}
         return bind(getattr(self.method, name), called, self.statics)
 
     def advance(self, s: Any, p: Any, out: Any, rows: int, budget: int) -> int:

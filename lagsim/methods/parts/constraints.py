@@ -7,8 +7,7 @@ energy where the constraints are homogeneous in the velocities.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.control import Control
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import (
@@ -27,9 +26,6 @@ from lagsim.tolerances import (
     TERM_ROUNDOFF,
     UNIT_ROUNDOFF,
 )
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 MOST = 12
 

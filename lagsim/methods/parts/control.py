@@ -12,8 +12,8 @@ and millimetres give the same steps.
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     LOCAL,
@@ -35,9 +35,6 @@ from lagsim.tolerances import (
     UNDERFLOW,
     UNIT_ROUNDOFF,
 )
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 # Of what the terms of a rate could do in a step, though they cancel: errors of other
 # components within the tolerance leave a part of them.

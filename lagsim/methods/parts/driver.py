@@ -7,8 +7,8 @@ ADAPTIVE; what a model does not need is left out.
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import clear_of_loss, project, watch
 from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.missed import (
@@ -46,9 +46,6 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.layout import array
 from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 CONSTRAINED = True
 UNTIL = True

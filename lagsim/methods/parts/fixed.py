@@ -1,10 +1,11 @@
-"""Fixed steps: their grid, dense output, Newton's convergence, tableaus."""
+"""Fixed steps: the step around a method's formula, dense output, tableaus."""
 
 from __future__ import annotations
 
 from math import floor
 from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import is_finite, meet_constraints
 from lagsim.methods.parts.control import bound_roundoff, record_extents, record_sizes
 from lagsim.methods.parts.driver import State
@@ -16,12 +17,11 @@ from lagsim.methods.parts.state import (
     PROJECTION_FAILED,
     derivative,
 )
+from lagsim.native.kernels.words import external
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-
     Row = tuple[float, ...]
 
 CONSTRAINED = True
@@ -37,12 +37,30 @@ class Fixed(State):
     new: Floats = array("size")  # ... and the state there
 
 
+@external
+def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
+    """Leave the state after a step h as `new`, and y' there; or give another code.
+
+    after : the time there, h later but for rounding.
+    """
+    raise NotImplementedError
+
+
 def start(s: Fixed, p: Parameters) -> None:
     """Begin an arc: evaluate at its start."""
     derivative(s.t, s.y, p, s.k)
     s.evaluations += 1.0
     s.step_h = 0.0
     record_sizes(s, p)
+
+
+def step(s: Fixed, p: Parameters) -> int:
+    """Make one step, or give a code other than 0."""
+    after = next_time(s)
+    code = make(s, p, after, step_length(s, after))
+    if code == DONE:
+        take(s, p, after)
+    return code
 
 
 def next_time(s: State) -> float:
@@ -98,14 +116,13 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Project the new state and evaluate there, then take it; or give another code."""
+    """Project the new state and evaluate there; or give another code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, s.new) == 0:
         return PROJECTION_FAILED
     derivative(after, s.new, p, s.slope)
     s.evaluations += 1.0
-    take(s, p, after)
     return DONE
 
 
@@ -119,11 +136,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
     s.step_h = after - s.t
     s.t = after
     s.steps += 1.0
-    note_sizes(s, p)
-
-
-def note_sizes(s: State, p: Parameters) -> None:
-    """Record the sizes of the state; those of rates only for projection."""
+    # The sizes of rates are asked for by projection alone.
     if CONSTRAINED:
         record_sizes(s, p)
     else:

@@ -15,8 +15,8 @@ The distance of a signal is the logarithm of how far below one its term is, base
 from __future__ import annotations
 
 from math import log, sqrt
-from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import Rank
 from lagsim.methods.parts.control import (
     PERTURBED,
@@ -33,9 +33,6 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, RATE_ROUNDOFF, TERM_ROUNDOFF, TINY
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 # What a signal does: the function goes with e^u, steps where u vanishes, goes with
 # 1/|u|^power or with |u|^power.

@@ -5,16 +5,12 @@ For methods with a fixed step, which have no tolerance: they go on to rounding.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
+from lagsim.methods import Structure
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import LEAST_PIVOT, OVERFLOW, STALLED_STEP, UNIT_ROUNDOFF
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
-    from lagsim.methods import Structure
 
 # At a slower rate the derivatives are evaluated anew.
 SLOW = 0.05

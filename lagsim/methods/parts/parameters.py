@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from lagsim.language.arrays import Floats
 from lagsim.native.layout import Memory, after, array, part
-
-if TYPE_CHECKING:
-    from lagsim.language.arrays import Floats
 
 # `least_sigma` at this has the directions of the rows noted.
 NOTE = 2.0

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from lagsim.language.arrays import Floats
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.words import external
 from lagsim.native.layout import Memory, array, part
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from lagsim.language.arrays import Floats
 
 
 class Clock(Memory):

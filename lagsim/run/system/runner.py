@@ -185,8 +185,7 @@ def of_method(
     statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
     statics["SPARSE"] = system.newton is not None
     kernels = [by.start, by.step, by.interpolate]
-    if by.ADAPTIVE:
-        kernels.append(by.interpolate_rates)
+    kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
     return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
 
 
