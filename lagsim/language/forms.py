@@ -4,8 +4,7 @@
 here, and for people, with sympy's expressions as atoms, in `show.tidy`.
 
 On the graph: sums of monomials c a^i b^j ... (`normal_form`), sines and cosines
-combined (`fewer_terms`), constant factors collected in front (`Collected`), slow
-factors first in products (`slow_factors_first`).
+combined (`fewer_terms`), constant factors collected in front (`Collected`).
 """
 
 from __future__ import annotations
@@ -812,62 +811,3 @@ class Collected:
             else:
                 powers[n] += e
         return number, powers
-
-
-def slow_factors_first(
-    g: Graph, nodes: Sequence[int], *faster: Collection[str]
-) -> list[int]:
-    """Give `nodes` with what is slow first in each product.
-
-    Parameters
-    ----------
-    faster
-        Names of variables, the slower ones first: a factor has the speed of the last
-        of these that it depends on, and those of one speed are multiplied first.
-    """
-    cone = g.cone(nodes)
-    speed: Counter[int] = Counter()
-    for place, names in enumerate(faster, 1):
-        speed.update(dict.fromkeys(g.dependent(cone, names), place))
-    return _Ordered(g, cone, nodes, speed).nodes
-
-
-class _Ordered:
-    def __init__(
-        self, g: Graph, cone: Sequence[int], nodes: Sequence[int], speed: Counter[int]
-    ) -> None:
-        self.g, self.speed = g, speed
-        uses = Counter(a for n in cone for a in g.args[n])
-        uses.update(nodes)
-        self.inner = {n for n in cone if g.ops[n] == "mul" and uses[n] == 1}
-        self.done: dict[int, int] = {}
-        for n in cone:
-            self.done[n] = self._ordered(n)
-        self.nodes = [self.done[n] for n in nodes]
-
-    def _ordered(self, n: int) -> int:
-        g = self.g
-        if g.ops[n] != "mul":
-            args = g.args[n]
-            return g.call(g.ops[n], *(self.done[a] for a in args)) if args else n
-        parts: dict[int, list[int]] = {}
-        for a in self._factors(n):
-            parts.setdefault(self.speed[a], []).append(self.done[a])
-        whole = g.one
-        for place in sorted(parts):
-            part = g.one
-            for a in sorted(parts[place]):
-                part = g.call("mul", part, a)
-            whole = g.call("mul", whole, part)
-        return whole
-
-    def _factors(self, n: int) -> list[int]:
-        """Give what `n` is a product of, through products that stand here alone."""
-        stack, found = list(self.g.args[n]), []
-        while stack:
-            a = stack.pop()
-            if a in self.inner:
-                stack.extend(self.g.args[a])
-            else:
-                found.append(a)
-        return found

@@ -29,7 +29,6 @@ from typing import TYPE_CHECKING, NamedTuple, overload
 
 from lagsim.language.derivatives import pulled, slopes, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.language.forms import slow_factors_first
 from lagsim.language.sparse import (
     DisjointSets,
     Meter,
@@ -397,12 +396,10 @@ def inertial_forces(model: Model, flow: Flow) -> list[int]:
     changes = tangent(g, [found[v] for v in moving], flow.forward)
     weights = {v: g.call("neg", x) for v, x in zip(moving, changes, strict=True)}
     along = pulled(g, weights, frozenset(flow.rates))
-    forces = [
+    return [
         g.call("add", found.get(q, g.zero), along.get(v, g.zero))
         for q, v in zip(flow.positions, flow.rates, strict=True)
     ]
-    places = g.depends(flow.positions) | {"t"}
-    return slow_factors_first(g, forces, places, flow.velocities)
 
 
 def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
-from lagsim.language.forms import slow_factors_first
 from lagsim.language.sparse import SparseVector
 
 if TYPE_CHECKING:
@@ -65,8 +64,8 @@ class Flow:
     Attributes
     ----------
     positions, rates : tuple of int, shape (n,)
-    places, velocities : frozenset of str
-        The names of what positions depend on, time included; and of the rates.
+    velocities : frozenset of str
+        The names of the rates.
     forward : dict
         The total time derivative at constant q': variable -> rate.
     """
@@ -74,7 +73,7 @@ class Flow:
     def __init__(self, g: Graph, q: Sequence[str], velocities: Sequence[str]) -> None:
         self.positions = tuple(g.variable(name) for name in q)
         self.rates = tuple(g.variable(name) for name in velocities)
-        self.places, self.velocities = frozenset((*q, "t")), frozenset(velocities)
+        self.velocities = frozenset(velocities)
         self.forward = dict(zip(self.positions, self.rates, strict=True))
         self.forward[g.variable("t")] = g.one
         self.indices = [
@@ -110,14 +109,13 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
         transport = g.zero if homogeneous else moved
         residual_scale = scale_of(g, node, flow.rates, A.entries)
     degrees = g.degree(rate, flow.velocities)
-    fall = g.call("neg", tangent(g, [rate], flow.forward)[0])
     return Row(
         name=name,
         holonomic=holonomic,
         residual=node,
         rate=rate,
         A=A,
-        b=slow_factors_first(g, [fall], flow.places, flow.velocities)[0],
+        b=g.call("neg", tangent(g, [rate], flow.forward)[0]),
         transport=transport,
         residual_scale=residual_scale,
         rate_scale=scale_of(g, rate, flow.rates, A.entries),

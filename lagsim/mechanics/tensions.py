@@ -29,7 +29,6 @@ Automation 11 (1995) 389: the constraint force algorithm.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
@@ -42,7 +41,6 @@ from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.factorisation import Factorisation, Vector, add_to
 from lagsim.model.model import Level
-from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -480,23 +478,6 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
     return node
 
 
-def _alike(g: Graph, nodes: Vector) -> Vector:
-    """Give nodes whose numbers differ by the rounding of quotients as the same ones."""
-    pushed = {k: node for k, node in nodes.items() if node != g.zero}
-    if not pushed:
-        return nodes
-    common, rest = common_factor(g, pushed.values())
-    found, met = dict(nodes), list[float]()
-    for k, node in zip(pushed, rest, strict=True):
-        number = g.value(node)
-        if number is None:
-            return nodes
-        same = (x for x in met if math.isclose(x, number, rel_tol=TERM_ROUNDOFF))
-        met.append(next(same, number))
-        found[k] = g.call("mul", g.constant(met[-1]), common)
-    return found
-
-
 class _Motion:
     """The equations of the tensions, in units of the commonest mass and length.
 
@@ -552,7 +533,7 @@ class _Motion:
         pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
         moved = g.dependent(pushed.values(), self.moving)
         still = {u: node for u, node in pushed.items() if node not in moved}
-        fall = _alike(g, self._over(still, unit))
+        fall = self._over(still, unit)
         for u in pushed.keys() - still.keys():
             fall[u] = g.variable(f"fall.{u}")
             self.known[fall[u]] = g.call("div", pushed[u], unit[u])
