@@ -30,10 +30,8 @@ class Derivation:
     @cached_property
     def _content(self) -> Content:
         from lagsim.show.lagrange import content
-        from lagsim.show.symbols import its_time
 
-        with its_time():
-            return content(self._equations, **self._options)
+        return content(self._equations, **self._options)
 
     @cached_property
     def text(self) -> str:

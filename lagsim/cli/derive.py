@@ -54,7 +54,7 @@ def command(
     if form is not Format.python:
         from lagsim.show.symbols import refuse_long
 
-        refuse_long(read, substitute=substitute)
+        refuse_long(read)
     found = derive(read, **options)
     if form is Format.json:
         content = encode(found.json)

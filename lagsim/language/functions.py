@@ -50,10 +50,8 @@ class Function(NamedTuple):
     declares
         External symbols that `native` needs, as LLVM declarations.
     sympy
-        `(sympy module, *arguments)`.
-    spelled
-        For people it stays as written: sympy's would be rewritten, or differentiated
-        otherwise.
+        `(sympy module, *arguments)`. None for what stays as written: sympy would
+        rewrite its own.
     python
         The value as Python code with numpy; `{0}`, `{1}` are the arguments.
     text, latex
@@ -84,13 +82,12 @@ class Function(NamedTuple):
     arity: int
     value: Callable[..., Any]
     native: str
-    sympy: Callable[..., Any]
     python: str
     interval: Callable[[Any], Callable[..., Any]]
     partials: Partials | None = None
     branches: Callable[[Builder, Arguments], int] | None = None
     condition: bool = False
-    spelled: bool = False
+    sympy: Callable[..., Any] | None = None
     declares: tuple[str, ...] = ()
     text: str | tuple[str, str] = ""
     latex: str | tuple[str, str] = ""
@@ -156,7 +153,6 @@ def _step(name: str, value: Callable[[float], float], **more: Any) -> Function:
         arity=1,
         value=value,
         partials=lambda g, a, _: (g.zero,),
-        spelled=True,
         switch=True,
         step=True,
         **more,
@@ -174,7 +170,6 @@ JUMPS = (
         "{e} = fsub double {c}, {d}\n"
         "{f} = fcmp uno double {0}, {0}\n"
         "select i1 {f}, double {0}, double {e}",
-        sympy=lambda s, x: s.sign(x),
         python="np.sign({0})",
         latex=r"\operatorname{sgn}",
         interval=lambda r: r.step(r.np.sign),
@@ -185,18 +180,18 @@ JUMPS = (
         "{b} = uitofp i1 {a} to double\n"
         "{c} = fcmp uno double {0}, {0}\n"
         "select i1 {c}, double {0}, double {b}",
-        sympy=lambda s, x: s.Heaviside(x, 1), python="np.heaviside({0}, 1.0)",
+        python="np.heaviside({0}, 1.0)",
         interval=lambda r: r.step(lambda x: r.np.heaviside(x, 1.0)),
     ),
     _step(
         "floor", lambda x: _whole(x, math.floor), **intrinsic("floor"),
-        sympy=lambda s, x: s.floor(x), python="np.floor({0})",
+        python="np.floor({0})",
         latex=(r"\left\lfloor ", r"\right\rfloor "),
         interval=lambda r: r.step(r.np.floor),
     ),
     _step(
         "ceil", lambda x: _whole(x, math.ceil), **intrinsic("ceil"),
-        sympy=lambda s, x: s.ceiling(x), python="np.ceil({0})",
+        python="np.ceil({0})",
         latex=(r"\left\lceil ", r"\right\rceil "), interval=lambda r: r.step(r.np.ceil),
     ),
 )  # fmt: skip
@@ -213,7 +208,7 @@ CORNERS = (
     Function(
         name="abs", arity=1, value=math.fabs,
         partials=lambda g, a, _: (g.call("sign", a[0]),), **intrinsic("fabs"),
-        sympy=lambda s, x: s.Abs(x), spelled=True, python="np.abs({0})",
+        python="np.abs({0})",
         text=("|", "|"), latex=(r"\left|", r"\right|"), interval=lambda r: r.magnitude,
         exact=True, switch=True, decided_by="sign",
     ),
@@ -221,7 +216,6 @@ CORNERS = (
         name="min", arity=2, value=lambda x, y: y if y < x else x,
         branches=lambda g, a: g.call("le", a[0], a[1]), simpler=simpler.extreme,
         native="{a} = fcmp olt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
-        sympy=lambda s, x, y: s.Min(x, y), spelled=True,
         python="{1} if {1} < {0} else {0}", latex=r"\min",
         interval=lambda r: r.extreme(r.np.minimum), switch=True, decided_by="le",
     ),
@@ -229,7 +223,6 @@ CORNERS = (
         name="max", arity=2, value=lambda x, y: y if y > x else x,
         branches=lambda g, a: g.call("ge", a[0], a[1]), simpler=simpler.extreme,
         native="{a} = fcmp ogt double {1}, {0}\nselect i1 {a}, double {1}, double {0}",
-        sympy=lambda s, x, y: s.Max(x, y), spelled=True,
         python="{1} if {1} > {0} else {0}", latex=r"\max",
         interval=lambda r: r.extreme(r.np.maximum), switch=True, decided_by="ge",
     ),
@@ -512,7 +505,7 @@ POWERS = (
     _unary(
         "log10", lambda x: -math.inf if x == 0 else math.log10(x),
         lambda g, x, f: _over(g, g.call("mul", g.constant(math.log(10.0)), x)),
-        **intrinsic("log10"), sympy=lambda s, x: s.log(x, 10), spelled=True,
+        **intrinsic("log10"), sympy=None,
         text="log₁₀", latex=r"\log_{10}",
         interval=lambda r: r.on(r.np.log10, 0.0, open_end=True), steep=True,
         domain=_not_below_zero,
@@ -525,7 +518,7 @@ POWERS = (
     _unary(
         "cbrt", math.cbrt,
         lambda g, x, f: _over(g, g.call("mul", g.constant(3.0), _square(g, f))),
-        **libm("cbrt"), sympy=lambda s, x: s.real_root(x, 3), spelled=True,
+        **libm("cbrt"), sympy=None,
         latex=(r"\sqrt[3]{", "}"), interval=lambda r: r.increasing(r.np.cbrt),
         steep=True, decided_by="sign",
     ),

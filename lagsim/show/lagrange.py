@@ -33,14 +33,8 @@ from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
 from lagsim.show.content import Condition, Content, Force, Gauss, Line, Solution
 from lagsim.show.names import Name
-from lagsim.show.symbols import (
-    TWINS,
-    Translation,
-    number,
-    refuse_long,
-    symbol,
-    to_sympy,
-)
+from lagsim.show.printers import read_back
+from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
 from lagsim.show.tidy import cost
 from lagsim.tolerances import DEPENDENT_ROWS
 
@@ -271,7 +265,7 @@ def _steps(
     steps: list[tuple[Any, Any]] = []
     for n in sorted(seen):
         if n not in known:
-            known[n] = to_sympy(g, [n], known=known, twins=TWINS)[0]
+            known[n] = to_sympy(g, [n], known=known)[0]
         if uses[n] > 1 and cost(known[n]) > 2:
             s = symbol(f"{prefix}{len(steps) + 1}")
             x.names[s] = Name(s.name)
@@ -361,61 +355,64 @@ def content(
         Where the energies are too long to be written out, or M is singular and Gauss's
         principle is asked for.
     """
-    refuse_long(equations.model, substitute=substitute)
+    refuse_long(equations.model)
     x = Translation(equations, substitute=substitute)
     return _Derivation(x).content(solve=solve, with_gauss=with_gauss)
 
 
 class _Derivation:
+    """The equations, term by term, in sympy.
+
+    T, V and L are differentiated as the file has them: what tidying gives is not always
+    shorter when it is differentiated. Only the drift of a constraint is taken of its
+    tidy rate.
+    """
+
     def __init__(self, x: Translation) -> None:
         self.x = x
         e, g, model = x.equations, x.g, x.equations.model
-        self.flow = Flow(g, e.q, e.velocities)
-        rates = self.flow.rates
-        accelerations = map(g.variable, e.accelerations)
-        self.forward = self.flow.forward | dict(zip(rates, accelerations, strict=True))
+        self.flow = flow = Flow(g, e.q, e.velocities)
+        rates = flow.rates
+        forward = flow.forward | dict(
+            zip(rates, map(g.variable, e.accelerations), strict=True)
+        )
         energies = [model.kinetic, model.potential, model.dissipation]
         self.kinetic, self.potential, self.dissipation = x.sympy(energies, written=True)
-        if model.kinetic is None or model.potential is None:
+        parts = {"T": model.kinetic, "V": model.potential}
+        if None in parts.values():
+            parts = {"L": model.lagrangian}
             self.lagrangian = x.sympy([model.lagrangian], written=True)[0]
-            self.slopes = {"L": self._slopes(self.lagrangian, model.lagrangian)}
-            self.slope = self.slopes["L"]
         else:
             self.lagrangian = self.kinetic - self.potential
-            T = self._slopes(self.kinetic, model.kinetic)
-            V = self._slopes(self.potential, model.potential)
-            self.slopes = {"T": T, "V": V}
-            self.slope = [g.call("sub", a, b) for a, b in zip(T, V, strict=True)]
+        variables = [*rates, *flow.positions, g.variable("t")]
+        # By letter: the slopes in the velocities, the coordinates and t, and the rates
+        # of the first of these.
+        self.slopes = {
+            letter: gradient(g, node, variables)
+            for letter, node in parts.items()
+            if node is not None
+        }
         n = len(e.q)
-        self.momenta = self._tidied(self.slope[:n])
-        self.drifts = tangent(g, self.momenta, self.flow.forward)
         self.rates = {
-            letter: tangent(g, slopes[:n], self.forward)
+            letter: tangent(g, slopes[:n], forward)
             for letter, slopes in self.slopes.items()
         }
-        self.Q = generalized_forces(g, model, self.flow)
+        first, *others = self.slopes.values()
+        self.slope = [
+            g.call("sub", *pair) if others else pair[0]
+            for pair in zip(first, *others, strict=True)
+        ]
         self.forces = [self._force(force) for force in model.forces]
         self.constraints = [self._condition(c) for c in model.constraints]
-        self.lines = [self._line(j) for j in range(n)]
-
-    def _slopes(self, e: Any, original: int) -> list[int]:
-        """Give the slopes of an energy in the velocities, the coordinates and t."""
-        x, flow = self.x, self.flow
-        variables = [*flow.rates, *flow.positions, x.g.variable("t")]
-        return self._tidied(gradient(x.g, x.node(e, original), variables))
-
-    def _tidied(self, nodes: Sequence[int]) -> list[int]:
-        """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
-        tidy = self.x.sympy(nodes)
-        return [self.x.node(e, n) for e, n in zip(tidy, nodes, strict=True)]
+        Q = x.sympy(generalized_forces(g, model, flow))
+        self.lines = [self._line(j, Q[j]) for j in range(n)]
 
     def content(self, *, solve: bool, with_gauss: bool) -> Content:
         x, n = self.x, len(self.lines)
-        entries = mass_matrix(x.g, self.momenta, self.flow.rates)
+        entries = mass_matrix(x.g, self.slope[:n], self.flow.rates)
         lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
         M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
-        sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
-        f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
+        f = x.sympy(x.equations.f)
         (dL_dt,) = x.sympy(self.slope[-1:])
         conserved = conserved_quantities(
             x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, self.constraints
@@ -455,8 +452,8 @@ class _Derivation:
         shares = x.sympy(g.call("mul", force.node, lever) for lever in levers)
         return Force(force.on, p, direction, velocity, tuple(shares))
 
-    def _line(self, j: int) -> Line:
-        """Work out the equation of coordinate j."""
+    def _line(self, j: int, Q: Any) -> Line:
+        """Work out the equation of coordinate j, with its generalized force."""
         x, n = self.x, len(self.x.q)
         terms: dict[str, Any] = {}
         left = []
@@ -467,7 +464,6 @@ class _Derivation:
                 terms[f"ddt_d{letter}_dqdot"] = rate
             terms[f"d{letter}_dq"] = slope
             left += [sign * rate, -sign * slope]
-        (Q,) = x.sympy([self.Q[j]])
         terms["Q"] = Q
         driving, rest = self._driving(Q)
         holding = (
@@ -475,7 +471,7 @@ class _Derivation:
         )
         return Line(
             coordinate=x.q[j].name,
-            momentum=x.sympy([self.momenta[j]])[0],
+            momentum=x.sympy([self.slope[j]])[0],
             terms=terms,
             left=x.tidy(sp.Add(*left, -rest)),
             right=x.tidy(driving + sp.Add(*holding)),
@@ -492,10 +488,11 @@ class _Derivation:
         x, g = self.x, self.x.g
         node = constraint.relation.node
         (function,) = x.sympy([node], written=True)
-        row = constraint_row(g, constraint.name, x.node(function, node), self.flow)
+        row = constraint_row(g, constraint.name, node, self.flow)
         A = tuple(x.tidy(entry, factored=True) for entry in x.sympy(row.A))
         (rate,) = x.sympy([row.rate])
-        (drift,) = x.sympy(tangent(g, [x.node(rate, row.rate)], self.flow.forward))
+        tidy = read_back(x, rate, row.rate)
+        (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
         moved = sp.Add(*(entry * a for entry, a in zip(A, x.a, strict=True)))
         kind = "holonomic" if row.holonomic else "nonholonomic"
         return Condition(

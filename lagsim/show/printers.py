@@ -17,11 +17,11 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.show.names import RAISED
+from lagsim.language.parser import ExpressionError, parse
+from lagsim.show.names import RAISED, ModelNames
 from lagsim.show.symbols import LARGEST_DENOMINATOR
 
 if TYPE_CHECKING:
-    from lagsim.show.names import ModelNames
     from lagsim.show.symbols import Translation
 
 
@@ -258,6 +258,21 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
         signs = ("<=", ">=") if isinstance(e, sp.Eq) else (e.rel_op,)
         left, right = map(self._print, e.args)
         return " and ".join(f"{left} {sign} {right}" for sign in signs)
+
+
+def exact_printer(x: Translation) -> ModelPrinter:
+    """Give a printer of all digits: who reads a text computes what lagsim computes."""
+    return ModelPrinter(x, ModelNames(x.own_names), digits=None)
+
+
+def read_back(x: Translation, e: Any, original: int) -> int:
+    """Give the node of an expression by its text; `original` where it overflows."""
+    kept = {k.name: k.node for k in x.kept} | {"pi": x.g.constant(math.pi)}
+    try:
+        parsed = parse(exact_printer(x)(e))
+    except ExpressionError:
+        return original
+    return parsed.build(x.g, lambda name: kept.get(name) or x.g.variable(name))
 
 
 class TextPrinter(ModelPrinter):

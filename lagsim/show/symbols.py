@@ -1,4 +1,4 @@
-"""A model in sympy: its symbols, the definitions that keep their names, derivatives.
+"""A model in sympy: its symbols, the definitions that keep their names, expressions.
 
 Each row of the functions table has its sympy twin, so nothing is parsed again.
 
@@ -7,36 +7,31 @@ A definition of positions keeps its name where that reads better: where it is a 
 `sin(p)`), or where it is made of parameters only. Others are written out. What keeps
 its name still depends on the coordinates: derivatives follow the chain rule.
 
-Expressions that sympy would not come to the end of are refused, before by their size
-and in the end by their time: sympy writes everything out and keeps numbers exactly, so
+Expressions that sympy would not come to the end of are refused, by their size and in
+the end by their time: sympy writes everything out and keeps numbers exactly, so
 (x/2)^(10^10) would be 2^(10^10), with three thousand million digits.
 """
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import math
 import re
-import threading
-import time
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial, reduce
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy as sp
 
 from lagsim import limits
-from lagsim.errors import InputError, Problem
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.model.model import Level
 from lagsim.show.names import Name
-from lagsim.show.tidy import Tidier, circular, not_finite
+from lagsim.show.tidy import Tidier, circular, not_finite, too_long
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from lagsim.language.functions import Function
     from lagsim.language.graph import Graph
@@ -54,12 +49,72 @@ def symbol(name: str) -> Any:
     return sp.Symbol(name, real=True)
 
 
+class Spelled(sp.Function):  # type: ignore[misc]
+    """A real function; `row` is its row in the table."""
+
+    row: ClassVar[Function]
+
+    @property
+    def spelled(self) -> str:
+        """Its name in the model language."""
+        return self.row.name
+
+    def _eval_is_extended_real(self) -> bool:
+        return True
+
+
+def _class_name(row: Function) -> str:
+    """Give a name that sympy has not; its simplifiers go by them, and its order."""
+    name = row.name.capitalize()
+    if row.step:
+        return f"{name}Step"
+    return f"{name}Branch" if row.branches else f"Real{name}"
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    _refuse_digits(base, exponent)
+    return base**exponent
+
+
+def _exp(x: Any) -> Any:
+    for term in sp.Add.make_args(x):  # sympy writes exp(n log x) as x^n
+        factor, rest = term.as_coeff_Mul()
+        if rest.has(sp.log):
+            _refuse_digits(rest, factor)
+    return sp.exp(x)
+
+
+def _refuse_digits(base: Any, exponent: Any) -> None:
+    """Refuse a power in which numbers would have too many digits, written out."""
+    numbers = base.atoms(sp.Rational) if exponent.is_Rational else ()
+    over = math.lcm(*(int(x.q) for x in numbers))
+    digits = math.log10(over) + math.log10(max(1, *(abs(int(x.p)) for x in numbers), 1))
+    digits *= abs(float(exponent)) if digits else 0.0
+    if digits > limits.EXACT_DIGITS:
+        about = f"about {digits:.2g} digits" if digits < 1e12 else "no end of digits"
+        raise too_long(
+            "the energies, written out, have numbers to the power of numbers with "
+            f"{about}, and the limit is {limits.EXACT_DIGITS}"
+        )
+
+
+def _twin(row: Function) -> Callable[..., Any]:
+    if row.sympy is None:
+        return type(_class_name(row), (Spelled,), {"row": row})
+    return partial(row.sympy, sp)
+
+
+TWINS = {name: _twin(row) for name, row in OPERATIONS.items()}
+TWINS |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
+TWINS |= {"pow": _power, "exp": _exp}
+
+
 def to_sympy(
     g: Graph,
     nodes: Iterable[int],
     *,
     known: dict[int, Any] | None = None,
-    twins: Mapping[str, Callable[..., Any]] | None = None,
+    twins: Mapping[str, Callable[..., Any]] = TWINS,
 ) -> list[Any]:
     """Give `nodes` as sympy expressions.
 
@@ -74,15 +129,16 @@ def to_sympy(
         Expressions of some nodes, below which nothing is reached; what is found is
         added.
     twins
-        Functions of sympy in place of some of the table's.
+        The functions of sympy, by the names of operations.
 
     Raises
     ------
     TypeError, ValueError
         Where sympy finds that a condition compares what is not real.
+    InputError
+        Where numbers would have too many digits.
     """
-    nodes, twins = list(nodes), twins or {}
-    found = {} if known is None else known
+    nodes, found = list(nodes), {} if known is None else known
     for n in _above(g, nodes, found):
         op = g.ops[n]
         if op == VARIABLE:
@@ -90,17 +146,13 @@ def to_sympy(
         elif op == TRUTH:
             found[n] = sp.true if g.payload(n) else sp.false
         elif op == CONSTANT:
-            value = g.value(n)
-            assert value is not None
-            found[n] = number(value)
+            found[n] = number(float(g.payload(n)))
         elif op in _CHAINS:  # sympy sorts what it adds, or multiplies, each time
             signed = _operands(g, n, found)
             args = [-found[a] if negative else found[a] for a, negative in signed]
             found[n] = (sp.Mul if op == "mul" else sp.Add)(*args)
         else:
-            args = [found[a] for a in g.args[n]]
-            twin = twins.get(op)
-            found[n] = twin(*args) if twin else OPERATIONS[op].sympy(sp, *args)
+            found[n] = twins[op](*(found[a] for a in g.args[n]))
     return [found[n] for n in nodes]
 
 
@@ -149,6 +201,7 @@ class Kept:
     """A definition that keeps its name."""
 
     name: str
+    node: int
     symbol: Any
     value: Any
 
@@ -189,19 +242,19 @@ class Translation:
         self.v = [symbol(f"{q}_dot") for q in equations.q]
         self.a = [symbol(f"{q}_ddot") for q in equations.q]
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
-        physics, values = physics_of(model), _given(model, substitute=substitute)
+        physics = physics_of(model)
         parameters = [symbol(p.name) for p in model.parameters]
         self._parameters = frozenset(parameters)
-        self.known = {n: number(x) for n, x in values.items()}
+        given = [p for p in model.parameters if substitute]
+        self.known = {g.variable(p.name): number(p.value) for p in given}
         self.kept = self._keep(physics, substitute=substitute)
-        self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters)
         moving = {*self.v, *self.a, *self.multipliers}
         moving_names = {*self.q, *moving, self.t}
         still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(constants, frozenset(moving))
-        self._sizes: dict[int, int] = {}
+        self._sizes: dict[int, tuple[int, int]] = {}
         self._operations = 0
 
     def _keep(self, physics: list[int], *, substitute: bool) -> list[Kept]:
@@ -227,13 +280,12 @@ class Translation:
                 wanted[n] = d.name
         kept = []
         for n, name in sorted(wanted.items()):
-            kept.append(Kept(name, symbol(name), self._value(n)))
+            kept.append(Kept(name, n, symbol(name), self._value(n)))
             self.known[n] = symbol(name)
         return kept
 
     def _value(self, node: int) -> Any:
-        twins: dict[str, Callable[..., Any]] = {**TWINS, "if": self._choice}
-        twins |= {f.__name__: partial(circular, f) for f in (sp.sin, sp.cos)}
+        twins = {**TWINS, "if": self._choice}
         try:
             return to_sympy(self.g, [node], known=self.known, twins=twins)[0]
         except TypeError as fault:  # it compares what is not real
@@ -242,10 +294,11 @@ class Translation:
     def _choice(self, asked: Any, then: Any, other: Any) -> Any:
         """Give a choice; that of the slope of x^y, 0 where x^y = 0, is for moving x."""
         if then == 0 and isinstance(asked, sp.Le):
-            power = asked.lhs.args[0] if isinstance(asked.lhs, TWINS["abs"]) else then
+            absolute = getattr(asked.lhs, "spelled", "") == "abs"
+            power = asked.lhs.args[0] if absolute else then
             if power.is_Pow and power.base.free_symbols <= self._parameters:
                 return other
-        return OPERATIONS["if"].sympy(sp, asked, then, other)
+        return TWINS["if"](asked, then, other)
 
     def free(self, e: Any) -> set[Any]:
         """Give the symbols in `e`, those behind names of definitions too."""
@@ -301,59 +354,11 @@ class Translation:
         ]
 
     def _count(self, nodes: list[int]) -> None:
-        g, sizes = self.g, self._sizes
-        for n in g.cone(nodes, ends=sizes):
-            if n not in sizes:
-                sizes[n] = 1 + sum(sizes[a] for a in g.args[n])
-        self._operations += sum(sizes[n] for n in nodes)
+        sizes = written_out(self.g, nodes, self._sizes)
+        self._operations += sum(operations for operations, _ in sizes)
         if self._operations > limits.DERIVED_OPERATIONS:
             most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
-            raise _too_long(f"the equations, written out, have more than {most}")
-
-    def node(self, e: Any, original: int) -> int:
-        """Give a node for `e`, the tidy form of `original`.
-
-        That is `original` itself where the graph would hold other numbers than `e`.
-        """
-        try:
-            node = _built(self.g, e, self._nodes)
-        except _NotExactError:
-            return original
-        self.known[node] = e
-        return node
-
-
-class _NotExactError(Exception):
-    """An expression that the graph would hold with other numbers."""
-
-
-def _built(g: Graph, e: Any, found: dict[Any, int]) -> int:
-    """Give the node of an expression; `found` has those of some symbols."""
-    if e in found:
-        return found[e]
-    if e.is_Symbol:
-        node = g.variable(e.name)
-    elif e.is_number and not e.args:
-        try:
-            value = float(e)
-        except OverflowError:
-            raise _NotExactError from None
-        if number(value) != e:
-            raise _NotExactError
-        node = g.constant(value)
-    else:
-        args = [_built(g, a, found) for a in e.args]
-        if e.is_Add:
-            node = g.sum(args)
-        elif e.is_Mul:
-            node = reduce(partial(g.call, "mul"), args)
-        else:
-            name = "pow" if e.is_Pow else getattr(e, "spelled", type(e).__name__)
-            if name not in OPERATIONS:
-                raise _NotExactError
-            node = g.call(name, *args)
-    found[e] = node
-    return node
+            raise too_long(f"the equations, written out, have more than {most}")
 
 
 _MASS = re.compile(r"[mM][0-9]*\Z")
@@ -391,67 +396,6 @@ _LOGARITHMS = {math.log(k): sp.log(k) for k in _WHOLE}
 _LOGARITHMS |= {1 / math.log(k): 1 / sp.log(k) for k in _WHOLE}
 
 
-class Spelled(sp.Function):  # type: ignore[misc]
-    """A real function; `row` is its row in the table."""
-
-    row: ClassVar[Function]
-
-    @property
-    def spelled(self) -> str:
-        """Its name in the model language."""
-        return self.row.name
-
-    def _eval_is_extended_real(self) -> bool:
-        return True
-
-
-def _class_name(row: Function) -> str:
-    """Give a name that sympy has not; its simplifiers go by them, and its order."""
-    name = row.name.capitalize()
-    if row.step:
-        return f"{name}Step"
-    return f"{name}Branch" if row.branches else f"Real{name}"
-
-
-TWINS: dict[str, type[Spelled]] = {
-    name: type(_class_name(row), (Spelled,), {"row": row})
-    for name, row in FUNCTIONS.items()
-    if row.spelled
-}
-
-
-# sympy writes exp(n log x) as x^n.
-_JOINED = ("add", "sub", "mul", "div", "neg")
-# The digits of a common denominator of small fractions.
-_OF_A_SUM = 6.0
-
-
-def _too_long(text: str) -> InputError:
-    hint = "`--format python` takes them as they are"
-    return InputError([Problem("too-long", text, None, hint)])
-
-
-class _Size(NamedTuple):
-    """What an expression comes to, written out.
-
-    Attributes
-    ----------
-    operations, depth : int
-    digits : float
-        Of the numbers that may stand before its terms.
-    factor : float
-        The largest number that multiplies what is in it.
-    logarithm : bool
-        A logarithm is a term of it, or a factor.
-    """
-
-    operations: int = 1
-    depth: int = 1
-    digits: float = 0.0
-    factor: float = 1.0
-    logarithm: bool = False
-
-
 def physics_of(model: Model) -> list[int]:
     """Give the nodes of what a derivation begins with."""
     nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
@@ -464,136 +408,36 @@ def physics_of(model: Model) -> list[int]:
     return [n for n in nodes if n is not None]
 
 
-def _given(model: Model, *, substitute: bool) -> dict[int, float]:
-    """Give the values of parameters that are put in."""
-    g = model.graph
-    return {g.variable(p.name): p.value for p in model.parameters if substitute}
-
-
-def refuse_long(model: Model, *, substitute: bool = False) -> None:
-    """Refuse a model whose energies are too long to be written out, as below."""
-    given = _given(model, substitute=substitute)
-    refuse_endless(model.graph, physics_of(model), given)
-
-
-def refuse_endless(
-    g: Graph, nodes: Iterable[int], numbers: Mapping[int, float] | None = None
-) -> None:
-    """Refuse expressions that are too long to be written out.
-
-    Parameters
-    ----------
-    numbers
-        The values of parameters that are put in.
+def refuse_long(model: Model) -> None:
+    """Refuse a model whose energies are too long to be written out.
 
     Raises
     ------
     InputError
     """
-    sizes: dict[int, _Size] = {}
-    nodes, numbers = list(nodes), numbers or {}
-    for n in g.cone(nodes):
-        sizes[n] = _size(g, n, sizes, numbers)
-    size = sum(sizes[n].operations for n in nodes)
-    depth = max((sizes[n].depth for n in nodes), default=0)
+    sizes = written_out(model.graph, physics_of(model), {})
+    size = sum(operations for operations, _ in sizes)
+    depth = max((depth for _, depth in sizes), default=0)
     if size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH:
         about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
         most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
-        raise _too_long(
+        raise too_long(
             f"the energies, written out, have {about}, nested {depth} deep, and the "
             f"limits are {most}"
         )
-    digits = max((sizes[n].digits for n in sizes), default=0.0)
-    if digits > limits.EXACT_DIGITS:
-        about = f"about {digits:.2g} digits" if digits < 1e12 else "no end of digits"
-        raise _too_long(
-            "the energies, written out, have numbers to the power of numbers with "
-            f"{about}, and the limit is {limits.EXACT_DIGITS}"
-        )
 
 
-def _size(
-    g: Graph, n: int, sizes: Mapping[int, _Size], numbers: Mapping[int, float]
-) -> _Size:
-    number = numbers.get(n, g.value(n))
-    if number is not None:
-        return _Size(digits=_digits(number), factor=max(1.0, abs(number)))
-    op, args = g.ops[n], [sizes[a] for a in g.args[n]]
-    if op in (VARIABLE, TRUTH):
-        return _Size()
-    digits = [a.digits for a in args]
-    joined = op in _JOINED
-    found = _Size(
-        operations=1 + sum(a.operations for a in args),
-        depth=1 + max(a.depth for a in args),
-        digits=sum(digits) if op in ("mul", "div") else max(digits),
-        factor=math.prod(a.factor for a in args) if joined else 1.0,
-        logarithm=op == "log" or (joined and any(a.logarithm for a in args)),
-    )
-    if op in ("add", "sub") and all(digits):
-        return found._replace(digits=found.digits + _OF_A_SUM)
-    if op == "pow":
-        power = numbers.get(g.args[n][1], g.value(g.args[n][1]))
-        if power is not None:
-            most = max(digits[1], digits[0] * max(1.0, abs(power)))
-            return found._replace(digits=most)
-    if op == "exp" and args[0].logarithm:
-        return found._replace(digits=digits[0] * args[0].factor)
-    return found
+def written_out(
+    g: Graph, nodes: Iterable[int], found: dict[int, tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """Give how many operations each node takes, nothing shared, and its depth.
 
-
-def _digits(x: float) -> float:
-    """Give the decimal digits of a number as a fraction; none of 0, 1 and -1."""
-    if not math.isfinite(x):
-        return 0.0
-    part = Fraction(x).limit_denominator(16)
-    if part.numerator / part.denominator != x:
-        part = Fraction(repr(x))
-    return math.log10(max(1, abs(part.numerator))) + math.log10(part.denominator)
-
-
-# How often the time is looked at. An exception may be lost where something catches all;
-# it comes again.
-GLANCE_SECONDS = 0.25
-
-
-class _TimeIsUp(BaseException):
-    """Raised where the work has come to; no handler of `Exception` takes it."""
-
-
-@contextlib.contextmanager
-def its_time(seconds: float = limits.DERIVING_SECONDS) -> Iterator[None]:
-    """Give the work of the context so much time of the processor.
-
-    Raises
-    ------
-    InputError
-        Where it is not done by then.
+    Those of all nodes below are added to `found`.
     """
-    worker, lock, done = threading.get_ident(), threading.Lock(), threading.Event()
-    until = time.process_time() + seconds
-
-    def end() -> None:
-        while not done.wait(GLANCE_SECONDS):
-            with lock:
-                if not done.is_set() and time.process_time() > until:
-                    _raise_in(worker, _TimeIsUp)
-
-    thread = threading.Thread(target=end, daemon=True)
-    thread.start()
-    try:
-        try:
-            yield
-        finally:
-            with lock:
-                done.set()
-                _raise_in(worker, None)  # what is not raised yet
-    except _TimeIsUp:
-        raise _too_long(
-            f"the equations are not derived within {seconds:.3g} s, which is the limit"
-        ) from None
-
-
-def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    raised = ctypes.py_object(error) if error else None
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)
+    nodes = list(nodes)
+    for n in g.cone(nodes, ends=found):
+        if n not in found:
+            below = [found[a] for a in g.args[n]]
+            operations = 1 + sum(size for size, _ in below)
+            found[n] = operations, 1 + max((depth for _, depth in below), default=0)
+    return [found[n] for n in nodes]

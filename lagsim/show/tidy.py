@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import functools
 import math
+import time
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
@@ -204,6 +205,8 @@ class Tidier:
         Products of terms for all expressions.
     most : int
         For one form of one expression.
+    seconds : float
+        Of the processor, for a whole derivation.
     cut : bool
         Some expression was left longer than it might have been: the budget was spent.
     """
@@ -212,8 +215,10 @@ class Tidier:
     moving: frozenset[Any]
     left: int = field(default_factory=lambda: limits.TIDYING_PRODUCTS)
     most: int = MOST_PRODUCTS
+    seconds: float = field(default_factory=lambda: limits.DERIVING_SECONDS)
     cut: bool = False
     _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
+    _began: float = field(default_factory=time.process_time)
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
         """Give the shortest form of `e`.
@@ -230,8 +235,13 @@ class Tidier:
         Raises
         ------
         InputError
-            Where it has no value, because it divides by 0.
+            Where it has no value, because it divides by 0, or the time is up.
         """
+        if time.process_time() > self._began + self.seconds:
+            raise too_long(
+                f"the equations are not derived within {self.seconds:.3g} s, which is "
+                "the limit"
+            )
         if e.is_Symbol or e.is_Rational:
             return e
         key = e, factored, written
@@ -379,6 +389,12 @@ def not_finite() -> InputError:
     text = "an energy, a force or a constraint, or its slope, is not finite anywhere"
     hint = "look for a parameter that is 0 below the line, in a logarithm or a root"
     return InputError([Problem("not-finite", text, None, hint)])
+
+
+def too_long(text: str) -> InputError:
+    """Give the fault of a model whose equations nobody could read."""
+    hint = "`--format python` takes them as they are"
+    return InputError([Problem("too-long", text, None, hint)])
 
 
 def _product(*factors: Any) -> Any:
