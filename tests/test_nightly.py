@@ -22,9 +22,6 @@ pytestmark = pytest.mark.timeout(7200)
 # Within half a minute of each: a try takes 0.3 to 2.7 ms.
 TRIES = int(os.environ.get("LAGSIM_TRIES", "10000"))
 FUZZED = {
-    "model.test_reader_fuzz": (
-        "test_changes_of_a_valid_file", "test_random_pieces", "test_random_expressions",
-    ),
     "language.test_parser": ("test_any_text_parses_or_is_refused_in_its_place",),
     "language.test_evaluate": ("test_the_bound_bounds",),
     "language.test_graph": (

@@ -140,6 +140,11 @@ SHAPES: dict[str, Callable[[int], str]] = {
     "aliases": lambda n: _entries("a@: &a@ [*a1, *a1]", n),
     "keys": lambda n: ": ".join("a" * (n // 3)),
     "dashes": lambda n: "- " * (n // 2),
+    "braces": lambda n: "x-a: " + "{a: " * (n // 4),
+    "commas": lambda n: "x-a: [" + "(," * (n // 2) + "]",
+    "a key again": lambda n: "a: 1\n" * (n // 5),
+    "texts with two colons": lambda n: _entries("k@: -y: 3", n),
+    "a ring": lambda n: _definitions(n, "@", f"d{n // 10 - 1}"),
 }  # fmt: skip
 """Each gives a text of about so many letters."""
 

@@ -12,6 +12,7 @@ import io
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import sys
@@ -98,6 +99,11 @@ def judged(case: Case, code: int, out: str, err: str) -> str:
             json.loads(out)
         except ValueError:
             return f"exit {code}: stdout is no JSON"
+    lines = case.text.splitlines() or [""]
+    for line, column in re.findall(r"^m\.yaml:(\d+):(\d+): ", err, re.MULTILINE):
+        source = lines[min(int(line), len(lines)) - 1]
+        if "UTF-8" not in err and not 1 <= int(column) <= len(source) + 1:
+            return f"names column {column} of line {line}"
     raw = next((c for c in out + err if ord(c) < 32 and c not in "\n\t"), "")
     return f"prints {raw!r}" if raw else ""
 

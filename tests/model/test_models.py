@@ -264,60 +264,6 @@ def test_no_fault(text):
     assert problems(text) == []
 
 
-SLIDES = "{relation: x >= 0, restitution: 0, slip: y_dot, friction: mu}"
-STICKS = SLIDES.replace(" mu", " {static: 2*mu, dynamic: mu}")
-# A constraint, what of it, a state, and its value there.
-CONSTRAINTS = [
-    ("2*x - y", lambda c: c.relation.node, {"x": 3.0, "y": 1.0}, 5.0),
-    ("x_dot >= y_dot", lambda c: c.relation.node, {"x_dot": 3.0, "y_dot": 1.0}, 2.0),
-    ("y_dot <= x_dot", lambda c: c.relation.node, {"x_dot": 3.0, "y_dot": 1.0}, 2.0),
-    (STICKS, lambda c: c.law.static, {}, 0.6),
-    (STICKS, lambda c: c.law.friction, {}, 0.3),
-    (SLIDES, lambda c: c.law.friction, {}, 0.3),
-    ("{relation: x_dot = y, limit: 2*t + x_dot}", lambda c: c.limit,
-     {"t": 1.5, "x_dot": 4.0}, 7.0),
-    *[
-        ("{relation: x = y, when: t < mu or t > 5*mu}", lambda c: c.when, {"t": t}, on)
-        for t, on in ((0.2, 1.0), (0.3, 0.0), (2.0, 1.0))
-    ],
-    ("{relation: x_dot, limit: 1, when: phase >= 1}", lambda c: c.when, {"t": 0.5}, 1),
-]  # fmt: skip
-
-
-def constrained(text):
-    parts = "parameters: {mu: 0.3}\ndefinitions: {phase: 2*t}\nconstraints: {c: "
-    m = model(f"{parts}{text}}}")
-    return m.graph, *m.constraints
-
-
-@pytest.mark.parametrize(("text", "of", "at", "value"), CONSTRAINTS)
-def test_expressions_of_constraints(text, of, at, value):
-    graph, c = constrained(text)
-    assert evaluate(graph, [of(c)], {"mu": 0.3, **at})[0] == value
-
-
-@pytest.mark.parametrize(
-    ("text", "one_sided", "always"),
-    [
-        ("2*x - y", False, True), ("x_dot >= y_dot", True, False),
-        ("{relation: x_dot = y, limit: 1}", False, False), (SLIDES, True, False),
-        ("{relation: x = y, when: t < 1}", False, False),
-    ],
-)  # fmt: skip
-def test_constraints(text, one_sided, always):
-    _, c = constrained(text)
-    assert c.relation.equality is not one_sided
-    assert (c.law is not None, c.always) == (one_sided, always)
-    assert (c.limit is not None, c.when is not None) == (
-        "limit" in text,
-        "when" in text,
-    )
-    if text == "x_dot >= y_dot":  # a freewheel
-        assert c.law == (0.0, None, (), None)
-    if text == SLIDES:  # one size of friction is that of both
-        assert c.law.static is None
-
-
 def test_a_start_of_velocity_level_is_a_definition():
     m = model("definitions: {v: x_dot + y}\ninitial: {x: 0, y: 0, v: 2}")
     assert m.graph.depends([m.initial[-1].node]) == {"x_dot", "y"}

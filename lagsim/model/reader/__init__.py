@@ -47,8 +47,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from collections.abc import Mapping as MappingType
 
-    from lagsim.model.model import InitialValue, Parameter, Settings
-    from lagsim.model.reader.values import Value
+    from lagsim.model.model import Settings
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
@@ -163,6 +162,7 @@ class File:
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()
         names.reactions += runs.asked_reactions(top.value("output"))
+        self.initial = top.found.get("initial")
         self.simulation = top.below("simulation", SIMULATION)
         self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
         self.instead = {k: t for k, t in overrides.items() if k not in self.starting}
@@ -176,7 +176,7 @@ class File:
             With every fault.
         """
         top, x = self.top, self.x
-        parameters, known = self.read_parameters()
+        parameters = values.Parameters(x, self.instead).read(self.parameters)
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
         definitions.build(Level.POSITION, Level.VELOCITY)
@@ -184,7 +184,7 @@ class File:
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
         constraints = equations.read_constraints(self.constraints, x)
-        initial = self.read_initial(known)
+        initial = values.Initial(x, self.starting).read(self.initial, self.root)
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
         relation, _ = equations.read_relation(until, "`until`", x)
@@ -201,7 +201,7 @@ class File:
             sha256=sha256,
             graph=x.graph,
             parameters=parameters,
-            unused=tuple(name for name in known if name not in named),
+            unused=tuple(name for name in x.known if name not in named),
             places={**self.names.places, **places},
             coordinates=coordinates,
             definitions=definitions.read(),
@@ -267,18 +267,6 @@ class File:
             faults.add("bad-model-name", text, node.place, hint)
         return name
 
-    # Other values of parameters and start values, see `Model.bind`
-
-    def read_parameters(self) -> tuple[tuple[Parameter, ...], dict[str, Value]]:
-        """Give the parameters, and value and error of each."""
-        reader = values.Parameters(self.x, self.instead)
-        return reader.read(self.parameters), reader.known
-
-    def read_initial(self, known: dict[str, Value]) -> tuple[InitialValue, ...]:
-        """Give the start values."""
-        reader = values.Initial(self.x, self.starting, known)
-        return reader.read(self.top.found.get("initial"), self.root)
-
     def bound(
         self,
         model: Model,
@@ -287,13 +275,13 @@ class File:
     ) -> Model:
         """Give a model of this file with other values, see `Model.bind`."""
         faults, new = Faults(self.file), copy(self)
-        new.x = self.x.over(faults, {})
+        x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
         new.starting = {**self.starting, **initial}
-        numbers, known = new.read_parameters()
+        numbers = values.Parameters(x, new.instead).read(self.parameters)
         constraints = zip(model.constraints, self.constraints, strict=True)
-        laws = tuple(equations.again(c, entry, new.x) for c, entry in constraints)
-        starts = new.read_initial(known)
+        laws = tuple(equations.again(c, entry, x) for c, entry in constraints)
+        starts = values.Initial(x, new.starting).read(self.initial, self.root)
         faults.raise_if_any()
         return replace(
             model, parameters=numbers, constraints=laws, initial=starts, stated=new
@@ -302,7 +290,7 @@ class File:
     def settings(self, options: MappingType[str, str]) -> Settings:
         """Give the settings, see `Model.settings`."""
         faults = Faults(self.file)
-        x = self.x.over(faults, self.x.values)
+        x = self.x.over(faults, self.x.known)
         asked = {**self.options, **options}
         found = runs.read_settings(self.simulation, asked, x)
         faults.raise_if_any()
@@ -354,12 +342,12 @@ class File:
 
     def separated(self, model: Model) -> Separation:
         """Give `model` in other coordinates, see `Stated.separated`."""
-        known = self.x
+        old = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
-        names = replace(known.names, variables={**known.names.variables, **held})
+        names = replace(old.names, variables={**old.names.variables, **held})
         faults = Faults(model.file)
-        x = Expressions(known.graph, names, faults)
-        x.values = known.values
+        x = Expressions(old.graph, names, faults)
+        x.known = old.known
         Definitions(self.definitions, x).build(Level.POSITION, Level.VELOCITY)
         energies = equations.read_energies(self.energy, x)
         forces = equations.read_forces(self.top.value("forces"), x)

@@ -243,7 +243,7 @@ class _Reader:
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         of = f"the limit of {self.what}"
         limit = x.compile(node, of, STATE)
-        if limit is not None and x.graph.depends([limit]) <= x.values.keys():
+        if limit is not None and x.graph.depends([limit]) <= x.known.keys():
             self._not_negative(node, of)
         return limit
 

@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 _T = TypeVar("_T")
 
+# A value, and a bound of its rounding error.
+Value = tuple[float, float]
 # What stands before the name of a definition in the name of its reaction.
 REACTION = "reaction."
 # A name with its unit or with what it is a function of, or with digits before it.
@@ -349,8 +351,8 @@ class Expressions:
     ----------
     graph
         The graph of the model.
-    values
-        Value of each parameter that is known.
+    known
+        Value and rounding error of each parameter that is known.
     definitions
         The definitions that have been built.
     energies
@@ -362,17 +364,17 @@ class Expressions:
         self._longest = 0
         self.names = names
         self.faults = faults
-        self.values: dict[str, float] = {}
+        self.known: dict[str, Value] = {}
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
 
-    def over(self, faults: Faults, values: Mapping[str, float]) -> Expressions:
+    def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
         other = copy(self)
-        other.faults, other.values = faults, dict(values)
+        other.faults, other.known = faults, dict(known)
         return other
 
     # Reading a text
@@ -460,7 +462,8 @@ class Expressions:
         found = self.compile(node, what, NUMBERS)
         if node is None or found is None:
             return None
-        value = evaluate(self.graph, [found], self.values)[0]
+        numbers = {name: value for name, (value, _) in self.known.items()}
+        value = evaluate(self.graph, [found], numbers)[0]
         return value if self.is_finite(value, what, node.place) else None
 
     def is_finite(self, value: float, what: str, place: Place) -> bool:
@@ -517,7 +520,7 @@ class Expressions:
         if meaning.kind in OF_DEFINITIONS:
             return self._rule_of_definition(name, meaning, what, allowed)
         # A parameter without a value is reported already; only numbers need it.
-        unvalued = meaning.kind is Kind.PARAMETER and name not in self.values
+        unvalued = meaning.kind is Kind.PARAMETER and name not in self.known
         unbuilt = meaning.kind is Kind.ENERGY and self.energies.get(name, 0) is None
         if (unvalued and allowed <= NUMBERS) or unbuilt:
             return None
@@ -530,7 +533,7 @@ class Expressions:
         if hint and (scalar, hint) == self._last_hint:
             return None
         self._last_hint = scalar, hint
-        among = list(self.values) if numbers else None
+        among = list(self.known) if numbers else None
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
         if not hint and not hints.is_other(name):

@@ -37,6 +37,7 @@ from lagsim.model.reader.expressions import (
     STATE,
     Kind,
     Resolved,
+    Value,
     highest,
     level_of_kind,
 )
@@ -198,8 +199,6 @@ class Definitions:
 
 # --- Numbers from numbers: parameters and start values, and `--set`
 
-# A value, and a bound of its rounding error.
-Value = tuple[float, float]
 # What stands before values that replace those of the file.
 SET = "--set "
 
@@ -247,14 +246,9 @@ class _Numbers:
     and rounding error of each number that is sound.
     """
 
-    def __init__(
-        self,
-        x: Expressions,
-        instead: MappingType[str, str],
-        known: MappingType[str, Value] | None = None,
-    ) -> None:
+    def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:
         self.x = x
-        self.known: dict[str, Value] = dict(known or {})
+        self.known = x.known
         self._instead = {
             name: argument(f"{SET}{name}=", text) for name, text in instead.items()
         }
@@ -295,7 +289,6 @@ class Parameters(_Numbers):
                 follows = not words(expression).isdisjoint(self.known)
                 found.append(Parameter(name, value[0], unit, about, follows))
                 self.known[name] = value
-                self.x.values[name] = value[0]
         return tuple(found)
 
     def _check_names(self) -> None:
@@ -354,6 +347,7 @@ class Initial(_Numbers):
             for name, text in self._instead.items()
             if name not in stated
         ]
+        self.known = dict(x.known)
         self._above: set[str] = set()  # keys so far, sound or not
         self._all = {key.text for key, _ in given}
         found: dict[str, InitialValue] = {}
