@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 232
 LINES = 66_000
-LINES_OF_TESTS = 54_300
+LINES_OF_TESTS = 54_000
 
 
 def lines(folder):
