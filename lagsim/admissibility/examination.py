@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility import advice
-from lagsim.admissibility.algebra import least_change_metric
 from lagsim.admissibility.newton import (
     Found,
     Relations,
@@ -48,6 +47,7 @@ from lagsim.admissibility.verdict import (
     with_timed,
 )
 from lagsim.language.graph import TooMuchError
+from lagsim.mechanics.algebra import least_change_metric
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
 from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS

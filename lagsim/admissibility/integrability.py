@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import Span, least_squares, null_space
 from lagsim.admissibility.newton import reach, relations_of
 from lagsim.admissibility.point import of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
+from lagsim.mechanics.algebra import Span, least_squares, null_space
 from lagsim.tolerances import DEPENDENT_FIELDS, HALF_OF_DIGITS
 
 if TYPE_CHECKING:

@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import (
+from lagsim.admissibility.point import conditions
+from lagsim.language.derivatives import tangent
+from lagsim.mechanics.algebra import (
     Entries,
     cholesky,
     kkt_factors,
@@ -24,8 +26,6 @@ from lagsim.admissibility.algebra import (
     null_space,
     scaled,
 )
-from lagsim.admissibility.point import conditions
-from lagsim.language.derivatives import tangent
 from lagsim.tolerances import (
     CONVERGED,
     HALF_OF_DIGITS,

@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import (
+from lagsim.language.derivatives import slopes, tangent
+from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.mechanics.algebra import (
     Entries,
     factored,
     is_diagonal,
@@ -29,8 +31,6 @@ from lagsim.admissibility.algebra import (
     least_squares,
     sizes_of,
 )
-from lagsim.language.derivatives import slopes, tangent
-from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.mechanics.equations import Instant
 from lagsim.tolerances import (
     DOUBLE_ROOT,

@@ -21,7 +21,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import (
+from lagsim.admissibility.newton import Relations, Trouble, reach, relations_of
+from lagsim.admissibility.point import of_rows
+from lagsim.mechanics.algebra import (
     Span,
     cholesky,
     kkt_factors,
@@ -32,8 +34,6 @@ from lagsim.admissibility.algebra import (
     scaled,
     solving_metric,
 )
-from lagsim.admissibility.newton import Relations, Trouble, reach, relations_of
-from lagsim.admissibility.point import of_rows
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     CONTRADICTION,

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import null_space, sizes_of
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.mechanics.algebra import null_space, sizes_of
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.algebra import least_squares
 from lagsim.admissibility.point import (
     LINKS,
     Condition,
@@ -31,6 +30,7 @@ from lagsim.admissibility.point import (
 from lagsim.admissibility.rank import analyse
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import DisjointSets
+from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
 from lagsim.notes import Caution

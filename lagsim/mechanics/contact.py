@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.mechanics.algebra import Metric, Span, scaled
 from lagsim.mechanics.complementarity import (
     Mode,
     Problem,
@@ -131,52 +132,18 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
     """Give the Delassus matrix of rows (r, n) beside equalities A (e, n).
 
     M (n, n) has to be positive in all directions that A lets through; coordinates
-    without mass, and equalities that others imply, do no harm. Coordinates are scaled
-    by powers of two. A row on which nothing can act has zeros.
+    without mass, and equalities that others imply, do no harm. A row on which nothing
+    can act has zeros.
     """
     diagonal = M.diagonal()
     if not len(A) and np.count_nonzero(M) == len(M) and diagonal.min() > 0.0:
         factor = (rows / np.sqrt(diagonal)).T
         return Delassus(factor.T @ factor, (rows / diagonal).T, factor)
-    s = _scales(M, A)
-    mass, seen, Z = M * s * s[:, None], rows * s, None
-    if len(A):
-        lengths = np.linalg.norm(seen, axis=1)
-        Z = _freedom(A * s)
-        mass, seen = Z.T @ mass @ Z, seen @ Z
-        seen[np.linalg.norm(seen, axis=1) <= DEPENDENT_ROWS * lengths] = 0.0
-    L = np.linalg.cholesky(mass)
-    factor = np.linalg.solve(L, seen.T)
-    response = np.linalg.solve(L.T, factor)
-    if Z is not None:
-        response = Z @ response
-    return Delassus(factor.T @ factor, response * s[:, None], factor)
-
-
-def _scales(M: Floats, A: Floats) -> Floats:
-    """Give powers of two (n,) that bring masses, or else columns of A, near 1."""
-    diagonal = M.diagonal()
-    heavy = diagonal > 0.0
-    s = np.ones(len(diagonal))
-    s[heavy] = 2.0 ** -np.round(np.log2(diagonal[heavy]) / 2.0)
-    if heavy.all() or not len(A):
-        return s
-    sizes = np.abs(A * s * heavy).max(axis=1)
-    sizes[sizes == 0.0] = 1.0
-    columns = (np.abs(A) / sizes[:, None]).max(axis=0)
-    light = ~heavy & (columns > 0.0)
-    s[light] = 2.0 ** -np.round(np.log2(columns[light]))
-    return s
-
-
-def _freedom(A: Floats) -> Floats:
-    """Give an orthonormal basis (n, n - rank) of what rows A let through."""
-    lengths = np.linalg.norm(A, axis=1)
-    A = A[lengths > 0.0] / lengths[lengths > 0.0, None]
-    if not len(A):
-        return np.eye(A.shape[1])
-    _, sizes, V = np.linalg.svd(A)
-    return np.asarray(V[int((sizes > DEPENDENT_ROWS * sizes[0]).sum()) :].T)
+    metric = Metric(M, A)
+    factor = metric.free.T @ rows.T
+    _, lengths = scaled(rows, metric.L)
+    factor[:, np.linalg.norm(factor, axis=0) <= DEPENDENT_ROWS * lengths] = 0.0
+    return Delassus(factor.T @ factor, metric.free @ factor, factor)
 
 
 # --- impacts --------------------------------------------------------------------------
@@ -461,12 +428,12 @@ def _on_edges(
             tied.append(k)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     held.sort(key=lambda k: problem.roles[k] != Role.FREE)
-    _imply(_Span(closed), problem, p, modes, ways, [*held, *tied], apart)
+    _imply(_Rows(closed), problem, p, modes, ways, [*held, *tied], apart)
     return modes, ways
 
 
 def _imply(
-    span: _Span,
+    span: _Rows,
     problem: Problem,
     p: Floats,
     modes: list[Mode],
@@ -502,36 +469,23 @@ def _columns(closed: Closed) -> Floats:
     return np.asarray(np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T)
 
 
-class _Span:
-    """What the rows taken so far span."""
+class _Rows(Span):
+    """The span of the rows taken so far."""
 
     def __init__(self, closed: Closed) -> None:
         Y = _columns(closed)
+        super().__init__(len(Y))
         self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT_ROWS
         lengths = np.linalg.norm(Y, axis=0)
-        self.units = Y / np.where(lengths > 0.0, lengths, 1.0)
-        self.taken: list[Floats] = []
+        self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
 
     def takes(self, row: int) -> bool:
         """Take a row unless it is spanned already."""
-        rest = self._rest(row)
-        size = float(np.linalg.norm(rest))
-        if size <= self.least:
-            return False
-        self.taken.append(rest / size)
-        return True
+        return self.extend(self.units[row], self.least)
 
     def has(self, row: int) -> bool:
         """Tell whether a row is spanned."""
-        return float(np.linalg.norm(self._rest(row))) <= self.least
-
-    def _rest(self, row: int) -> Floats:
-        rest = self.units[:, row]
-        if self.taken:
-            Q = np.array(self.taken)
-            for _ in range(2):
-                rest = rest - (Q @ rest) @ Q
-        return rest
+        return float(np.linalg.norm(self.outside(self.units[row]))) <= self.least
 
 
 def _supported(
@@ -558,11 +512,11 @@ def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
     """Give the contacts that end first where forces change along a dependence."""
     p = solution.p
     bear = [k for k in problem.rows(Role.SIGNED) if p[k] > 0.0]
-    span = _Span(closed)
+    span = _Rows(closed)
     if all(span.takes(k) for k in bear):
         return []
     s = np.sqrt(closed.D.diagonal()[bear])
-    z = np.linalg.svd(span.units[:, bear])[2][-1] / s
+    z = np.linalg.svd(span.units[bear].T)[2][-1] / s
     ends = []
     for way in (z, -z):
         falls = way < -np.abs(z).max() * span.least

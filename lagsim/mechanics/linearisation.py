@@ -17,13 +17,14 @@ local coordinates.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.tolerances import DEPENDENT_ROWS, TINY
+from lagsim.mechanics.algebra import Metric
+from lagsim.tolerances import TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -177,8 +178,8 @@ class Linearisation:
         cuts = np.cumsum([n * n, m * n, n, m, m])
         M, A, f, b, residuals, rates = np.split(found, cuts)
         M, A = M.reshape(n, n), A.reshape(m, n)
-        metric = _Metric(M, A)
-        acceleration, lam = np.zeros(n), metric.held(f)
+        metric = Metric(M, A)
+        acceleration, lam = np.zeros(n), metric.multipliers(f)
         if not resting:
             acceleration, lam = metric.motion(f, b)
         values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
@@ -188,7 +189,9 @@ class Linearisation:
         r = by_state.reshape(n + m, 2 * n)[:n]
         B, turning = B.reshape(m, n), turning.reshape(m, n)
         Z, inverse = metric.free, metric.inverse
-        held = metric if self._holonomic.all() else _Metric(M, A, self._holonomic)
+        held = metric
+        if not self._holonomic.all():
+            held = Metric(M, A * self._holonomic[:, None])
         Zh = held.free
         K = -inverse @ (B @ Zh)
         turned = -inverse @ (turning @ Z)
@@ -208,62 +211,3 @@ class Linearisation:
         if not np.all(np.isfinite(found)):
             raise ValueError
         return found
-
-
-class _Metric:
-    """M at a state, and the rows A in its metric.
-
-    Attributes
-    ----------
-    G, L : ndarray, shape (n, n)
-        M, or M + A^T A where M is singular; L L^T = G.
-    free : ndarray, shape (n, d)
-        Orthonormal in G, with A free = 0.
-    inverse : ndarray, shape (n, m)
-        A^+, the least change in G that changes the rows by given amounts.
-    """
-
-    def __init__(self, M: Floats, A: Floats, kept: Any = None) -> None:
-        n = len(M)
-        self.M, self.A = M, A
-        self.weight = 0.0
-        try:
-            self.L: Floats = np.asarray(np.linalg.cholesky(M))
-        except np.linalg.LinAlgError:
-            self.weight = (np.trace(M) or 1.0) / (np.sum(A * A) or 1.0)
-            self.L = _root(M + self.weight * A.T @ A)
-        self.G = self.L @ self.L.T
-        rows = np.linalg.solve(self.L, A.T).T  # A L^-T
-        if kept is not None:
-            rows = rows * kept[:, None]
-        sizes = np.linalg.norm(rows, axis=1)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
-        U, s, V = np.linalg.svd(rows / sizes[:, None], full_matrices=True)
-        rank = int(np.sum(s > DEPENDENT_ROWS * max(1.0, s[0] if len(s) else 1.0)))
-        back = np.linalg.inv(self.L.T)
-        self._scaled = (U[:, :rank], s[:rank], V[:rank], sizes)
-        self.free = back @ V[rank:].T.reshape(n, -1)
-        pseudo = V[:rank].T @ (U[:, :rank] / s[:rank]).T / sizes
-        self.inverse = back @ pseudo
-        self._pseudo = pseudo
-
-    def motion(self, f: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Give q'' and lambda of M q'' = f + A^T lambda, A q'' = b."""
-        f = f + self.weight * self.A.T @ b
-        free = np.linalg.solve(self.L, f)
-        V = self._scaled[2]
-        x = self._pseudo @ b + free - V.T @ (V @ free)
-        lam = self._pseudo.T @ (x - free)
-        return np.linalg.solve(self.L.T, x), lam
-
-    def held(self, f: Floats) -> Floats:
-        """Give the lambda that comes closest to f + A^T lambda = 0."""
-        return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
-
-
-def _root(G: Floats) -> Floats:
-    """Give L with L L^T = G, or 1 where G is no metric."""
-    try:
-        return np.asarray(np.linalg.cholesky(G))
-    except np.linalg.LinAlgError:
-        return np.eye(len(G))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.admissibility import algebra
 from lagsim.admissibility.examination import examine
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
+from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from lagsim.plan.making import make_plan

@@ -36,8 +36,15 @@ def rank_metric(M: Floats, A: Floats) -> Floats:
 def solving_metric(M: Floats, A: Floats) -> Floats:
     """Metric (n, n) of least change in which the motion is solved for.
 
-    M; where that is singular M + A^T W A, W diagonal and to the size of M (see
-    `solve.dense`); where that is, too, Euclid's.
+    `completed`, or Euclid's where that is singular, too.
+    """
+    return least_change_metric(completed(M, A))
+
+
+def completed(M: Floats, A: Floats) -> Floats:
+    """Give M, or M + A^T W A where it is singular (n, n).
+
+    W is diagonal and to the size of M (see `solve.dense`).
     """
     if is_positive(M):
         return M
@@ -46,7 +53,7 @@ def solving_metric(M: Floats, A: Floats) -> Floats:
     sizes = np.where(held > 0.0, held, np.max(inertias, initial=0.0) or 1.0)
     squares = np.sum(A * A, axis=1)
     weights = sizes / np.where(squares > 0.0, squares, 1.0)
-    return least_change_metric(np.asarray(M + (A.T * weights) @ A))
+    return np.asarray(M + (A.T * weights) @ A)
 
 
 def sizes_of(roots: Floats, A: Floats) -> Floats:
@@ -109,6 +116,54 @@ def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
     Y = np.linalg.solve(L, A.T).T
     lengths = np.linalg.norm(Y, axis=1)
     return Y / np.where(lengths > 0, lengths, 1.0)[:, None], lengths
+
+
+class Metric:
+    """Changes (n,) in the metric in which a motion is solved for, along rows or not.
+
+    Parameters
+    ----------
+    M : ndarray, shape (n, n)
+        The mass matrix, positive along what A lets through.
+    A : ndarray, shape (m, n)
+        The rows of constraints, which may be dependent.
+
+    Attributes
+    ----------
+    G, L : ndarray, shape (n, n)
+        M, `completed`; L L^T = G.
+    free : ndarray, shape (n, d)
+        The changes that A lets through, A free = 0: orthonormal by G, and by M.
+    inverse : ndarray, shape (n, m)
+        A^+, the least change by G that changes the rows by given amounts.
+
+    Raises
+    ------
+    LinAlgError
+        Where that is not positive.
+    """
+
+    def __init__(self, M: Floats, A: Floats) -> None:
+        self.M, self.G = M, completed(M, A)
+        self.L = cholesky(self.G)
+        rows, lengths = scaled(A, self.L)
+        U, s, V = np.linalg.svd(rows)
+        rank = int(np.sum(s > DEPENDENT_ROWS * np.max(s, initial=1.0)))
+        back = np.linalg.inv(self.L.T)
+        self.free = back @ V[rank:].T
+        scales = np.where(lengths > 0.0, lengths, 1.0)
+        self._pseudo = V[:rank].T @ (U[:, :rank] / s[:rank]).T / scales
+        self.inverse = back @ self._pseudo
+
+    def motion(self, f: Floats, b: Floats) -> tuple[Floats, Floats]:
+        """Give q'' (n,) and lambda (m,) of M q'' = f + A^T lambda, A q'' = b."""
+        q = self.inverse @ b
+        q = q + self.free @ (self.free.T @ (f - self.M @ q))
+        return q, self.multipliers(f - self.M @ q)
+
+    def multipliers(self, f: Floats) -> Floats:
+        """Give the lambda (m,) that comes closest to f + A^T lambda = 0."""
+        return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
 
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
