@@ -1,17 +1,16 @@
 """Reading a table of results, whatever its format; the one reader that there is.
 
-CSV is read in blocks of whole lines, so that large ones fit, with or without a line of
-units below the header. NumPy reads a block at a stroke. Where it finds fault with one,
-or passes over a line, the block is read cell by cell, and the first cell that is no
-number is named.
+CSV is read by NumPy, line by line, so that large ones fit, with or without a line of
+units below the header. Where NumPy finds fault with it, or passes over a line, it is
+read again cell by cell, and the first cell that is no number is named.
 """
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import io
 import os
+import warnings
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.observers.thinning import Thinning
 
-# Bytes read at once.
-BLOCK = 1 << 19
 # Bytes of a line at most: beyond, the file is something else.
 LONGEST_LINE = 1 << 24
 # Rows that are thinned at once.
@@ -166,25 +163,37 @@ def _read(file: BinaryIO) -> Table:
     body, line = len(head), 2
     if units:
         body, line = body + len(second), 3
-    size = file.seek(0, io.SEEK_END)
-    # Every row ends with a line break, but for the last one of a foreign table.
     file.seek(body)
-    breaks = sum(x.count(b"\n") for x in iter(lambda: file.read(BLOCK), b""))
-    # No row is shorter than its commas: nothing else is made room for.
-    most = min(breaks + 1, size // max(1, 2 * len(columns) - 1) + 1)
-    data = np.empty((len(columns), most))
-    rows = 0
-    file.seek(body)
-    for block in _blocks(file):
-        part = _plain(block, len(columns))
-        if part is None:
-            part = _cells(block, columns, line)
-        line += block.count(b"\n")
-        data[:, rows : rows + part.shape[1]] = part
-        rows += part.shape[1]
-    if not rows:
+    lines = _Lines(file, line)
+    rows = None
+    with contextlib.suppress(ValueError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a table without rows
+        rows = np.loadtxt(iter(lines), delimiter=",", comments=None, ndmin=2)
+    if rows is None or rows.shape != (lines.read, len(columns)):
+        file.seek(body)
+        rows = _cells(_Lines(file, line), columns)
+    if not len(rows):
         raise _FaultError("there are no rows after the header")
-    return Table("", columns, data[:, :rows], units)
+    return Table("", columns, rows.T, units)
+
+
+class _Lines:
+    """The lines that are left of a file, decoded; the first of them has a number."""
+
+    def __init__(self, file: BinaryIO, first: int) -> None:
+        self.file, self.first, self.read = file, first, 0
+
+    def __iter__(self) -> Iterator[str]:
+        while line := self.file.readline(LONGEST_LINE + 1):
+            if len(line) > LONGEST_LINE:
+                most = limits.size(LONGEST_LINE)
+                raise _FaultError(f"a line has more than {most}, which is the limit")
+            try:
+                yield line.decode()
+            except UnicodeDecodeError:
+                where = self.first + self.read
+                raise _FaultError(f"line {where} is not UTF-8") from None
+            self.read += 1
 
 
 def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
@@ -271,50 +280,17 @@ def _header(head: bytes) -> tuple[str, ...]:
     return tuple(columns)
 
 
-def _blocks(file: BinaryIO) -> Iterator[bytes]:
-    """Return the rest of a file in blocks of whole lines."""
-    rest = b""
-    while read := file.read(BLOCK):
-        if len(rest) > LONGEST_LINE:
-            most = limits.size(LONGEST_LINE)
-            raise _FaultError(f"a line has more than {most}, which is the limit")
-        whole, newline, rest = (rest + read).rpartition(b"\n")
-        if newline:
-            yield whole + newline
-    if rest:
-        yield rest
-
-
-def _plain(block: bytes, count: int) -> Floats | None:
-    """Read a block that is all rows of numbers (count, rows); None if it is not."""
-    if not block.strip():
-        return None  # NumPy would warn
-    try:
-        rows = np.loadtxt(
-            io.StringIO(block.decode()), delimiter=",", comments=None, ndmin=2
-        )
-    except ValueError:
-        return None
-    lines = block.count(b"\n") + (not block.endswith(b"\n"))
-    return rows.T if rows.shape == (lines, count) else None
-
-
-def _cells(block: bytes, columns: tuple[str, ...], line: int) -> Floats:
-    """Read rows cell by cell (columns, rows); the first of them is that of a line.
+def _cells(lines: _Lines, columns: tuple[str, ...]) -> Floats:
+    """Read rows cell by cell (rows, columns).
 
     Raises
     ------
     _FaultError
         That names the line of the first cell that is no number.
     """
-    try:
-        text = block.decode()
-    except UnicodeDecodeError as error:
-        line += block.count(b"\n", 0, error.start)
-        raise _FaultError(f"line {line} is not UTF-8") from None
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+    reader = csv.reader(lines, strict=True)
     rows: list[list[float]] = []
-    here, blank = line, 0
+    here, blank = lines.first, 0
     try:
         for cells in reader:
             if blank and cells:
@@ -328,10 +304,10 @@ def _cells(block: bytes, columns: tuple[str, ...], line: int) -> Floats:
             else:
                 pairs = zip(cells, columns, strict=True)
                 rows.append([_number(cell, column, here) for cell, column in pairs])
-            here = line + reader.line_num
+            here = lines.first + reader.line_num
     except csv.Error as error:
         raise _FaultError(f"line {here}: {error}") from None
-    return np.array(rows, dtype=np.float64).reshape(-1, len(columns)).T
+    return np.array(rows, dtype=np.float64).reshape(-1, len(columns))
 
 
 def _number(cell: str, column: str, line: int) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from lagsim.studies import tables as reading
 from lagsim.studies.tables import read_table
 
 # Values whose texts have every form: signs, exponents, no point, no digits before it.
@@ -70,17 +69,11 @@ def test_what_is_no_row_is_named(tmp_path, text, why):
     assert fault(tmp_path, "t,a\n" + text) == why
 
 
-def test_blocks_that_end_anywhere(tmp_path, monkeypatch):
-    rows = np.random.default_rng(2).standard_normal((200, 3))
-    path = tmp_path / "t.csv"
-    lines = ["t,a,b", *(",".join(map(repr, row)) for row in rows.tolist())]
-    for text in ("\r\n".join(lines) + "\r\n", "\n".join(lines)):
-        path.write_bytes(text.encode())
-        for block in (61, 500, 10**6):
-            monkeypatch.setattr(reading, "BLOCK", block)
-            table = read_table(path)
-            assert table.columns == ("t", "a", "b")
-            assert bits(table.data.T.ravel()) == bits(rows.ravel())
+def test_the_last_line_needs_no_break(tmp_path):
+    for end in ("\r\n", "\n"):
+        found = table_of(tmp_path, end.join(["t,a,b", "0,1,2", "3,4,5"]))
+        assert found.columns == ("t", "a", "b")
+        assert found.data.tolist() == [[0, 3], [1, 4], [2, 5]]
 
 
 def test_quotes_spaces_and_a_byte_order_mark(tmp_path):
