@@ -20,15 +20,7 @@ from lagsim.model.reader import read_file
 from lagsim.outputs.junit import Outcome
 from lagsim.outputs.junit import document as junit_document
 from lagsim.run.session import open_case, wanted
-from lagsim.studies.golden import (
-    folder_of,
-    judge,
-    load,
-    measure,
-    picture,
-    run,
-    store,
-)
+from lagsim.studies.golden import FOLDER, judge, load, measure, picture, run, store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -139,7 +131,7 @@ def _failed(error: LagsimError, path: str | None, *, as_json: bool) -> _Answer:
 
 
 def _task(path: str, folder: Path | None) -> _Task:
-    folder = folder or folder_of(path)
+    folder = folder or Path(path).parent / FOLDER
     try:
         return _Task(path, read_file(path), folder)
     except LagsimError as error:
@@ -187,13 +179,13 @@ def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
     if stored is None:
         return _store(case, task.folder)
     verdict = judge(case, run(case, stored), stored)
-    found, lines = document(model, verdict, stored.golden), report(verdict)
+    found, lines = document(model, verdict, stored), report(verdict)
     if not verdict.passed and plots is not None:
         path = plots / f"{model.name}.png"
         if put_picture(path, partial(picture, case, verdict), folders=True):
             lines.append(f"  picture: {path}")
             found["picture"] = str(path)
-    shown = [headline(model, verdict, stored.golden), *lines]
+    shown = [headline(model, verdict, stored), *lines]
     if verdict.passed:
         return _Answer(0, found, shown)
     text = f"{model.name} differs from its golden: {worst(verdict)}"

@@ -10,8 +10,7 @@ methods. What these runs differ by is what a run elsewhere may differ by.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from lagsim.model.model import DEFAULT_RTOL
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
 from lagsim.outputs.units import stated_units
+from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import (
     Deviation,
@@ -52,11 +52,12 @@ from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model, Settings
+    from lagsim.model.model import Model
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
@@ -122,29 +123,6 @@ class Motion:
         return found
 
 
-class Sparse:
-    """Keeps one row of each `stride` output times, impacts, and the last row."""
-
-    def __init__(self, settings: Settings, stride: int, columns: int) -> None:
-        self._start, self._step = settings.start, settings.output_step
-        self._stride, self._columns = stride, columns
-        self._kept: list[Floats] = []
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns); those of the last time wait for its others."""
-        rows = np.concatenate([*self._kept[-1:], rows[:, : self._columns]])
-        t = rows[:, 0]
-        places = numbers(t, self._start, self._step)
-        wanted = ((places >= 0) & (places % self._stride == 0)) | at_impacts(t)
-        late = t == t[-1]
-        self._kept[-1:] = [rows[wanted & ~late], rows[late]]
-
-    @property
-    def table(self) -> Floats:
-        """What is kept (k, columns)."""
-        return np.concatenate(self._kept)
-
-
 def before_impacts(t: Floats) -> Flags:
     """Return which times (k,) equal the next, and no other: rows before an impact."""
     same = np.concatenate(([False], t[1:] == t[:-1], [False]))[: len(t) + 1]
@@ -179,21 +157,24 @@ def perturbed(case: Case, seed: int) -> Case:
 
 
 def motion_of(case: Case, stride: int) -> Motion:
-    """Return the motion of a case, one row of each `stride`.
+    """Return the motion of a case: one output time of each `stride`, impacts, the end.
 
     Raises
     ------
     InputError
         Where the method cannot handle the case.
     """
-    session = case.ready()
+    session, settings = case.ready(), case.settings
     columns = session.system.columns
-    kept = Sparse(case.settings, stride, columns.table)
-    residuals = ResidualMonitor(columns.names)
+    kept, residuals = Keep(columns.table), ResidualMonitor(columns.names)
     trajectory = session.run([kept, residuals])
+    rows = kept.table
+    t = rows[:, 0]
+    places = numbers(t, settings.start, settings.output_step)
+    wanted = ((places >= 0) & (places % stride == 0)) | at_impacts(t) | (t == t[-1])
     sizes = {f"{RESIDUAL}{name}": scale for name, scale in residuals.scales.items()}
     names = columns.names[: columns.table]
-    return Motion(names, kept.table, sizes, trajectory, session.plan)
+    return Motion(names, rows[wanted], sizes, trajectory, session.plan)
 
 
 def variants(case: Case, base: Motion, stride: int) -> Iterator[tuple[str, Motion]]:
@@ -349,6 +330,8 @@ class Golden:
     invariants : dict of str to Invariant
     stride : int
         Of so many rows of the run one is kept.
+    about : mapping
+        What its JSON says of the run it was made from, where it was stored.
     """
 
     columns: tuple[str, ...]
@@ -357,6 +340,7 @@ class Golden:
     horizon: float | None
     invariants: dict[str, Invariant]
     stride: int
+    about: Mapping[str, Any] = field(default_factory=dict)
 
     def bounds(self, column: str) -> Floats:
         """Return the bound of a column in each row (k,)."""
@@ -378,18 +362,21 @@ def measure(case: Case) -> tuple[Golden, Motion]:
     others = [other for _, other in variants(case, base, stride)]
     rows = base.rows[clear(base, others, spacing)]
     with np.errstate(invalid="ignore"):
-        apart = _floors(case, base, rows)
-        apart += SAFETY * _apart(rows, base, others, SAME_ROW * spacing)
+        largest = np.zeros_like(rows)
+        for other in (x for x in others if x.columns == base.columns):
+            found = other.at(rows[:, 0], SAME_ROW * spacing, ends=True)
+            np.fmax(largest, np.abs(found - rows), out=largest)
+        apart = _floors(case, base, rows) + SAFETY * largest
     sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
     state = *case.equations.q, *case.equations.velocities
     moving = [base.columns.index(name) for name in state]
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.
-    other = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
+    odd = (apart > LOST * sizes)[:, sizes > 0.0].any(axis=1) & at_impacts(rows[:, 0])
     first = before_impacts(rows[:, 0])
-    other[1:] |= other[:-1] & first[:-1]
-    other[:-1] |= other[1:] & first[:-1]
-    rows, apart = rows[~other], apart[~other]
+    odd[1:] |= odd[:-1] & first[:-1]
+    odd[:-1] |= odd[1:] & first[:-1]
+    rows, apart = rows[~odd], apart[~odd]
     envelope = np.maximum.accumulate(apart, axis=0) * (1.0 + DIGITS / 2)
     lost = np.flatnonzero((envelope > LOST * sizes)[:, moving].any(axis=1))
     horizon = float(rows[lost[0], 0]) if len(lost) else None
@@ -413,17 +400,15 @@ def _stride(rows: int, columns: int) -> int:
 
 
 def _kept(columns: Sequence[str], case: Case) -> tuple[str, ...]:
-    """Return the columns to store; of a long table derived ones are left out first."""
+    """Return the columns to store: evenly, and of a long table few derived ones."""
     rates = case.equations.accelerations
     rest = [x for x in columns if x in rates or x.startswith(("Qc_", "resid"))]
     first = [x for x in columns if x not in rest]
-    wanted = {*_some(first, MOST_COLUMNS), *_some(rest, MOST_COLUMNS - len(first))}
+    wanted = set[str]()
+    for names, most in ((first, MOST_COLUMNS), (rest, MOST_COLUMNS - len(first))):
+        if names and most > 0:
+            wanted |= {*names[:: -(-len(names) // most)]}
     return tuple(name for name in columns if name in wanted)
-
-
-def _some(names: Sequence[str], most: int) -> Sequence[str]:
-    """Return at most so many, evenly, the first among them."""
-    return names[:: -(-len(names) // most)] if most > 0 and names else []
 
 
 def _floors(case: Case, base: Motion, rows: Floats) -> Floats:
@@ -476,16 +461,6 @@ def _roundings(case: Case, base: Motion, rows: Floats) -> Floats:
     return np.nan_to_num(found, nan=0.0, posinf=0.0)
 
 
-def _apart(rows: Floats, base: Motion, others: Sequence[Motion], near: float) -> Floats:
-    """Return the largest deviation (k, columns) of variants."""
-    largest = np.zeros_like(rows)
-    for other in others:
-        if other.columns == base.columns:
-            apart = np.abs(other.at(rows[:, 0], near, ends=True) - rows)
-            np.fmax(largest, apart, out=largest)
-    return largest
-
-
 def _steps(t: Floats, bounds: Floats) -> list[tuple[float, float]]:
     """Return nondecreasing bounds as few steps (time, bound)."""
     found: list[tuple[float, float]] = []
@@ -535,18 +510,6 @@ FOLDER = "golden"
 PATIENCE_SECONDS = 10.0
 # What a double holds, whatever its bound.
 MOST_DIGITS = 17
-
-
-class Stored(NamedTuple):
-    """A golden with what its JSON says of the run it was made from."""
-
-    golden: Golden
-    about: Mapping[str, Any]
-
-
-def folder_of(model_path: str) -> Path:
-    """Return the folder of a model's golden where none is named."""
-    return Path(model_path).parent / FOLDER
 
 
 def table(golden: Golden) -> bytes:
@@ -634,7 +597,7 @@ def store(case: Case, golden: Golden, base: Motion, folder: Path) -> int:
     return len(rows) + len(about)
 
 
-def load(folder: Path, model_name: str) -> Stored:
+def load(folder: Path, model_name: str) -> Golden:
     """Read a golden.
 
     Raises
@@ -655,10 +618,9 @@ def load(folder: Path, model_name: str) -> Stored:
         raise _broken(path, "is not a JSON document") from None
     rows = read_table(folder / f"{model_name}.csv")
     try:
-        golden = _golden(about, rows.columns, rows.data.T)
+        return _golden(about, rows.columns, rows.data.T)
     except (KeyError, TypeError, ValueError, AttributeError):
         raise _broken(path, "is not a golden, or not the one of these rows") from None
-    return Stored(golden, about)
 
 
 def _golden(about: Any, columns: Sequence[str], rows: Floats) -> Golden:
@@ -666,18 +628,18 @@ def _golden(about: Any, columns: Sequence[str], rows: Floats) -> Golden:
         str(name): [(float(t), float(bound)) for t, bound in pairs]
         for name, pairs in about["bounds"].items()
     }
+    if list(steps) != list(columns) or not all(steps.values()):
+        raise ValueError
+    horizon = None if about["horizon"] is None else float(about["horizon"])
+    for key in ("output_step", "end"):
+        float(about[key])
     kept = {
         str(name): Invariant(float(entry["value"]), float(entry["bound"]))
         for name, entry in about["invariants"].items()
     }
-    if list(steps) != list(columns) or not all(steps.values()):
-        raise ValueError
-    horizon = about["horizon"]
-    horizon = None if horizon is None else float(horizon)
-    for key in ("output_step", "end"):
-        float(about[key])
-    rows, stride = np.ascontiguousarray(rows), int(about["stride"])
-    return Golden(tuple(columns), rows, steps, horizon, kept, stride)
+    rows = np.ascontiguousarray(rows)
+    stride = int(about["stride"])
+    return Golden(tuple(columns), rows, steps, horizon, kept, stride, about)
 
 
 def _broken(path: Path, why: str) -> InputError:
@@ -691,19 +653,19 @@ def _broken(path: Path, why: str) -> InputError:
 CONSTANT = " (constant)"
 
 
-def run(case: Case, stored: Stored) -> Motion:
+def run(case: Case, golden: Golden) -> Motion:
     """Return the motion of a case with rows at the times of the golden."""
-    spacing = float(stored.about["output_step"])
+    spacing = float(golden.about["output_step"])
     plan = case.plan()
     step = None if method_named(plan.method).ADAPTIVE else plan.step
     other = case.asking(output_step=spacing, step=step)
-    return motion_of(other, stored.golden.stride)
+    return motion_of(other, golden.stride)
 
 
-def judge(case: Case, motion: Motion, stored: Stored) -> Verdict:
+def judge(case: Case, motion: Motion, golden: Golden) -> Verdict:
     """Return the verdict on a motion by the golden of its model."""
-    golden, about, model = stored.golden, stored.about, case.equations.model
-    pairs = dict(_columns(motion, stored)) | dict(_constants(case, motion, golden))
+    about, model = golden.about, case.equations.model
+    pairs = dict(_columns(motion, golden)) | dict(_constants(case, motion, golden))
     known = about.get("columns", golden.columns)
     changed, places = _changed(model, about)
     worst = ordered(pair.deviation(name) for name, pair in pairs.items())
@@ -762,10 +724,9 @@ def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
     return found
 
 
-def _columns(motion: Motion, stored: Stored) -> Iterator[tuple[str, Pair]]:
+def _columns(motion: Motion, golden: Golden) -> Iterator[tuple[str, Pair]]:
     """Return each column of both, in the rows of the golden."""
-    golden, t = stored.golden, stored.golden.rows[:, 0]
-    near = SAME_ROW * float(stored.about["output_step"])
+    t, near = golden.rows[:, 0], SAME_ROW * float(golden.about["output_step"])
     rows = motion.at(t, near, ends=golden.horizon is None)
     for k, name in enumerate(golden.columns):
         if name in motion.columns:

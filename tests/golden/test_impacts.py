@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lagsim.model.model import Settings
 from lagsim.model.reader import read
 from lagsim.studies.golden import (
-    Sparse,
-    Stored,
     at_impacts,
     before_impacts,
     judge,
@@ -33,15 +30,15 @@ def changed(name, old, new):
 
 @pytest.mark.parametrize("name", IMPACTS)
 def test_goldens_keep_both_rows_of_impacts(name):
-    t = stored(name).golden.rows[:, 0]
+    t = stored(name).rows[:, 0]
     assert 2 <= np.count_nonzero(at_impacts(t)) <= 12
-    assert stored(name).golden.horizon is None
+    assert stored(name).horizon is None
 
 
 @pytest.mark.parametrize("name", IMPACTS)
 def test_bounds_of_impacts_do_not_spoil_the_others(name):
     # The tolerance is 1e-11; what hundreds of impacts make of it stays below 1e-7.
-    golden = stored(name).golden
+    golden = stored(name)
     for column in golden.columns:
         size = max(
             1.0, float(np.max(np.abs(golden.rows[:, golden.columns.index(column)])))
@@ -78,7 +75,7 @@ def test_the_time_of_an_impact_is_judged():
     name = "bouncing-ball"
     case = changed(name, "h: {value: 1.0,", "h: {value: 1.0,")
     motion = run(case, stored(name))
-    (bound,) = {float(stored(name).golden.bounds("t")[-1])}
+    (bound,) = {float(stored(name).bounds("t")[-1])}
     assert judged(name, case, shifted(motion, 0.5 * bound)).passed
     found = judged(name, case, shifted(motion, 2 * bound))
     assert {d.column for d in found.worst if not d.passed} == {"t"}
@@ -98,7 +95,7 @@ def test_laws_of_every_kind_are_the_same_again(text):
     golden, base = measure(case)
     assert golden.horizon is None
     about = {"output_step": case.settings.output_step, "end": base.trajectory.end}
-    found = judge(case, base, Stored(golden, about))
+    found = judge(case, base, replace(golden, about=about))
     assert found.passed
     # What slides has no residual that stays zero; the gap stays above it.
     bounds = [v.bound for k, v in golden.invariants.items() if k.startswith("resid")]
@@ -111,15 +108,3 @@ def test_twins():
     assert at_impacts(t).tolist() == [k in (1, 2, 7, 8) for k in range(9)]
     for short in ([], [1.0]):
         assert not at_impacts(np.array(short)).any()
-
-
-@pytest.mark.parametrize("size", [1, 2, 3, 20])
-def test_rows_are_kept_whatever_blocks_they_come_in(size):
-    times = [0.0, 0.25, 0.25, 0.5, 1, 1.2, 1.2, 1.5, 2, 2, 2.5, 2.75]
-    rows = np.column_stack([times, np.arange(12.0), np.zeros(12)])
-    kept = Sparse(Settings(start=0.0, end=2.75, output_step=0.5), 2, 2)
-    for k in range(0, len(rows), size):
-        kept.add(rows[k : k + size])
-    # Every second output time, both rows of impacts, and the last.
-    assert kept.table[:, 1].tolist() == [0, 1, 2, 4, 5, 6, 8, 9, 11]
-    assert kept.table.shape[1] == 2

@@ -10,7 +10,7 @@ import pytest
 
 from lagsim.native.graph import straight_line, tapes
 from lagsim.native.graph.lines import BOTH, LANES, SINCOS, VECTOR
-from lagsim.studies.golden import Stored, judge, measure, motion_of, run
+from lagsim.studies.golden import judge, measure, motion_of, run
 from tests.golden.scenes import SHIPPED, judged, scene, told
 
 # What a library of functions may round otherwise; roots, `floor` and the like are exact
@@ -135,7 +135,7 @@ def test_the_horizon_of_chaos(monkeypatch, request):
     assert 14.0 < golden.horizon < 20.0
     assert golden.rows[-1, 0] < golden.horizon < base.rows[-1, 0] == 60.0
     about = {"output_step": 0.01, "end": 60.0, "outcome": "done"}
-    kept = Stored(golden, about)
+    kept = replace(golden, about=about)
     for target in other_targets():
         monkeypatch.setenv("LAGSIM_CPU", target)
         assert judge(long, run(long, kept), kept).passed

@@ -13,7 +13,6 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.reader import read
 from lagsim.studies.golden import (
-    Stored,
     _asked,
     certain,
     document,
@@ -119,7 +118,7 @@ def test_the_bound_of_an_energy_can_fail(measured, pendulum, kind):
         energies = energy.copy()
         energies[-1] += part * kept.bound
         other = replaced(base, "energy", energies)
-        found = judge(pendulum, other, Stored(golden, about))
+        found = judge(pendulum, other, replace(golden, about=about))
         [worst] = [d for d in found.worst if d.column == f"{name} (constant)"]
         assert worst.passed == passes
 

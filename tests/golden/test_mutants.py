@@ -20,7 +20,7 @@ NOISE = 1e-9
 @functools.cache
 def whole(name):
     """Give the unchanged motion in all its rows, and where the golden's rows are."""
-    golden = stored(name).golden
+    golden = stored(name)
     other = scene(name)
     motion = motion_of(other, 1)
     place = np.searchsorted(motion.rows[:, 0], golden.rows[:, 0] - 1e-9)
@@ -29,7 +29,7 @@ def whole(name):
 
 def ranges(name):
     """Give the columns that move, with their ranges in the golden."""
-    golden = stored(name).golden
+    golden = stored(name)
     wide = np.ptp(golden.rows, axis=0)
     size = np.max(np.abs(golden.rows), axis=0)
     return {
@@ -108,7 +108,7 @@ def coarse_rk4(name, _random):
 def cell(name, random):
     other, motion, place = whole(name)
     wide = ranges(name)
-    golden = stored(name).golden
+    golden = stored(name)
     # Of a chaotic motion the last part is known to less than a millionth.
     known = place if name not in CHAOTIC else place[golden.rows[:, 0] < CHAOTIC[name]]
     for _ in range(3):
