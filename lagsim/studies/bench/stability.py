@@ -49,12 +49,13 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.run.session import Case
 
     CaseAt = Callable[[float | None], Case]
+    Progress = Callable[[float], None] | None
 
 HOLDS, GROWS, DECAYS = "holds", "grows", "decays"
 DIVERGES, BREAKS, FAILS = "diverges", "breaks the constraint", "fails"
@@ -212,11 +213,10 @@ class Subject:
         system = self.systems.get(name)
         if system is None or not system.fits(plan):
             system = self.systems[name] = System(case.equations, plan)
-        observer = _Balance(system.columns.names)
-        session = Session(case, plan, system, most_steps=most)
-        trajectory = session.run([observer], interrupt=self.interrupt)
+        kept, session = Keep(), Session(case, plan, system, most_steps=most)
+        trajectory = session.run([kept], interrupt=self.interrupt)
         with np.errstate(all="ignore"):
-            found = observer.verdict(trajectory.outcome, self.energy, self.highest)
+            found = self._verdict(system, kept.table, trajectory.outcome)
         counts = trajectory.statistics
         reason = "" if trajectory.outcome.complete else trajectory.reason
         return Trial(
@@ -224,32 +224,16 @@ class Subject:
             trajectory.end - trajectory.start, reason,
         )  # fmt: skip
 
-
-class _Balance:
-    """An observer of the energy, the energy less the work, and of residuals."""
-
-    def __init__(self, columns: Sequence[str]) -> None:
-        self._energy = columns.index("energy")
-        self._work = columns.index("work") if "work" in columns else None
-        self._residuals = ResidualMonitor(columns)
-        self._kept: list[Floats] = []
-
-    def add(self, rows: Floats) -> None:
-        """Take rows (k, columns)."""
-        energy = rows[:, self._energy]
-        work = 0.0 if self._work is None else rows[:, self._work]
-        with np.errstate(all="ignore"):
-            self._kept.append(np.stack((rows[:, 0], energy, energy - work)))
-            self._residuals.add(rows)
-
-    def verdict(
-        self, outcome: Outcome, scale: float, highest: float
+    def _verdict(
+        self, system: System, rows: Floats, outcome: Outcome
     ) -> tuple[str, float | None]:
-        """Judge; give the growth of the energy, unexplained, per unit of time, too.
-
-        By the energy of the motion, and the highest that it has.
-        """
-        t, energy, balance = np.concatenate(self._kept, axis=1)
+        """Judge rows; give the growth of the energy, unexplained, per unit of time."""
+        columns = system.columns.names
+        works = "work" in columns
+        t, energy = rows[:, 0], rows[:, columns.index("energy")]
+        balance = energy - (rows[:, columns.index("work")] if works else 0.0)
+        residuals = ResidualMonitor(columns)
+        residuals.add(rows)
         lost = {Outcome.PROJECTION_FAILED: BREAKS, Outcome.NOT_FINITE: DIVERGES}
         # The row at which a run ends without an answer may be nothing.
         known = np.isfinite(energy) & np.isfinite(balance)
@@ -257,16 +241,16 @@ class _Balance:
         t, energy, balance = t[:count], energy[:count], balance[:count]
         if count < 2:
             return lost.get(outcome, FAILS), None
-        energy, balance = energy / scale, (balance - balance[0]) / scale
+        energy, balance = energy / self.energy, (balance - balance[0]) / self.energy
         growth = _rate(t, balance)
         changes = np.abs(energy - energy[0]), np.abs(balance)
         gone = min(float(np.max(change)) for change in changes) > BEYOND
         gone |= count < len(known)
-        if self._residuals.constraint_residual > BROKEN_CONSTRAINT and not gone:
+        if residuals.constraint_residual > BROKEN_CONSTRAINT and not gone:
             return BREAKS, growth
         if gone or not outcome.complete:
             return (DIVERGES if gone else lost.get(outcome, FAILS)), growth
-        ceiling = -math.inf if self._work is None else highest / scale
+        ceiling = self.highest / self.energy if works else -math.inf
         return _trend(energy, balance, ceiling), growth
 
 
@@ -418,7 +402,7 @@ def measure(
     wish: Wish,
     *,
     interrupt: Interrupt | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> dict[str, Any]:
     """Run a model by each method over the range of steps; find the borders.
 
@@ -435,7 +419,7 @@ def measure(
     """
     interrupt = interrupt or Interrupt()
     with interrupt.raised():  # there is nothing yet to be kept
-        made = _Map(case_at, wish, interrupt, progress or (lambda _fraction: None))
+        made = _Map(case_at, wish, interrupt, progress)
     complete = interrupt.cut(made.run)
     return made.document(complete=complete)
 
@@ -456,11 +440,7 @@ class _Map:
     """
 
     def __init__(
-        self,
-        case_at: CaseAt,
-        wish: Wish,
-        interrupt: Interrupt,
-        progress: Callable[[float], None],
+        self, case_at: CaseAt, wish: Wish, interrupt: Interrupt, progress: Progress
     ) -> None:
         self.case_at, self.wish, self.interrupt = case_at, wish, interrupt
         self.progress = progress
@@ -522,16 +502,16 @@ class _Map:
                 except LagsimError as error:
                     fault = _reason(error)
             for name in (*self.fixed, *self.adaptive):
-                trial = partial(self._trial, subject, name, fault)
-                fixed = name in self.fixed
-                strip = {h: trial(h) for h in (self.steps if fixed else [None])}
+                steps = self.steps if name in self.fixed else [None]
+                strip: dict[Any, Trial] = {
+                    h: self._trial(subject, name, fault, h) for h in steps
+                }
                 self.cells += [
                     {"method": name, "step": h, **varied, **found._asdict()}
                     for h, found in strip.items()
                 ]
-                if fixed:
-                    stable = {h: x.stable for h, x in strip.items() if h is not None}
-                    border = self._border(subject, name, stable, trial, fault)
+                if name in self.fixed:
+                    border = self._border(subject, name, strip, fault)
                     self.borders.append({"method": name, **varied, **border})
 
     def _trial(
@@ -549,29 +529,25 @@ class _Map:
 
     def _count(self, runs: float) -> None:
         self.done += runs
-        self.progress(min(1.0, self.done / self.total))
+        if self.progress is not None:
+            self.progress(min(1.0, self.done / self.total))
         with self.interrupt.raised():
             pass  # raises where an end is asked for
 
     def _border(
-        self,
-        subject: Subject,
-        name: str,
-        stable: dict[float, bool],
-        trial: Callable[[float], Trial],
-        fault: str,
+        self, subject: Subject, name: str, strip: Mapping[float, Trial], fault: str
     ) -> dict[str, Any]:
         """Return where a method ceases to hold: as found, and from the eigenvalues."""
-        top = self.steps[-1]
+        top, counted = self.steps[-1], self.done
         span = top * self.length(name, top)
         predictions = [
             None if fault else predicted(method_named(name).amplification, x, span)
             for x in (subject.at_start, subject.along)
         ]
-        counted = self.done
         found, note = None, fault
         if not fault:
-            found, note = _found(stable, trial, predictions)
+            trial = partial(self._trial, subject, name, fault)
+            found, note = _found(strip, trial, predictions)
         self._count(max(0, counted + SEARCH - self.done))
         known = [x for x in predictions if x is not None]
         return {
@@ -647,7 +623,7 @@ def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
 
 
 def _found(
-    stable: dict[float, bool],
+    strip: Mapping[float, Trial],
     trial: Callable[[float], Trial],
     expected: Sequence[float | None],
 ) -> tuple[float | None, str]:
@@ -656,14 +632,13 @@ def _found(
     Around a border that is expected steps are added: what lies past it may be narrower
     than the cells of the map. Return the border, or None and why.
     """
-    first, last = min(stable), max(stable)
-    if not stable[first]:
+    first, last = min(strip), max(strip)
+    if not strip[first].stable:
         return None, f"does not hold at {first:.3g} s either"
     around = {part * step for step in expected if step for part in AROUND}
-    more = {h: trial(h).stable for h in sorted(around) if first < h < last}
-    known = {**stable, **more}
+    known = {**strip, **{h: trial(h) for h in sorted(around) if first < h < last}}
     for before, after in pairwise(sorted(known)):
-        if not known[after]:
+        if not known[after].stable:
             low, high = before, after
             while high / low > 1.0 + DIGITS:
                 middle = math.sqrt(low * high)
