@@ -505,7 +505,7 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     drift = document["energy_drift"]
     drift = f"{drift:.2g} {unit}".rstrip() if math.isfinite(drift) else "not known"
     kept = "energy - work" if "work" in document["columns"] else "energy"
-    energy = f"{made.evidence.residuals.first_energy:.7g} {unit}".rstrip()
+    energy = f"{made.residuals.first_energy:.7g} {unit}".rstrip()
     start = f"(energy {energy} at the start)"
     rows.append(("error", _error(made.bar)))
     rows.append(("energy drift", f"{drift} in {kept} {start}"))

@@ -9,11 +9,11 @@ time on that the verdict names, and says so.
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from lagsim.notes import Choice
 from lagsim.outputs.manifest import manifest
@@ -32,9 +32,7 @@ if TYPE_CHECKING:
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
     from lagsim.run.observers.frames import Frames
-    from lagsim.run.observers.thinning import Thinning
     from lagsim.run.session import Clock, Session
-    from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Finding
 
     # Takes a run, and by their names its `relay` and `session`.
@@ -62,38 +60,41 @@ class ErrorBars(Enum):
     NEVER = "never"
 
 
-class Attempt(NamedTuple):
-    """The rows of a run; `fault` is why not all of them could be stored."""
+class Attempt(Evidence):
+    """The rows of a run: what judges them, and what is kept of them besides.
 
-    evidence: Evidence
-    checkpoints: Checkpoints
-    thin: Thinning | None
-    corners: Corners | None
-    frames: Frames | None
-    fault: OSError | None
+    Attributes
+    ----------
+    checkpoints
+        Those that a repeat is compared with.
+    thin, corners, frames
+        Those for pictures, those at events, and those of a page; None where they are
+        not wanted.
+    fault : OSError or None
+        Why not all of them could be stored.
+    """
 
-    @property
-    def session(self) -> Session:
-        """The session that made them."""
-        return self.evidence.session
+    fault: OSError | None = None
 
-    @property
-    def trajectory(self) -> Trajectory:
-        """How the run went, and how it ended."""
-        return self.evidence.trajectory
+    def __init__(self, session: Session, wish: Attempts) -> None:
+        super().__init__(session)
+        model, names = self.equations.model, session.system.columns.names
+        self.checkpoints = Checkpoints(len(self.equations.q), session.case.settings)
+        self.corners = Corners() if wish.cornered or wish.thinned else None
+        self.thin = picture_thinning(model, names) if wish.thinned else None
+        self.frames: Frames | None = None
+        if wish.animated:
+            from lagsim.outputs.animation import frames_of
 
-    @property
-    def bar(self) -> ErrorBar | str:
-        """The error bar, or why there is none."""
-        return self.evidence.bar
+            self.frames = frames_of(self.equations, names)
 
     def cautions(self) -> list[Caution]:
         """Return all warnings on it."""
-        found = alarms(self.evidence)
+        found = alarms(self)
         if self.frames is not None:
             from lagsim.outputs.animation import nothing_to_draw
 
-            found += nothing_to_draw(self.session.case.equations.model)
+            found += nothing_to_draw(self.equations.model)
         return found
 
     def record(
@@ -104,15 +105,16 @@ class Attempt(NamedTuple):
     ) -> dict[str, Any]:
         """Return the content of run.json."""
         return manifest(
-            self.session, self.trajectory, self.evidence.residuals, self.bar, cautions,
+            self.session, self.trajectory, self.residuals, self.bar, cautions,
             {name: round(t, 6) for name, t in timings.items()}, files,
         )  # fmt: skip
 
 
+@dataclass
 class Attempts:
     """Makes the rows of a run.
 
-    Parameters
+    Attributes
     ----------
     store
         Gets the rows.
@@ -126,29 +128,22 @@ class Attempts:
         Gets the run of the first attempt before it begins.
     followers
         Get the rows of the attempt that is given, as far as the store could take them.
+    allowance
+        What all that judges the first attempt may still cost.
     """
 
-    def __init__(
-        self,
-        store: Store,
-        interrupt: Interrupt,
-        clock: Clock,
-        *,
-        error_bars: ErrorBars = ErrorBars.AUTO,
-        thinned: bool = False,
-        cornered: bool = False,
-        animated: bool = False,
-        progress: Progress = lambda _label: contextlib.nullcontext(),
-        joined: Joined | None = None,
-        followers: Sequence[Store] = (),
-    ) -> None:
-        self.store, self.interrupt, self.clock = store, interrupt, clock
-        self.followers = followers
-        self.error_bars, self.thinned, self.progress = error_bars, thinned, progress
-        self.animated, self.cornered = animated, cornered or thinned
-        self.joined = joined
-        # What all that judges the first attempt may cost.
-        self.allowance: Allowance | None = None
+    store: Store
+    interrupt: Interrupt
+    clock: Clock
+    _: KW_ONLY
+    error_bars: ErrorBars = ErrorBars.AUTO
+    thinned: bool = False
+    cornered: bool = False
+    animated: bool = False
+    progress: Progress = lambda _label: contextlib.nullcontext()
+    joined: Joined | None = None
+    followers: Sequence[Store] = ()
+    allowance: Allowance | None = field(default=None, init=False)
 
     def best(self, session: Session) -> Attempt:
         """Make the rows; regenerate them where the audit has a finding."""
@@ -182,7 +177,7 @@ class Attempts:
             outcome=outcome, reason=f"{reason}: {outcome.advice}"
         )
         # What a repeat says of a motion that is no answer is no error.
-        attempt.evidence.end(trajectory, "the rows are not valid")
+        attempt.end(trajectory, "the rows are not valid")
         return attempt
 
     def _made(self, session: Session, bar: ErrorBar | str | None = None) -> Attempt:
@@ -190,22 +185,12 @@ class Attempts:
 
         `bar` is what a repeat says of it, where one has been made before.
         """
-        case, names = session.case, session.system.columns.names
-        evidence = Evidence(session)
-        checkpoints = Checkpoints(len(case.equations.q), case.settings)
-        corners = Corners() if self.cornered else None
-        frames = thin = None
-        if self.thinned:
-            thin = picture_thinning(case.equations.model, names)
-        if self.animated:
-            from lagsim.outputs.animation import frames_of
-
-            frames = frames_of(case.equations, names)
+        made = Attempt(session, self)
         for store in (self.store, *self.followers) if self.store.rows else ():
             store.begin_anew()
-        others: list[Observer] = [evidence, *self.followers]
-        others += [] if self.error_bars is ErrorBars.NEVER else [checkpoints]
-        others += [x for x in (thin, frames) if x is not None]
+        kept: list[Observer | None] = [made, *self.followers, made.thin, made.frames]
+        kept += [] if self.error_bars is ErrorBars.NEVER else [made.checkpoints]
+        others: list[Observer] = [x for x in kept if x is not None]
         relay = Relay(self.store, others, self.interrupt)
         clock = self.clock
         clock.lap("output")
@@ -214,7 +199,8 @@ class Attempts:
         joined, self.joined = self.joined, None
         with self.progress("run") as progress:
             trajectory = session.run(
-                [relay], interrupt=self.interrupt, progress=progress, corners=corners,
+                [relay], interrupt=self.interrupt, progress=progress,
+                corners=made.corners,
                 joined=joined and partial(joined, relay=relay, session=session),
             )  # fmt: skip
             if progress is not None and trajectory.outcome.complete:
@@ -222,22 +208,21 @@ class Attempts:
             clock.lap("integrate")
         clock.timings["integrate"] -= relay.seconds
         clock.timings["output"] += relay.seconds
-        evidence.end(trajectory, "not asked for" if bar is None else bar)
-        attempt = Attempt(evidence, checkpoints, thin, corners, frames, relay.fault)
+        made.fault = relay.fault
+        made.end(trajectory, "not asked for" if bar is None else bar)
         if bar is None:
             # The first attempt sets the allowance, and what others cost is taken of it.
             if self.allowance is None:
                 self.allowance = Allowance(session.system, trajectory)
             else:
                 self.allowance.take(Repeat(session), trajectory)
-            evidence.bar = self._error_bar(attempt)
-        return attempt
+            made.bar = self._error_bar(made)
+        return made
 
-    def _repeats(self, attempt: Attempt) -> Repeats:
-        evidence, checkpoints = attempt.evidence, attempt.checkpoints
-        return Repeats(evidence, checkpoints, self.allowance, self.interrupt)
+    def _repeats(self, made: Attempt) -> Repeats:
+        return Repeats(made, made.checkpoints, self.allowance, self.interrupt)
 
-    def _error_bar(self, attempt: Attempt) -> ErrorBar | str:
+    def _error_bar(self, made: Attempt) -> ErrorBar | str:
         """Estimate the error of the run, or say why not."""
         self.clock.lap("import")
         if self.error_bars is ErrorBars.NEVER:
@@ -246,14 +231,14 @@ class Attempts:
             return "the run was cut short"
         always = self.error_bars is ErrorBars.ALWAYS
         with self.progress("error bar") as progress:
-            bar = self._repeats(attempt).error_bar(always=always, progress=progress)
+            bar = self._repeats(made).error_bar(always=always, progress=progress)
             if progress is not None and not isinstance(bar, str):
                 progress(1.0)
         self.clock.lap("error_bar")
         return bar
 
     def _audited(self, attempt: Attempt) -> Finding | None:
-        return None if self.interrupt.asked else audit(attempt.evidence)
+        return None if self.interrupt.asked else audit(attempt)
 
     def _is_outlier(self, attempt: Attempt) -> bool:
         """Ask a third run which of two is off."""
