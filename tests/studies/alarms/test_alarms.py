@@ -1,8 +1,12 @@
-"""Each scene where a method fails raises its alarm; no healthy one raises any."""
+"""Each scene where a method fails raises its alarm, in any unit; no healthy one does.
+
+And from which size on, by closed forms: energy, constraints, steps, coordinates.
+"""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +14,11 @@ import pytest
 import lagsim
 import lagsim.codes
 from lagsim.run.observers.monitors import EnergyMonitor
-from tests.studies.judged import cautions, codes
+from lagsim.studies.alarms import about_constraints
+from tests.invariance.same import CHANGES
+from tests.invariance.transforms import document
+from tests.small_scenes import oscillator
+from tests.studies.judged import barred, cautions, codes, evidence
 from tests.support import MODELS, ROOT, run
 
 BOUND, DAMPED = "step-at-stability-bound", "fast-mode-damped"
@@ -167,3 +175,326 @@ def test_rest_on_a_summit_holds_no_step(method):
     )
     assert np.all(result["x"] == 0.0)
     assert not result.warnings
+
+
+# Sizes
+
+
+@pytest.mark.parametrize("units", ["metres", "megametres", "grams", "tonnes"])
+@pytest.mark.parametrize(("name", "options", "expected", "_"), FAILING)
+def test_alarms_are_the_same_in_other_units(name, options, expected, _, units):
+    text = (MODELS / "failing" / f"{name}.yaml").read_text(encoding="utf-8")
+    other = CHANGES[units].put(document(text), None).text()
+    assert {*codes(run(other, **options))} - {"unused-parameter"} == {*expected}
+
+
+def number(text, pattern):
+    return float(re.search(pattern, text)[1])
+
+
+def text_of(found, code, bar="not estimated"):
+    (text,) = [c.text for c in cautions(found, bar) if c.code == code]
+    return text
+
+
+@pytest.mark.parametrize(
+    ("method", "step", "duration", "code", "part"),
+    [
+        # Euler multiplies the energy by 1 + h^2 in each of n steps. By the medians of
+        # the first and last tenth: (1 + h^2)^(0.95 n) less (1 + h^2)^(0.05 n), against
+        # the largest kinetic energy, about the last: between these.
+        ("euler", 0.01, 10, GAINED, (0.05, 0.10)),
+        ("euler", 0.01, 50, GAINED, (0.24, 0.40)),
+        # RK4 by 1 - h^6/72: at h = 0.5 over 100 by exp(-0.0434), 0.9 of that in 0.5.
+        ("rk4", 0.5, 100, LOST, (0.03, 0.10)),
+    ],
+)
+def test_the_part_of_the_energy(method, step, duration, code, part):
+    text = oscillator(f"duration: {duration}, output_step: 0.05")
+    found = run(text, method=method, step=step)
+    said = number(text_of(found, code), r"explains, (\S+) of the energy")
+    assert part[0] < said < part[1]
+
+
+# Euler's energy grows by the factor exp(h t): of 0.9 h t of the energy, at t = 10.
+@pytest.mark.parametrize(("step", "told"), [(4e-4, True), (4e-5, False)])
+def test_a_thousandth_is_told_and_less_is_not(step, told):
+    text = oscillator("duration: 10, output_step: 0.05")
+    assert (GAINED in codes(run(text, method="euler", step=step))) == told
+
+
+@pytest.mark.parametrize(("step", "told"), [(2.01, True), (1.0, False)])
+def test_the_stability_bound(step, told):
+    text = oscillator("duration: 20, output_step: 0.05")
+    assert (BOUND in codes(run(text, method="verlet", step=step))) == told
+
+
+STIFF = """\
+coordinates: {{x: {{}}, u: {{}}}}
+energy: {{kinetic: (x_dot^2 + u_dot^2)/2, potential: (x^2 + 1e6*u^2)/2}}
+initial: {{x: 1, u: {u}}}
+simulation: {{duration: 2, output_step: 0.05}}
+"""
+
+
+@pytest.mark.parametrize(
+    # The share of the fast mode in the energy is 1e6 u^2.
+    ("u", "told"), [(1e-4, True), (2e-5, True), (2e-6, False), (0.0, False)],
+)  # fmt: skip
+def test_a_fast_mode_with_some_energy(u, told):
+    options = {"method": "generalized-alpha", "step": 0.01, "spectral_radius": 0.5}
+    assert (DAMPED in codes(run(STIFF.format(u=u), **options))) == told
+
+
+# Two rods of a double pendulum; it is chaotic when let go from high up.
+DOUBLE = """\
+coordinates: {a: {}, b: {}}
+energy:
+  kinetic: a_dot^2 + b_dot^2/2 + a_dot*b_dot*cos(a - b)
+  potential: -9.81*(2*cos(a) + cos(b))
+initial: {a: HIGH, b: HIGH/2}
+simulation: {duration: 28, output_step: 0.05}
+"""
+
+
+@pytest.mark.parametrize(("high", "expected"), [("2", ["horizon"]), ("0.02", [])])
+def test_the_horizon_of_chaos(high, expected):
+    text = DOUBLE.replace("HIGH", high)
+    found = run(text)
+    bar = barred(found.equations.model)[1]
+    assert codes(found, bar) == expected
+    if expected:
+        # Errors grow tenfold in 2 s from about 1e-12: 0.1 of the range in some 22 s.
+        told = number(text_of(found, "horizon", bar), r"past t = (\S+) ")
+        assert told == pytest.approx(bar.horizon, rel=1e-5)
+        assert 18.0 < told < 27.0
+
+
+# Bars of a parallelogram, driven at one crank: flat at pi, where it could turn over.
+LINKAGE = """\
+coordinates: {a: {}, b: {}, c: {}}
+energy: {kinetic: (a_dot^2 + b_dot^2 + c_dot^2)/2, potential: "0"}
+constraints:
+  across: cos(a) + cos(c) = 1 + cos(b)
+  along: sin(a) + sin(c) = sin(b)
+initial: {a: 2, b: 2, c: 0, a_dot: 1, b_dot: 1, c_dot: 0}
+simulation: {duration: 2, output_step: 0.01}
+"""
+
+
+def test_where_bars_lie_in_one_line():
+    # Without forces both cranks turn uniformly, and lie flat at pi - 2.
+    said = text_of(run(LINKAGE), "rank")
+    assert number(said, r"at t = (\S+) ") == pytest.approx(np.pi - 2, abs=1e-3)
+    # All sines vanish there, and with them what `across` asks of the velocities.
+    assert "constraints across become dependent" in said
+    assert "rank" not in codes(run(LINKAGE, duration=1.0))
+
+
+# A mass on a circle that only its second derivative holds.
+CIRCLE = """\
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "0"}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, x_dot: 0, y_dot: 1}
+simulation: {duration: 4, output_step: 0.2}
+"""
+
+
+@pytest.mark.parametrize(("step", "told"), [(0.25, True), (0.01, False)])
+def test_a_constraint_that_is_let_go(step, told):
+    found = run(CIRCLE, method="rk4", step=step, formulation="drift")
+    assert (HELD in codes(found)) == told
+    missed = np.max(np.abs(found["x"] ** 2 + found["y"] ** 2 - 1.0))
+    assert missed > 1e-5 if told else missed < 1e-7
+    if told:
+        said = number(text_of(found, HELD), r"off by (\S+) of")
+        # Its scale is between r^2 and the sum of its terms.
+        assert 0.3 * missed < said < 1.05 * missed
+
+
+# Coordinates that lose their meaning
+
+# A rigid body by a quaternion, free, or beside another body.
+BODY = """\
+parameters: {{A: {unit}, B: 2*{unit}, C: 3*{unit}}}
+coordinates: {{a: {{}}, b: {{}}, c: {{}}, d: {{}}{names}}}
+definitions:
+  w1: 2*(a*b_dot - b*a_dot - c*d_dot + d*c_dot)
+  w2: 2*(a*c_dot - c*a_dot - d*b_dot + b*d_dot)
+  w3: 2*(a*d_dot - d*a_dot - b*c_dot + c*b_dot)
+energy:
+  kinetic: (A*w1^2 + B*w2^2 + C*w3^2)/2{kinetic}
+  potential: {potential}
+constraints: {{unit: a^2 + b^2 + c^2 + d^2 = 1}}
+initial: {initial}
+simulation: {{duration: 3, output_step: 0.1}}
+"""
+UNROTATED = "{a: 1, b: 0, c: 0, d: 0, b_dot: 0.1, c_dot: 0.5, d_dot: 0.1%s}"
+HALF_TURN = "{a: 0, b: 0, c: -1, d: 0, a_dot: 0.3, b_dot: 0.5, d_dot: -0.4%s}"
+# A particle that passes the pole of its polar coordinates at 1e-3 of where it starts.
+POLAR = ", r: 1, phi: 0, r_dot: -1, phi_dot: 1e-3"
+
+
+def body(initial, unit="1", names="", kinetic="", potential="0"):
+    return BODY.format(
+        initial=initial, unit=unit, names=names, kinetic=kinetic, potential=potential
+    )
+
+
+@pytest.mark.parametrize("initial", [UNROTATED, HALF_TURN])
+@pytest.mark.parametrize("unit", ["1e-9", "1e9"])
+def test_a_quaternion_is_no_gimbal(initial, unit):
+    assert codes(run(body(initial % "", unit))) == []
+
+
+@pytest.mark.parametrize("options", [{"method": "rk4", "step": 0.001}, {"rtol": 1e-5}])
+def test_nor_is_one_by_another_method_or_tolerance(options):
+    assert SINGULAR not in codes(run(body(UNROTATED % ""), **options))
+
+
+def test_nor_beside_a_heavy_body():
+    found = run(body(UNROTATED % ", x: 5, x_dot: 2", "1", ", x: {}", " + 1e12*x_dot^2"))
+    assert codes(found) == []
+
+
+@pytest.mark.parametrize("unit", ["1e-6", "1", "1e6"])
+def test_polar_coordinates_beside_a_quaternion_still_are(unit):
+    polar = f" + {unit}*(r_dot^2 + r^2*phi_dot^2)/2"
+    found = run(body(UNROTATED % POLAR, unit, ", r: {}, phi: {}", polar))
+    (caution,) = [c for c in cautions(found) if c.code == SINGULAR]
+    assert "inertia of `phi`" in caution.text
+
+
+# Euler's angles through the upright; a constraint holds spin, precession or neither.
+TOP = """\
+coordinates: {{phi: {{}}, theta: {{}}, psi: {{}}, x: {{}}}}
+energy:
+  kinetic: >
+    (theta_dot^2 + (phi_dot*sin(theta))^2)/2
+    + 0.6*(psi_dot + phi_dot*cos(theta))^2/2 + x_dot^2/2
+  potential: 0
+constraints: {{held: {held}}}
+initial: {{phi: 0, theta: 0.5, psi: 0, x: 0, theta_dot: -1, x_dot: -1, phi_dot: {turn}}}
+simulation: {{duration: 0.7, output_step: 0.01}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("held", "turn", "told"),
+    [
+        # What is left is theta and, of spin and precession, their sum.
+        ("psi = 0", 0, False),
+        ("psi = phi", 0, False),
+        # What holds neither leaves both.
+        ("x = theta - 0.5", 1e-3, True),
+    ],
+)
+def test_angles_at_the_pole_are_one_where_a_constraint_leaves_one(held, turn, told):
+    found = run(TOP.format(held=held, turn=turn), formulation="projection")
+    # At the pole itself psi'' is no number.
+    assert {*codes(found)} - {"column-not-finite"} == ({SINGULAR} if told else set())
+
+
+# What a method without events leaves of constraints
+
+FALLING = """\
+coordinates: {{y: {{}}{names}}}
+energy: {{kinetic: {mass}*y_dot^2/2{kinetic}, potential: {mass}*9.81*y}}
+constraints: {{floor: {{relation: y >= {floor}, restitution: 0}}}}
+initial: {{y: {start}{initial}}}
+simulation: {{duration: 1.5, output_step: {every}}}
+"""
+
+
+def falling(unit=1.0, mass=1.0, every=0.01, floor="0", names="", kinetic="", more=""):
+    return FALLING.format(
+        mass=mass, every=every, floor=floor, start=unit, names=names,
+        kinetic=kinetic, initial=more,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("step", [1e-2, 1e-3])
+@pytest.mark.parametrize("every", [0.01, 1.5])
+@pytest.mark.parametrize("mass", [1e-6, 1e6])
+def test_what_lands_may_stay_as_deep_as_a_step_goes(step, every, mass):
+    found = run(falling(mass=mass, every=every), method="moreau", step=step)
+    # It strikes at sqrt(2 g) = 4.43.
+    assert -1e-6 > found["y"][-1] > -4.43 * step
+    assert codes(found) == []
+
+
+def test_on_a_floor_that_rises():
+    # 1 - 9.81 t^2/2 = 2 t at t = 0.29.
+    found = run(falling(floor="2*t", every=0.5), method="moreau", step=0.01)
+    assert found["y"][-1] < 3.0
+    assert codes(found) == []
+
+
+@pytest.mark.parametrize(
+    # What a contact closes with: the body's speed, and that of the floor.
+    ("floor", "speeds", "closing"), [("0", 4.43, 4.43), ("2*t", 0.5, 2.5)],
+)  # fmt: skip
+def test_what_is_deeper_is_told_whatever_flies_beside_it(floor, speeds, closing):
+    fast = falling(
+        names=", x: {}", kinetic=" + x_dot^2", more=", x: 0, x_dot: 1e6", floor=floor
+    )
+    found = run(fast, method="moreau", step=0.02)
+    depth = -np.min(found["missed.floor"])
+    assert depth > 1e-4
+    extents = {"x_dot": (0.0, 1e6), "y_dot": (-speeds, 0.1)}
+    trajectory = found.trajectory._replace(extents=extents)
+    # Two steps at that speed come as deep, or not quite.
+    for part, told in ((0.9, [HELD]), (1.1, [])):
+        plan = replace(found.plan, step=part * depth / closing / 2)
+        session = found.session._replace(plan=plan)
+        other = replace(found, session=session, trajectory=trajectory)
+        assert [c.code for c in about_constraints(evidence(other))] == told
+
+
+# Constraint, its start, and by how much it changes in a step h, from its closed form:
+# pendulum, drive, knife edge, speed of a falling point.
+EQUALITIES = {
+    "x^2 + z^2 = {u}^2": ("z_dot: {u}", 2.0, True),
+    "x = 0.1*{u}*sin(2*pi*t)": ("x_dot: 0.2*pi*{u}", 0.4 * np.pi**2, True),
+    "x = {u}*if(t < 0.7, 0, t - 0.7)": ("a_dot: 0", 1.0, True),
+    "sin(a)*x_dot = cos(a)*z_dot": ("x_dot: 0.8*{u}, a_dot: 1.5", 1.2, False),
+    "x_dot^2 + z_dot^2 = {u}^2": ("x_dot: {u}", 2.0, False),
+}
+HELD_ROW = """\
+coordinates: {{x: {{}}, z: {{}}, a: {{}}}}
+energy:
+  kinetic: {mass}*(x_dot^2 + z_dot^2)/2 + {mass}*({unit})^2*a_dot^2/2
+  potential: {mass}*{unit}*z
+constraints: {{row: "{row}"}}
+initial: {{x: {x}, z: 0, a: 0, {start}}}
+simulation: {{duration: 2, output_step: 0.05}}
+"""
+
+
+def held(row, start, unit=1.0, mass=1.0):
+    text = {"row": row.format(u=unit), "start": start.format(u=unit)}
+    x = unit if row.startswith("x^2") else 0.0
+    return HELD_ROW.format(**text, x=x, unit=unit, mass=mass)
+
+
+@pytest.mark.parametrize("step", [0.01, 1e-3])
+@pytest.mark.parametrize(("unit", "mass"), [(1.0, 1.0), (1e-4, 1e3), (1e5, 1e-6)])
+@pytest.mark.parametrize("row", EQUALITIES)
+def test_equalities_may_be_off_by_what_they_change_in_a_step(row, unit, mass, step):
+    start, _, _ = EQUALITIES[row]
+    found = run(held(row, start, unit, mass), method="moreau", step=step)
+    assert HELD not in codes(found)
+
+
+@pytest.mark.parametrize("row", EQUALITIES)
+def test_what_is_off_by_more_is_told(row):
+    start, change, of_places = EQUALITIES[row]
+    found = run(held(row, start), method="moreau", step=0.01)
+    rows = found.rows.copy()
+    # Ten times what a step may leave: the change in it, in places over the step.
+    rows[20, found.system.columns.names.index("residual_row")] = (
+        10.0 * change * (1e-4 if of_places and "if" not in row else 1e-2)
+    )
+    cautions = about_constraints(evidence(replace(found, rows=rows)))
+    assert [c.code for c in cautions] == [HELD]

@@ -13,21 +13,9 @@ from lagsim.model.reader import read
 from lagsim.run.observers.monitors import numbers
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import G, contact, scene
-from tests.studies.error_bar.test_known import within
+from tests.small_scenes import bounced
+from tests.studies.error_bar.test_known import column, told_and_true, within
 from tests.studies.judged import barred, made, repeated
-
-
-def bounces(e, t):
-    """Give the height of a ball dropped from 1 at times (k,)."""
-    fallen = math.sqrt(2 / G)
-    found = np.where(t <= fallen, 1 - G * t * t / 2, 0.0)
-    begun, speed = fallen, e * G * fallen
-    while speed > 1e-9 and begun < t[-1]:
-        s = t - begun
-        flies = (s > 0) & (s <= 2 * speed / G)
-        found[flies] = (speed * s - G * s * s / 2)[flies]
-        begun, speed = begun + 2 * speed / G, e * speed
-    return found
 
 
 def strikes(e, t):
@@ -49,24 +37,17 @@ MORE = [
 ]
 
 
-def told_and_true(text, truth, options):
-    kept, bar = barred(read(text, "m.yaml", options=options))
-    assert not isinstance(bar, str), bar
-    true = np.abs(kept.rows[:, 1] - truth(kept.rows[:, 0])) / bar.scales[0]
-    return bar, float(np.max(bar.parts)), float(np.max(true))
-
-
 @pytest.mark.parametrize(
     "options", [*FEW, *(pytest.param(o, marks=pytest.mark.slow) for o in MORE)]
 )
 @pytest.mark.parametrize("e", [0.5, 0.8, 1.0])
 def test_told_within_a_factor_30(e, options):
     ball = scenes.ball(e, duration=5, output_step=0.02)
-    bar, told, true = told_and_true(ball, lambda t: bounces(e, t), options)
+    bar, told, true = told_and_true(ball, column(lambda t: bounced(t, e)), options)
     # Parabolas have no error but of rounding, where any of two roundings may be worse.
     assert within(told, true) or max(told, true) < 1e-13
     stop = scenes.oscillator("x >= -0.5", e, duration=20, output_step=0.02)
-    bar, told, true = told_and_true(stop, lambda t: strikes(e, t), options)
+    bar, told, true = told_and_true(stop, column(lambda t: strikes(e, t)), options)
     assert within(told, true)
     assert bar.horizon is None
 

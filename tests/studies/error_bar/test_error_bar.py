@@ -1,21 +1,27 @@
-"""The estimated error of a run against its true one."""
+"""The error bar: its estimate, its scales, rows that are compared, means and costs."""
 
 from __future__ import annotations
 
+import json
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpmath import mp, mpf
 
 from lagsim.model.reader import read, read_file
-from lagsim.run.error import TIMES, ErrorBar
+from lagsim.run.error import TIMES, ErrorBar, Failed
+from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers.monitors import MOST_ROWS, Checkpoints
-from lagsim.studies.error_bar import LOOSER
+from lagsim.run.trajectory import Outcome
+from lagsim.studies import error_bar
+from lagsim.studies.alarms import about_error
+from lagsim.studies.error_bar import LOOSER, Allowance, Repeat, by_other_means
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
-from tests.small_scenes import pendulum, swing
-from tests.studies.judged import barred
-from tests.support import MODELS
+from tests.small_scenes import oscillator, pendulum, swing
+from tests.studies.judged import barred, made, repeated
+from tests.support import MODELS, run
 
 
 def shipped(name, **options):
@@ -174,3 +180,351 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
     assert (bar.rtol, bar.horizon) == (judged[1], None)
     texts += 9 * ["lost"]
     assert "not valid itself: lost" in barred(read(PENDULUM, "m.yaml"))[1]
+
+
+# Rows that correspond
+
+
+def test_a_short_last_row():
+    # Half a row: nearness would match it with the row before.
+    text = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 50*x^2}
+initial: {x: 1}
+simulation: {duration: 3.0001, output_step: 0.5, method: dop853}
+"""
+    kept, bar = barred(read(text, "m.yaml"))
+    assert len(bar.times) == len(kept.rows) == 8
+    assert bar.times[-1] == 3.0001
+    true = np.abs(kept.rows[:, 1] - np.cos(10 * kept.rows[:, 0]))
+    assert bar.errors[-1, 0] == pytest.approx(true[-1], rel=0.1)
+    assert bar.relative < 1e-9
+
+
+IMPACT = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 2*(x - y)^2}
+constraints: {a: "x = abs(t - T)"}
+parameters: {T: 1.005}
+initial: {x: T, y: T, x_dot: -1, y_dot: -1}
+simulation: {duration: 3, output_step: 0.25}
+"""
+
+
+@pytest.mark.parametrize("moment", ["1.005", "1", "0.1"])
+def test_impacts(moment):
+    """A wall that turns back: y + T - t swings, until then at rest beside x."""
+    kept, bar = barred(read(IMPACT.replace("1.005", moment), "m.yaml"))
+    t, T = kept.rows[:, 0], float(moment)
+    w = 2.0  # y'' = -4 (y - x)
+    after = np.maximum(t - T, 0.0)
+    # After it y - x is an oscillation that begins with the speed -2.
+    y = np.abs(t - T) - np.where(t > T, 2.0 / w * np.sin(w * after), 0.0)
+    assert np.max(np.abs(kept.rows[:, 2] - y)) < 1e-10
+    assert len(bar.times) == len(set(bar.times)) == 13
+    assert bar.relative < 1e-10
+    assert bar.horizon is None
+
+
+def test_rows_between_the_grid_are_not_kept():
+    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=0.1))
+    t = np.array([0, 0.1, 0.2, 0.23, 0.23, 0.30000000000000004, 0.4, 0.43])
+    kept.add(np.column_stack([t, 10 * t, 0 * t]))
+    assert list(kept.states) == [0, 1, 2, 3, 4]
+    assert kept.rows[:, 0].tolist() == [0, 0.1, 0.2, 0.30000000000000004, 0.4, 0.43]
+
+
+def test_numbers_stay_right_where_rows_are_thinned_after_an_impact():
+    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=1.0))
+    t = np.sort(np.concatenate([np.arange(20_000.0), [7.25, 7.25, 9.5, 9.5]]))
+    for block in np.array_split(np.column_stack([t, t, 0 * t]), 13):
+        kept.add(block)
+    assert kept.stride > 1
+    assert all(number == row[0] for number, row in kept.states.items())
+    assert all(number % kept.stride == 0 for number in kept.states)
+
+
+def test_many_rows_are_compared_with_rows_of_the_same_times():
+    text = oscillator("duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7")
+    kept, bar = barred(read(text, "m.yaml"))
+    assert kept.stride > 1
+    true = np.max(np.abs(kept.rows[:, 1] - np.cos(kept.rows[:, 0])))
+    assert bar.coordinates["x"].largest == pytest.approx(true, rel=0.1)
+
+
+def test_an_end_that_the_repeat_does_not_confirm():
+    # Narrow: 0.02 wide, passed within a hundredth of a second, if it is seen at all.
+    simulation = 'duration: 10, output_step: 0.01, method: dop853, until: "x >= 0.5"'
+    text = oscillator(simulation, x=0, v=1)
+    kept, bar = barred(read(text, "m.yaml"))
+    assert kept.rows[-1, 0] == pytest.approx(np.arcsin(0.5), abs=1e-9)
+    assert bar.times[-1] == kept.rows[-1, 0]
+    assert bar.parted == ""
+    assert bar.relative < 1e-9
+
+
+# What errors are measured by
+
+LIGHT = """
+parameters: {m: 1e-3, M: 1e27, R: 1e9}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: "(m*x_dot^2 + M*y_dot^2)/2", potential: "m*(1 - cos(x)) + M*y^2/2"}
+initial: {x: 2, y: R}
+simulation: {duration: 30, output_step: 0.1, method: rk4, step: 0.05}
+"""
+
+
+def test_a_light_body_does_not_hide_behind_a_heavy_one():
+    # In the metric of M one part in a million of y would be 1e18 times the range of x.
+    alone = LIGHT.replace("R: 1e9", "R: 0")
+    parts = [barred(read(text, "m.yaml"))[1].parts[:, 0] for text in (alone, LIGHT)]
+    assert np.max(parts[0]) > 1e-8
+    assert np.max(parts[1]) == pytest.approx(np.max(parts[0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("heavy", ["1e-6", "1", "1e12"])
+def test_what_stays_still_beside_a_motion_has_no_horizon(heavy):
+    # z is off by rounding only, and its range is rounding, too.
+    text = """
+parameters: {M: 1}
+coordinates: {x: {}, z: {}}
+energy: {kinetic: (M*x_dot^2 + z_dot^2)/2, potential: M*x^2/2 + z^2}
+initial: {x: 1, z: 1e-14}
+simulation: {duration: 100, output_step: 0.5, method: dop853}
+"""
+    bar = barred(read(text.replace("M: 1}", f"M: {heavy}}}"), "m.yaml"))[1]
+    assert bar.horizon is None
+
+
+@pytest.mark.parametrize("step", ["1", "2", "3", "6.5"])
+@pytest.mark.parametrize("method", ["auto", "taylor", "dop853", "radau"])
+def test_rows_in_phase_with_the_motion_are_no_scale(step, method):
+    # x = sin(2 pi t): of rows a period apart, or half of one, the range is rounding.
+    text = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 2*pi^2*x^2}
+initial: {x: 0, x_dot: 2*pi}
+simulation: {duration: 13, output_step: 1}
+"""
+    options = {"method": method, "output_step": step, "rtol": "1e-9"}
+    bar = barred(read(text, "m.yaml", options=options))[1]
+    assert bar.scales == pytest.approx([2.0], rel=0.1)
+    assert bar.relative < 1e-6
+    assert bar.horizon is None
+
+
+def test_a_place_far_away_is_no_scale():
+    near = """
+parameters: {L: 0}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: -cos(x - L)}
+initial: {x: L + 2}
+simulation: {duration: 20, output_step: 0.1, method: dop853, rtol: 1e-6}
+"""
+    far = near.replace("L: 0", "L: 4096")
+    scales = [barred(read(text, "m.yaml"))[1].scales for text in (near, far)]
+    assert scales[0] == pytest.approx(scales[1], rel=1e-3)
+    # What rounding alone makes of the place is told, too.
+    bar = barred(read(far, "m.yaml", options={"rtol": "1e-13"}))[1]
+    assert bar.coordinates["x"].largest >= 4096 * 2.0**-53
+
+
+# A pendulum in the plane x = 0, on which a row holds it that knows the other two.
+PLANE = """
+parameters: {{L: 1, m: 1}}
+coordinates: {{x: {{}}, y: {{}}, z: {{}}}}
+energy: {{kinetic: m*(x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.81*m*z}}
+constraints: {{rod: x^2 + y^2 + z^2 = L^2{more}}}
+initial: {{x: 0, y: 0.6*L, z: -0.8*L}}
+simulation: {{duration: 5*sqrt(L), output_step: 0.1*sqrt(L), method: dop853}}
+"""
+
+
+@pytest.mark.parametrize("length", ["1e-9", "1", "1e6"])
+def test_what_rows_keep_at_rest_is_told_as_a_part_of_what_it_is_linked_with(length):
+    # x is 0 for ever; what a double loses of the other two is all that it has.
+    row = "x = 0.25*(x^2 + y^2 + z^2 - L^2)/L"
+    text = PLANE.format(more=f", plane: {row}")
+    bar = barred(read(text.replace("L: 1", f"L: {length}"), "m.yaml"))[1]
+    told = bar.coordinates["x"]
+    assert told.largest < 1e-14 * float(length)
+    assert told.relative < 1e-12
+    assert bar.scales[1] == pytest.approx(1.2 * float(length), rel=1e-2)
+
+
+def test_a_small_motion_is_not_hidden_by_what_it_is_linked_with():
+    # y = z^2 is 1e-10 of the way of z, a motion of its own, thousands of roundings.
+    text = """
+coordinates: {y: {}, z: {}}
+energy: {kinetic: (y_dot^2 + z_dot^2)/2, potential: z^2/2}
+constraints: {path: y = 1e-10*z^2}
+initial: {y: 1e-10, z: 1}
+simulation: {duration: 10, output_step: 0.1, method: dop853}
+"""
+    bar = barred(read(text, "m.yaml"))[1]
+    assert bar.scales[0] < 1e-8
+
+
+def test_what_rests_at_its_place_is_told_as_a_part_of_that():
+    # Rounding of its value alone, beside what moves ten times as far.
+    text = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+initial: {x: 1, y: 0}
+simulation: {duration: 1.4, output_step: 0.1, method: dop853}
+"""
+    told = barred(read(text, "m.yaml"))[1].coordinates["x"]
+    assert 0.0 < told.largest < 1e-15
+    assert told.relative < 1e-15
+
+
+# Other means
+
+TIGHT = ("1e-13", "2e-14", "1e-14", "5e-15", "2e-15")
+
+
+@pytest.mark.parametrize("rtol", ["1e-4", "1e-6", "1e-9", "1e-11", *TIGHT])
+@pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
+def test_tolerances_of_repeats_differ(method, rtol):
+    session, trajectory, _ = made(
+        read(PENDULUM, "m.yaml", options={"method": method, "rtol": rtol})
+    )
+    ways = list(by_other_means(session, trajectory))
+    assert len(ways) >= 2
+    for way in ways:
+        parts = way.session.plan.rtol / float(rtol), float(rtol) / way.session.plan.rtol
+        assert max(parts) >= 0.999 * LOOSER
+    # The last cannot take the run's steps, whatever the tolerance makes of them.
+    mean = trajectory.end / trajectory.statistics.steps
+    assert ways[-1].session.longest_step < 0.5 * mean
+
+
+@pytest.mark.parametrize("rtol", TIGHT)
+@pytest.mark.parametrize(
+    "name", ["andrews", "car-axis", "chain-angles", "chain-cartesian"]
+)
+def test_tight_tolerances_have_an_estimate_by_other_steps(name, rtol):
+    model = shipped(name, rtol=rtol)
+    bar = barred(model)[1]
+    assert isinstance(bar, ErrorBar), bar
+    # The errors of two motions by different steps differ by rounding, at least.
+    assert 2.0**-52 < bar.relative < 1e-10
+
+
+@pytest.mark.parametrize("rtol", TIGHT)
+def test_chaos_has_a_horizon_at_every_tolerance(rtol):
+    """The Lyapunov exponent of about 1/s leaves no digit of rounding after 35 s."""
+    bar = barred(shipped("double-pendulum", duration="40", rtol=rtol))[1]
+    assert isinstance(bar, ErrorBar)
+    assert 20.0 < bar.horizon < 35.0
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853", "radau"])
+def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
+    options = {"method": method, "rtol": "1e-9"}
+    session, trajectory, kept = made(read(PENDULUM, "m.yaml", options=options))
+
+    def itself(session, _trajectory):
+        yield Repeat(session)
+
+    monkeypatch.setattr(error_bar, "by_other_means", itself)
+    bar = repeated(session, trajectory, kept)
+    assert isinstance(bar, Failed)
+    assert "same steps as the run" in bar
+
+
+@pytest.mark.parametrize("method", ["rk4", "euler", "verlet", "midpoint", "gauss4"])
+def test_fixed_steps_are_repeated_by_others(method):
+    options = {"method": method, "step": "0.05"}
+    session, trajectory, _ = made(read(PENDULUM, "m.yaml", options=options))
+    for way in by_other_means(session, trajectory):
+        assert way.session.plan.method != method
+        assert way.session.plan.rtol
+
+
+def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):
+    """In run.json and on the terminal, with its code; other reasons are none."""
+    monkeypatch.setattr(error_bar.Allowance, "steps", lambda *_: 3)
+    file = tmp_path / "m.yaml"
+    file.write_text("name: swing\n" + PENDULUM)
+    called = lagsim("run", file, "--no-plots", "-o", tmp_path / "r")
+    assert called.code == 0
+    assert "the error of the rows is not known" in called.err + called.out
+    record = json.loads((tmp_path / "r" / "run.json").read_text())
+    assert [w["code"] for w in record["warnings"]] == ["error-unknown"]
+    assert record["error"] is None
+
+
+def test_what_nobody_asked_for_is_no_warning():
+    known = {"plan": SimpleNamespace(rtol=1e-11), "bar": "not asked for"}
+    balances = [SimpleNamespace(part=1e-9)]
+    assert about_error(SimpleNamespace(equations=0, balances=balances, **known)) == []
+
+
+# Costs, and rounded times
+
+WAVE = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: "sign(sin(3*(t - T)))"}
+initial: {x: 0}
+parameters: {T: START}
+simulation: {start: START, duration: 9, output_step: 0.25}
+"""
+
+
+def test_arcs_count_as_steps():
+    whole = run(WAVE.replace("START", "0")).trajectory
+    assert whole.statistics.arcs == 9  # half periods: 27/pi = 8.6
+    count = whole.statistics.steps
+    # Five arcs are all that the rest of the steps is worth.
+    cut = run(
+        WAVE.replace("START", "0"), most_steps=count + 5000, arc_steps=1000.0
+    ).trajectory
+    assert cut.outcome is Outcome.TOO_MANY_STEPS
+    assert cut.statistics.arcs <= 6
+    enough = run(
+        WAVE.replace("START", "0"), most_steps=MOST_STEPS, arc_steps=1000.0
+    ).trajectory
+    assert enough.outcome is Outcome.DONE
+
+
+def test_all_repeats_together_stay_within_the_allowance():
+    found = run(PENDULUM)
+    allowance = Allowance(found.system, found.trajectory)
+    before = allowance.left
+    price = Repeat(found.session)
+    assert allowance.steps(price) > 1000
+    allowance.take(price, found.trajectory)
+    assert before > allowance.left > 0.0
+    allowance.left = 0.0
+    _, bar = barred(read(PENDULUM, "model.yaml"), allowance=allowance)
+    assert bar.startswith("a repeat did not finish")
+
+
+def exact(start, times):
+    """Give the exact positions: parabolas between the zeros of the sine."""
+    mp.dps = 40
+    half, found = mp.pi / 3, []
+    for time in times:
+        left, x, v, sign = mpf(float(time)) - mpf(start), mpf(0), mpf(0), 1
+        while left > 0:
+            h = min(left, half)
+            x, v = x + v * h + sign * h * h / 2, v + sign * h
+            left, sign = left - h, -sign
+        found.append(x)
+    return found
+
+
+@pytest.mark.parametrize("start", ["-537.3", "10000.1", "2000000.7"])
+def test_times_of_switches_are_rounded_and_told(start):
+    checkpoints, bar = barred(read(WAVE.replace("START", start), "model.yaml"))
+    rows = checkpoints.rows
+    truth = exact(float(start), rows[:, 0])
+    off = max(
+        abs(float(mpf(float(x)) - y)) for x, y in zip(rows[:, 1], truth, strict=True)
+    )
+    told = float(np.max(bar.errors))
+    assert off > 1e-15  # the zeros of the sine are no doubles
+    assert off < 30 * told
+    assert told < 1000 * off

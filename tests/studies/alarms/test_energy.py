@@ -1,0 +1,690 @@
+"""Energy that is gained, lost or drifts: findings and warnings, on spoilt rows too.
+
+Of the whole and of groups that touch no other; jumps of an expression are no error.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.outputs.table import TableWriter
+from lagsim.run.error import ErrorBar
+from lagsim.run.observers.monitors import Growth
+from lagsim.studies.alarms import Energy, group_balances
+from tests.small_scenes import held_pendulum
+from tests.studies.judged import cautions, codes, doubt, evidence
+from tests.support import run
+
+SWING = """
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: "1 - cos(x)"}
+initial: {x: 1}
+simulation: {duration: 10, output_step: 0.01}
+"""
+ROD = held_pendulum("pi/2", "duration: 10, output_step: 0.01")
+
+
+def spoilt(found, column, change):
+    """Give a run with a function of the time added to a column of its rows."""
+    rows = found.rows.copy()
+    place = found.system.columns.names.index(column)
+    rows[:, place] += change(rows[:, 0])
+    return replace(found, rows=rows)
+
+
+def bar_of(found, error, **more):
+    """Give an estimate that is the same for the coordinate and its rate."""
+    t = found.rows[:, 0]
+    errors = error(t)[:, None]
+    scales = np.ptp(found.rows[:, 1:2], axis=0)
+    return ErrorBar("dop853", 1e-13, ("x",), t, errors, scales, rates=errors, **more)
+
+
+def bump(size):
+    return lambda t: size * (np.abs(t - 5.0) < 0.25)
+
+
+def test_a_sound_run_is_not_in_doubt():
+    for text in (SWING, ROD):
+        found = run(text)
+        assert doubt(found) is None
+        assert codes(found) == []
+
+
+@pytest.mark.parametrize("size", [0.3, -0.3, 3e-3])
+def test_energy_that_comes_back(size):
+    """The first and the last value are the same; the largest deviation counts."""
+    found = spoilt(run(SWING), "energy", bump(size))
+    told = doubt(found)
+    assert told.refutes
+    assert told.time == pytest.approx(4.75, abs=0.02)
+    assert codes(found) == ["energy-gained" if size > 0 else "energy-lost"]
+
+
+@pytest.mark.parametrize("size", [1e-5, -1e-4])
+def test_a_drift_that_no_estimate_explains_is_a_warning(size):
+    """The energy in play is 1 - cos 1 = 0.46."""
+    found = spoilt(run(SWING), "energy", bump(size))
+    assert codes(found) == ["error-unknown"]
+    assert not codes(spoilt(run(SWING, rtol=1e-6), "energy", bump(size)))
+    assert not codes(spoilt(found, "energy", bump(-size)))
+
+
+def test_what_the_estimated_error_explains_is_no_doubt():
+    # At a speed of up to 1 an error of 1e-4 is worth no more than 2e-4.
+    found = spoilt(run(SWING), "energy", bump(1e-4))
+    assert doubt(found, bar_of(found, lambda t: 1e-12 * (1 + t))).refutes
+    assert doubt(found, bar_of(found, lambda t: 1e-4 * (t > 4))) is None
+    # An error that comes later explains nothing.
+    later = doubt(found, bar_of(found, lambda t: 1e-4 * (t > 7)))
+    assert later is not None
+    assert later.refutes
+
+
+def test_energy_that_is_far_off_is_in_doubt_whatever_explains_it():
+    found = spoilt(run(SWING), "energy", bump(0.3))
+    assert doubt(found, bar_of(found, lambda t: 1.0 * (t > 4))).refutes
+
+
+ONE_SIDED = """
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: "y^2/2 + POTENTIAL"}
+initial: {x: 1, y: 0.3}
+simulation: {duration: 10, output_step: 0.01}
+"""
+CONTINUOUS = [
+    "if(x > 0, x^2, 0) + if(x < 0, 3*x^2, 0)",
+    "x^2 + max(0, -x)^2",
+    "abs(x)",
+    "x^2/2 + if(x > 0.5, (x - 0.5)*y, 0)",
+    "x^2 + sign(x)*x^3",
+    "x^2 + 1e-3*sign(x + y)*(x + y)",
+    "x^2 + if(y > 0, 1, 1)*x^2",
+]
+JUMPING = [
+    "x^2 + if(x > 0, 0.01, 0)",
+    "x^2/2 + floor(3*x)",
+    "x^2 + sign(y)*(1 + y)",
+    "x^2 + if(x > 0 and y > 0, x + y, 0)",
+    "x^2 + heaviside(x - 0.2)",
+]
+
+
+@pytest.mark.parametrize("potential", CONTINUOUS)
+def test_an_energy_with_switches_is_judged_where_it_is_continuous(potential):
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift < 1e-8
+    assert doubt(found) is None
+    told = doubt(spoilt(found, "energy", bump(0.3)))
+    assert told.refutes
+    assert told.time == pytest.approx(4.75, abs=0.02)
+
+
+@pytest.mark.parametrize("potential", JUMPING)
+def test_an_energy_that_jumps_is_not(potential):
+    """A jump of the potential makes no impulse, and its energy is another."""
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift > 1e-3
+    assert doubt(found) is None
+    assert doubt(spoilt(found, "energy", bump(0.3))) is None
+
+
+def test_a_jump_that_one_row_alone_shows():
+    # At t = 1.01: of the 1001 rows each other one is kept to be looked at.
+    potential = "x^2 + if(abs(x - 0.142) < 0.001, 0.01, 0)"
+    found = run(ONE_SIDED.replace("POTENTIAL", potential))
+    assert found.drift > 1e-3
+    assert doubt(found) is None
+
+
+def test_a_constraint_that_lets_go():
+    found = spoilt(run(ROD), "residual_rod", lambda t: 1e-3 * np.maximum(t - 6, 0))
+    told = doubt(found)
+    assert told.refutes
+    assert "`rod`" in told.text
+    assert told.time == pytest.approx(6.0, abs=0.05)
+    assert "constraint-not-held" in codes(found)
+
+
+def test_a_constraint_whose_terms_all_vanish_is_held():
+    """Off by rounding, and so is all that it is made of; x moves by 1 beside it."""
+    text = """
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: x^2/2}
+constraints: {flat: y - z = 0}
+initial: {x: 1, y: 0, z: 0}
+simulation: {duration: 10, method: dop853, formulation: projection}
+"""
+    found = run(text)
+    for name in ("y", "residual_flat", "scale.flat"):
+        found = spoilt(found, name, lambda t: 1e-17 * (t > 3))
+    assert doubt(found) is None
+    assert codes(found) == []
+    off = spoilt(found, "residual_flat", lambda t: 1e-3 * (t > 3))
+    assert doubt(off).refutes
+
+
+def test_another_end_is_in_doubt_and_told():
+    found = run(SWING)
+    bar = bar_of(found, lambda t: 1e-12 * (1 + t), parted="it ended with `done`")
+    told = doubt(found, bar)
+    assert told is not None
+    assert not told.refutes
+    assert codes(found, bar) == ["end-in-doubt"]
+
+
+def test_methods_with_fixed_steps_are_not_judged():
+    found = run(SWING, method="rk4", step="0.01")
+    assert doubt(spoilt(found, "energy", bump(0.3))) is None
+    loose = run(ROD, formulation="drift", method="dop853", rtol="1e-3")
+    assert doubt(loose) is None
+
+
+def test_when_a_value_has_grown():
+    grown = Growth()
+    t = np.arange(1000.0)
+    for block in np.array_split(t, 11):
+        grown.add(block[:, np.newaxis], 1e-6 * np.exp(block / 50))
+    for bound in (1e-5, 1e-3, 0.1):
+        exact = 50 * np.log(bound * 1e6)
+        # Noted at steps of 10 %, which is 5 units of time.
+        assert exact <= grown.since(bound) <= exact + 6
+    assert grown.since(1e9) is None
+
+
+def test_a_table_begins_anew(tmp_path):
+    path = tmp_path / "t.csv"
+    writer = TableWriter(path, ["t", "x"])
+    writer.add(np.arange(200.0).reshape(100, 2))
+    writer.begin_anew()
+    assert (writer.rows, writer.last) == (0, None)
+    writer.add(np.array([[1.0, 2.0]]))
+    writer.close()
+    assert path.read_bytes() == b"t,x\r\n1.0,2.0\r\n"
+
+
+# Groups that touch no other
+
+# A pendulum of 1 J, and beside it an oscillator of 50 kJ, or more.
+PENDULUM_BESIDE = """
+parameters: {{M: {M}}}
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: x_dot^2/2 + M*z_dot^2/2, potential: "1 - cos(x) + M*z^2/2{more}"}}
+{forces}
+initial: {{x: 1, z: 1}}
+simulation: {{start: {start}, duration: 10, output_step: 0.01}}
+"""
+BALL = """
+parameters: {M: 1e5}
+coordinates: {y: {}, z: {}}
+energy: {kinetic: y_dot^2/2 + M*z_dot^2/2, potential: 9.81*y + M*z^2/2}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+initial: {y: 1, z: 1}
+simulation: {duration: 2, output_step: 0.01}
+"""
+ROD_BESIDE = """
+parameters: {M: 1e5}
+coordinates: {x: {}, y: {}, z: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2 + M*z_dot^2/2, potential: y + M*z^2/2}
+constraints: {rod: x^2 + y^2 = 1}
+initial: {x: 1, y: 0, z: 1}
+simulation: {duration: 10, output_step: 0.01}
+"""
+
+
+def beside(M=1e5, more="", forces="", start=0.0):
+    return PENDULUM_BESIDE.format(M=M, more=more, forces=forces, start=start)
+
+
+def faster(found, name, speed, since):
+    """Give a run whose body of unit mass is faster from some time on."""
+    late = found["t"] - found["t"][0] > since
+    gain = late * (found[name] * speed + speed**2 / 2)
+    wrong = spoilt(found, name, lambda _: late * speed)
+    return spoilt(wrong, "energy", lambda _: gain)
+
+
+def shown(found):
+    monitor = evidence(found).monitor
+    return {b.names: b for b in group_balances(found.equations, monitor)}
+
+
+SCENES = [
+    beside(),
+    beside(M=1e9, start=1e3),
+    beside(forces="forces: {x: -0.1*x_dot}"),
+    beside(forces="forces: {x: 0.3*sin(t)}"),
+    beside(forces="forces: {z: 1e3*sin(t)}"),
+    beside(more=" + x*sin(2*t)/10"),
+    beside(forces="forces: {x: -0.1*x_dot, z: 1e3*sin(t)}"),
+    beside(forces="forces: {x: 0.3*sin(t), z: -1e3*z_dot}", M=1e7, start=-50),
+    beside(more=" + x*sin(2*t)/10 + sin(3*t)", forces="forces: {z: -z_dot}"),
+    ROD_BESIDE,
+]
+
+
+@pytest.mark.parametrize("text", [*SCENES, BALL])
+def test_sound_groups_are_not_in_doubt(text):
+    found = run(text)
+    assert len(shown(found)) == 2
+    for balance in shown(found).values():
+        assert balance.drift < 1e-8 * balance.in_play
+    assert doubt(found) is None
+
+
+@pytest.mark.parametrize("text", SCENES)
+def test_no_other_energy_hides_what_a_body_gains(text):
+    """A velocity that is off by 5 % is 1e-7 of the energy beside it, or less."""
+    found = run(text)
+    told = doubt(faster(found, "x_dot", 0.05, since=5))
+    assert told.refutes
+    assert told.text.startswith("energy - work of x")
+    assert told.time - found["t"][0] == pytest.approx(5, abs=0.2)
+
+
+def test_a_bounce_that_gains_beside_an_oscillator():
+    found = run(BALL)
+    told = doubt(faster(found, "y_dot", 0.1, since=1))
+    assert told.refutes
+    assert told.time == pytest.approx(1, abs=0.05)
+
+
+def test_the_share_of_each_group():
+    """The pendulum's energy is 1 - cos 1 = 0.4597, the oscillator's M/2."""
+    balance = shown(run(beside()))
+    assert balance["x",].in_play == pytest.approx(1 - np.cos(1), rel=1e-2)
+    assert balance["z",].in_play == pytest.approx(5e4, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "more", [" + 0.1*x*z", " + sqrt(1 + x^2 + z^2)", " + 0.1*(x - z)^2"]
+)
+def test_what_is_no_sum_is_one_account(more):
+    found = run(beside(M=1, more=more))
+    assert not shown(found)
+    assert doubt(found) is None
+    assert doubt(spoilt(found, "energy", bump(0.3))).refutes
+
+
+def test_impacts_beside_energy_that_would_round_their_work():
+    """A difference of 1.5e15 J would be known to 0.1 J, of 7 J."""
+    found = run("""
+name: drowned
+coordinates: {y: {}, z: {}}
+energy: {kinetic: y_dot^2/2 + 1e9*z_dot^2/2, potential: 9.81*y + 1.5e15*z^2}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+initial: {y: 0.7, z: 1}
+simulation: {duration: 0.6, output_step: 0.01}
+""")
+    (impact,) = found.trajectory.events
+    assert impact.energy == pytest.approx(-0.75 * 9.81 * 0.7, rel=1e-9)
+    assert shown(found)["y",].drift < 1e-9
+    assert doubt(found) is None
+    assert doubt(faster(found, "y_dot", 0.1, since=0.5)).refutes
+
+
+ALIASED = """
+parameters: {{A: {A}, T: {T}, m: {m}}}
+coordinates: {{x: {{}}, z: {{}}{more[0]}}}
+energy: {{kinetic: m*x_dot^2/2 + z_dot^2/2{more[1]}, potential: z^2}}
+forces: {{x: m*A*cos(2*pi*t/T)}}
+initial: {{x: 0, z: 1{more[2]}}}
+simulation: {{duration: 20*T, output_step: {step}*T}}
+"""
+ALONE = ("", "", "")
+LINKED = (", u: {}", " + m*(x_dot - u_dot)^2", ", u: 0")  # which moves as x does
+
+
+def aliased(A=1.0, T=1.0, m=1.0, more=ALONE, step=1.0):
+    """Give a model whose rows show x at rest; its rate is A T sin(2 pi t/T)/(2 pi)."""
+    return ALIASED.format(A=A, T=T, m=m, more=more, step=step)
+
+
+@pytest.mark.parametrize("bar", ["auto", "never"])
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+@pytest.mark.parametrize(
+    "options", [{}, {"more": LINKED}, {"A": 1e-3, "T": 10.0, "m": 1e6}]
+)
+def test_rows_that_alias_a_group_are_no_fault(method, bar, options):
+    model = lagsim.load(aliased(**options))
+    found = lagsim.simulate(model, method=method, rtol=1e-5, error_bar=bar)
+    assert (found.outcome, found.warnings) == ("done", [])
+
+
+@pytest.mark.parametrize("more", [ALONE, LINKED])
+@pytest.mark.parametrize("step", [0.01, 1.0])
+def test_the_energy_in_play_is_that_between_rows_too(step, more):
+    found = run(aliased(step=step, more=more))
+    greatest = 1 / (8 * np.pi**2)
+    # Ends of steps may pass over the greatest rate by a part of a step.
+    assert evidence(found).balances[0].in_play == pytest.approx(greatest, rel=0.1)
+
+
+# Energies whose expression jumps
+
+TURNING = """
+parameters: {{k: {k}, X: {X}}}
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: "k*(x_dot^2 + y_dot^2)/2", potential: "{potential}"}}
+initial: {{x: X + 1, y: 0.1, y_dot: 1}}
+simulation: {{duration: 10}}
+"""
+PULL = " + k*((x - X)^2 + y^2)/2"
+CUT = [
+    "k*0.4*atan2(y, x - X)",
+    "-k*0.4*atan2(-y, x - X)",
+    "k*0.4*atan2(2*y, 2*(x - X))",
+    "k*0.4*(atan2(y, x - X) + 3)",
+]
+
+
+def told(found):
+    """Give what is said of the energy."""
+    return [c.text for c in cautions(found) if c.code.startswith("energy-")]
+
+
+@pytest.mark.parametrize(("k", "X"), [(1.0, 0.0), (1e6, 0.0), (1e-6, 5.0)])
+@pytest.mark.parametrize("potential", CUT)
+def test_a_cut_is_no_energy_gained(potential, k, X):
+    """Round the cut `energy` changes by k 0.4 2 pi a turn, as a multiple of it."""
+    found = run(TURNING.format(k=k, X=X, potential=potential + PULL))
+    steps = (found["energy"] - found["energy"][0]) / (0.8 * np.pi * k)
+    assert np.max(np.abs(steps)) > 0.5
+    assert steps == pytest.approx(np.round(steps), abs=1e-9)
+    assert not told(found)
+
+
+def test_turns_that_rows_do_not_resolve_are_jumps_of_one_size():
+    """Some 6 turns from one row to the next; energy changes by whole jumps."""
+    potential = "0.4*atan2(y, x)" + PULL
+    text = TURNING.format(k=1, X=0, potential=potential)
+    found = run(text, duration="400", output_step="40")
+    steps = np.diff(found["energy"]) / (0.8 * np.pi)
+    assert np.max(np.abs(steps)) > 2.5
+    assert steps == pytest.approx(np.round(steps), abs=1e-7)
+    assert not told(found)
+
+
+STEPS = {
+    # potential, and its jump at x = X from below to above
+    "if(x > X, a*(x - X) + 0.3*k, 2*a*(x - X))": 0.3,
+    "if(x < X, -a*(x - X), 0)": 0.0,
+    "k*floor(0.5 + (x - X)/4)*0.3 + k*(x - X)^2/2": None,
+    "k*(x - X)^2/2 + 0.4*k*atan(1/(x - X))": 0.4 * np.pi,
+    "k*(x - X)^2/2 - 0.4*k*atan((x - X)^(-1))": -0.4 * np.pi,
+}
+LINE = """
+parameters: {{k: {k}, X: {X}, a: -k/3}}
+coordinates: {{x: {{}}{more}}}
+energy: {{kinetic: "k*x_dot^2/2{kinetic}", potential: "{potential}"}}
+initial: {{x: X - 1, x_dot: 0.9{starts}}}
+simulation: {{duration: 5}}
+"""
+
+
+@pytest.mark.parametrize(("k", "X"), [(1.0, 0.0), (1e6, 3.0), (1e-6, -40.0)])
+@pytest.mark.parametrize("beside", [False, True])
+@pytest.mark.parametrize("potential", STEPS)
+def test_a_step_of_the_potential_is_no_energy_gained(potential, k, X, beside):
+    """The velocity goes on through it, and energy changes by the step."""
+    words = {
+        "more": ", z: {}" if beside else "",
+        "kinetic": " + 1e3*k*z_dot^2/2" if beside else "",
+        "starts": ", z: 0, z_dot: 1" if beside else "",
+    }
+    found = run(LINE.format(k=k, X=X, potential=potential, **words))
+    jump = STEPS[potential]
+    past = found["x"] > X
+    if jump is not None:
+        assert set(past.tolist()) == {False, True}
+        change = found["energy"] - found["energy"][0]
+        assert change == pytest.approx(np.where(past, jump * k, 0.0), abs=1e-9 * k)
+    assert not told(found)
+
+
+def test_a_step_that_loses_energy_beside_a_cut_it_never_meets_is_its_own():
+    """An angle that is continuous on the way is no excuse for a drift."""
+    text = TURNING.format(k=1, X=30, potential="0.4*atan2(y, x)" + PULL)
+    found = run(text, method="euler", step="0.05")
+    [text] = told(found)
+    assert "error of euler" in text
+
+
+def test_a_step_that_loses_energy_beside_one_that_it_passes_is_told_by_itself():
+    """Euler's energy grows by (1 + h^2) a step, whatever the angle adds."""
+    text = TURNING.format(k=1, X=0, potential="0.4*atan2(y, x)" + PULL)
+    found = run(text, method="euler", step="0.01")
+    [code] = [c.code for c in cautions(found) if c.code.startswith("energy-")]
+    assert code == "energy-gained"
+    [text] = told(found)
+    assert "besides jumps of its expression" in text
+
+
+def test_the_sides_of_an_angle_are_those_of_its_cut():
+    found = run(TURNING.format(k=1, X=0, potential="atan2(y, x)"), duration="0.1")
+    energy = Energy(found.equations, found.equations.energy)
+    above, below = np.array([[0, -1, s, 0, 0] for s in (1e-3, -1e-3)])
+    right = np.array([0, 1, 1e-3, 0, 0])
+    assert energy.jump(above, below, 1e-9) == pytest.approx(-2.0 * np.pi, abs=3e-3)
+    assert energy.jump(below, above, 1e-9) == pytest.approx(2.0 * np.pi, abs=3e-3)
+    assert energy.jump(above, right, 1e-9) == 0.0
+
+
+# Drifts beyond the tolerance
+
+# Two stars about each other, e = 0.28, far from the origin.
+STARS = """
+parameters: {D: 0, G: 1, m: 1, L: 1, T: 1, heavy: 0}
+coordinates: {x: {}, y: {}, u: {}, v: {}MORE}
+energy:
+  kinetic: m*(x_dot^2 + y_dot^2 + u_dot^2 + v_dot^2)/2KINETIC
+  potential: -G*m/hypot(u - x, v - y)POTENTIAL
+initial:
+  x: (D - 0.5)*L
+  y: D*L
+  u: (D + 0.5)*L
+  v: D*L
+  y_dot: -0.6*L/T
+  v_dot: 0.6*L/T
+INITIAL
+simulation: {duration: 200*T, output_step: 0.5*T}
+"""
+PLAIN = dict.fromkeys(("MORE", "KINETIC", "POTENTIAL", "INITIAL"), "")
+BESIDE = {
+    "MORE": ", z: {}",
+    "KINETIC": " + 1e9*z_dot^2/2",
+    "POTENTIAL": " + 1e9*z^2",
+    "INITIAL": "  z: 1",
+}
+
+
+def stars(words, **values):
+    text = STARS
+    for name, more in words.items():
+        text = text.replace(name, more)
+    return lagsim.load(text).bind(**values)
+
+
+def told_of(model, **options):
+    found = lagsim.simulate(model, **options)
+    return found, [w["code"] for w in found.record["warnings"]]
+
+
+@pytest.fixture(scope="module")
+def near():
+    """The motion near the origin, which knows ten digits more."""
+    found, codes = told_of(stars(PLAIN), rtol="1e-13")
+    assert codes == ["unused-parameter"]
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        (PLAIN, {"D": 1e9}),
+        (PLAIN, {"D": -3e9}),
+        (PLAIN, {"D": 1e9, "L": 1e-6, "G": 1e-18}),
+        (PLAIN, {"D": 1e9, "T": 1e-3, "G": 1e6}),
+        (PLAIN, {"D": 1e9, "m": 1e-9}),
+        (BESIDE, {"D": 1e9}),
+    ],
+)
+def test_stars_far_from_the_origin(words, values, near):
+    found, codes = told_of(stars(words, **values))
+    assert "energy-drifts" in codes
+    # The motion is that near the origin, moved: within what is told_of of it.
+    size, far = values.get("L", 1.0), values["D"]
+    true = np.max(np.abs(found["x"] / size - far - near["x"])) / np.ptp(near["x"])
+    error = found.record["error"]["coordinates"]["x"]["relative"]
+    assert true / 30 < error < 30 * true
+
+
+def test_energy_that_drifts_without_an_estimate_has_one_warning_too():
+    _, codes = told_of(stars(PLAIN, D=1e9), error_bar="never")
+    assert codes.count("error-unknown") == 1
+    assert "energy-drifts" not in codes
+
+
+@pytest.mark.parametrize("far", [1e3, 1e5])
+def test_what_is_far_away_and_keeps_its_energy_has_none(far):
+    assert told_of(stars(PLAIN, D=far))[1] == ["unused-parameter"]
+
+
+@pytest.mark.parametrize("far", [1e9, 1e12])
+def test_the_rounding_of_a_row_is_no_drift(far):
+    # y is off by its last places, and so is its energy; the motion is a parabola.
+    text = f"""
+coordinates: {{y: {{}}}}
+energy: {{kinetic: y_dot^2/2, potential: "9.81*(y - {far})"}}
+initial: {{y: {far}, y_dot: 3}}
+simulation: {{duration: 0.5, output_step: 0.01}}
+"""
+    assert told_of(lagsim.load(text))[1] == []
+
+
+@pytest.mark.parametrize("size", [1e-5, -1e-4])
+def test_a_drift_that_the_estimate_explains_is_told_once(size):
+    found = spoilt(run(SWING), "energy", bump(size))
+    bar = bar_of(found, lambda t: 1e-3 * (t > 4))
+    assert codes(found, bar) == ["energy-drifts"]
+    assert codes(found) == ["error-unknown"]
+    # More is that of energy that is gained or lost.
+    lost = spoilt(run(SWING), "energy", bump(100 * size))
+    assert codes(lost, bar) == [f"energy-{'gained' if size > 0 else 'lost'}"]
+
+
+@pytest.mark.parametrize("rtol", [1e-7, 1e-8, 1e-10])
+def test_a_drift_counts_from_a_thousand_tolerances_on(rtol):
+    whole = 1.0 - math.cos(1.0)
+    least = max(1e-6, 1e3 * rtol)
+    found = run(SWING, rtol=rtol)
+    bar = bar_of(found, lambda t: 1e-3 * (t > 4))
+    assert codes(spoilt(found, "energy", bump(2 * least * whole)), bar)
+    assert not codes(spoilt(found, "energy", bump(0.5 * least * whole)), bar)
+
+
+def test_methods_with_a_fixed_step_are_not_asked():
+    found = spoilt(run(SWING, method="rk4", step="0.01"), "energy", bump(1e-5))
+    assert codes(found, bar_of(found, lambda t: 1e-6 + 0.0 * t)) == []
+
+
+def test_an_absolute_tolerance_is_what_was_asked_for():
+    found = spoilt(run(SWING, atol="1e-5"), "energy", bump(1e-5))
+    assert codes(found, bar_of(found, lambda t: 1e-5 + 0.0 * t)) == []
+
+
+# A body beside another
+
+# A light body in units of energy `u`, each with a mistake of another kind.
+SPRING = "{u}*x^2/2"
+WRONG = {
+    "a coarse step": ("rk4", 0.7, SPRING, ""),
+    "a method that gains": ("euler", 0.02, SPRING, ""),
+    "a method that gains, damped": ("euler", 0.05, SPRING, "x: -0.05*{u}*x_dot"),
+    "a coarse step, driven": ("rk4", 0.8, SPRING, "x: 0.1*{u}*sin(0.3*t)"),
+    "a cut in its expression": ("euler", 0.05, "{u}*(0.3*atan2(x, -1) + x^2/2)", ""),
+}
+# A heavy body: what it adds to T and V, a force on it, a constraint.
+OTHERS = {
+    "heavy": ("z", "M*z_dot^2/2", "M*z^2/2", "", ""),
+    "driven": ("z", "M*z_dot^2/2", "M*z^2/2", "z: M*sin(0.7*t)", ""),
+    "damped": ("z", "M*z_dot^2/2", "M*z^2/2", "z: -0.1*M*z_dot", ""),
+    "moved": ("z", "M*z_dot^2/2", "M*z^2*(1 + 0.1*sin(t))/2", "", ""),
+    "bouncing": (
+        "z", "M*z_dot^2/2", "9.81*M*z", "",
+        "constraints: {{floor: {{relation: z >= 0, restitution: 0.6}}}}",
+    ),
+    "slipping": (
+        "z", "M*z_dot^2/2", "M*z^2/2", "",
+        "constraints: {{belt: {{relation: z_dot = 0.3, limit: 0.2*M}}}}",
+    ),
+}  # fmt: skip
+SCENE = """
+parameters: {{M: {M}}}
+coordinates: {{x: {{}}{q}}}
+energy: {{kinetic: {u}*x_dot^2/2{T}, potential: "{V}"}}
+{forces}
+{constraint}
+initial: {{x: 1{start}}}
+simulation: {{start: {t}, duration: 12.6, output_step: 0.05}}
+"""
+
+
+def scene(potential, force, other="", u=1.0, M=1e5, t=0.0):
+    q, T, V, push, constraint = OTHERS.get(other, ("",) * 5)
+    forces = ", ".join(x for x in (force, push) if x)
+    return SCENE.format(
+        M=M, u=u, q=q and f", {q}: {{}}", start=q and f", {q}: 1", T=T and f" + {T}",
+        V=potential.format(u=u) + (V and f" + {V}"), t=t,
+        forces=forces and f"forces: {{{forces.format(u=u)}}}",
+        constraint=constraint.format(),
+    )  # fmt: skip
+
+
+def alarmed(text, **options):
+    return [c for c in cautions(run(text, **options)) if c.code.startswith("energy")]
+
+
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_mistake_is_told_as_it_is_alone(wrong, other):
+    method, step, *light = WRONG[wrong]
+    (alone,) = alarmed(scene(*light), method=method, step=step)
+    found = alarmed(scene(*light, other), method=method, step=step)
+    own = [c for c in found if "motion of x has" in c.text]
+    if other in ("bouncing", "slipping"):  # whose events cut steps, or have rows
+        assert [c.code for c in own] == [alone.code]
+    else:
+        assert [c.text.replace("motion of x", "motion") for c in own] == [alone.text]
+    assert all("motion of" in c.text for c in found)
+
+
+@pytest.mark.parametrize("u", [1e-6, 1e6])
+@pytest.mark.parametrize("M", [1e-12, 1e16])
+@pytest.mark.parametrize("other", ["driven", "damped"])
+def test_in_other_units_and_at_another_time(u, M, other):
+    options = {"method": "rk4", "step": 0.7}
+    (alone,) = alarmed(scene(SPRING, "", u=u, t=-3), **options)
+    found = alarmed(scene(SPRING, "", other, u=u, M=M, t=-3), **options)
+    own = [c.text for c in found if "motion of x has" in c.text]
+    assert own == [alone.text.replace("motion", "motion of x")]
+
+
+@pytest.mark.parametrize("other", OTHERS)
+@pytest.mark.parametrize("force", ["", "x: -0.05*{u}*x_dot", "x: 0.1*{u}*sin(0.3*t)"])
+@pytest.mark.parametrize("M", [1e5, 1e12])
+def test_no_alarm_where_all_is_well(force, other, M):
+    assert cautions(run(scene(SPRING, force, other, M=M))) == []
+
+
+@pytest.mark.parametrize("first", OTHERS)
+def test_a_mistake_of_the_heavy_one_is_not_the_light_ones(first):
+    """A light pendulum at rest, whatever the heavy one gains."""
+    text = scene(SPRING, "", first).replace("x: 1,", "x: 0,")
+    found = alarmed(text, method="euler", step=0.05)
+    assert all("motion of z has gained" in c.text for c in found)

@@ -1,0 +1,303 @@
+"""A sweep: what is swept, its picture, and rows that are those of runs alone."""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import math
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+import lagsim
+from lagsim.errors import InputError
+from lagsim.model.reader import read
+from lagsim.run.interrupt import Interrupt
+from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep import chart as drawing
+from lagsim.studies.sweep.runs import MOST_RUNS, Found, Runs, grid_of, parsed
+from lagsim.studies.sweep.sweeping import sweep
+from tests.outputs.drawn import assert_legible, drawn, noted
+from tests.small_scenes import CONTACT, FALL, ON_THE_CURVE, PENDULUM
+from tests.support import MODELS
+
+GRID = """\
+parameters: {l: 2, g: {value: 9.8, unit: m/s^2}, reason: 1}
+coordinates: {theta: {unit: rad}}
+definitions: {x: {value: l*sin(theta), unit: m}}
+energy: {kinetic: l^2*theta_dot^2/2, potential: -g*l*cos(theta)}
+initial: {theta: 1, theta_dot: 0}
+simulation: {duration: 2, output_step: 0.1}
+"""
+
+
+@pytest.fixture
+def model():
+    return read(GRID, "<model>")
+
+
+def test_all_combinations_the_first_name_slowest(model):
+    grid = parsed(model, ["g=1,2", "theta=0:1:3", "l=5,6"])
+    expected = list(itertools.product([1, 2], [0, 0.5, 1], [5, 6]))
+    assert grid.runs == 12
+    assert [tuple(grid.values(k)) for k in range(12)] == expected
+    assert [axis.starts for axis in grid.axes] == [False, True, False]
+    assert [axis.unit for axis in grid.axes] == ["m/s^2", "rad", ""]
+
+
+def test_numbers_between_round_ends_are_round(model):
+    [axis] = parsed(model, ["g=0:1:11"]).axes
+    assert axis.values == tuple(k / 10 for k in range(11))
+    assert [float(text) for text in axis.texts] == list(axis.values)
+
+
+def test_values_are_expressions(model):
+    grid = parsed(model, ["theta=-pi/2:pi:4", "g=atan2(1, 2), 3*l,1e-3"])
+    first, second = grid.axes
+    assert first.values == pytest.approx([-math.pi / 2, 0.0, math.pi / 2, math.pi])
+    assert second.texts == ("atan2(1, 2)", "3*l", "1e-3")
+    assert second.values == pytest.approx([math.atan2(1, 2), 6.0, 1e-3])
+
+
+def test_start_values_of_rates_and_definitions(model):
+    grid = parsed(model, ["theta_dot=1,2", "x=0.1,0.2"])
+    assert [axis.unit for axis in grid.axes] == ["rad/s", "m"]
+    assert all(axis.starts for axis in grid.axes)
+
+
+def test_python_gives_numbers_or_expressions(model):
+    [axis] = grid_of(model, {"g": [1, 2.5, "pi"]}).axes
+    assert axis.texts == ("1.0", "2.5", "pi")
+    assert axis.values == (1.0, 2.5, math.pi)
+
+
+FAULTS = {
+    "no values": (["g"], "a name and its values"),
+    "no name": (["=1,2"], "a name and its values"),
+    "twice": (["g=1", "g=2"], "g is given twice"),
+    "one value between": (["g=1:2:1"], "two ends and how many"),
+    "no count": (["g=1:2"], "two ends and how many"),
+    "a count that is none": (["g=1:2:x"], "two ends and how many"),
+    "four parts": (["g=1:2:3:4"], "two ends and how many"),
+    "no such name": (["gg=1"], "`gg` is no parameter of"),
+    "no such value": (["g=1,nothing"], "nothing"),
+    "an empty value": (["g=1,"], ""),
+    "not finite": (["g=1/0,1"], "not a finite number"),
+    "a column": (["reason=1,2"], "sweep.csv has a column of that name"),
+    "too many of one": (["g=0:1:123456789"], f"more than {MOST_RUNS}"),
+    "too many": (["g=0:1:2000", "l=0:1:2000"], f"more than {MOST_RUNS}"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "told"), FAULTS.values(), ids=FAULTS)
+def test_faults_are_told(model, arguments, told):
+    with pytest.raises(InputError) as fault:
+        parsed(model, arguments)
+    assert told in str(fault.value)
+
+
+def test_all_faults_are_told_at_once_with_what_was_meant(model):
+    with pytest.raises(InputError) as fault:
+        grid_of(model, {"thetta": [1], "g": ["+"]})
+    assert "did you mean `theta`?" in str(fault.value)
+    assert len(fault.value.problems) == 2
+
+
+# Runs that share what is compiled
+
+# Derived parameters, a start that follows them, `if` in the time and in the state.
+SWITCHED = """
+parameters: {k: 20, m: 1.5, w: sqrt(k/m), on: 1/w, low: -0.5}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: k*x^2/2 + y^2*x^2 + y^2}
+forces: {x: "if(t < on, m, 0) - if(x < low, w*(x - low), 0)", y: -0.1*y_dot}
+initial: {x: 1, y: 0.2, x_dot: 0.1*w}
+simulation: {}
+"""
+HELD = """
+parameters: {l: 1, g: 9.8, a: 0.3, w: 2*sqrt(g/l)}
+coordinates: {x: {}, y: {}}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: g*y}
+constraints: {rod: (x - a*sin(w*t))^2 + y^2 = l^2}
+initial: {x: l*sin(0.4), y: {guess: -l}, x_dot: 0.1, y_dot: {guess: 0}}
+simulation: {until: y >= 0}
+"""
+# A power is a form: what is localized in it, and whether the motion is linear.
+POWER = """
+parameters: {n: 2}
+coordinates: {x: }
+energy: {kinetic: x_dot^2/2, potential: abs(x)^n/n}
+initial: {x: 1}
+simulation: {}
+"""
+BOUNCE = "parameters: {e: 0.5}\n" + CONTACT.replace(
+    "restitution: 0.5", "restitution: e"
+)
+# Integrated apart, sparse, with contacts, by impulses, with limits, held velocities.
+SCENES = [
+    ("coupled-oscillators", {}),
+    ("chain-cartesian", {}),
+    ("newtons-cradle", {}),
+    ("ball-on-a-vibrating-table", {"method": "moreau", "step": 1e-3}),
+    ("stick-slip", {"method": "radau"}),
+    ("rolling-disk", {}),
+    ("pendulum-cartesian", {"formulation": "baumgarte"}),
+    ("elastic-pendulum-curve", {"formulation": "elimination"}),
+    ("heavy-top", {"formulation": "ignorable"}),
+    ("kepler", {"method": "kahan-li8", "step": 0.01}),
+    ("forced-oscillator", {"error_bar": "always"}),
+    *((SWITCHED, {"name": name, "duration": 2}) for name in ("k", "m", "w")),
+    *((HELD, {"name": name, "duration": 2}) for name in ("l", "g")),
+    (POWER, {"values": (2, 8, 3, 8), "duration": 2}),
+    (BOUNCE, {"values": (0, 0.5, 1), "duration": 2}),
+    # Start values: one that the file gives, and one that it leaves at 0.
+    *((PENDULUM, {"name": x, "values": (0.5, 1)}) for x in ("theta", "theta_dot")),
+]
+# Of last values alone, by kernels of all kinds, and with many blocks of rows.
+ENDS = [
+    ("elastic-pendulum", {"rtol": 1e-15, "method": "taylor"}),
+    ("elastic-pendulum", {"method": "dop853"}),
+    ("kepler", {"rtol": 1e-7, "method": "taylor"}),
+    ("kepler", {"method": "verlet", "step": 0.01}),
+    ("double-pendulum", {"output_step": 0.001}),
+    ("elastic-pendulum-forced", {"method": "radau"}),
+]
+
+
+def assert_those_of_runs_alone(scene, asked, *, ends=False):
+    source = scene if "\n" in scene else str(MODELS / f"{scene}.yaml")
+    model = lagsim.load(source)
+    usual = {p.name: p.value for p in model.parameters}
+    name = asked.pop("name", next(iter(usual)))
+    values = asked.pop("values", None) or [usual[name], 1.02 * usual[name]]
+    swept = lagsim.sweep(model, {name: values}, jobs=1, ends=ends, **asked)
+    for k, value in enumerate(values):
+        single = {"error_bar": "never"} | asked
+        alone = lagsim.simulate(lagsim.load(source, **{name: repr(value)}), **single)
+        assert swept["outcome"][k] == alone.outcome
+        for column in alone.columns[1:]:
+            rows = alone[column]
+            own = {"end": rows[-1]}
+            if not ends:
+                own |= {"min": np.fmin.reduce(rows), "max": np.fmax.reduce(rows)}
+            told = [swept[f"{column}.{x}"][k] for x in own]
+            assert np.array_equal(told, list(own.values()), equal_nan=True), column
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("scene", "options"), SCENES)
+def test_rows_are_those_of_runs_alone(scene, options):
+    asked = {"duration": 0.5, "output_step": 0.05, "error_bar": "never"} | options
+    assert_those_of_runs_alone(scene, asked)
+
+
+@pytest.mark.parametrize(("scene", "options"), ENDS)
+def test_ends_are_those_of_runs_alone(scene, options):
+    assert_those_of_runs_alone(scene, {"duration": 6} | options, ends=True)
+
+
+# Pictures
+
+LONG = PENDULUM.replace("theta", "a" * 40).replace("g:", "b: 1, g:", 1)
+
+
+def found(text, *arguments, ends=False):
+    model = read(text, "<model>")
+    result = Found.of(model, parsed(model, arguments), {}, ErrorBars.NEVER, ends=ends)
+    sweep(result, 1, wanted=False)
+    return result
+
+
+def test_values_are_those_of_complete_runs():
+    text = "parameters: {R: 1}\n" + FALL.replace("{r: 1}", "{r: R}")
+    result = found(text, "R=1,5,0")  # it falls in; it does not; no start
+    cells = drawing.values_of(result, "r")
+    assert np.isnan(cells[[0, 2]]).all()
+    end, low, high = cells[1]
+    assert high == 5.0
+    assert low == end < 5.0
+
+
+def test_maps_have_the_first_names_across_and_up_and_others_in_their_middle():
+    result = found(PENDULUM, "g=1,2", "theta=0.1,0.2,0.3", "l=1,2,3,4", "theta_dot=0")
+    numbers = drawing.numbers_of(result)
+    assert numbers.shape == (2, 3)
+    for (i, j), number in np.ndenumerate(numbers):
+        assert result.grid.at(number) == [i, j, 1, 0]
+
+
+@pytest.mark.parametrize(
+    ("values", "edges"),
+    [
+        ([1.0, 2.0, 4.0], [0.5, 1.5, 3.0, 5.0]),
+        ([3.0], [1.5, 4.5]),
+        ([0.1, 1.0, 10.0], [10**-1.5, 10**-0.5, 10**0.5, 10**1.5]),
+    ],
+)
+def test_cells_end_half_way(values, edges):
+    assert drawing.borders(np.array(values)) == pytest.approx(edges)
+
+
+@pytest.mark.parametrize(
+    ("text", "arguments"),
+    [
+        (PENDULUM, ("g=5:10:3",)),
+        (PENDULUM, ("g=1,10,100", "theta=0.1,0.2")),
+        (PENDULUM, ("g=1", "theta=0.1", "l=1,2")),
+        (ON_THE_CURVE, ("u=0.3,0.4",)),  # no start is admissible
+        (ON_THE_CURVE, ("u=0.3,0.4", "K=1,2")),
+        (LONG, ("b=1,10,100", f"{'a' * 40}=1,2")),
+        (LONG, (f"{'a' * 40}=1,2",)),
+    ],
+)
+def test_every_text_of_every_sweep_lies_on_the_sheet_and_over_no_other(text, arguments):
+    seen = drawn(drawing.chart, found(text, *arguments))
+    assert seen.sheet.startswith(b"\x89PNG")
+    assert_legible(seen)
+
+
+def test_a_start_value_is_called_so_and_ends_are_points():
+    result = found(PENDULUM, "theta=0.1,0.3,0.2,0.4")
+    with noted() as seen:
+        drawing.chart(result)
+    assert "θ at the start (rad)" in [panel.labels[0] for panel in seen.panels]
+    [ends] = seen.panels[0].lines
+    assert ends.dots
+    assert len(ends.x) == 4
+    assert {"at the end", "from least to greatest"} <= set(seen.written())
+    # What is a parameter is no start value.
+    with noted() as seen:
+        drawing.chart(found(PENDULUM, "g=1,2"))
+    assert not any("start" in text for text in seen.written())
+
+
+def test_ends_alone_have_no_greatest():
+    for arguments in (("theta=0.1,0.2",), ("theta=0.1,0.2", "g=1,2")):
+        result = found(PENDULUM, *arguments, ends=True)
+        with noted() as seen:
+            drawing.chart(result)
+        assert not any("greatest" in text for text in seen.written())
+        assert any("at the end" in text for text in seen.written())
+
+
+@pytest.mark.slow
+def test_pictures_of_kept_runs_do_not_pile_up(tmp_path):
+    """Each takes megabytes, and commands collect no garbage unasked."""
+    model = read(PENDULUM, "m.yaml", {}, {"duration": "0.1"})
+    names = [f"{p.name}=1:2:6" for p in model.parameters[:1]]
+    grid, options = parsed(model, names), {"duration": "0.1"}
+    bars = ErrorBars.NEVER
+    runs = Runs(
+        Found.of(model, grid, options, bars, kept=str(tmp_path), plots=True).work
+    )
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(grid.runs):
+            assert runs.row(number, Interrupt()) is not None
+        left = sum(isinstance(x, Figure) for x in gc.get_objects())
+    finally:
+        gc.enable()
+    drawn = len(list(tmp_path.rglob("*.png")))
+    assert left <= drawn / grid.runs < drawn
