@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 # The name of a file, and its content or why it could not be drawn.
 Made: TypeAlias = "tuple[str, bytes | Caution]"
 T = TypeVar("T")
+# The columns of energies.
+ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 
 
 class Format(StrEnum):

@@ -205,10 +205,9 @@ def _dpi(axes: Axes) -> float:
 
 def ink(x: Array, y: Array) -> float:
     """Return which part of the area that it spans a line covers, if not over itself."""
-    found = extent(x), extent(y)
     length = float(np.nansum(np.hypot(np.diff(x), np.diff(y))))
     # A line along an axis spans no area, but has a width.
-    sides = [max(f[1] - f[0], 0.1) for f in found if f]
+    sides = [max(high - low, 0.1) for low, high in (extent(x), extent(y))]
     return length * STROKE / math.prod(sides)
 
 
@@ -218,9 +217,8 @@ def dotted(x: Array, y: Array) -> bool:
     It is when lines would only fill an area, and when the points are too far apart, so
     that chords would be seen and not the curve.
     """
-    sides = [high - low for low, high in filter(None, (extent(x), extent(y)))]
-    if min(sides, default=0.0) < STROKE:  # along an axis every chord is the curve
-        return False
+    if min(high - low for low, high in (extent(x), extent(y))) < STROKE:
+        return False  # along an axis every chord is the curve
     dx, dy = np.diff(x), np.diff(y)
     turns = dx[1:] * dx[:-1] + dy[1:] * dy[:-1] < 0
     coarse = len(turns) >= ENOUGH and float(np.mean(turns)) > TOO_COARSE

@@ -24,6 +24,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
+from lagsim.outputs import ENERGIES
 from lagsim.outputs.letters import BELOW, END, mathtext, plain
 from lagsim.outputs.scale import label, size_of
 
@@ -395,8 +396,6 @@ def _named(axis: Axis, named: Named, room: float, size: float = NORMAL) -> str:
 
 # --- Columns
 
-# What has the unit of energy, known or not.
-ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # Inches: of a panel of columns, of one that shows a path, of a spectrum, of a map; and
 # between them.
 PANEL, PATH, SPECTRUM, MAP = 1.65, 4.2, 3.2, 2.2

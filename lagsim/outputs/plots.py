@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 from itertools import pairwise, zip_longest
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
@@ -75,11 +75,14 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from lagsim.model.model import Model, Plot, Scene
+    from lagsim.model.model import Curve, Model, Plot, Scene
     from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
     from lagsim.outputs.record import Record
     from lagsim.run.observers.thinning import Array
+
+    # Curves by name: what runs across, and up.
+    Curves: TypeAlias = Mapping[str, tuple[Array, Array]]
 
 # --- What pictures of a run have in common
 
@@ -232,29 +235,23 @@ class Panels:
             unit = record.unit(group[0])
             written = [record.letters.name(name) for name in group]
             drawn = [record.rows.series(name) for name in group]
-            scale = scale_of(group, drawn, sizes[unit])
+            columns, size = [values for _, values in drawn], sizes[unit]
+            if is_impulse := group[0].startswith(IMPULSE):
+                scale = value_scale(*columns, size=size)  # each has a size of its own
+            else:
+                scale = spread_scale(*drawn, size=size)
             frame(
                 axes, time_of(record), scale, up=(", ".join(written), unit),
                 below=NOTHING if follows else record.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
             mark_events(record, axes)
-            shown = stems if group[0].startswith(IMPULSE) else series
             for (t, values), pen in zip(drawn, PENS, strict=False):
-                shown(axes, t, values, pen)
+                (stems if is_impulse else series)(axes, t, values, pen)
             label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
         picture.align_ylabels()
-
-
-def scale_of(
-    group: Sequence[str], drawn: Sequence[tuple[Array, Array]], size: float
-) -> Scale:
-    """Return the scale of columns, beside others of their unit of this size."""
-    if group[0].startswith(IMPULSE):  # single values, each with a size of its own
-        return value_scale(*(values for _, values in drawn), size=size)
-    return spread_scale(*drawn, size=size)
 
 
 def label_greatest(
@@ -267,11 +264,9 @@ def label_greatest(
     """Write the limit of the linear part of a scale, and the greatest value."""
     if not scale.linear:
         return
-    every = [np.where(np.isfinite(t + values), values, 0.0) for t, values in drawn]
-    sizes = [float(np.abs(values).max(initial=0.0)) for values in every]
-    k = int(np.argmax(sizes))
-    at = int(np.abs(every[k]).argmax())
-    t, most = drawn[k][0], read_off(float(every[k][at]))
+    t, values = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
+    at = int(np.where(np.isfinite(t + values), np.abs(values), 0.0).argmax())
+    most = read_off(values[at])
     beyond = f"powers of ten beyond {read_off(scale.linear)}"
     width, _ = size_of(axes)
     if above:  # in a small panel it would stand across the curve
@@ -289,23 +284,19 @@ def largest(record: Record, names: Sequence[str]) -> dict[str, float]:
     """Return the greatest size of columns of each unit."""
     found: dict[str, float] = {}
     for name in names:
-        unit, size = record.unit(name), _size(record, name)
+        unit, size = record.unit(name), size_of_column(record, name)
         found[unit] = max(found.get(unit, 0.0), size)
     return found
 
 
-def _size(record: Record, name: str) -> float:
+def size_of_column(record: Record, name: str) -> float:
+    """Return the greatest size among the finite values of a column; 0 without any."""
     return height_of(record.rows.series(name)[1])
 
 
 def height_of(values: Array) -> float:
     """Return the greatest size among finite values; 0 where there are none."""
-    return max(map(abs, _ends(values)))
-
-
-def _ends(*series: Array) -> tuple[float, float]:
-    """Return the least and the greatest finite value; 0 where there is none."""
-    return extent(*series) or (0.0, 0.0)
+    return max(map(abs, extent(values)))
 
 
 # --- A plot that the model asks for
@@ -327,10 +318,16 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
     texts = {name: record.letters.text(curve.text) for name, curve in curves.items()}
     pens = dict(zip(names, PENS * 2, strict=False))
     drawn = {name: _values(record, wanted, x, name, timed=timed) for name in names}
-    scales = _scales(record, wanted, drawn, timed=timed)
+    scales = {"x": time_of(record) if timed else value_scale(*_xs(drawn), margin=0.03)}
+    if "x" in wanted.log:
+        scales["x"] = log_scale(*_xs(drawn), margin=0.0, least=0.0)
+    sides = {side: [n for n in names if side_of(n) == side] for side in SIDES}
+    for side, own in sides.items():
+        scales[side] = _up([drawn[n] for n in own], log=side in wanted.log, timed=timed)
     right = LEFT if wanted.y2 else RIGHT
     size = WIDTH - LEFT - right, HEIGHT
-    if not timed and _has_one_scale(record, wanted, number, scene, drawn):
+    has_one_scale = not timed and not wanted.y2 and not wanted.log
+    if has_one_scale and _are_directions(record, curves, scene, drawn):
         size = _equal(scales, size[0])
     named = APART if len(names) > 1 else 0.06
     picture = sheet(record,
@@ -338,23 +335,25 @@ def plot(record: Record, number: int, wanted: Plot, scene: Scene) -> Picture:
         width=LEFT + size[0] + right,
     )  # fmt: skip
     [[axes]] = picture.panels([size[0]], [size[1]], top=named)
-    below = (record.letters.text(wanted.x.text), record.unit("t" if timed else x))
-    for side in SIDES if wanted.y2 else SIDES[:1]:
-        own = [name for name in names if side_of(name) == side]
+    below = texts[x], record.unit("t" if timed else x)
+    for side, own in sides.items() if wanted.y2 else [("y", names)]:
         units = {record.unit(name) for name in own}
         up = ", ".join(texts[n] for n in own), units.pop() if len(units) == 1 else ""
         single = wanted.y2 and len(own) == 1
-        colour = pens[own[0]]["color"] if single else INK
         panel = axes if side == "y" else axes.twinx()
         frame(
-            panel, scales["x"], scales[side], below=below, up=up, colour=colour,
+            panel, scales["x"], scales[side], below=below, up=up,
+            colour=pens[own[0]]["color"] if single else INK,
             above=None if len(names) == 1 else False,
         )  # fmt: skip
         if timed and side == "y":
             mark_events(record, axes)
             label_greatest(axes, scales[side], [drawn[name] for name in own])
         for name in own:
-            _draw(record, panel, *drawn[name], pens[name], timed=timed)
+            if timed:
+                series(panel, *drawn[name], pens[name])
+            else:
+                _path(record, panel, *drawn[name], pens[name])
     if len(names) > 1:
         legend_above(axes, [(texts[name], pens[name]) for name in names])
     return picture
@@ -378,44 +377,28 @@ def _values(
     return across, up
 
 
-def _scales(
-    record: Record,
-    wanted: Plot,
-    drawn: Mapping[str, tuple[Array, Array]],
-    *,
-    timed: bool,
-) -> dict[str, Scale]:
-    xs = [x for x, _ in drawn.values()]
-    scales = {"x": time_of(record) if timed else value_scale(*xs, margin=0.03)}
-    if "x" in wanted.log:
-        scales["x"] = log_scale(*xs, margin=0.0, least=0.0)
-    for side in SIDES:
-        own = [found for name, found in drawn.items() if side_of(name) == side]
-        values = [y for _, y in own]
-        if side in wanted.log:
-            scales[side] = log_scale(*values)
-        else:
-            scales[side] = spread_scale(*own) if timed and own else value_scale(*values)
-    return scales
+def _xs(drawn: Curves) -> list[Array]:
+    return [across for across, _ in drawn.values()]
 
 
-def _has_one_scale(
-    record: Record,
-    wanted: Plot,
-    number: int,
-    scene: Scene,
-    drawn: Mapping[str, tuple[Array, Array]],
+def _up(drawn: Sequence[tuple[Array, Array]], *, log: bool, timed: bool) -> Scale:
+    """Return the scale of the curves of one side."""
+    values = [up for _, up in drawn]
+    if log:
+        return log_scale(*values)
+    return spread_scale(*drawn) if timed and drawn else value_scale(*values)
+
+
+def _are_directions(
+    record: Record, curves: Mapping[str, Curve], scene: Scene, drawn: Curves
 ) -> bool:
     """Return whether both directions are of one kind: then circles are round."""
-    if wanted.y2 or wanted.log:
-        return False
-    curves = wanted.curves(number)
     units = {record.unit(name) for name in curves}
     components = {node for parts in scene.points.values() for node in parts}
     is_known = units != {""} and len(units) == 1
     is_known |= all(curve.node in components for curve in curves.values())
     is_known |= all(curve.text in DIRECTIONS for curve in curves.values())
-    ends = [_ends(*x) for x in zip(*drawn.values(), strict=True)]
+    ends = [extent(*x) for x in zip(*drawn.values(), strict=True)]
     spans = [high - low for low, high in ends]
     return is_known and 0.0 < max(spans) <= LONGEST * min(spans)
 
@@ -441,12 +424,7 @@ def _around(
     )
 
 
-def _draw(
-    record: Record, axes: Axes, x: Array, y: Array, pen: Pen, *, timed: bool
-) -> None:
-    if timed:
-        series(axes, x, y, pen)
-        return
+def _path(record: Record, axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     dots = mark(".", 1.2, pen["color"])
     pen = dots if dotted(*inches(axes, x, y)) else pen
     path(axes, x, y, pen, record.trusted())
@@ -522,7 +500,7 @@ class Views:
             self._positions[name] = np.stack(known + flat)
         self._unit = units.pop() if len(units) == 1 else ""
         every = self._positions.values()
-        self._extents = [_ends(*(p[k] for p in every)) for k in range(dimension)]
+        self._extents = [extent(*(p[k] for p in every)) for k in range(dimension)]
         # A scene at rest has no size of its own.
         self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
 
@@ -536,7 +514,7 @@ class Views:
         paths = {}
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
-            spans = [high - low for low, high in map(_ends, position)]
+            spans = [high - low for low, high in map(extent, position)]
             if any(span > FLAT_RANGE * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] * (HIGHEST / whole)
@@ -592,7 +570,7 @@ class Views:
     def _draw_oblique(self, axes: Axes) -> None:
         """Draw the view from aside, with the directions in its corner."""
         flat = {name: OBLIQUE @ p for name, p in self._positions.items()}
-        ends = [_ends(*c) for c in zip(*flat.values(), strict=True)]
+        ends = [extent(*c) for c in zip(*flat.values(), strict=True)]
         sides = self._widths[-1], self._heights[-1]
         (left, right), (low, high) = ends
         scale = self._usable(max((right - left) / sides[0], (high - low) / sides[1]))
@@ -668,7 +646,7 @@ def _drift(axes: Axes, record: Record) -> None:
     balance = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
-    size = max(_size(record, "energy"), height_of(values))
+    size = max(size_of_column(record, "energy"), height_of(values))
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
@@ -706,7 +684,8 @@ def constraint_forces(
     multipliers += [name for name in columns if name.startswith("friction.")]
     impulses = [name for name in columns if name.startswith(IMPULSE)]
     names = [*forces, *multipliers, *impulses]
-    sizes, most = {name: _size(record, name) for name in names}, largest(record, names)
+    sizes = {name: size_of_column(record, name) for name in names}
+    most = largest(record, names)
     acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[record.unit(n)]]
     acting = acting or forces[:1]
     shown = chosen(acting, MOST_PANELS)

@@ -66,23 +66,19 @@ class Results:
         self.folder = folder
         self.manifest = manifest
         self.names: list[str] = []
-        self._begun: set[str] = set()
         self._placed: set[str] = set()
         self._digests: dict[str, str] = {}
 
     def reserve(self) -> None:
         """Keep room for the manifest."""
-        _write(self.part(self.manifest), bytes(RESERVE_BYTES))
+        self._begun(self.manifest, bytes(RESERVE_BYTES))
 
     def part(self, name: str) -> Path:
         """Return the path to write file `name` to until `commit`."""
-        part = self._part(name)
-        if name not in self._begun:
-            self._begun.add(name)
-            if name != self.manifest:
-                self.names.append(name)
-            os.close(files.begin(part))
-        return part
+        if name in self.names:
+            return self._part(name)
+        self.names.append(name)
+        return self._begun(name)
 
     def write(self, name: str, content: bytes) -> None:
         """Write a whole file, or, where that fails, nothing."""
@@ -94,7 +90,6 @@ class Results:
 
     def drop(self, name: str) -> None:
         """Do without a file that was begun."""
-        self._begun.discard(name)
         self._digests.pop(name, None)
         if name in self.names:
             self.names.remove(name)
@@ -131,10 +126,7 @@ class Results:
         OSError
             If something cannot be written.
         """
-        first = self.folder / PART.format("first")
-        os.close(files.begin(first))
-        _write(first, manifest)
-        self._place(first)
+        self._place(self._begun("first", manifest))
 
     def commit(self, manifest: bytes) -> None:
         """Put all files in their places, remove what the last run left, then run.json.
@@ -181,6 +173,12 @@ class Results:
     def unusable(self, error: OSError) -> InputError:
         """Return what tells that nothing can be written here."""
         return _unusable(self.folder, f"cannot be written: {error.strerror}")
+
+    def _begun(self, name: str, content: bytes = b"") -> Path:
+        part = self._part(name)
+        os.close(files.begin(part))
+        _write(part, content)
+        return part
 
     def _part(self, name: str) -> Path:
         target = self.folder / name

@@ -202,14 +202,15 @@ def power_of_ten(exponent: int) -> str:
     return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
-def extent(*series: Array) -> tuple[float, float] | None:
-    """Return the least and the greatest finite value; None if there is none."""
+def extent(
+    *series: Array, empty: tuple[float, float] = (0.0, 0.0)
+) -> tuple[float, float]:
+    """Return the least and the greatest finite value; `empty` where there is none."""
     usable = [s[np.abs(s) < OVERFLOW] for s in series]
     usable = [s for s in usable if len(s)]
     if not usable:
-        return None
-    low, high = min(s.min() for s in usable), max(s.max() for s in usable)
-    return float(low), float(high)
+        return empty
+    return float(min(s.min() for s in usable)), float(max(s.max() for s in usable))
 
 
 def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scale:
@@ -217,7 +218,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
 
     `size` is that of values they are compared with; what is nothing beside it is 0.
     """
-    low, high = extent(*series) or (0.0, 1.0)
+    low, high = extent(*series, empty=(0.0, 1.0))
     if max(abs(low), abs(high)) <= ZERO_BESIDE * size:
         low = high = 0.0
     else:
@@ -246,7 +247,7 @@ def with_one_power(scales: Sequence[Scale]) -> list[Scale]:
 
 def time_scale(t: Array) -> Scale:
     """Return a scale that the times fill from edge to edge."""
-    low, high = extent(t) or (0.0, 1.0)
+    low, high = extent(t, empty=(0.0, 1.0))
     if high - low <= FAINT + 1e-14 * abs(high):
         half = 0.5 * abs(low) or 0.5
         low, high = low - half, high + half
@@ -255,7 +256,7 @@ def time_scale(t: Array) -> Scale:
 
 def noise_scale(values: Array, size: float) -> Scale:
     """Return a scale for what should be zero; `size` is that of what it comes from."""
-    low, high = extent(values) or (0.0, 0.0)
+    low, high = extent(values)
     low, high = min(low, 0.0), max(high, 0.0)
     if high - low < FAINT:
         high = max(abs(size) * np.finfo(float).eps, FAINT)
@@ -266,7 +267,7 @@ def noise_scale(values: Array, size: float) -> Scale:
 
 def log_scale(*series: Array, margin: float = 0.06, least: float = 0.1) -> Scale:
     """Return a scale of powers of ten; of `margin` and `least` decades is left free."""
-    low, high = extent(*(s[s > 0.0] for s in series)) or (1.0, 10.0)
+    low, high = extent(*(s[s > 0.0] for s in series), empty=(1.0, 10.0))
     low = max(low, FAINT)
     high = max(low, high)
     free = 10.0 ** (margin * (math.log10(high) - math.log10(low)) + least)

@@ -16,6 +16,7 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import once
 from lagsim.mechanics.equations import ACTION
 from lagsim.model.model import Level
+from lagsim.outputs import ENERGIES
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ _KNOWN: dict[str, Unit] = {
 # What forces come as, beside the newton.
 _FORCES = ("N", "N m", "N s", "N m s", "N/m", "J", "W")
 
-ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # What motion alone is measured in.
 MOTION = {"m", "mm", "cm", "km", "s", "ms", "min", "h", "deg"}
 

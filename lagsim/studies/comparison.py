@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lagsim.outputs import ENERGIES
 from lagsim.run.observers.monitors import numbers
 from lagsim.tolerances import FLAT_RANGE, SAME_ROW
 
@@ -85,7 +86,6 @@ def nearest(times: Floats, among: Floats) -> Floats:
     return np.asarray(np.searchsorted(middles, times))
 
 
-ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # A column counts as no narrower than this part of the widest of its kind and unit, so
 # that a coordinate that should stay zero is not measured by its noise.
 SHARE = 1e-3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -18,24 +17,64 @@ from lagsim.outputs.animation.page import SCRIPTS, record
 
 FOUND = shutil.which("node")
 needs_node = pytest.mark.skipif(FOUND is None, reason="no node on PATH")
-# Canvases of `page_under_node.js`, in pixels.
+# Canvases of `page_under_node.js`, in pixels; how high the line of time stands.
 WIDE, HIGH, LONG, LINE = 600.0, 400.0, 700.0, 66.0
-# A page plays at first.
-QUIET = [("key", " ")]
+LEVEL = LINE - 25
+COLOURS = ["#0072B2", "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9"]
+FIRST, SECOND = COLOURS[:2]
+ROUND = sorted(m * 10.0**k for k in range(-7, 7) for m in (1, 2, 5))
 
 
-def played(films, steps=(), **more) -> list[dict[str, Any]]:
+def played(films, *steps, **more) -> list[dict[str, Any]]:
     """Give what a page shows at first, and after each of the steps."""
     here = Path(animation.__file__).parent
     script = "\n".join((here / name).read_text("utf-8") for name in SCRIPTS)
+    films = [films] if isinstance(films, Film) else films
     asked = {"runs": [record(film) for film in films], "script": script}
-    asked |= {"steps": list(steps), **more}
+    asked |= {"steps": steps, **more}
     driver = Path(__file__).with_name("page_under_node.js")
     done = subprocess.run(
         [FOUND, driver], input=json.dumps(asked).encode(), capture_output=True
     )
     assert done.returncode == 0, done.stderr.decode()
     return json.loads(done.stdout)
+
+
+def stopped(films, *steps, **more) -> list[dict[str, Any]]:
+    """Give the same of a page that does not play, from its stop on."""
+    return played(films, ("key", " "), *steps, **more)[1:]
+
+
+def shown(films, *steps, **more) -> dict[str, Any]:
+    """Give what such a page shows in the end."""
+    return stopped(films, *steps, **more)[-1]
+
+
+def at(t):
+    """Show a time."""
+    return "hash", f"#t={t}"
+
+
+def keys(names):
+    return [("key", name) for name in names]
+
+
+def press(x, y, finger=1, canvas=0):
+    where = {"pointerId": finger, "offsetX": x, "offsetY": y}
+    return "on", canvas, "pointerdown", where
+
+
+def move(x, y, finger=1, **more):
+    where = {"pointerId": finger, "offsetX": x, "offsetY": y}
+    return "on", 0, "pointermove", where | more
+
+
+def wheel(turn, x, y):
+    return "on", 0, "wheel", {"deltaY": turn, "offsetX": x, "offsetY": y}
+
+
+def times(every):
+    return [float(seen["data"]["t"]) for seen in every]
 
 
 def strokes(seen, canvas=0, **wanted):
@@ -47,15 +86,34 @@ def strokes(seen, canvas=0, **wanted):
     ]
 
 
+def fills(seen, colour, canvas=0):
+    return strokes(seen, canvas, op="fill", colour=colour)
+
+
+def lines(seen, colour, canvas=0, **wanted):
+    return strokes(seen, canvas, op="stroke", colour=colour, **wanted)
+
+
+def labels(seen, canvas=0, **wanted):
+    """Give the numbers and words in grey."""
+    return strokes(seen, canvas, op="fillText", colour="dim", **wanted)
+
+
 def ends(one):
     """Give the corners of a path."""
     return np.array([p[1:] for p in one["path"] if p[0] in ("moveTo", "lineTo")])
 
 
-def arcs(seen, canvas=0, **wanted):
-    """Give (x, y, radius) of circles that are drawn so."""
-    found = strokes(seen, canvas, **wanted)
-    return [one["path"][0][1:4] for one in found if one["path"][0][0] == "arc"]
+def arcs(drawn):
+    """Give (x, y, radius) of the circles among what is drawn."""
+    paths = [one["path"][0] for one in drawn if "path" in one]
+    return [path[1:4] for path in paths if path[0] == "arc"]
+
+
+def dot(seen, canvas=0, colour=FIRST):
+    """Give where the one point of a colour is."""
+    [found] = arcs(fills(seen, colour, canvas))
+    return np.array(found[:2])
 
 
 def film(t, tracks, **more):
@@ -72,14 +130,55 @@ def film(t, tracks, **more):
     return Film(more.pop("name", "film"), "", t, tracks=found, **more)
 
 
-def screen(film, place, *, forces=False):
-    """Give the pixels of a place of the plane, at one scale, y upwards."""
-    every = np.concatenate([track.place for track in film.tracks.values()])
-    low, high = every.min(axis=0), every.max(axis=0)
-    edge = 0.2 * HIGH if forces else min(64.0, 0.14 * HIGH)
-    size = min((np.array([WIDE, HIGH]) - 2 * edge) / (high - low))
-    x, y = size * (np.asarray(place) - (low + high) / 2)
-    return np.array([WIDE / 2 + x, HIGH / 2 - y]), size
+def swing(t=(0.0, 8.0), rows=81, size=1.0, **more):
+    """Give the film of x = size sin t, beside a point at the origin."""
+    t = np.linspace(*t, rows)
+    track = ([size * np.sin(t), 0 * t], [size * np.cos(t), 0 * t])
+    return film(t, {"bob": track, "o": [0, 0]}, **more)
+
+
+class Screen:
+    """Where the places of films lie, in pixels: at one scale, upwards.
+
+    A space is seen from an azimuth and a height above the horizon; the latter is at
+    first what the page leaves room for.
+    """
+
+    def __init__(
+        self, *films, forces=False, size=(WIDE, HIGH), turned=(-0.96, 0.34), scale=None
+    ):
+        tracks = [track.place for film in films for track in film.tracks.values()]
+        self.every = np.concatenate(tracks)
+        self.low, self.high = np.nanmin(self.every, 0), np.nanmax(self.every, 0)
+        self.middle = (self.low + self.high) / 2
+        spans, self.towards = self.high - self.low, np.array([0.0, 0.0, 1.0])
+        self.axes = np.eye(2)
+        if len(spans) == 3:
+            (c, s), (v, u) = ((np.cos(a), np.sin(a)) for a in turned)
+            self.towards = np.array([v * c, v * s, u])
+            right = np.array([-s, c, 0.0])
+            self.axes = np.stack([right, np.cross(self.towards, right)])
+            wide = np.hypot(*spans[:2])
+            spans = np.array([wide, spans[2] * np.cos(0.34) + wide * np.sin(0.34)])
+        edge = 0.2 * min(size) if forces else min(64.0, 0.14 * min(size))
+        self.scale = scale or min((np.array(size) - 2 * edge) / np.maximum(spans, 1e-9))
+        self.origin = np.array(size) / 2
+
+    def __call__(self, place):
+        return self.origin + self.along(np.asarray(place, float) - self.middle)
+
+    def along(self, vector):
+        return self.scale * (self.axes @ vector) * [1, -1]
+
+    def moved(self, by):
+        self.origin = self.origin + by
+        return self
+
+    def zoomed(self, factor, place):
+        """The pixel `place` stays where it is."""
+        self.origin = np.asarray(place) + factor * (self.origin - place)
+        self.scale *= factor
+        return self
 
 
 def near(found, wanted, within=2e-4):
@@ -87,7 +186,5 @@ def near(found, wanted, within=2e-4):
     return np.allclose(np.array(found), np.array(wanted), rtol=0, atol=within)
 
 
-def digits(value, step):
-    return f"{value:.{max(0, -math.floor(math.log10(step)))}f}".replace(
-        "-", "\N{MINUS SIGN}"
-    )
+def number(text):
+    return float(text.replace("\N{MINUS SIGN}", "-"))

@@ -13,6 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.model.model import Level, Scene
+from lagsim.outputs import ENERGIES
 from lagsim.outputs.animation.pushes import Carriers, Push, reactions
 from lagsim.run.observers.frames import Frames
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 # The point of a model that has no scene.
 ONLY = "point"
-ENERGIES = ("kinetic", "potential", "lagrangian", "energy", "work")
 # Bytes of a page's numbers before they are written as text, which takes a third more.
 ROOM = 1_900_000
 # Frames beyond these show nothing more, and cells of them are memory.
