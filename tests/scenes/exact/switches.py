@@ -67,6 +67,18 @@ for (own, force), a in OWN.items():
         two(own, force), resting(a), still="x", unlike=MOVING
     )
 
+# Bodies at rest, of which a growing force moves each at one time, whatever its mass.
+for mass in (1e-17, 1e17):
+    push = "1 + t - 3*sign({}_dot)"
+    SCENES[f"rests until pushed beside {mass:g} kg"] = Exact(
+        scene(
+            "x y", f"(x_dot^2 + {mass}*y_dot^2)/2", "0", {}, {"x": 0, "y": 0},
+            forces={"x": push.format("x"), "y": push.format("y")}, duration=3,
+            output_step=0.25,
+        ),
+        lambda t: {"x": np.maximum(t - 2.0, 0.0) ** 3 / 6.0}, unlike=MOVING,
+    )  # fmt: skip
+
 
 def leaving(begins: float, way: float = 1.0, power: int = 0) -> Any:
     """x leaves its switch, and y feels its side from then on."""
