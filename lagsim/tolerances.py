@@ -117,13 +117,10 @@ SAME_JUMP = 1e-6
 
 # --- iterations -----------------------------------------------------------------------
 
-STALLED_RESIDUAL = 1e-12
-"""The residual against its terms up to which a projection may stop falling."""
-
 CONVERGED = 1e-12
-"""What Newton's method leaves at the start: of a residual against its terms, of a step
-against the values, of a gradient against the change; and what numbers that were
-computed elsewhere leave in a rate, against the motion."""
+"""What Newton's method leaves: of a residual against its terms, of a step against the
+values, of a gradient against the change; and what numbers that were computed elsewhere
+leave in a rate, against the motion."""
 
 STALLED_STEP = 1e-9
 """The Newton step against the state up to which steps of an implicit method may stop
@@ -201,7 +198,7 @@ UNCOUPLED = 2.0**-100
 
 COMPUTED_ZERO = 1e-9
 """What counts as 0 beside 1, or beside the largest of its kind: the rounding of an
-eigenvalue, of a mode, of a stiffness, of an equilibrium."""
+eigenvalue, of a mode, of a stiffness, of an equilibrium, of a row of a surface."""
 
 NEGLIGIBLE_RATE = 1e-2
 """The size of an eigenvalue times the length of a run below which it does nothing."""
@@ -224,20 +221,11 @@ ACCELERATION_ROUNDOFF = 512.0 * UNIT_ROUNDOFF
 
 SHARE_ROUNDOFF = 1e-12
 """How far past its bounds the share of a side may be, and the rate of a surface against
-its terms, that still counts as on it."""
-
-PARALLEL = 1e-9
-"""The difference of two rows of surfaces, against them, of one and the same surface."""
-
-DEPENDENT_SHARES = 1e-12
-"""The pivot against its column that is none: of the forces only the sum matters."""
+its terms, that still counts as on it; and the pivot of shares against its column that
+is none: of the forces only the sum matters."""
 
 MISSED_SURFACE = 1e-9
 """The rate, against its terms, with which shares no longer keep to their surface."""
-
-DECOUPLED = 1e-12
-"""The entry of the Delassus matrix, against its diagonal, of contacts that do not act
-on each other."""
 
 DEPENDENT_SQUARE = 1e-14
 """The singular value of a Delassus matrix below which it is zero: it is a square, so
@@ -264,7 +252,8 @@ LEAST_CLOSING = 1e-10
 is taken to have ended."""
 
 NO_IMPULSE = 1e-12
-"""The impulse, against the largest of an impact, that is rounding."""
+"""The impulse against the largest of an impact, and the answer of a contact to one of
+another against that to its own, that is rounding."""
 
 IMPACT_GAIN = 1e-9
 """The energy that an impact gives, as a part of what is exchanged, that is named."""

@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 232
-LINES = 65_900
-LINES_OF_TESTS = 53_700
+LINES = 65_400
+LINES_OF_TESTS = 52_600
 
 
 def lines(folder):

@@ -342,8 +342,9 @@ class _Examiner:
 
     def _metric(self, free: Sequence[int]) -> Floats:
         """Give the metric of least change on the values `free`: M as it was stated."""
-        self.stated.g.count(len(free) ** 3 / DECOMPOSED)
-        return least_change_metric(self.stated.mass(free))
+        k, M = len(free), self.stated.mass_entries(free)
+        self.stated.g.count(k**3 / DECOMPOSED)
+        return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
         """Give the nearest values that satisfy the relations."""

@@ -179,10 +179,6 @@ class Point:
         """The constraint Jacobian A (m, n)."""
         return self.jacobian(self.e.rows)
 
-    def mass(self, among: Sequence[int]) -> Floats:
-        """Give the rows and columns `among` of M."""
-        return self.mass_entries(among).dense(len(among), len(among))
-
     def _chained_mass(self, chains: Chains) -> Floats:
         """Give M (n, n) without an expression for each entry."""
         values = dict(zip(chains.nodes, self.array(chains.nodes), strict=True))

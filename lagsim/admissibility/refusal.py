@@ -214,16 +214,11 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
     return cone[int(np.argmin(slopes))], "has no finite slope"
 
 
-def _depends_on_rest(point: Point, node: int) -> bool:
-    """Tell whether a node depends on a velocity that is 0."""
-    rates = zip(point.e.velocities, point.v, strict=True)
-    return bool(point.g.depends([node]) & {name for name, rate in rates if not rate})
-
-
 def _hint(point: Point, node: int) -> str:
     g = point.g
     op, args = g.ops[node], g.args[node]
-    if _depends_on_rest(point, node):
+    rates = zip(point.e.velocities, point.v, strict=True)
+    if g.depends([node]) & {name for name, rate in rates if not rate}:
         return DIRECTION
     values = point.array(args)
     if op in ("sqrt", "log", "log10") and values[0] < 0.0:

@@ -44,9 +44,9 @@ from lagsim.mechanics.complementarity import (
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
-    DECOUPLED,
     DEPENDENT_ROWS,
     DEPENDENT_SQUARED,
+    NO_IMPULSE,
     SLIP_CONVERGED,
     SOLVED_LAWS,
 )
@@ -255,7 +255,7 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     scale = np.sqrt(closed.D.diagonal())
     for (i, rows), (j, others) in combinations(groups.items(), 2):
         D = closed.D[np.ix_(rows, others)]
-        if not (np.abs(D) > DECOUPLED * np.outer(scale[rows], scale[others])).any():
+        if not (np.abs(D) > NO_IMPULSE * np.outer(scale[rows], scale[others])).any():
             continue
         plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
         if closed.restitutions[i] or closed.restitutions[j] or not plain:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
 from lagsim.native.kernels.words import external
-from lagsim.tolerances import DEPENDENT_SHARES, MISSED_SURFACE
+from lagsim.tolerances import MISSED_SURFACE, SHARE_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -311,7 +311,7 @@ def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
             exchange(B, row * size + j, largest * size + j)
         for c in range(3):
             exchange(right, 3 * row + c, 3 * largest + c)
-    return 1 if abs(B[row * size + k]) > DEPENDENT_SHARES * whole else 0
+    return 1 if abs(B[row * size + k]) > SHARE_ROUNDOFF * whole else 0
 
 
 def exchange(a: Floats, i: int, j: int) -> None:

@@ -21,35 +21,33 @@ energy:
 initial: {x: 1, y: 0}
 simulation: {duration: 1}
 """
+# What is constant in an energy makes no force, and none that is infinite.
+PLAIN = COUPLED.replace("c*x_dot", "0*x_dot")
+CS = (0.0, 0.5, 0.999, 1.0, -1.0, 2.0, 0.5, 0.5, np.nan)
 
 
-def test_verdicts_are_those_of_each_alone() -> None:
-    model = read(COUPLED, "m.yaml")
+@pytest.mark.parametrize(
+    ("text", "clear"),
+    [
+        (COUPLED, [0, 1, 2]),
+        *[(PLAIN.replace(f"{part}: ", f"{part}: log(c) + "), [1, 2, 3, 5])
+          for part in ("potential", "kinetic")],
+    ],
+)  # fmt: skip
+def test_verdicts_are_those_of_each_alone(text: str, clear: list[int]) -> None:
+    model = read(text, "m.yaml")
     equations = derive(model)
-    c = np.array([0.0, 0.5, 0.999, 1.0, -1.0, 2.0, 0.5, 0.5, np.nan])
     x = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, -1.0, 1.0])
-    values = {"t": 0.0, "c": c, "x": x, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
-    found = clear_starts(equations, values, len(c))
-    assert found.tolist() == [True] * 3 + [False] * 6
+    values = {"t": 0.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
+    found = clear_starts(equations, values | {"c": np.array(CS), "x": x}, len(x))
+    assert np.flatnonzero(found).tolist() == clear
     for k in range(8):
-        bound = equations.of(model.bind(c=float(c[k]), x=float(x[k])))
-        if found[k]:
+        bound = equations.of(model.bind(c=CS[k], x=float(x[k])))
+        if k in clear:
             assert examine(bound).admissible
         else:
             with pytest.raises(InputError):
                 examine(bound)
-
-
-@pytest.mark.parametrize("part", ["potential", "kinetic"])
-def test_an_energy_without_a_value_is_not_clear(part: str) -> None:
-    # What is constant in an energy makes no force, and none that is infinite.
-    text = COUPLED.replace("c*x_dot", "0*x_dot")
-    text = text.replace(f"{part}: ", f"{part}: log(c) + ")
-    equations = derive(read(text, "m.yaml"))
-    c = np.array([0.5, 0.0, -1.0, 2.0])
-    values = {"t": 0.0, "c": c, "x": 1.0, "y": 0.0, "x_dot": 0.0, "y_dot": 0.0}
-    found = clear_starts(equations, values, len(c))
-    assert found.tolist() == [True, False, False, True]
 
 
 @pytest.mark.parametrize(

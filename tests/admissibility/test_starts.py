@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
+from operator import attrgetter
 
 import pytest
 
 from lagsim.errors import InputError
 from tests.admissibility.scenes import (
+    ASKED,
     PARALLELOGRAM,
     check,
     codes,
@@ -165,26 +168,61 @@ def test_a_gradient_of_rounding_vanishes(at):
     assert judged(slider_crank(f"{at} + 1e-6")).ranks.rank == 2
 
 
-def coupler(unit, factor):
-    """Give the parallelogram, its x in other units, and one row scaled."""
-    relations = {k: r.replace("x ", f"x/{unit!r} ") for k, r in PARALLELOGRAM.items()}
-    relations["p3"] = f"{factor!r}*(x/{unit!r} + cos(c)/2 - 1 - cos(b)) = 0"
-    at = {"a": 0, "x": 1.5 * unit, "y": 0, "c": 0, "b": 0}
-    at |= {"a_dot": 1, "y_dot": 1, "b_dot": 1}
-    kinetic = f"(a_dot^2 + b_dot^2 + x_dot^2/{unit!r}^2 + y_dot^2 + c_dot^2/12)/2"
-    return judged(scene(relations, at, kinetic=kinetic))
+# Relations, a start, and the coordinates that are lengths.
+LINKAGE = {"x": "0.5 + cos(a)", "y": "sin(a)", "c": 0, "b": "a"}
+PATH = {"path": "u = 1 - theta^2"}
+PLACED = [
+    *[(PARALLELOGRAM, {"a": angle} | LINKAGE, "xy") for angle in ("0", "0.5", "pi")],
+    *[({"a": CIRCLE, "b": f"2*x^2 + 2*y^2 = {square}"}, AT, "x")
+      for square in (2.0, 2.001)],
+    *[(PATH, {"theta": 0.5, "u": 0.75 + off, "theta_dot": 1, "u_dot": rate - 1.0}, "u")
+      for off, rate in ((0, 0), (2e-7, 0), (3e-6, 0), (0, 3e-6), (1.25, 6.0))],
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1e3])
-@pytest.mark.parametrize("factor", [1e-8, 1e8])
-def test_ranks_depend_on_neither_scale_nor_units(unit, factor):
-    plain, start = coupler(1.0, 1.0), coupler(unit, factor)
-    [d], [other] = plain.ranks.dependences, start.ranks.dependences
-    scaled = {name: pytest.approx(c * factor) for name, c in d.combination}
-    assert (other.name, other.everywhere) == (d.name, d.everywhere)
-    assert dict(other.combination) == scaled
-    check(start, ranks=(3, 4), ranks__not_unique=plain.ranks.not_unique)
-    assert start.ranks.smallest == pytest.approx(plain.ranks.smallest, rel=1e-9)
+def elsewhere(relations, initial, lengths, shift, unit, factor):
+    """Give a scene with lengths in another unit, from afar, and its last row scaled."""
+
+    def told(text):
+        for q in lengths:
+            text = re.sub(rf"\b{q}\b", f"({q}/{unit!r} - {shift!r})", str(text))
+            text = text.replace(f"{q}_dot", f"({q}_dot/{unit!r})")
+        return text
+
+    rows = {name: told(relation) for name, relation in relations.items()}
+    left, _, right = rows[name := [*rows][-1]].partition("=")
+    rows[name] = f"{factor!r}*({left} - ({right})) = 0"
+    at = {q: told(value) for q, value in initial.items()}
+    for q in lengths:
+        at[q] = f"{unit!r}*({at[q]} + {shift!r})"
+        if f"{q}_dot" in at:
+            at[f"{q}_dot"] = f"{unit!r}*({at[f'{q}_dot']})"
+    names = [q for q in initial if not q.endswith("_dot")]
+    return scene(rows, at, kinetic=told(" + ".join(f"{q}_dot^2/2" for q in names)))
+
+
+@pytest.mark.parametrize(("relations", "initial", "lengths"), PLACED)
+@pytest.mark.parametrize(
+    ("shift", "unit", "factor"),
+    [(1e3, 1.0, 1.0), (1e6, 1.0, 1.0), (0.0, 1e-6, 1e-8), (0.0, 1e3, 1e8)],
+)
+def test_neither_place_nor_units_nor_the_scale_of_a_row_count(
+    relations, initial, lengths, shift, unit, factor
+):
+    plain = judged(scene(relations, initial))
+    start = judged(elsewhere(relations, initial, lengths, shift, unit, factor))
+    for key in ("admissible", "codes", "everywhere", "redundant", "ranks"):
+        check(start, **{key: ASKED.get(key, attrgetter(key))(plain)})
+    assert start.ranks.not_unique == plain.ranks.not_unique
+    against = ASKED["against"]
+    assert against(start).keys() == against(plain).keys()
+    assert start.ranks.smallest == pytest.approx(plain.ranks.smallest, rel=1e-6)
+    assert (plain.repair or {}).keys() == (start.repair or {}).keys()
+    for name, value in (plain.repair or {}).items():
+        is_length = name.removesuffix("_dot") in lengths
+        found = start.repair[name] / (unit if is_length else 1.0)
+        found -= shift if name in lengths else 0.0
+        assert found == pytest.approx(value, abs=1e-9)
 
 
 # --- Residuals, bounds and reasons
@@ -254,27 +292,6 @@ def test_typed_digits_are_told_with_what_could_be_written(text, told):
     assert start.admissible
     assert told in warning(start, "rough-start")
     assert start.changes or "start value" in told
-
-
-@pytest.mark.parametrize("factor", [1e-8, 1.0, 1e8])
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
-def test_verdicts_depend_on_neither_scale_nor_units(factor, unit):
-    def curve_in(u_start, u_rate):
-        at = {"theta": 0.5, "u": u_start * unit, "theta_dot": 1, "u_dot": u_rate * unit}
-        relation = f"{factor!r}*(u/{unit!r} - 1 + theta^2) = 0"
-        kinetic = f"(theta_dot^2 + u_dot^2/{unit!r}^2)/2"
-        return judged(scene({"path": relation}, at, kinetic=kinetic))
-
-    for u, rate, sound in (
-        (0.75, -1.0, True), (0.75 + 2e-7, -1.0, True), (0.75 + 3e-6, -1.0, False),
-        (0.75, -1.0 + 3e-6, False),
-    ):  # fmt: skip
-        assert curve_in(u, rate).admissible is sound
-    far = curve_in(2.0, 5.0).repair
-    theta, u = far["theta"], far["u"] / unit
-    # Least (theta - 1/2)^2 + (u - 2)^2 on u = 1 - theta^2: its gradient vanishes.
-    assert u == pytest.approx(1 - theta**2, rel=1e-12)
-    assert (theta - 0.5) - 2 * theta * (u - 2) == pytest.approx(0, abs=1e-9)
 
 
 # --- Inertia, and forces

@@ -19,10 +19,10 @@ from lagsim.methods.parts.state import (
 )
 from lagsim.native.layout import array
 from lagsim.tolerances import (
+    CONVERGED,
     MOTION_ROUNDOFF,
     OVERFLOW,
     RESIDUAL_ROUNDOFF,
-    STALLED_RESIDUAL,
     TERM_ROUNDOFF,
     UNIT_ROUNDOFF,
 )
@@ -109,7 +109,7 @@ def project_level(
         if not done:
             done = is_small(level, s, h, part, work) > 0
         if stalled:
-            return 1 if done or work[n] <= STALLED_RESIDUAL else 0
+            return 1 if done or work[n] <= CONVERGED else 0
         part[:n] += work[:n]
         if done:
             return 1

@@ -536,7 +536,7 @@ class Expressions:
         among = list(self.known) if numbers else None
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
-        if not hint and not hints.is_other(name):
+        if not hint and not hints.spelt_call(name, ""):
             hint = self.faults.meant(scalar, used.offset, names.variables)
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
         return "unknown-name", text, hint

@@ -148,14 +148,10 @@ def rewritten(name: str, arguments: str = "") -> str:
     return text
 
 
-def is_other(name: str) -> bool:
-    """Tell whether a function of another name is called so elsewhere."""
-    return name.casefold() in _RENAMED or name.casefold() in _REWRITTEN
-
-
-def _spelt_call(name: str, arguments: str) -> str:
-    """Give a call with the name that the function has here."""
-    return rewritten(name, arguments) or f"{known_function(name) or name}({arguments})"
+def spelt_call(name: str, arguments: str) -> str:
+    """Give a call with the name that the function has here, or nothing."""
+    known = known_function(name)
+    return f"{known}({arguments})" if known else rewritten(name, arguments)
 
 
 # --- How expressions are written elsewhere, and how they are written here: a table
@@ -196,12 +192,12 @@ def _from_module(found: re.Match[str]) -> str:
 
 def _call(found: re.Match[str]) -> str:
     """Say how a function is called: its name, and its argument."""
-    return f"write {_spelt_call(found[1], found[2])}"
+    return f"write {spelt_call(found[1], found[2])}"
 
 
 def _power_of_call(found: re.Match[str]) -> str:
     name, power, argument = found.groups()
-    base = _spelt_call(name, argument or "...")
+    base = spelt_call(name, argument or "...")
     power = {"²": "2", "³": "3"}.get(power, power)
     return f"write {base if base[-1] == ')' else f'({base})'}^{power}"
 
@@ -550,9 +546,7 @@ def _is_known(name: str, known: Collection[str]) -> bool:
 
 def of_function(name: str, argument: str, known: Collection[str]) -> str:
     """Give a hint for a function that there is not, called with an argument."""
-    if found := known_function(name):
-        return f"write {found}({argument})"
-    if meant := rewritten(name, argument):
+    if meant := spelt_call(name, argument):
         return f"write {meant}"
     if _is_known(name, known) or name.casefold() in _NUMBERS:
         if argument in ("", "t"):

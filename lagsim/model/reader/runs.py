@@ -56,17 +56,17 @@ class _Simulation:
         given = self.given
         start = self._number("start") if "start" in given else 0.0
         end = self._end(start)
-        output_step = self._positive("output_step")
+        output_step = self._number("output_step", positive=True)
         method = self._name("method", "see `lagsim methods`")
         formulation = self._name("formulation", "see docs/model-file.md")
-        rtol, atol = (self._within(key, 0.0, math.inf) for key in ("rtol", "atol"))
+        rtol, atol = (self._number(key, 0.0) for key in ("rtol", "atol"))
         if rtol == 0 and "atol" not in given:
             hint = "`atol` is rtol times a scale where it is not given"
             self._fault("out-of-range", "`rtol` is 0 without an `atol`", "rtol", hint)
         elif rtol == 0 and atol == 0:
             self._fault("out-of-range", "`rtol` and `atol` are both 0", "atol")
-        step, gain = self._positive("step"), self._positive("gain")
-        own = ((k, self._within(k, o.least, o.most)) for k, (_, o) in options().items())
+        step, gain = (self._number(key, positive=True) for key in ("step", "gain"))
+        own = ((k, self._number(k, o.least, o.most)) for k, (_, o) in options().items())
         asked = Settings(
             method=method, formulation=formulation, rtol=rtol, atol=atol, step=step,
             gain=gain, options=tuple((k, v) for k, v in own if v is not None),
@@ -87,29 +87,28 @@ class _Simulation:
     def _fault(self, code: str, text: str, key: str, hint: str = "") -> None:
         self.x.faults.add(code, text, self._place(key) or self.given.place, hint)
 
-    def _number(self, key: str) -> float | None:
+    def _number(
+        self,
+        key: str,
+        least: float = -math.inf,
+        most: float = math.inf,
+        *,
+        positive: bool = False,
+    ) -> float | None:
+        """Give a number that must be from `least` to `most`, or `positive`."""
         node = self.given.value(key)
         if node and key in ("duration", "end") and (hint := quantities.span(node)):
             text = f"`{key}` must be one time, found {kind_of(node)}"
             self._fault("not-an-expression", text, key, hint)
             return None
-        return self.x.number(node, f"`{key}`")
-
-    def _positive(self, key: str) -> float | None:
-        value = self._number(key)
-        if value is None or value > 0:
+        value, rule = self.x.number(node, f"`{key}`"), "be positive"
+        if value is None or (least <= value <= most and not (positive and value <= 0)):
             return value
-        self._fault("out-of-range", f"`{key}` is {value:g}; it must be positive", key)
-        return None
-
-    def _within(self, key: str, least: float, most: float) -> float | None:
-        value = self._number(key)
-        if value is None or least <= value <= most:
-            return value
-        rule = f"exceed {most:g}"
-        if value < least:
-            rule = f"be below {least:g}" if least else "be negative"
-        self._fault("out-of-range", f"`{key}` is {value:g}; it must not {rule}", key)
+        if value > most:
+            rule = f"not exceed {most:g}"
+        elif value < least:
+            rule = f"not be below {least:g}" if least else "not be negative"
+        self._fault("out-of-range", f"`{key}` is {value:g}; it must {rule}", key)
         return None
 
     def _end(self, start: float | None) -> float | None:
@@ -119,7 +118,7 @@ class _Simulation:
             self.x.faults.add(
                 "both-given", f"{text} are given", place, "give one of them"
             )
-        end = self._positive(key) if key == "duration" else self._number(key)
+        end = self._number(key, positive=key == "duration")
         if end is None or start is None:
             return None
         end += start if key == "duration" else 0.0

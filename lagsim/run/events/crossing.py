@@ -29,7 +29,7 @@ from lagsim.run.events.filippov import ABOVE, BELOW, LEVEL, SLIDING, FilippovCon
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
-    PARALLEL,
+    COMPUTED_ZERO,
     RESIDUAL_ROUNDOFF,
 )
 
@@ -294,8 +294,8 @@ class Crossing:
             if factor == 0.0:
                 continue
             off = np.max(np.abs(J[k] - factor * J[j]))
-            same = off <= PARALLEL * np.max(np.abs(J[k]))
-            if same and abs(b[k] - factor * b[j]) <= PARALLEL * abs(b[k]):
+            same = off <= COMPUTED_ZERO * np.max(np.abs(J[k]))
+            if same and abs(b[k] - factor * b[j]) <= COMPUTED_ZERO * abs(b[k]):
                 return j, factor
         return None
 

@@ -17,8 +17,8 @@ from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
-    DECOUPLED,
     FORCE_ROUNDOFF,
+    NO_IMPULSE,
     SAME_TIME,
 )
 
@@ -293,7 +293,7 @@ class Kinematics:
         """Tell whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
-        return bool(np.any(np.abs(D[k, some]) > DECOUPLED * sizes[k] * sizes[some]))
+        return bool(np.any(np.abs(D[k, some]) > NO_IMPULSE * sizes[k] * sizes[some]))
 
     def problem(
         self, some: Sequence[int], restitutions: Floats
