@@ -33,7 +33,6 @@ from lagsim.studies.bench.work_precision import (
     Wish,
     curves,
     is_answer,
-    key_of,
     measure,
     read_document,
 )
@@ -71,7 +70,8 @@ def own_cost(found, error):
     chosen = [row for row in found["rows"] if row["chosen"]]
     chosen.sort(key=lambda row: -(row["error"] or 0.0))
     enough = [row for row in chosen if is_answer(row) and row["error"] <= error]
-    return cost_at(points(chosen), error), key_of([*enough, chosen[-1]][0])
+    first = [*enough, chosen[-1]][0]
+    return cost_at(points(chosen), error), (first["method"], first["formulation"])
 
 
 class Compiling:

@@ -112,13 +112,13 @@ def _solved(
         except GivenUpError:
             if fixed:
                 return
-            # A little looser takes as long.
-            next(left, None)
+            next(left, None)  # a little looser takes as long
             continue
         if solved.rows is not None:
             how = f"{solver.method} at {solver.setting} {value:.3g}"
-            rows, events = solved.rows, solved.events
-            yield Solution(how, solver.method, value, solver.names, rows, events)
+            yield Solution(
+                how, solver.method, value, solver.names, solved.rows, solved.events
+            )
             if not fixed:
                 return
 
@@ -353,16 +353,12 @@ def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
 def _known(apart: Floats) -> int:
     """Return how many rows are known: all, where nothing better is known."""
     count = len(apart)
-    known = {}
-    for level in LEVELS:
-        lost = np.flatnonzero(~(apart <= level))
-        known[level] = int(lost[0]) if len(lost) else count
-    if any(known[level] == count for level in WHOLE):
+    known = [int(np.argmax([*~(apart <= level), True])) for level in LEVELS]
+    if count in known[: len(WHOLE)]:
         return count
     enough = max(2.0, min(MANY, FEW * count))
-    last = known[LEVELS[-1]]
-    otherwise = last if last > 1 else count
-    return next((k for k in known.values() if k >= enough), otherwise)
+    otherwise = known[-1] if known[-1] > 1 else count
+    return next((k for k in known if k >= enough), otherwise)
 
 
 def _scales(
@@ -450,16 +446,11 @@ class Wish(NamedTuple):
         return self.methods is None or name in self.methods
 
 
-def key_of(row: Mapping[str, Any]) -> Key:
-    """Give the method and the formulation of a row."""
-    return row["method"], row["formulation"]
-
-
 def curves(rows: Iterable[Row]) -> dict[Key, list[Row]]:
     """Give the rows of each method and formulation, from loose to tight."""
     found = defaultdict(list)
     for row in rows:
-        found[key_of(row)].append(row)
+        found[row["method"], row["formulation"]].append(row)
     return dict(found)
 
 
@@ -489,8 +480,7 @@ def pareto(points: Sequence[Point]) -> list[int]:
     Of points that are equal in both the first counts.
     """
     order = sorted(range(len(points)), key=lambda k: (points[k], k))
-    found = []
-    cheapest = math.inf
+    found, cheapest = list[int](), math.inf
     for k in order:
         if points[k][1] < cheapest:
             found.append(k)
@@ -547,14 +537,12 @@ def _curves(
     tolerances, settings = decades(wish.tolerances), case.settings
     largest = min(LARGEST_STEP * settings.output_step, settings.duration / 2)
     steps = halvings(wish.steps or (largest, largest / 2**MOST_HALVINGS))
-
-    def refuse(name: str, formulation: str, reason: str) -> None:
-        refused.append({"method": name, "formulation": formulation, "reason": reason})
-
     for name in filter(wish.wants, names()):
         solvers, reasons = formulations(case, name)
-        for why in reasons.items():
-            refuse(name, *why)
+        refused += [
+            {"method": name, "formulation": formulation, "reason": reason}
+            for formulation, reason in reasons.items()
+        ]
         for own in solvers:
             values = tolerances if own.setting == "rtol" else steps
             more = chosen.get((own.method, own.formulation), [])
@@ -563,14 +551,16 @@ def _curves(
     if not wanted:
         return
     own, rows = index_one(case), reference.rows
+    refusal = scipy_refusal(own)
     for name in wanted:
-        if refusal := scipy_refusal(own):
-            refuse(name, "auto", refusal)
+        if refusal:
+            refused.append({"method": name, "formulation": "auto", "reason": refusal})
         else:
             solver = Scipy(own, name, rows[:, 0], state_sizes(own, rows))
             yield Curve(solver, tolerances, [], reference)
 
 
+@dataclass
 class Curve:
     """One solver, from loose to tight settings, until that makes no more sense.
 
@@ -580,17 +570,12 @@ class Curve:
         All settings, and those that `auto` takes: these are tried in any case.
     """
 
-    def __init__(
-        self,
-        solver: Solver,
-        values: Sequence[float],
-        chosen: Sequence[float],
-        reference: Reference,
-    ) -> None:
-        self.solver, self.values, self.chosen = solver, values, chosen
-        self.reference, self.key = reference, (solver.method, solver.formulation)
-        self.errors: list[float] = []
-        self._given_up = 0
+    solver: Solver
+    values: Sequence[float]
+    chosen: Sequence[float]
+    reference: Reference
+    errors: list[float] = field(default_factory=list)
+    given_up: int = 0
 
     def rows(self, patience: Patience) -> Iterator[tuple[float, Row]]:
         """Solve at one setting after the other; give the part done, too."""
@@ -601,7 +586,7 @@ class Curve:
     def _is_over(self, patience: Patience) -> bool:
         """Tell whether tighter settings show nothing new, or take too long."""
         enough = 1 if self.errors or patience.over else GIVE_UPS
-        if self._given_up >= enough:
+        if self.given_up >= enough:
             return True
         if self.solver.setting != "step" or len(self.errors) < 3:
             return False
@@ -610,14 +595,14 @@ class Curve:
 
     def _row(self, value: float, patience: Patience) -> Row:
         """Solve at one setting, and measure."""
-        row: Row = dict.fromkeys([*COLUMNS, "reason"])
-        row["method"], row["formulation"] = self.key
-        row |= {"setting": self.solver.setting, "value": value, "reason": ""}
+        solver, row = self.solver, dict[str, Any].fromkeys(COLUMNS)
+        row |= {"method": solver.method, "formulation": solver.formulation}
+        row |= {"setting": solver.setting, "value": value, "reason": ""}
         row["chosen"] = value in self.chosen
         try:
-            solved = least(lambda: self.solver.solve(value, patience))
+            solved = least(lambda: solver.solve(value, patience))
         except GivenUpError:
-            self._given_up += 1
+            self.given_up += 1
             outcome, reason = TOO_SLOW, f"given up after {patience.seconds:.2g} s"
             if patience.over:
                 outcome, reason = OUT_OF_TIME, "its share of the time was used up"
@@ -709,11 +694,11 @@ def measure(
         "reference": reference.record(),
         "curves": [
             {
-                "method": found[k].key[0],
-                "formulation": found[k].key[1],
-                "compile_seconds": found[k].solver.compile_seconds,
+                "method": solver.method,
+                "formulation": solver.formulation,
+                "compile_seconds": solver.compile_seconds,
             }
-            for k in sorted(rows)
+            for solver in (found[k].solver for k in sorted(rows))
         ],
         "refused": refused,
         "rows": every,

@@ -46,7 +46,7 @@ from lagsim.studies.attempts import Attempts, ErrorBars
 from lagsim.studies.drawing import beside
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.model.model import Model
@@ -113,10 +113,6 @@ class Axis(NamedTuple):
             values.append(x)
         return cls(name, starts, tuple(texts), tuple(values), unit)
 
-    def says(self, names: Collection[str]) -> bool:
-        """Tell whether a value is an expression of any of these names."""
-        return any(not set(_WORD.findall(x)).isdisjoint(names) for x in self.texts)
-
 
 class Grid(NamedTuple):
     """All combinations of the values of axes; the first axis is the slowest."""
@@ -126,25 +122,26 @@ class Grid(NamedTuple):
     @property
     def runs(self) -> int:
         """The number of combinations."""
-        return math.prod(len(axis.texts) for axis in self.axes)
+        return math.prod(self.shape)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many values each axis has."""
+        return tuple(len(axis.texts) for axis in self.axes)
 
     def at(self, number: int) -> list[int]:
         """Give which value each axis has in a run."""
-        places = []
-        for axis in reversed(self.axes):
-            number, place = divmod(number, len(axis.texts))
-            places.append(place)
-        return places[::-1]
+        return [int(place) for place in np.unravel_index(number, self.shape)]
 
     def texts(self, number: int) -> dict[str, str]:
         """Give the value of each name in a run."""
         places = zip(self.axes, self.at(number), strict=True)
         return {axis.name: axis.texts[place] for axis, place in places}
 
-    def values(self, number: int) -> list[float]:
+    def values(self, number: int) -> tuple[float, ...]:
         """Give the same as numbers, where all else is as in the file."""
         places = zip(self.axes, self.at(number), strict=True)
-        return [axis.values[place] for axis, place in places]
+        return tuple(axis.values[place] for axis, place in places)
 
 
 def bound(model: Model, texts: Mapping[str, str]) -> Model:
@@ -181,17 +178,17 @@ def grid_of(model: Model, given: Mapping[str, Iterable[float | str]]) -> Grid:
         if name in (OUTCOME, COMPLETE, ERROR, REASON):
             text = f"`{name}` cannot be swept: sweep.csv has a column of that name"
             problems.append(Problem("usage", text, hint="give it another name"))
-    grid = Grid(tuple(axes))
-    if not problems and grid.runs > MOST_RUNS:
-        problems.append(_too_many(grid.runs))
     if problems:
         raise InputError(problems)
+    grid = Grid(tuple(axes))
+    _refuse_many(grid.runs)
     return grid
 
 
-def _too_many(runs: int) -> Problem:
-    text = f"these are {runs} runs, more than {MOST_RUNS}"
-    return Problem("usage", text, hint="sweep them in parts")
+def _refuse_many(runs: int) -> None:
+    if runs > MOST_RUNS:
+        text = f"these are {runs} runs, more than {MOST_RUNS}"
+        raise InputError([Problem("usage", text, hint="sweep them in parts")])
 
 
 def parsed(model: Model, arguments: Iterable[str]) -> Grid:
@@ -229,8 +226,7 @@ def _values(model: Model, name: str, text: str) -> list[str]:
     if not (many.strip().isdecimal() and int(many) >= 2 and last and ":" not in last):
         found = f"{name}={text}: two ends and how many values, 2 or more, are expected"
         raise InputError([Problem("usage", found, hint=EXAMPLE)])
-    if int(many) > MOST_RUNS:
-        raise InputError([_too_many(int(many))])
+    _refuse_many(int(many))
     a, b = Axis.of(model, name, (first, last)).values
     return [repr(x) for x in between(a, b, int(many))]
 
@@ -391,12 +387,6 @@ def made(
         left = left[size:]
 
 
-@functools.lru_cache(maxsize=2)
-def runs_of(work: Work) -> Runs:
-    """Give what this process makes the runs of a sweep with."""
-    return Runs(work)
-
-
 class _Form:
     """A model read and derived once, and what has been compiled for its first run."""
 
@@ -471,16 +461,14 @@ class Runs:
         try:
             session = self._session(grid.texts(number))
         except StartError as error:
-            values = tuple(grid.values(number))
-            return Row(values, INADMISSIBLE, reason=str(error))
+            return Row(grid.values(number), INADMISSIBLE, reason=str(error))
         except InputError as error:
             reason = "; ".join(problem.text for problem in error.problems)
-            return Row(tuple(grid.values(number)), UNUSABLE, reason=reason)
-        extremes = Extremes(len(self.columns))
+            return Row(grid.values(number), UNUSABLE, reason=reason)
+        extremes, bars = Extremes(len(self.columns)), self.work.error_bars
         if self.work.kept is not None:
             found = self._written(number, session, extremes, interrupt)
         else:
-            bars = self.work.error_bars
             attempts = Attempts(extremes, interrupt, Clock(), error_bars=bars)
             found = attempts.best(session)
         trajectory, bar = found.trajectory, found.bar
@@ -533,7 +521,8 @@ class Runs:
 
         clock, work = Clock(), self.work
         assert work.kept is not None
-        folder = Path(work.kept, folder_of(number, work.grid))
+        width = len(str(work.grid.runs))  # its number is its row in sweep.csv, from 1
+        folder = Path(work.kept, f"run-{number + 1:0{width}}")
         units = of_table(session.case.equations, session.system.columns.of_table)
         with open_results(folder) as results:
             path = results.part(Format.CSV.file)
@@ -555,9 +544,8 @@ class Runs:
         return found
 
 
-def folder_of(number: int, grid: Grid) -> str:
-    """Give the name of a run's folder: its row in sweep.csv, from 1."""
-    return f"run-{number + 1:0{len(str(grid.runs))}}"
+# What this process makes the runs of a sweep with.
+runs_of = functools.lru_cache(maxsize=2)(Runs)
 
 
 def _mark(session: Session) -> int:
@@ -578,22 +566,20 @@ class Batch:
     def __init__(self, session: Session, work: Work, columns: int) -> None:
         self.session, self.grid, self.columns = session, work.grid, columns
         self.options = dict(work.options)
-        self.refusal = refusal(session) or self._refusal()
+        equations = session.case.equations
+        names = {axis.name for axis in self.grid.axes}
+        words = {
+            word for x in self.grid.axes for y in x.texts for word in _WORD.findall(y)
+        }
+        self._follow = equations.model.stated.depends_on(names) or bool(words & names)
+        powers = names_in_exponents(equations, ())
+        self.refusal = refusal(session)
+        if not needs_no_solve(equations):
+            self.refusal = "start values are solved for by the constraints"
+        elif powers and (self._follow or not powers.isdisjoint(names)):
+            self.refusal = "a swept value is in an exponent"
         if not self.refusal:
             self._ensemble = Ensemble(session)
-
-    def _refusal(self) -> str:
-        equations = self.session.case.equations
-        if not needs_no_solve(equations):
-            return "start values are solved for by the constraints"
-        names = {axis.name for axis in self.grid.axes}
-        self._follow = equations.model.stated.depends_on(names) or any(
-            axis.says(names) for axis in self.grid.axes
-        )
-        powers = names_in_exponents(equations, ())
-        if powers and (self._follow or not powers.isdisjoint(names)):
-            return "a swept value is in an exponent"
-        return ""
 
     def rows(self, numbers: Sequence[int], interrupt: Interrupt) -> list[Row | None]:
         """Return rows of ends, None for those that are to be made by themselves.
@@ -619,7 +605,7 @@ class Batch:
         start = np.concatenate([case.start.q, case.start.v])
         starts = np.repeat(start[None], len(numbers), 0)
         names = (*case.equations.q, *case.equations.velocities)
-        places = np.unravel_index(np.array(numbers), [len(a.texts) for a in axes])
+        places = np.unravel_index(np.array(numbers), self.grid.shape)
         found = [np.array(a.values)[x] for a, x in zip(axes, places, strict=True)]
         parameters = {}
         for axis, values in zip(axes, found, strict=True):

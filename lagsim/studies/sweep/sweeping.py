@@ -224,8 +224,8 @@ def _shared(
     if size > 1 and lost:
         yield from _shared(found, lost, 1, most, hired, interrupt)
     else:
-        values = {number: tuple(found.grid.values(number)) for number in lost}
-        yield [(k, Row(own, DIED, reason=Died.reason)) for k, own in values.items()]
+        why = Died.reason
+        yield [(k, Row(found.grid.values(k), DIED, reason=why)) for k in lost]
 
 
 def _reported(found: Found) -> tuple[str, ...]:
