@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
-from lagsim.run.session import open_case
+from lagsim.run.session import Clock, open_case
 from lagsim.studies.alarms import Evidence, alarms, audit
-from lagsim.studies.error_bar import Repeats
+from lagsim.studies.attempts import Allowance, Attempts, ErrorBars
 
 
 def evidence(found, bar="not estimated"):
@@ -37,10 +38,14 @@ def made(model):
     return session, session.run([checkpoints]), checkpoints
 
 
-def repeated(session, trajectory, checkpoints, allowance=None, **keywords):
+def repeated(session, trajectory, checkpoints, allowance=None, always=False):
     """Give the error bar of a run."""
     own = Evidence(session).end(trajectory, "none")
-    return Repeats(own, checkpoints, allowance).error_bar(**keywords)
+    own.checkpoints = checkpoints
+    bars = ErrorBars.ALWAYS if always else ErrorBars.AUTO
+    attempts = Attempts(Keep(), None, Clock(), error_bars=bars)
+    attempts.allowance = allowance or Allowance(session.system, trajectory)
+    return attempts.repeated(own)
 
 
 def barred(model, allowance=None, **keywords):

@@ -38,8 +38,8 @@ from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.session import Session
 from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
+from lagsim.studies.attempts import cost
 from lagsim.studies.bench.solving import asking
-from lagsim.studies.error_bar import cost
 from lagsim.studies.step_bounds import predicted
 from lagsim.tolerances import (
     BROKEN_CONSTRAINT,

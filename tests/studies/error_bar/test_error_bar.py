@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from types import SimpleNamespace
 
@@ -15,9 +14,8 @@ from lagsim.run.error import TIMES, ErrorBar, Failed
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers.monitors import MOST_ROWS, Checkpoints
 from lagsim.run.trajectory import Outcome
-from lagsim.studies import error_bar
-from lagsim.studies.alarms import about_error
-from lagsim.studies.error_bar import LOOSER, Allowance, Repeat, by_other_means
+from lagsim.studies import attempts
+from lagsim.studies.attempts import LOOSER, Allowance, Repeat, by_other_means
 from tests.scenes.reference import PROBLEMS, TWO_SIDED, model_text, states
 from tests.small_scenes import oscillator, pendulum, swing
 from tests.studies.judged import barred, made, repeated
@@ -127,7 +125,7 @@ simulation: {duration: 200, output_step: 0.5}
 
 def test_the_budget_is_counted_in_operations(monkeypatch):
     model = shipped("elastic-pendulum")
-    monkeypatch.setattr("lagsim.studies.error_bar.BUDGET", 1e4)
+    monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e4)
     _, refused = barred(model)
     assert "operations" in refused
     _, asked = barred(model, always=True)
@@ -173,7 +171,7 @@ def test_a_repeat_that_is_not_valid_itself_says_nothing(monkeypatch):
         assert run.monitor.end == run.trajectory.end == 60.0
         return texts[len(judged) - 1]
 
-    monkeypatch.setattr("lagsim.studies.error_bar.fault", fault)
+    monkeypatch.setattr("lagsim.studies.attempts.fault", fault)
     texts = ["it lost energy", ""]
     bar = barred(read(PENDULUM, "m.yaml"))[1]
     assert judged == pytest.approx([1e-13, 1e-11 / LOOSER])
@@ -427,7 +425,7 @@ def test_a_run_is_no_repeat_of_itself(method, monkeypatch):
     def itself(session, _trajectory):
         yield Repeat(session)
 
-    monkeypatch.setattr(error_bar, "by_other_means", itself)
+    monkeypatch.setattr(attempts, "by_other_means", itself)
     bar = repeated(session, trajectory, kept)
     assert isinstance(bar, Failed)
     assert "same steps as the run" in bar
@@ -440,25 +438,6 @@ def test_fixed_steps_are_repeated_by_others(method):
     for way in by_other_means(session, trajectory):
         assert way.session.plan.method != method
         assert way.session.plan.rtol
-
-
-def test_a_repeat_that_fails_is_a_warning(lagsim, tmp_path, monkeypatch):
-    """In run.json and on the terminal, with its code; other reasons are none."""
-    monkeypatch.setattr(error_bar.Allowance, "steps", lambda *_: 3)
-    file = tmp_path / "m.yaml"
-    file.write_text("name: swing\n" + PENDULUM)
-    called = lagsim("run", file, "--no-plots", "-o", tmp_path / "r")
-    assert called.code == 0
-    assert "the error of the rows is not known" in called.err + called.out
-    record = json.loads((tmp_path / "r" / "run.json").read_text())
-    assert [w["code"] for w in record["warnings"]] == ["error-unknown"]
-    assert record["error"] is None
-
-
-def test_what_nobody_asked_for_is_no_warning():
-    known = {"plan": SimpleNamespace(rtol=1e-11), "bar": "not asked for"}
-    balances = [SimpleNamespace(part=1e-9)]
-    assert about_error(SimpleNamespace(equations=0, balances=balances, **known)) == []
 
 
 # Costs, and rounded times
