@@ -1,5 +1,4 @@
 import itertools
-import math
 import random
 
 import pytest
@@ -8,8 +7,8 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.mechanics.surfaces import expression_text, surfaces
-from lagsim.mechanics.switches import find_switches, prevailing
+from lagsim.mechanics.surfaces import expression_text
+from lagsim.mechanics.switches import find_switches
 from lagsim.run.events.breaks import break_times
 
 MOVING = ("x", "x_dot")
@@ -30,7 +29,7 @@ def switches_of(text):
         ("max(0, x)^2.5", ["max(0, x)"]),
         ("floor(x*sign(t))", ["floor(x*sign(t))"]),
         ("min(t, p)", []),
-        ("2^x", []),
+        ("t^x", []),  # whose slope has a limit of its own at 0
     ],
 )
 def test_finds_the_state_switches_of_an_expression_and_its_derivative(text, shown):
@@ -39,16 +38,6 @@ def test_finds_the_state_switches_of_an_expression_and_its_derivative(text, show
     slopes = gradient(g, node, [g.variable(v) for v in (*MOVING, "t")])
     found = find_switches(g, [node, *slopes], MOVING)
     assert [str(s) for s in found.state] == shown
-
-
-def test_the_limit_in_the_derivative_of_a_power_is_no_switch():
-    g = Graph()
-    power = parse("t^x").build(g, g.variable)
-    slopes = gradient(g, power, [g.variable("x")])
-    found = find_switches(g, slopes, MOVING)
-    assert not found.modes
-    assert not found.state
-    assert found.freeze(slopes) == slopes
 
 
 TEXTS = [
@@ -98,32 +87,14 @@ def test_frozen_expressions_and_slopes_equal_the_original_on_each_arc(text):
 
 
 def test_the_frozen_form_goes_on_smoothly_past_the_end_of_its_arc():
-    g, node, switches = switches_of("abs(t - 1) + if(t < 1, 0, 100)")
+    g, node, switches = switches_of("abs(t - 1) + if(t < 1, 0, 100)*abs((t - 0.5)^2)")
     frozen = switches.freeze([node])
+    # (t - 0.5)^2 vanishes in the very middle of the arc: that is outvoted.
     found = switches.mode_values(0.0, 1.0, {})
+    assert sorted(found) == [-1.0, 1.0, 1.0]
     modes = {m.variable: v for m, v in zip(switches.modes, found, strict=True)}
     assert evaluate(g, frozen, modes | {"t": 1.25}) == [-0.25]
     assert evaluate(g, frozen, modes | {"t": 1.0}) == [0.0]
-
-
-def test_a_value_held_at_one_instant_is_outvoted():
-    # (t - 1)^2 vanishes in the very middle of the arc.
-    g, node, switches = switches_of("abs((t - 1)^2)")
-    assert switches.mode_values(0.0, 2.0, {}) == [1.0]
-    del g, node
-
-
-def test_prevailing_takes_nan_for_a_value():
-    assert math.isnan(prevailing(lambda _: [math.nan], 0.0, 1.0)[0])
-    assert prevailing(lambda t: [t > 0.5], 0.0, 1.0) == [0.0]
-
-
-def test_surfaces_of_a_condition():
-    g = Graph()
-    node = parse("if(t < p or not (t^2 >= 4 and t < p), 1, 0)").build(g, g.variable)
-    found = surfaces(g, g.args[node][0])
-    shown = sorted((s.op, expression_text(g, s.node)) for s in found)
-    assert shown == [("ge", "t^2 - 4"), ("lt", "t - p")]
 
 
 @pytest.mark.parametrize(
@@ -139,14 +110,6 @@ def test_the_text_of_an_expression_reads_back(text):
     assert evaluate(g, [again], values) == pytest.approx(
         evaluate(g, [node], values), nan_ok=True
     )
-
-
-def test_a_deep_expression_is_shown_in_part():
-    g = Graph()
-    node = g.variable("x")
-    for _ in range(5000):
-        node = g.call("sin", node)
-    assert expression_text(g, node) == "sin(sin(sin(sin(sin(sin(...))))))"
 
 
 def test_many_nested_switches_take_no_recursion():

@@ -7,54 +7,26 @@ import pytest
 from lagsim.errors import InputError
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.plan.cost import step_parts
-from lagsim.plan.making import by_loops
 from tests.scenes.reference import model_text
 from tests.support import case_of
 
 
-def plan_of(text, *, loops=False, **options):
-    plan = case_of(text, **options).plan()
-    return by_loops(plan) if loops else plan
+def plan_of(text, **options):
+    return case_of(text, **options).plan()
 
 
-def reasons(plan):
-    return {choice.choice: choice.reason for choice in plan.choices}
-
-
-@pytest.mark.parametrize(
-    ("name", "formulation"),
-    [
-        ("elastic-pendulum", "none"),
-        ("elastic-pendulum-curve", "elimination"),
-        ("pendulum-cartesian", "projection"),
-        ("elastic-pendulum-steered", "velocity projection"),
-        ("rolling-disk", "velocity projection"),
-        ("andrews", "projection"),
-    ],
-)
-def test_the_formulation_follows_the_constraints(name, formulation):
-    plan = plan_of(name)
-    assert plan.formulation == formulation
-    assert f"formulation: {formulation}" in reasons(plan)
-    assert all(choice.reason for choice in plan.choices)
-
-
-def test_mixed_constraints_are_projected_on_both_levels():
-    plan = plan_of(
-        """
+MIXED = """
 coordinates: {x: {}, y: {}, z: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: z}
 constraints: {floor: z = 0, blade: x_dot*sin(z + 1) = y_dot*cos(z + 1)}
 initial: {x: 0, y: 0, z: 0}
 simulation: {duration: 1}
-""",
-        formulation="projection",
-    )
-    assert plan.formulation == "projection"
-    assert reasons(plan)["formulation: projection"].startswith("1 of 2")
+"""
+FULL, PROJECTION = {"formulation": "full"}, {"formulation": "projection"}
 
 
-MASS = """
+def moving(kinetic):
+    return f"""
 parameters: {{m: 2}}
 coordinates: {{x: {{}}, y: {{}}}}
 energy: {{kinetic: "{kinetic}", potential: 0}}
@@ -63,39 +35,71 @@ simulation: {{duration: 1}}
 """
 
 
+MASSES = {
+    "m*(x_dot^2 + y_dot^2)/2": "constant, diagonal",
+    "x_dot^2 + y_dot^2 + x_dot*y_dot": "constant",
+    "(2 + sin(x))*(x_dot^2 + y_dot^2)": "depends on positions, diagonal",
+    "x_dot^2 + y_dot^2 + sin(x)*x_dot*y_dot": "depends on positions",
+    "(2 + sin(t))*(x_dot^2 + y_dot^2)": "depends on time, diagonal",
+    "x_dot^2 + y_dot^2 + x_dot^4": "depends on velocities, diagonal",
+}
+
+
 @pytest.mark.parametrize(
-    ("kinetic", "mass"),
+    ("model", "options", "choice", "reason"),
     [
-        ("m*(x_dot^2 + y_dot^2)/2", "constant, diagonal"),
-        ("x_dot^2 + y_dot^2 + x_dot*y_dot", "constant"),
-        ("(2 + sin(x))*(x_dot^2 + y_dot^2)", "depends on positions, diagonal"),
-        ("x_dot^2 + y_dot^2 + sin(x)*x_dot*y_dot", "depends on positions"),
-        ("(2 + sin(t))*(x_dot^2 + y_dot^2)", "depends on time, diagonal"),
-        ("x_dot^2 + y_dot^2 + x_dot^4", "depends on velocities, diagonal"),
+        ("elastic-pendulum", {}, "formulation: none", "no constraints"),
+        ("elastic-pendulum-curve", {}, "formulation: elimination", "u from path"),
+        ("pendulum-cartesian", {}, "formulation: projection", "1 of 1"),
+        ("elastic-pendulum-steered", {}, "formulation: velocity projection", ""),
+        ("rolling-disk", {}, "formulation: velocity projection", "velocities"),
+        ("andrews", {}, "formulation: projection", "6 of 6"),
+        (MIXED, PROJECTION, "formulation: projection", "1 of 2"),
+        ("heavy-top", FULL, "mass matrix: depends on positions, 2 blocks", ""),
+        *((moving(T), FULL, f"mass matrix: {M}", "") for T, M in MASSES.items()),
+        ("elastic-pendulum", {"method": "rk4"}, "method: rk4", "asked for"),
+        (
+            model_text("pendulum_duplicate_constraints"), {},
+            "solve: loops with QR, least-norm lambda", "3 constraints have rank 1",
+        ),
+        (
+            model_text("bricard"), {},
+            "solve: loops with QR, least-norm lambda", "24 constraints have rank 23",
+        ),
+        (
+            model_text("huygens_cycloid"), FULL,
+            "mass matrix solved with the constraints", "singular without them",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_chosen_and_why(model, options, choice, reason):
+    plan = plan_of(model, **options)
+    reasons = {choice.choice: choice.reason for choice in plan.choices}
+    assert reason in reasons[choice]
+    assert all(reasons.values())
+    if choice.startswith("formulation: "):
+        assert choice.endswith(f" {plan.formulation}")
+    loops = choice.startswith("solve: loops") or "singular" in reason
+    assert (plan.elimination is None) == loops
+    assert plan.augmented == ("singular" in reason)
+
+
+ELASTIC = "elastic-pendulum"
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({}, ("taylor", DEFAULT_RTOL, None, None)),
+        ({"rtol": "1e-7", "atol": "1e-9"}, ("taylor", 1e-7, 1e-9, None)),
+        ({"rtol": "0", "atol": "1e-9"}, ("dop853", 0.0, 1e-9, None)),
+        ({"method": "rk4"}, ("rk4", None, None, 0.02)),
+        ({"method": "rk4", "step": "0.005"}, ("rk4", None, None, 0.005)),
     ],
 )
-def test_the_mass_matrix_is_described(kinetic, mass):
-    plan = plan_of(MASS.format(kinetic=kinetic), formulation="none")
-    assert f"mass matrix: {mass}" in reasons(plan)
-
-
-def test_blocks_of_the_mass_matrix_are_told():
-    plan = plan_of("heavy-top", formulation="full")
-    assert "mass matrix: depends on positions, 2 blocks" in reasons(plan)
-
-
-def test_tolerances():
-    plan = plan_of("elastic-pendulum")
-    assert (plan.method, plan.rtol, plan.atol, plan.step) == (
-        "taylor",
-        DEFAULT_RTOL,
-        None,
-        None,
-    )
-    plan = plan_of("elastic-pendulum", rtol="1e-7", atol="1e-9")
-    assert (plan.rtol, plan.atol) == (1e-7, 1e-9)
-    plan = plan_of("elastic-pendulum", rtol="0", atol="1e-9")
-    assert (plan.rtol, plan.atol) == (0.0, 1e-9)
+def test_tolerances_and_steps(options, expected):
+    plan = plan_of(ELASTIC, **options)
+    assert (plan.method, plan.rtol, plan.atol, plan.step) == expected
 
 
 @pytest.mark.parametrize(
@@ -116,56 +120,20 @@ def test_the_method_follows_the_tolerance(name, loose, tight):
     assert plan_of(name, rtol="1e-4").method == "dop853"
 
 
-def test_a_fixed_step_has_no_tolerances():
-    plan = plan_of("elastic-pendulum", method="rk4")
-    assert (plan.method, plan.rtol, plan.atol, plan.step) == ("rk4", None, None, 0.02)
-    assert plan_of("elastic-pendulum", method="rk4", step="0.005").step == 0.005
-    assert reasons(plan)["method: rk4"] == "asked for"
-
-
-@pytest.mark.parametrize(
-    ("method", "goes"), [("rk4", True), ("dop853", True), ("rattle", False)]
-)
-def test_who_integrates_what_is_ignorable(method, goes):
-    options = {"formulation": "ignorable", "method": method}
-    options |= {} if method == "dop853" else {"step": "0.01"}
-    if goes:
-        assert plan_of("heavy-top", **options).method == method
-        return
-    with pytest.raises(InputError) as caught:
-        plan_of("heavy-top", **options)
-    [problem] = caught.value.problems
-    assert problem.code == "method-refused"
-    assert "ignorable coordinates" in problem.text
+def test_who_integrates_what_is_ignorable():
+    options = {"formulation": "ignorable", "step": "0.01"}
+    assert plan_of("heavy-top", method="rk4", **options).method == "rk4"
+    with pytest.raises(InputError, match="ignorable coordinates") as caught:
+        plan_of("heavy-top", method="rattle", **options)
+    assert caught.value.problems[0].code == "method-refused"
 
 
 @pytest.mark.parametrize(("name", "projects"), [("kepler", False), ("andrews", True)])
 def test_what_has_no_constraints_projects_nothing(name, projects):
     plan = plan_of(name)
-    assert plan.elimination is not None
     projection, stages = step_parts(plan.reduction.equations, plan.elimination)
     assert stages > 0.0
     assert (projection > 0.0) == projects
-
-
-@pytest.mark.parametrize(
-    ("name", "why"),
-    [
-        ("pendulum_duplicate_constraints", "3 constraints have rank 1"),
-        ("bricard", "24 constraints have rank 23"),
-    ],
-)
-def test_dependent_rows_are_solved_by_loops(name, why):
-    plan = plan_of(model_text(name))
-    assert plan.elimination is None
-    assert why in reasons(plan).values()
-
-
-def test_a_singular_mass_matrix_is_solved_with_the_constraints():
-    plan = plan_of(model_text("huygens_cycloid"), formulation="full")
-    assert plan.augmented
-    assert plan.elimination is None
-    assert "mass matrix solved with the constraints" in reasons(plan)
 
 
 def test_what_is_ignorable_is_not_solved_for_where_that_takes_long():
