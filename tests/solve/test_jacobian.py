@@ -1,10 +1,9 @@
-"""The exact Jacobian of the accelerations, against differences and against sympy."""
+"""The exact Jacobian of the accelerations, against differences."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-import sympy
 
 from lagsim.methods import rk4
 from tests.support import MODELS, has_laws, ready
@@ -95,27 +94,3 @@ def test_shipped_models(name, loops):
 @pytest.mark.parametrize("text", [MASSLESS, DOUBLED, DRAGGED])
 def test_hard_scenes(text):
     check(text)
-
-
-def test_against_sympy():
-    text = """
-    coordinates: {r: {}, a: {}}
-    energy: {kinetic: (r_dot^2 + r^2*a_dot^2)/2, potential: r^3 - cos(a)}
-    forces: {a: -r*a_dot^3}
-    initial: {r: 1.5, a: 0.4, r_dot: 0.2, a_dot: -0.7}
-    simulation: {duration: 1}
-    """
-    system, runner, start = linked(text)
-    symbols = sympy.symbols("r a v w")
-    r, a, v, w = symbols
-    right = [
-        r * w**2 - 3 * r**2,
-        (-sympy.sin(a) - r * w**3 - 2 * r * v * w) / r**2,
-        -r * w**4,
-    ]
-    matrix = sympy.Matrix(right).jacobian(symbols)
-    y = [*start.q, *start.v]
-    expected = np.array(matrix.subs(zip(symbols, y, strict=True)).evalf(20), float)
-    found = exact(system, runner, 0.0, np.array([*y, 0.0]))
-    # A few operations, each of which rounds.
-    assert np.allclose(found, expected, rtol=1e-14, atol=1e-14)
