@@ -137,12 +137,7 @@ class Relations:
 
     def hold(self, x: Floats, errors: Floats) -> bool:
         """Tell whether r is small against its terms, or rounding for these errors."""
-        point, residual, terms = self._against_terms(x, errors)
-        far = np.flatnonzero(~(residual <= terms))
-        # Bounds of rounding take long: of the row that misses most they mostly suffice.
-        far = far[np.argsort((terms - residual)[far])].tolist()
-        parts = (far[:1], far[1:])
-        return all(np.all(residual[x] <= self._rounding(point, x)) for x in parts)
+        return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
         """Tell of each of r whether it is more than that, (m,)."""

@@ -116,11 +116,11 @@ def load(text: str, file: str) -> Document:
         if diagnosis.line <= reached:
             break
         found.append(diagnosis.problem)
-        if diagnosis.repair is None or len(found) > repairs:
+        if not diagnosis.repaired or len(found) > repairs:
             break
         reached = diagnosis.line
-        spoilt.add(diagnosis.repair.spoilt)
-        source = Source(file, diagnosis.repair.text, original)
+        spoilt.add(diagnosis.spoilt)
+        source = Source(file, diagnosis.repaired, original)
     return Document(root, (*found, *builder.problems))
 
 
@@ -348,19 +348,17 @@ _ONE_COLUMN = "the keys of one section begin in the same column"
 At = tuple[int, int]
 
 
-class Repair(NamedTuple):
-    """The text without the faulty value, and where something stands for it."""
-
-    text: str
-    spoilt: At
-
-
 class Diagnosis(NamedTuple):
-    """A fault that stopped the YAML parser; `line` counts from 0."""
+    """A fault that stopped the YAML parser; `line` counts from 0.
+
+    `repaired`: the text without the faulty value, for which something stands at
+    `spoilt`; empty where there is none.
+    """
 
     problem: Problem
     line: int
-    repair: Repair | None = None
+    repaired: str = ""
+    spoilt: At = (0, 0)
 
 
 def bad_character(source: Source) -> Problem | None:
@@ -445,16 +443,16 @@ class _Case:
         """Give a fault where the parser stopped, or elsewhere."""
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)
-        repair = self._set_aside() if set_aside else None
-        return Diagnosis(Problem(code, text, place, hint), line, repair)
+        found = Diagnosis(Problem(code, text, place, hint), line)
+        return self._set_aside(found) if set_aside else found
 
     def lines(self) -> list[str]:
         return [self.source.line(i) for i in range(self.source.count)]
 
-    def _set_aside(self) -> Repair | None:
+    def _set_aside(self, found: Diagnosis) -> Diagnosis:
         entry = self.entry()
         if entry is None:
-            return None
+            return found
         lines = self.lines()
         first, column = self.at[0], entry.start("value")
         dropped = [lines[first][column:]]
@@ -466,8 +464,9 @@ class _Case:
                 break
             dropped.append(lines[i])
             lines[i] = ""
-        repair = Repair("\n".join(lines), (first, column))
-        return repair if _is_balanced("\n".join(dropped)) else None
+        if not _is_balanced("\n".join(dropped)):
+            return found
+        return found._replace(repaired="\n".join(lines), spoilt=(first, column))
 
 
 def _is_balanced(text: str) -> bool:
@@ -505,7 +504,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
     lines = case.lines()
     lines[number] = line[: match.end("key")] + ": _"
     spoilt = number, match.end("key") + 2
-    return fault._replace(repair=Repair("\n".join(lines), spoilt))
+    return fault._replace(repaired="\n".join(lines), spoilt=spoilt)
 
 
 def _unfinished(case: _Case) -> Diagnosis | None:

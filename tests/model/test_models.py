@@ -58,7 +58,7 @@ constraints:
   floor:
     relation: y >= -1.5
     restitution: c/20
-    friction: 0.3
+    friction: {static: 0.4, dynamic: 0.3}
     slip: [x_dot, 2*slide]
   roll: x_dot - u*theta_dot
 
@@ -159,7 +159,7 @@ def test_expressions(full):
         path.relation.node: 1 - 2.0, top.relation.node: 1.5 - -3.0,  # rhs - lhs
         floor.relation.node: -3.0 - -1.5, roll.relation.node: 6 - 2.0,  # lhs - rhs
         floor.law.friction: 0.3, floor.law.slips[0]: 6.0, floor.law.slips[1]: 9.0,
-        full.until.node: 3.0,
+        floor.law.static: 0.4, full.until.node: 3.0,
     }  # fmt: skip
     assert at_state(full, values) == pytest.approx([*values.values()])
     assert u.direction == full.graph.variable("u")

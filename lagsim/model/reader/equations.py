@@ -244,7 +244,7 @@ class _Reader:
         of = f"the limit of {self.what}"
         limit = x.compile(node, of, STATE)
         if limit is not None and x.graph.depends([limit]) <= x.known.keys():
-            self._not_negative(node, of)
+            self._coefficient(node, of)
         return limit
 
     def _one_sided(
@@ -301,19 +301,9 @@ class _Reader:
             return None
         return OneSided(restitution, dynamic, slips, static)
 
-    def _not_negative(self, node: Node | None, what: str) -> float | None:
-        """Give the value of an expression of parameters; a negative one is a fault."""
-        value = self.x.number(node, what)
-        if node is not None and value is not None and value < 0:
-            text = f"{what} is {value:g}, which is negative"
-            self.x.faults.add("out-of-range", text, node.place)
-        return value
-
     def _friction(self) -> tuple[int | None, int | None]:
         """Build the coefficient of what slides, and of what sticks where it differs."""
         node, what, faults = self.below.value("friction"), self.what, self.x.faults
-        if node is None:
-            return None, None
         if not isinstance(node, Mapping):
             return self._coefficient(node, f"the friction of {what}")[0], None
         place = self.below.place_of("friction")
@@ -337,10 +327,14 @@ class _Reader:
     def _coefficient(
         self, node: Node | None, what: str
     ) -> tuple[int | None, float | None]:
-        """Give the node of a coefficient, and its value."""
-        value = self._not_negative(node, what)
-        found = None if value is None else self.x.compile(node, what, NUMBERS)
-        return found, value
+        """Give the node of a coefficient, and its value; a negative one is a fault."""
+        value = self.x.number(node, what)
+        if node is None or value is None:
+            return None, None
+        if value < 0:
+            text = f"{what} is {value:g}, which is negative"
+            self.x.faults.add("out-of-range", text, node.place)
+        return self.x.compile(node, what, NUMBERS), value
 
     def _slips(self) -> tuple[int, ...]:
         node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x

@@ -693,12 +693,13 @@ def of_lines(node: Node, what: str) -> str:
     text = node.text if isinstance(node, Scalar) else ""
     if what == "`constraints`" and "=" in text:
         return f"write `name: {text}`, with a name of your own"
-    if match := re.match(r"(\w+)\s*=\s*([^=\s].*)", text):
-        return f"a colon is missing: `{match[1]}: {match[2]}`"
-    if match := re.match(r"([^\s:]+):([^\s:]\S*)", text):
-        return f"a space is missing after the colon: `{match[1]}: {match[2]}`"
-    if match := re.fullmatch(r"([^\W\d_]\w*)\s+([^\s:=]+)", text):
-        return f"a colon is missing: `{match[1]}: {match[2]}`"
+    for pattern, missing in (
+        (r"(\w+)\s*=\s*([^=\s].*)", "a colon is missing"),
+        (r"([^\s:]+):([^\s:]\S*)", "a space is missing after the colon"),
+        (r"([^\W\d_]\w*)\s+([^\s:=]+)\Z", "a colon is missing"),
+    ):
+        if match := re.match(pattern, text):
+            return f"{missing}: `{match[1]}: {match[2]}`"
     return ""
 
 
