@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import itertools
-import struct
+import re
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -23,10 +23,19 @@ from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from PIL import Image
 
-from lagsim.model.model import Curve, Plot
+from lagsim.model.model import Curve, Plot, Scene
+from lagsim.outputs import plots
 from lagsim.outputs.figure import Picture, content
 from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import Thinning
+
+UNITS = {"t": "s", "theta": "rad", "u": "m", "energy": "J"}
+NOWHERE = Scene({})
+PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
+LABEL = re.compile(
+    r"(?P<name>.*?)(?: (?P<sign>[−+]) (?P<offset>[\d.e+-]+))?"
+    r"(?: \((?:10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?(?P<unit>[^()]*)\))?"
+)
 
 
 @dataclass
@@ -41,6 +50,48 @@ class Panel:
     lines: list = field(default_factory=list)
     thin: list = field(default_factory=list)
     areas: list = field(default_factory=list)
+
+    @property
+    def name(self):
+        """What runs up, at the side or above."""
+        return self.labels[1] or self.labels[2]
+
+    def at(self, times):
+        """Where values of what runs across lie, in pixels."""
+        low, high = self.limits[0]
+        share = (np.asarray(times) - low) / (high - low)
+        return self.box.x0 + share * self.box.width
+
+    def of_colour(self, colour):
+        return [line for line in self.lines if line.colour == colour.lower()]
+
+
+@dataclass
+class Scale:
+    """A scale on paper: value = slope * pixels + start, of what, in which unit."""
+
+    name: str
+    unit: str
+    slope: float
+    start: float
+
+    def __call__(self, pixels):
+        return self.slope * np.asarray(pixels, float) + self.start
+
+
+def scale_of(label, ticks):
+    """Make a scale from an axis label and (pixels, text) of its ticks."""
+    m = LABEL.fullmatch(label)
+    assert m, label
+    unit = 10.0 ** int((m["power"] or "0").translate(PLAIN))
+    offset = float(m["offset"] or 0.0) * (1.0 if m["sign"] == "−" else -1.0)
+    places = np.array([place for place, _ in ticks])
+    counts = np.array([float(text.translate(PLAIN)) for _, text in ticks])
+    slope, start = np.polyfit(places, counts, 1)
+    # Ticks are evenly spaced, or somebody moved one.
+    slack = 1e-6 * np.ptp(counts)
+    assert np.allclose(slope * places + start, counts, rtol=0, atol=slack)
+    return Scale(m["name"], m["unit"] or "", unit * slope, unit * start + offset)
 
 
 @dataclass
@@ -152,11 +203,12 @@ def noted():
 
 def record(columns, differences=None, **fields):
     """What pictures of columns have in common; one number is a column, too."""
+    fields = {"title": "swing", "units": UNITS} | fields
     t = np.asarray(columns["t"], float)
     thinning = Thinning(tuple(columns), differences=differences)
     rows = [np.broadcast_to(column, t.shape) for column in columns.values()]
     thinning.add(np.stack(rows, axis=1).astype(float))
-    return Record(rows=thinning, **({"title": "swing"} | fields))
+    return Record(rows=thinning, **fields)
 
 
 def drawn(draw, *args, **kwargs):
@@ -168,14 +220,24 @@ def drawn(draw, *args, **kwargs):
     return drawing
 
 
+def coordinates(columns, names, scene=NOWHERE, **fields):
+    """Draw coordinates and the paths of a scene."""
+    return drawn(plots.trajectory, record(columns, **fields), names, scene)
+
+
+def plotted(columns, wanted, scene=NOWHERE, **fields):
+    """Draw a plot that the model asks for."""
+    return drawn(plots.plot, record(columns, **fields), 0, wanted, scene)
+
+
 def pixels(picture):
     """The picture as it is seen: (height, width, 3)."""
     return np.asarray(Image.open(io.BytesIO(content(picture))))[:, :, :3].astype(int)
 
 
-def against(x, y, title=""):
-    """One curve of a plot; the nodes of its expressions do not count."""
-    return Plot(Curve(0, x), (Curve(0, y),), title=title)
+def against(x, *ys, **more):
+    """A plot of curves; the nodes of its expressions do not count."""
+    return Plot(Curve(0, x), tuple(Curve(0, y) for y in ys), **more)
 
 
 def finite(x, y):
@@ -184,16 +246,19 @@ def finite(x, y):
 
 
 def assert_legible(drawing):
-    """Every text of a PNG lies on it, beside panels and beside other texts."""
-    width, height = struct.unpack(">II", drawing.sheet[16:24])
+    """Every text of a sheet lies on it, beside panels and beside other texts."""
+    sheet = drawing.sheet
+    data = content(sheet) if isinstance(sheet, Picture) else sheet
+    width, height = Image.open(io.BytesIO(data)).size
+    assert drawing.panels
     boxes = [(text.box, text.said) for text in drawing.texts]
     for box, text in boxes:
-        assert box.x0 >= 0, text
-        assert box.x1 <= width, text
-        assert box.y0 >= 0, text
-        assert box.y1 <= height, text
+        assert 0 <= box.x0 <= box.x1 <= width, text
+        assert 0 <= box.y0 <= box.y1 <= height, text
         for panel in drawing.panels:
-            assert not box.overlaps(panel.box), text
+            # Of a view from aside the axes are named where they end.
+            aside = not panel.x and not panel.y and text in ("x", "y", "z")
+            assert aside or not box.overlaps(panel.box), text
     for (one, text), (other, text2) in itertools.combinations(boxes, 2):
         # The frame of a letter is wider than its ink.
         assert not one.padded(-2).overlaps(other.padded(-2)), (text, text2)

@@ -96,78 +96,65 @@ def filmed(text, **options):
     return animation.film(equations, frames, result.events), result
 
 
-def force_on(film, point, constraint):
-    [push] = [p for p in film.pushes if (p.point, p.constraint) == (point, constraint)]
-    return push.force
-
-
 def test_points_and_their_rates():
     film, _ = filmed(BARE)
-    t = film.t
+    angle, still = 2 * film.t, 0 * film.t
     place, rate = film.tracks["point"]
     # Helix: x = cos 2t, y = sin 2t, z = 2t; to the run's tolerance.
-    expected = np.stack((np.cos(2 * t), np.sin(2 * t), 2 * t), 1)
+    expected = np.stack((np.cos(angle), np.sin(angle), angle), 1)
     assert np.allclose(place, expected, atol=1e-9)
-    expected = np.stack((-2 * np.sin(2 * t), 2 * np.cos(2 * t), 0 * t + 2), 1)
+    expected = np.stack((-2 * np.sin(angle), 2 * np.cos(angle), still + 2), 1)
     assert np.allclose(rate, expected, atol=1e-9)
 
 
-@pytest.mark.slow
-def test_a_rod_pulls_its_bob_to_the_pivot():
-    film, result = filmed(PENDULUM)
+def pull(result):
+    """m v^2 = -2 m g y from rest at the pivot's height: the tension is 3 m g |y|/L."""
     x, y = result["x"], result["y"]
-    # m v^2 = -2 m g y from rest at the height of the pivot: the tension is 3 m g |y|/L.
-    expected = -3 * 3 * 9.8 * np.abs(y) / 2 * np.stack((x, y)) / 2
-    assert np.allclose(force_on(film, "bob", "rod"), expected.T, atol=1e-7)
-    assert len(film.pushes) == 1
+    return (-3 * 3 * 9.8 * np.abs(y) / 2 * np.stack((x, y)) / 2).T
 
 
-@pytest.mark.slow
-def test_a_reaction_pulls_likewise():
-    film, result = filmed(SWINGING)
-    x, y = result["x"], result["y"]
-    expected = -3 * 3 * 9.8 * np.abs(y) / 2 * np.stack((x, y)) / 2
-    assert np.allclose(force_on(film, "bob", "reaction"), expected.T, atol=1e-7)
-    assert len(film.pushes) == 1
+def towards(result):
+    """Each mass goes round at 1 on a circle of 1/2: a pull of 2 towards the other."""
+    return 2 * np.stack((result["x2"] - result["x1"], result["y2"] - result["y1"]), 1)
 
 
-def test_a_rope_carries_both_masses():
-    film, _ = filmed(ATWOOD)
-    tension = 2 * 1 * 2 / (1 + 2) * 9.8
-    for name in ("one", "other"):
-        assert np.allclose(force_on(film, name, "rope"), [0, tension], atol=1e-9)
+def constant(*force):
+    return lambda _: force
 
 
-def test_what_joins_two_points_pulls_both_alike():
-    film, result = filmed(DUMBBELL)
-    one, other = (force_on(film, name, "rod") for name in "ab")
-    apart = np.stack((result["x2"] - result["x1"], result["y2"] - result["y1"]), 1)
-    # Each mass goes round at 1 on a circle of 1/2: a pull of 2 towards the other.
-    assert np.allclose(one, 2 * apart, atol=1e-8)
-    assert np.allclose(other, -one, atol=1e-12)
+ROPE = constant(0, 2 * 1 * 2 / (1 + 2) * 9.8)
+# Constraint and point; the force, and how near it is.
+FORCES = {
+    "rod": (PENDULUM, {("rod", "bob"): (pull, 1e-7)}),
+    "reaction": (SWINGING, {("reaction", "bob"): (pull, 1e-7)}),
+    "rope": (ATWOOD, {("rope", p): (ROPE, 1e-9) for p in ("one", "other")}),
+    "rod of two": (DUMBBELL, {
+        ("rod", "a"): (towards, 1e-8), ("rod", "b"): (lambda r: -towards(r), 1e-8),
+    }),
+    "contact": (SLIDE, {("floor", "box"): (constant(-0.25 * 19.6, 19.6), 1e-9)}),
+    # A torque is no force on a point.
+    "torque": (STOP, {}),
+}  # fmt: skip
 
 
-@pytest.mark.slow
-def test_a_contact_pushes_and_rubs():
-    film, _ = filmed(SLIDE)
-    weight = 2 * 9.8
-    expected = [-0.25 * weight, weight]
-    assert np.allclose(force_on(film, "box", "floor"), expected, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_a_torque_is_no_force_on_a_point():
-    film, _ = filmed(STOP)
-    assert film.pushes == []
-    assert film.struck == {"stop": ("bob",)}
-    assert any(e.kind == "impact" for e in film.events)
+@pytest.mark.parametrize("name", FORCES)
+def test_forces_on_points(name):
+    text, wanted = FORCES[name]
+    film, result = filmed(text)
+    found = {(push.constraint, push.point): push.force for push in film.pushes}
+    assert found.keys() == wanted.keys()
+    for key, (force, near) in wanted.items():
+        assert np.allclose(found[key], force(result), atol=near)
+    if name == "torque":
+        assert film.struck == {"stop": ("bob",)}
+        assert any(e.kind == "impact" for e in film.events)
 
 
 def test_forces_do_the_work_of_the_constraint():
     """J^T F = Qc in every row, for what a mechanism of the notes is held by."""
     path = MODELS / "elastic-pendulum-curve.yaml"
     film, result = filmed(path, duration=2)
-    F = force_on(film, "mass", "path")
+    [F] = [push.force for push in film.pushes if push.constraint == "path"]
     theta, stretched = result["theta"], 1 + result["u"]
     along = np.stack((stretched * np.cos(theta), stretched * np.sin(theta)), 1)
     out = np.stack((np.sin(theta), -np.cos(theta)), 1)
@@ -176,16 +163,19 @@ def test_forces_do_the_work_of_the_constraint():
     assert np.allclose((F * out).sum(1), result["Qc_u"], atol=1e-11)
 
 
-def kind_of(path, **options):
-    film, _ = filmed(path, **options)
-    return {link["kind"] for link in animation.record(film)["links"]}
-
-
 @pytest.mark.slow
-def test_what_links_are_like():
-    assert kind_of(PENDULUM) == {"rod"}
-    assert kind_of(MODELS / "elastic-pendulum.yaml", duration=2) == {"spring"}
-    assert kind_of(MODELS / "slack-string.yaml") == {"string"}
+@pytest.mark.parametrize(
+    ("scene", "kind"),
+    [
+        (PENDULUM, "rod"),
+        (MODELS / "elastic-pendulum.yaml", "spring"),
+        (MODELS / "slack-string.yaml", "string"),
+    ],
+    ids=["rod", "spring", "string"],
+)
+def test_what_links_are_like(scene, kind):
+    film, _ = filmed(scene)
+    assert {link["kind"] for link in animation.record(film)["links"]} == {kind}
 
 
 def test_nothing_to_draw():
@@ -201,9 +191,13 @@ def numbers(text, kind="<f4"):
     return np.frombuffer(base64.b64decode(text), kind)
 
 
-def test_a_page_holds_its_film():
+def paged(film, title="a title"):
+    return animation.page([animation.record(film)], title).decode()
+
+
+def test_a_page_holds_its_film_and_asks_for_nothing():
     film, result = filmed(PENDULUM)
-    content = animation.page([animation.record(film)], "a title").decode()
+    content = paged(film)
     [run] = animation.recorded(content)
     assert np.array_equal(numbers(run["t"], "<f8"), result.t)
     assert run["points"][0] == {"name": "pivot", "fixed": [0.0, 0.0]}
@@ -212,6 +206,9 @@ def test_a_page_holds_its_film():
     assert np.allclose(bob, expected, rtol=ROUNDED, atol=0)
     energy = numbers(run["energies"]["kinetic"])
     assert np.allclose(energy, result["kinetic"], rtol=ROUNDED, atol=0)
+    for word in ("http:", "https:", "src=", "import(", "fetch(", "url("):
+        assert word not in content
+    assert "default-src 'none'" in content
 
 
 def test_what_diverges_can_be_shown():
@@ -223,8 +220,7 @@ def test_what_diverges_can_be_shown():
         "far", "", t, np.zeros(3, bool), tracks, [("p", "q")],
         energies={"energy": place[:, 0]}, events=[Event(1.0, "impact")] * 5000,
     )  # fmt: skip
-    run = animation.record(film)
-    [shown] = animation.recorded(animation.page([run], "far").decode())
+    [shown] = animation.recorded(paged(film))
     assert shown["box"] == [[0.0, 1e300], [0.0, 1.0]]
     assert len(shown["events"]) < 5000
     assert "of 5000 events" in shown["notes"][0]
@@ -235,18 +231,10 @@ def test_what_diverges_can_be_shown():
 def test_no_text_of_a_model_ends_up_in_the_page():
     evil = "</script><script>alert(1)</script><!--"
     film, _ = filmed(PENDULUM + f"description: '{evil}'\n")
-    content = animation.page([animation.record(film)], evil).decode()
+    content = paged(film, evil)
     assert "alert" in content
     assert "<script>alert" not in content
     assert animation.recorded(content)[0]["description"] == evil
-
-
-def test_a_page_asks_for_nothing():
-    film, _ = filmed(PENDULUM)
-    content = animation.page([animation.record(film)], "title").decode()
-    for word in ("http:", "https:", "src=", "import(", "fetch(", "url("):
-        assert word not in content
-    assert "default-src 'none'" in content
 
 
 def test_what_is_no_page_holds_no_film():
@@ -263,11 +251,10 @@ def test_a_page_has_a_bound(points, rows):
 coordinates: {{q: }}
 energy: {{kinetic: q_dot^2/2, potential: 0}}
 initial: {{q: 0, q_dot: 1}}
-simulation: {{duration: 1}}
+simulation: {{duration: 1, output_step: 0.1}}
 scene: {{points: {{{many}}}}}
 """
-    result = lagsim.simulate(lagsim.load(text), error_bar="never", output_step=0.1)
-    made = result._made
+    made = lagsim.simulate(lagsim.load(text), error_bar="never")._made
     columns = made.session.system.columns.names
     equations = made.session.case.equations
     frames = animation.frames_of(equations, columns)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.model.model import Curve, Plot, Scene
+from lagsim.model.model import Curve, Scene
 from lagsim.outputs import plots
 from lagsim.outputs.figure import DPI, WIDTH, content
 from lagsim.run.observers.thinning import DRIFT
-from tests.outputs import drawn as kit
-from tests.outputs.drawn import drawn
+from tests.outputs.drawn import against, coordinates, record
 
 LINE = np.linspace(0.0, 1.0, 9)
 # What a column may be: by name, at nine times.
@@ -40,28 +39,23 @@ TIMES = {
     "far away": 1e15 + LINE,
 }
 NAMES = (
-    "t", "a", "kinetic", "potential", "energy", DRIFT, "Qc_a", "lambda_r", "impulse.r",
+    "a", "kinetic", "potential", "energy", DRIFT, "Qc_a", "lambda_r", "impulse.r",
     "point.p.1", "point.p.2", "point.q.1", "point.q.2",
     "plot.0.x", "plot.0.y.1", "plot.0.y2.1",
 )  # fmt: skip
 PLANE = Scene({"p": (0, 0), "q": (0, 0)}, (("p", "q"),))
-LOGS = (frozenset(), frozenset({"x", "y", "y2"}))
 
 
-def record(rows, names=NAMES, **fields):
-    return kit.record(dict(zip(names, np.transpose(rows), strict=True)), **fields)
-
-
-def draw_all(known):
+def draw_all(t, values, **fields):
     """Draw every picture; a curve against time and one against another, and powers."""
+    known = record({"t": t} | dict.fromkeys(NAMES, values), **fields)
     sheets = [
         plots.energy(known),
         plots.trajectory(known, ["a"], PLANE),
         plots.constraint_forces(known, ["a"], ["r"]),
     ]
-    for x, log in (("t", LOGS[0]), ("a", LOGS[0]), ("a", LOGS[1])):
-        curves = (Curve(0, "a"),)
-        wanted = Plot(Curve(0, x), curves, curves, log, "title")
+    for x, log in (("t", ()), ("a", ()), ("a", ("x", "y", "y2"))):
+        wanted = against(x, "a", y2=(Curve(0, "a"),), log=frozenset(log))
         sheets.append(plots.plot(known, 0, wanted, PLANE))
     for sheet in sheets:
         assert content(sheet).startswith(b"\x89PNG")
@@ -70,34 +64,31 @@ def draw_all(known):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COLUMNS)
 def test_columns(name):
-    rows = np.stack([10.0 * LINE, *[COLUMNS[name]] * (len(NAMES) - 1)], 1)
-    draw_all(record(rows, horizon=5.0, events={"impact": [0.0, 5.0, 1e300]}))
+    events = {"impact": [0.0, 5.0, 1e300]}
+    draw_all(10.0 * LINE, COLUMNS[name], horizon=5.0, events=events)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TIMES)
 def test_times(name):
     t = TIMES[name]
-    rows = np.stack([t, *[LINE] * (len(NAMES) - 1)], 1)
-    draw_all(record(rows, horizon=float(t[4]), events={"switch": list(t)}))
+    draw_all(t, LINE, horizon=float(t[4]), events={"switch": list(t)})
 
 
 @pytest.mark.parametrize(
     "value", [-1e300, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.0, np.nan))]
 )
 def test_one_row(value):
-    draw_all(record(np.full((1, len(NAMES)), value)))
+    draw_all([value], [value])
 
 
 @pytest.mark.parametrize("moving", range(3))
 @pytest.mark.parametrize("size", [1.0, 1e290])
 def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):
     """A motion along one axis leaves the other views their least length."""
-    names = ("t", "a", "point.p.1", "point.p.2", "point.p.3")
-    rows = np.zeros((9, 5))
-    rows[:, 0], rows[:, 2 + moving] = LINE, size * LINE
-    scene = Scene({"p": (0, 0, 0)})
-    for panel in drawn(plots.trajectory, record(rows, names), ["a"], scene).panels:
+    columns = {"t": LINE, "a": 0.0} | {f"point.p.{k + 1}": 0.0 for k in range(3)}
+    columns[f"point.p.{moving + 1}"] = size * LINE
+    for panel in coordinates(columns, ["a"], Scene({"p": (0, 0, 0)})).panels:
         assert panel.box.y0 > 0.0
         assert panel.box.x1 < WIDTH * DPI
         assert min(panel.box.width, panel.box.height) >= 0.9 * DPI - 1.0
@@ -106,9 +97,7 @@ def test_views_in_space_stay_on_the_sheet_whatever_moves(moving, size):
 @pytest.mark.parametrize("place", [0.0, -1e290])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_all_points_at_rest_in_one_place(place, dimension):
-    names = ("t", "a", *(f"point.{p}.{k + 1}" for p in "pq" for k in range(dimension)))
-    rows = np.full((9, len(names)), place)
-    rows[:, 0] = LINE
+    points = [f"point.{p}.{k + 1}" for p in "pq" for k in range(dimension)]
+    columns = {"t": LINE} | dict.fromkeys(["a", *points], place)
     scene = Scene({"p": (0,) * dimension, "q": (0,) * dimension}, (("p", "q"),))
-    sheet = plots.trajectory(record(rows, names), ["a"], scene)
-    assert content(sheet).startswith(b"\x89PNG")
+    assert coordinates(columns, ["a"], scene).panels

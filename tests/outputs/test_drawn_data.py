@@ -6,54 +6,31 @@ held against the rows.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
-from lagsim.model.model import Scene
+from lagsim.model.model import Curve, Scene
 from lagsim.outputs import plots
+from lagsim.outputs.figure import DPI, PENS, RIGHT
 from lagsim.run.observers.thinning import DRIFT
-from tests.outputs.drawn import against, below, drawn, record
+from tests.outputs.drawn import (
+    NOWHERE,
+    Scale,
+    against,
+    below,
+    coordinates,
+    drawn,
+    finite,
+    plotted,
+    record,
+    scale_of,
+)
 
 EVENT, SHADE = "#444444", "#dddddd"
-PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
-LABEL = re.compile(
-    r"(?P<name>.*?)(?: (?P<sign>[−+]) (?P<offset>[\d.e+-]+))?"
-    r"(?: \((?:10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+))? ?(?P<unit>[^()]*)\))?"
-)
 # A tick's number has four digits or more where it is not exact, and an inch 150 pixels.
 ACCURATE = 1e-6
-
-
-@dataclass
-class Scale:
-    """A scale on paper: value = slope * pixels + start, of what, in which unit."""
-
-    name: str
-    unit: str
-    slope: float
-    start: float
-
-    def __call__(self, pixels):
-        return self.slope * np.asarray(pixels, float) + self.start
-
-
-def scale_of(label, ticks):
-    """Make a scale from an axis label and (pixels, text) of its ticks."""
-    m = LABEL.fullmatch(label)
-    assert m, label
-    unit = 10.0 ** int((m["power"] or "0").translate(PLAIN))
-    offset = float(m["offset"] or 0.0) * (1.0 if m["sign"] == "−" else -1.0)
-    places = np.array([place for place, _ in ticks])
-    counts = np.array([float(text.translate(PLAIN)) for _, text in ticks])
-    slope, start = np.polyfit(places, counts, 1)
-    # Ticks are evenly spaced, or somebody moved one.
-    assert np.allclose(
-        slope * places + start, counts, rtol=0, atol=1e-6 * np.ptp(counts)
-    )
-    return Scale(m["name"], m["unit"] or "", unit * slope, unit * start + offset)
 
 
 @dataclass
@@ -65,6 +42,10 @@ class Read:
     lines: dict
     events: list
     shade: float | None
+
+    @property
+    def named(self):
+        return self.x.name, self.x.unit, self.y.name, self.y.unit
 
 
 def panels(drawing):
@@ -79,9 +60,8 @@ def panels(drawing):
             for p in sorted(drawing.panels, key=lambda p: -p.box.y0)
             if p.x and p.box.y0 <= panel.box.y0 and p.box.x0 == panel.box.x0
         )
-        below, side, above = panel.labels
-        x_axis = scale_of(below or numbered.labels[0], numbered.x)
-        y_axis = scale_of(side or above, panel.y)
+        x_axis = scale_of(panel.labels[0] or numbered.labels[0], numbered.x)
+        y_axis = scale_of(panel.name, panel.y)
         lines, events = {}, []
         for line in panel.lines:
             if line.colour == EVENT:
@@ -94,9 +74,14 @@ def panels(drawing):
     return found
 
 
-def same(found, expected, scale=None):
-    scale = np.nanmax(np.abs(expected)) if scale is None else scale
-    assert np.max(np.abs(found - expected)) < ACCURATE * scale
+def assert_drawn(panel, *curves):
+    """Hold the lines of a panel, each of its own colour, to curves (x, y[, size])."""
+    found = [line for group in panel.lines.values() for line in group]
+    assert len(panel.lines) == len(found)
+    for (across, up), (x, y, *size) in zip(found, curves, strict=True):
+        most = size[0] if size else np.max(np.abs(y))
+        assert np.max(np.abs(across - x)) < ACCURATE * np.ptp(x)
+        assert np.max(np.abs(up - y)) < ACCURATE * most
 
 
 T = np.linspace(0.0, 12.0, 400)
@@ -119,28 +104,22 @@ SERIES = {
 def test_coordinates_are_drawn_where_they_are(name, start):
     values = SERIES[name]
     t = start + T * (1e-6 if start == 1e-4 else 1.0)
-    run = record({"t": t, "q": values}, units={"q": "m", "t": "s"})
-    [panel] = panels(drawn(plots.trajectory, run, ["q"], Scene({})))
-    assert (panel.x.name, panel.x.unit) == ("t", "s")
-    assert (panel.y.name, panel.y.unit) == ("q", "m")
-    [[(x, y)]] = panel.lines.values()
-    same(x, t, np.ptp(t))
-    same(y, values, np.ptp(values) or 1.0)
+    columns, units = {"t": t, "q": values}, {"q": "m", "t": "s"}
+    [panel] = panels(coordinates(columns, ["q"], units=units))
+    assert panel.named == ("t", "s", "q", "m")
+    assert_drawn(panel, (t, values, np.ptp(values) or 1.0))
 
 
 def test_each_coordinate_has_the_unit_and_name_of_its_own():
+    """Those of one unit share a panel where each of them stays readable."""
     columns = {"t": T, "a": np.sin(T), "b": 2 * np.cos(T), "c": 1e-8 * T, "d": T**2}
-    units = {"t": "s", "a": "m", "b": "m", "c": "rad"}
-    run = record(columns, units=units)
-    shown = panels(drawn(plots.trajectory, run, list("abcd"), Scene({})))
-    assert [p.y.name for p in shown] == ["a, b", "c", "d"]
-    assert [p.y.unit for p in shown] == ["m", "rad", ""]
-    curves = [line for p in shown for group in p.lines.values() for line in group]
-    for name, (x, y) in zip("abcd", curves, strict=True):
-        same(x, T)
-        same(y, columns[name])
-    for p in shown:
-        assert len(set(p.lines)) == len(p.lines)
+    columns |= {"e": T, "f": 1000 * T}
+    units = {"t": "s", "a": "m", "b": "m", "c": "rad", "e": "N", "f": "N"}
+    shown = panels(coordinates(columns, list("abcdef"), units=units))
+    named = [(p.y.name, p.y.unit) for p in shown]
+    assert named == [("a, b", "m"), ("c", "rad"), ("d", ""), ("e", "N"), ("f", "N")]
+    for panel in shown:
+        assert_drawn(panel, *((T, columns[n]) for n in panel.y.name.split(", ")))
 
 
 def energies(**more):
@@ -148,31 +127,20 @@ def energies(**more):
     kinetic, potential = 1 + np.cos(4 * T), 2 - np.cos(4 * T)
     energy = kinetic + potential + work + 1e-9 * np.sin(3 * T) * (T > 0)
     columns = {"t": T, "kinetic": kinetic, "potential": potential, "energy": energy}
-    columns["work"] = work
-    units = {"t": "s", "energy": "J", "kinetic": "J", "potential": "J", "work": "J"}
-    return columns, record(columns, {DRIFT: ("energy", "work")}, units=units, **more)
+    return columns | {"work": work}, drawn(plots.energy, record(
+        columns | {"work": work}, {DRIFT: ("energy", "work")}, **more
+    ))  # fmt: skip
 
 
 def test_energies_and_their_drift():
-    columns, run = energies()
-    drawing = drawn(plots.energy, run)
+    columns, drawing = energies()
     upper, lower = panels(drawing)
-    assert (upper.y.name, upper.y.unit) == ("energy", "J")
-    assert (lower.y.name, lower.y.unit) == ("drift", "J")
-    curves = [lines[0] for lines in upper.lines.values()]
-    for name, (x, y) in zip(("kinetic", "potential", "energy"), curves, strict=True):
-        same(x, T)
-        same(y, columns[name])
-    [[(x, y)]] = lower.lines.values()
-    ledger = columns["energy"] - columns["work"]
-    same(x, T)
-    same(y, ledger - ledger[0], 1e-9)
-
-
-def test_legends_name_the_lines_by_their_colours():
-    _, run = energies()
-    drawing = drawn(plots.energy, run)
-    upper, _ = panels(drawing)
+    assert upper.named == ("t", "s", "energy", "J")
+    assert lower.named == ("t", "s", "drift", "J")
+    assert_drawn(upper, *((T, columns[n]) for n in ("kinetic", "potential", "energy")))
+    balance = columns["energy"] - columns["work"]
+    assert_drawn(lower, (T, balance - balance[0], 1e-9))
+    # A legend names the lines by their colours.
     names = ["kinetic T", "potential V", "energy T + V"]
     for name, colour in zip(names, upper.lines, strict=True):
         [text] = [t for t in drawing.texts if t.said == name]
@@ -185,90 +153,158 @@ def test_legends_name_the_lines_by_their_colours():
         assert samples == [colour]
 
 
-def test_events_and_horizon_stand_at_their_times():
+def test_events_horizon_and_notes_where_there_are_any():
+    told = {"switches", "past the horizon", "incomplete: until t = 3"}
     events = (0.5, 3.25, 11.0)
-    _, run = energies(events={"switch": events}, horizon=7.5)
-    for panel in panels(drawn(plots.energy, run)):
+    more = {"events": {"switch": events}, "horizon": 7.5}
+    _, drawing = energies(**more, note="incomplete: until t = 3")
+    for panel in panels(drawing):
         assert panel.events == pytest.approx(events, abs=1e-6)
         assert panel.shade == pytest.approx(7.5, abs=1e-6)
-    _, run = energies()
-    for panel in panels(drawn(plots.energy, run)):
-        assert panel.events == []
-        assert panel.shade is None
+    said = drawing.written()
+    assert {said.count(text) for text in (*told, "swing")} == {1}
+    _, drawing = energies()
+    assert [(p.events, p.shade) for p in panels(drawing)] == [([], None)] * 2
+    assert not told & set(drawing.written())
 
 
 def test_constraint_forces_and_multipliers():
     columns = {"t": T, "Qc_x": 1e4 * np.sin(T), "Qc_y": -3 * T, "lambda_rod": 2 + T}
     run = record(columns, units={"t": "s", "Qc_x": "N", "Qc_y": "N"})
     shown = panels(drawn(plots.constraint_forces, run, ["x", "y"], ["rod"]))
-    assert [p.y.name for p in shown] == [
-        below("Qc", "x"),
-        below("Qc", "y"),
-        below("λ", "rod"),
-    ]
-    assert [p.y.unit for p in shown] == ["N", "N", ""]
-    for p, name in zip(shown, list(columns)[1:], strict=True):
-        [[(x, y)]] = p.lines.values()
-        same(x, T)
-        same(y, columns[name])
-
-
-@pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
-def test_a_plot_of_the_model(shift):
-    x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
-    run = record({"t": T, "plot.0.x": x, "plot.0.y.1": y}, units={"plot.0.x": "m"})
-    [panel] = panels(drawn(plots.plot, run, 0, against("2*a", "b^2"), Scene({})))
-    assert (panel.x.name, panel.x.unit) == ("2*a", "m")
-    assert (panel.y.name, panel.y.unit) == ("b^2", "")
-    [[(found_x, found_y)]] = panel.lines.values()
-    same(found_x, x, np.ptp(x))
-    same(found_y, y)
-
-
-def test_a_plot_against_time():
-    run = record(
-        {"t": T, "plot.0.x": T, "plot.0.y.1": T**2},
-        units={"t": "s"},
-        events={"switch": (2.0,)},
-    )
-    [panel] = panels(drawn(plots.plot, run, 0, against(" t ", "u"), Scene({})))
-    assert (panel.x.name, panel.x.unit) == (" t ", "s")
-    [[(x, y)]] = panel.lines.values()
-    same(x, T)
-    same(y, T**2)
-    assert panel.events == pytest.approx([2.0], abs=1e-6)
+    named = [(below("Qc", "x"), "N"), (below("Qc", "y"), "N"), (below("λ", "rod"), "")]
+    assert [(p.y.name, p.y.unit) for p in shown] == named
+    for panel, name in zip(shown, list(columns)[1:], strict=True):
+        assert_drawn(panel, (T, columns[name]))
 
 
 def test_paths_of_the_scene():
     x, y, z = 5 + np.cos(T), 0.25 * np.sin(T), -1e3 + 0.1 * T
     points = {"point.p.1": x, "point.p.2": y, "point.p.3": z}
-    run = record({"t": T, "q": x, **points}, units=dict.fromkeys(points, "m"))
-    front, side, top = panels(
-        drawn(plots.trajectory, run, ["q"], Scene({"p": (0, 0, 0)}))
-    )[1:]
-    for panel, across, up, names in (
-        (front, x, z, "xz"), (side, y, z, "yz"), (top, x, y, "xy"),
-    ):  # fmt: skip
-        assert [panel.x.name, panel.y.name] == list(names)
-        assert panel.x.unit == panel.y.unit == "m"
-        [[(found_x, found_y)]] = panel.lines.values()
-        same(found_x, across, np.ptp(across))
-        same(found_y, up, np.ptp(up))
-
-
-def test_notes_say_what_they_are_given():
-    _, run = energies(
-        note="incomplete: until t = 3", events={"switch": (1.0,)}, horizon=4.0
-    )
-    for drawing, subject in (
-        (drawn(plots.energy, run), "energy"),
-        (drawn(plots.trajectory, run, ["kinetic"], Scene({})), "coordinates"),
+    scene, units = Scene({"p": (0, 0, 0)}), dict.fromkeys(points, "m")
+    shown = panels(coordinates({"t": T, "q": x, **points}, ["q"], scene, units=units))
+    for panel, across, up, (one, other) in zip(
+        shown[1:], (x, y, x), (z, z, y), ("xz", "yz", "xy"), strict=True
     ):
-        said = drawing.written()
-        for text in ("swing", subject, "incomplete: until t = 3", "switches",
-                     "past the horizon"):  # fmt: skip
-            assert said.count(text) == 1
-    _, plain = energies()
-    said = drawn(plots.energy, plain).written()
-    assert "switches" not in said
-    assert "past the horizon" not in said
+        assert panel.named == (one, "m", other, "m")
+        assert_drawn(panel, (across, up, np.ptp(up)))
+
+
+# --- Plots that a model asks for
+
+TURN = np.linspace(0.0, 2.0 * np.pi, 401)
+METRES = {"plot.0.x": "m", "plot.0.y.1": "m"}
+
+
+@pytest.mark.parametrize("shift", [0.0, 5e4, -5e4])
+def test_a_plot_of_the_model(shift):
+    x, y = shift + np.cos(T), 1e-5 * np.sin(3 * T)
+    columns = {"t": T, "plot.0.x": x, "plot.0.y.1": y}
+    wanted = against("2*a", "b^2")
+    [panel] = panels(plotted(columns, wanted, units={"plot.0.x": "m"}))
+    assert panel.named == ("2*a", "m", "b^2", "")
+    assert_drawn(panel, (x, y))
+
+
+def test_a_plot_against_time():
+    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T**2}
+    found = plotted(columns, against(" t ", "u"), events={"switch": (2.0,)})
+    [panel] = panels(found)
+    assert panel.named == (" t ", "s", "u", "")
+    assert_drawn(panel, (T, T**2))
+    assert panel.events == pytest.approx([2.0], abs=1e-6)
+
+
+def ellipse(a, b, units, wanted=None, scene=NOWHERE):
+    """Draw an ellipse; give drawing, panel, and the sides of its path in pixels."""
+    columns = {"t": TURN, "plot.0.x": a * np.cos(TURN), "plot.0.y.1": b * np.sin(TURN)}
+    drawing = plotted(columns, wanted or against("u", "v"), scene, units=units)
+    [panel] = drawing.panels
+    return drawing, panel, (np.ptp(panel.lines[0].x), np.ptp(panel.lines[0].y))
+
+
+@pytest.mark.parametrize("a", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("ratio", [1.0, 1 / 3, 3.0, 8.0, 1 / 8])
+def test_circles_are_circles_and_fill_the_sheet(a, ratio):
+    drawing, panel, (width, height) = ellipse(a, a / ratio, METRES)
+    assert width / height == pytest.approx(ratio, rel=1e-9)
+    assert max(width, height) > 400
+    assert drawing.sheet.width - panel.box.x1 / DPI == pytest.approx(RIGHT)
+
+
+@pytest.mark.parametrize(("a", "b", "unit"), [(100.0, 1.0, "m"), (1.0, 4.0, "m/s")])
+def test_scales_of_their_own(a, b, unit):
+    """Where one would make a line of a path, and where units differ."""
+    _, panel, (width, height) = ellipse(a, b, METRES | {"plot.0.y.1": unit})
+    assert width > 0.9 * panel.box.width
+    assert height > 0.8 * panel.box.height
+
+
+def test_points_of_a_scene_have_one_scale_without_units():
+    wanted = against("2*u", "v")._replace(x=Curve(5, "2*u"), y=(Curve(6, "v"),))
+    *_, (width, height) = ellipse(1.0, 1.0, {}, wanted, Scene({"bob": (5, 6)}))
+    assert width == pytest.approx(height, rel=1e-9)
+    *_, (width, height) = ellipse(1.0, 1.0, {}, wanted, Scene({"bob": (5, 7)}))
+    assert width > 1.2 * height
+
+
+def test_several_curves_are_told_apart_and_named():
+    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": np.sin(T), "plot.0.y.2": np.cos(T)}
+    units = {"t": "s", "plot.0.y.1": "rad", "plot.0.y.2": "rad/s"}
+    wanted = against("t", "theta", "theta_dot", title="Both")
+    drawing = plotted(columns, wanted, units=units)
+    [panel] = drawing.panels
+    pens = [pen["color"].lower() for pen in PENS[:2]]
+    assert [line.colour for line in panel.lines] == pens
+    # Two units are none.
+    assert panel.labels[1] == "θ, θ\u0307"
+    assert {"θ", "θ\u0307", "Both"} <= set(drawing.written())
+    above = [t.box.y0 for t in drawing.texts if t.said in ("θ", "Both")]
+    assert min(above) >= panel.box.y1
+
+
+def test_a_second_axis_stands_at_the_right_with_a_scale_and_a_colour_of_its_own():
+    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": 1e2 * T}
+    units = {"t": "s", "plot.0.y.1": "m", "plot.0.y2.1": "N"}
+    wanted = against("t", "x")._replace(y2=(Curve(0, "F"),))
+    drawing = plotted(columns, wanted, units=units)
+    left, right = drawing.panels
+    assert (left.labels[1], right.labels[1]) == ("x (m)", "F (N)")
+    assert left.box.bounds == right.box.bounds
+    texts = {text.said: text for text in drawing.texts}
+    assert texts["x (m)"].box.x1 < left.box.x0
+    assert texts["F (N)"].box.x0 > left.box.x1
+    for text in drawing.texts:
+        assert 0 <= text.box.x0 < text.box.x1 <= drawing.sheet.width * DPI
+    for axes, panel in zip(drawing.sheet.axes, drawing.panels, strict=True):
+        # Both are straight lines over the whole panel.
+        [line] = panel.lines
+        assert np.ptp(line.y) > 0.8 * panel.box.height
+        [curve] = [x.get_color() for x in axes.lines if len(x.get_xdata()) == len(T)]
+        written = [axes.yaxis.label, *axes.yaxis.get_ticklabels(which="major")]
+        assert {text.get_color() for text in written} == {curve}
+    # The next panel has its numbers at the left again.
+    again = plotted(columns, against("t", "v"), units=units)
+    [label] = [text for text in again.texts if text.said == "v (m)"]
+    assert label.box.x1 < again.panels[0].box.x0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "log"),
+    [
+        (T, np.exp(7 * T / 2), "y"),
+        # What is not positive is a gap.
+        (np.append([-1.0, 0.0], np.logspace(-3, 3, 398)),
+         np.append([-1.0, 0.0], np.logspace(-6, 6, 398)), "xy"),
+    ],
+    ids=["exponential", "power"],
+)  # fmt: skip
+def test_on_axes_of_powers_an_exponential_and_a_power_are_lines(x, y, log):
+    columns = {"t": T, "plot.0.x": x, "plot.0.y.1": y}
+    wanted = against("t" if log == "y" else "u", "v", log=frozenset(log))
+    [panel] = plotted(columns, wanted).panels
+    across, up = finite(panel.lines[0].x, panel.lines[0].y)
+    assert len(across) == np.count_nonzero(y > 0)
+    slope, start = np.polyfit(across, up, 1)
+    assert np.allclose(slope * across + start, up, atol=1e-6)
+    assert any("10" in said for _, said in panel.y)

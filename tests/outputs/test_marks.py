@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lagsim import simulate
-from lagsim.model.model import Curve, Scene
+from lagsim.model.model import Scene
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.outputs import plots
@@ -17,7 +17,7 @@ from lagsim.outputs.figure import DPI
 from lagsim.outputs.record import Record, marked
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs import drawn as kit
-from tests.outputs.drawn import against, below, drawn
+from tests.outputs.drawn import below, coordinates, drawn
 
 IMPACTS = MARKS["impact"].top
 
@@ -25,6 +25,7 @@ IMPACTS = MARKS["impact"].top
 T = np.array([0.0, 0.5, 1.0, 1.0, 1.5, 2.0, 2.0, 3.0, 4.0])
 AFTER = np.array([3, 6])
 IMPULSES = np.array([6.0, 2.0])
+HEIGHT = np.array([4.0, 3.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 # On paper a pixel is the least that can be told apart.
 PIXEL = 1.0
 
@@ -35,7 +36,7 @@ def ball(**more):
     impulse[AFTER] = IMPULSES
     return {
         "t": T,
-        "y": np.array([4.0, 3.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]),
+        "y": HEIGHT,
         "kinetic": np.array([0.0, 4.0, 8.0, 2.0, 1.0, 2.0, 0.0, 0.0, 0.0]),
         "energy": np.array([8.0, 8.0, 8.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0]),
         "Qc_y": np.where(T >= 3.0, 9.8, zero),
@@ -52,9 +53,8 @@ def record(columns=None, **fields):
     return kit.record(columns or ball(), title="ball", **fields)
 
 
-def forces(run):
-    names = ["floor", "wall"]
-    return drawn(plots.constraint_forces, run, ["y", "z"], names)
+def forces(run, names=("y", "z"), constraints=("floor", "wall")):
+    return drawn(plots.constraint_forces, run, names, constraints)
 
 
 def against_time(run):
@@ -63,38 +63,18 @@ def against_time(run):
     yield forces(run)
 
 
-def places(panel, times):
-    """Where times lie, in pixels."""
-    low, high = panel.limits[0]
-    share = (np.asarray(times) - low) / (high - low)
-    return panel.box.x0 + share * panel.box.width
-
-
-def of_colour(panel, pen):
-    return [line for line in panel.lines if line.colour == pen["color"].lower()]
-
-
-def test_impacts_are_marked_in_every_panel_and_named_once():
-    run = record(events={"impact": [1.0, 2.0]})
-    for drawing in against_time(run):
+@pytest.mark.parametrize("count", [2, 50, 1000, 10_000])
+def test_impacts_are_marked_in_every_panel_named_once_and_leave_the_curves_free(count):
+    times = np.linspace(0.5, 3.5, count)
+    for drawing in against_time(record(events={"impact": list(times)})):
         assert drawing.written().count("impacts") == 1
         assert "events" not in drawing.written()
         for panel in drawing.panels:
-            [ticks] = of_colour(panel, IMPACTS)
-            assert ticks.x == pytest.approx(places(panel, [1.0, 2.0]), abs=PIXEL)
-
-
-@pytest.mark.parametrize("count", [2, 50, 1000, 10_000])
-def test_however_many_impacts_leave_the_curves_free(count):
-    times = np.linspace(0.5, 3.5, count)
-    for drawing in against_time(record(events={"impact": list(times)})):
-        for panel in drawing.panels:
-            [ticks] = of_colour(panel, IMPACTS)
+            [ticks] = panel.of_colour(IMPACTS["color"])
             assert ticks.dots
             assert len(ticks.x) <= min(count, panel.box.width)
             # Each is where an impact is, and near each impact is one.
-            shown = places(panel, times)
-            apart = np.abs(shown[:, np.newaxis] - ticks.x)
+            apart = np.abs(panel.at(times)[:, np.newaxis] - ticks.x)
             assert np.max(apart.min(axis=0)) <= PIXEL
             assert np.max(apart.min(axis=1)) <= 3.0 / 72 * DPI
             half = IMPACTS["markersize"] / 144 * DPI
@@ -119,122 +99,29 @@ def test_marks_are_short_ticks_that_do_not_touch(kind):
         assert len(ticks.x) >= min(count, 30)
 
 
-def test_two_rows_at_one_time_are_a_jump():
-    panel = drawn(plots.energy, record()).panels[0]
-    [line] = of_colour(panel, {"color": "#000000"})
-    jumps = np.flatnonzero(np.diff(T) == 0.0)
-    assert len(jumps) == 2
-    assert np.all(line.x[jumps] == line.x[jumps + 1])
-    assert np.all(line.y[jumps] > line.y[jumps + 1])
-
-
-def test_jumps_are_upright_in_bands_too():
-    # A square wave so fast that its strokes cover most of the panel: seen as a band.
-    t = (4 * np.arange(300)[:, np.newaxis] + np.arange(5)).ravel() / 1200
-    y = np.repeat(np.arange(300) % 2, 5).astype(float)
-    run = record({"t": t, "y": y})
-    panel = drawn(plots.trajectory, run, ["y"], Scene({})).panels[0]
-    [(_, corners)] = panel.areas
-    steps = np.diff(corners, axis=0)
-    upright = np.abs(steps[:, 1]) > 0.5 * panel.box.height
-    assert np.count_nonzero(upright) > 300
-    assert np.all(np.abs(steps[upright, 0]) < PIXEL)
-
-
-def test_impulses_are_stems_and_what_is_zero_gives_way():
-    drawing = forces(record(events={"impact": [1.0, 2.0]}))
-    labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
-    assert labels == [below("Qc", "y"), below("λ", "floor"), "impulse.floor"]
-    assert "constraint forces and impulses; 3 more are 0" in drawing.written()
-    panel = drawing.panels[2]
-    low, high = panel.limits[1]
-    lines = [line for line in panel.lines if line.colour == "#0072b2"]
-    stems = next(line for line in lines if np.isnan(line.x).any())
-    assert stems.x[::3] == pytest.approx(places(panel, T[AFTER]), abs=PIXEL)
-    tops = low + (stems.y[1::3] - panel.box.y0) / panel.box.height * (high - low)
-    assert tops == pytest.approx(IMPULSES, rel=1e-3)
-    # No slope from one impact to the next row.
-    assert all(len(line.x) != len(T) for line in lines)
-
-
-def test_what_is_zero_gives_way_without_impulses_too():
-    columns = {k: v for k, v in ball().items() if not k.startswith("impulse.")}
-    # Beside another force of its unit it is rounding.
-    columns["lambda_wall"] = 1e-16 * columns["lambda_floor"]
-    drawing = forces(record(columns))
-    labels = [side or above for _, side, above in (p.labels for p in drawing.panels)]
-    assert labels == [below("Qc", "y"), below("λ", "floor")]
-    said = "constraint forces Qc and multipliers λ; 2 more are 0"
-    assert said in drawing.written()
-
-
-def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
-    names = ["x1", "y1", "th1", "x2", "y2", "th2", "x3", "y3"]
-    columns = {"t": T} | {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}
-    columns["lambda_a_long_name"] = 1.0 + T
-    drawing = drawn(plots.constraint_forces, record(columns), names, ["a_long_name"])
-    places = {}
-    for panel in drawing.panels:
-        assert panel.labels[1] == ""
-        places[panel.labels[2]] = (panel.box.x0, panel.box.y0)
-    assert len(places) == len(names) + 1
-    for k in "123":
-        (left, one), (right, other) = (places[below("Qc", f"{x}{k}")] for x in "xy")
-        assert left < right
-        assert one == other
-
-
-@pytest.mark.parametrize(
-    ("bodies", "rods"),
-    [(8, 8), *(pytest.param(*n, marks=pytest.mark.slow) for n in ((10, 10), (12, 3)))],
-)
-def test_pairs_leave_no_place_free_before_the_last(bodies, rods):
-    names = [f"{axis}{k}" for k in range(bodies) for axis in "xy"]
-    links = [f"rod{k}" for k in range(rods)]
-    columns = {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}
-    columns |= {f"lambda_{n}": 1.0 + k + T for k, n in enumerate(links)}
-    columns = {"t": T} | columns
-    panels = drawn(plots.constraint_forces, record(columns), names, links).panels
-    rows = [len([*row]) for _, row in groupby(panels, lambda panel: panel.box.y0)]
-    assert len(panels) == 2 * bodies + rods
-    assert len({*rows[:-1]}) == 1
-
-
-def test_an_axis_at_the_right_has_the_colour_of_its_curve():
-    columns = {"t": T, "plot.0.x": T, "plot.0.y.1": T, "plot.0.y2.1": 3 - T}
-    plot = against("t", "u")._replace(y2=(Curve(0, "v"),))
-    drawing = drawn(plots.plot, record(columns), 0, plot, Scene({}))
-    for axes, label in zip(drawing.sheet.figure.axes, "uv", strict=True):
-        [curve] = [x.get_color() for x in axes.lines if len(x.get_xdata()) == len(T)]
-        assert axes.yaxis.label.get_text() == label
-        assert axes.yaxis.label.get_color() == curve
-        written = [*axes.yaxis.get_ticklabels(which="major")]
-        assert {text.get_color() for text in written} == {curve}
-
-
-def test_equal_scales_count_in_one_power_of_ten():
-    angle = np.linspace(0.0, 6.3, 200)
-    columns = {"t": angle, "a": angle, "point.p.1": 2e5 + 9e4 * np.sin(angle)}
-    columns["point.p.2"] = 6e3 * np.cos(angle)
-    run = record(columns)
-    panel = drawn(plots.trajectory, run, ["a"], Scene({"p": (0, 0)})).panels[-1]
-    assert panel.labels[:2] == ("x (10⁵)", "y (10⁵)")
-
-
-def test_friction_is_among_the_multipliers():
-    columns = ball(**{"friction.floor": np.sin(T)})
-    labels = [p.labels[1] or p.labels[2] for p in forces(record(columns)).panels]
-    multipliers = [below("Qc", "y"), below("λ", "floor")]
-    assert labels == [*multipliers, "friction.floor", "impulse.floor"]
-
-
-def test_a_path_along_an_axis_is_a_line_however_often_it_is_gone():
-    t = np.linspace(0.0, 40.0, 4000)
-    height = np.abs(np.sin(t))
-    columns = {"t": t, "y": height, "point.b.1": 0.0 * t, "point.b.2": height}
-    drawing = drawn(plots.trajectory, record(columns), ["y"], Scene({"b": (0, 0)}))
-    paths = [line for line in drawing.panels[1].lines if len(line.x) == len(t)]
-    assert [line.dots for line in paths] == [False]
+def test_kinds_of_events_are_told_apart_and_named():
+    """By a mark at the top of each: filled where something holds from then on."""
+    times = {"stick": [1.0, 3.0], "slip": [2.0], "release": [2.5], "switch": [3.5]}
+    for drawing in against_time(record(events=times)):
+        said = drawing.written()
+        assert {"sticks", "slips", "lets go", "switches"} <= set(said)
+        assert "impacts" not in said
+        for panel in drawing.panels:
+            looks = set()
+            for kind, own in times.items():
+                top = MARKS[kind].top
+                [found] = [
+                    line
+                    for line in panel.lines
+                    if line.marker == top["marker"] and len(line.x) == len(own)
+                    and line.x == pytest.approx(panel.at(own), abs=PIXEL)
+                ]  # fmt: skip
+                looks.add((found.marker, top["markerfacecolor"]))
+                assert np.all(found.y > panel.box.y1 - 0.1 * DPI)
+            assert len(looks) == len(times)
+    # More names than fit beside the title have a line of their own.
+    texts = {text.said: text.box for text in drawing.texts}
+    assert texts["sticks"].y1 < texts["ball"].y0
 
 
 def test_what_is_marked():
@@ -251,73 +138,6 @@ def test_what_is_marked():
     assert marked(events) == {
         "impact": [1.0, 2.0], "zeno": [3.0], "switch": [3.5], "release": [4.0],
     }  # fmt: skip
-
-
-def test_kinds_of_events_are_told_apart_and_named():
-    """By a mark at the top of each: filled where something holds from then on."""
-    times = {"stick": [1.0, 3.0], "slip": [2.0], "release": [2.5], "switch": [3.5]}
-    for drawing in against_time(record(events=times)):
-        said = drawing.written()
-        assert {"sticks", "slips", "lets go", "switches"} <= set(said)
-        assert "impacts" not in said
-        for panel in drawing.panels:
-            looks = {}
-            for kind, own in times.items():
-                top = MARKS[kind].top
-                [found] = [
-                    line
-                    for line in panel.lines
-                    if line.marker == top["marker"] and len(line.x) == len(own)
-                    and line.x == pytest.approx(places(panel, own), abs=PIXEL)
-                ]  # fmt: skip
-                looks[kind] = (found.marker, top["markerfacecolor"])
-                assert np.all(found.y > panel.box.y1 - 0.1 * DPI)
-            assert len(set(looks.values())) == len(looks)
-    # More names than fit beside the title have a line of their own.
-    texts = {text.said: text.box for text in drawing.texts}
-    assert texts["sticks"].y1 < texts["ball"].y0
-
-
-def test_fast_swings_are_the_band_that_they_fill():
-    """Of a steady amplitude: level, without a pattern of pixels and turns."""
-    t = np.linspace(0.0, 1.0, 40_000)
-    for swings in (150, 333, 999):
-        run = record({"t": t, "y": np.sin(2 * np.pi * swings * t)})
-        panel = drawn(plots.trajectory, run, ["y"], Scene({})).panels[0]
-        [(_, corners)] = panel.areas
-        top = corners[corners[:, 1] > panel.box.y0 + 0.5 * panel.box.height]
-        assert np.ptp(top[:, 1]) < 0.02 * panel.box.height
-
-
-def with_corners(thinning, times):
-    """Show the states at these times, too, just before and just after each."""
-    rows = np.array([[t, *[np.interp(t, T, ball()["y"])] * 3] for t in times])
-    thinning.meet(np.repeat(rows, 2, axis=0)[:, np.newaxis])
-    return thinning
-
-
-@pytest.mark.parametrize("horizon", [np.inf, 100.0, 4.0])
-def test_nothing_is_pale_before_the_horizon(horizon):
-    """Paths pass through states at events, which are no rows; they are trusted too."""
-    height = ball()["y"]
-    columns = {"t": T, "y": height, "point.b.1": height, "point.b.2": height}
-    thinning = Thinning(tuple(columns))
-    thinning.add(np.stack(list(columns.values()), axis=1))
-    events = [0.7, 1.2, 1.7, 2.5]
-    run = Record("ball", with_corners(thinning, events), horizon=horizon)
-    assert run.trusted() == len(T) + 2 * len(events)
-    drawing = drawn(plots.trajectory, run, ["y"], Scene({"b": (0, 0)}))
-    pale = [x for panel in drawing.panels for x in of_colour(panel, {"color": LOST})]
-    assert pale == []
-
-
-def test_what_lies_past_the_horizon_is_counted_with_states_at_events():
-    columns = {"t": T, "y": ball()["y"], "point.b.1": T, "point.b.2": T}
-    thinning = Thinning(tuple(columns))
-    thinning.add(np.stack(list(columns.values()), axis=1))
-    run = Record("ball", with_corners(thinning, [0.7, 2.5]), horizon=2.2)
-    # Seven rows up to t = 2, and the states before and after the event at 0.7.
-    assert run.trusted() == 9
 
 
 @pytest.mark.slow
@@ -338,3 +158,120 @@ output: {event_marks: %s}
     [run] = records
     assert {e.kind for e in result.events} == {"switch", "stick"}
     assert set(run.events) == ({"switch", "stick"} if wanted else set())
+
+
+# --- Jumps and impulses
+
+
+def test_two_rows_at_one_time_are_a_jump():
+    [line] = drawn(plots.energy, record()).panels[0].of_colour("#000000")
+    jumps = np.flatnonzero(np.diff(T) == 0.0)
+    assert len(jumps) == 2
+    assert np.all(line.x[jumps] == line.x[jumps + 1])
+    assert np.all(line.y[jumps] > line.y[jumps + 1])
+
+
+def test_jumps_are_upright_in_bands_too():
+    # A square wave so fast that its strokes cover most of the panel: seen as a band.
+    t = (4 * np.arange(300)[:, np.newaxis] + np.arange(5)).ravel() / 1200
+    y = np.repeat(np.arange(300) % 2, 5).astype(float)
+    [panel] = coordinates({"t": t, "y": y}, ["y"]).panels
+    [(_, corners)] = panel.areas
+    steps = np.diff(corners, axis=0)
+    upright = np.abs(steps[:, 1]) > 0.5 * panel.box.height
+    assert np.count_nonzero(upright) > 300
+    assert np.all(np.abs(steps[upright, 0]) < PIXEL)
+
+
+def test_impulses_are_stems():
+    panel = forces(record(events={"impact": [1.0, 2.0]})).panels[2]
+    low, high = panel.limits[1]
+    lines = panel.of_colour("#0072b2")
+    stems = next(line for line in lines if np.isnan(line.x).any())
+    assert stems.x[::3] == pytest.approx(panel.at(T[AFTER]), abs=PIXEL)
+    tops = low + (stems.y[1::3] - panel.box.y0) / panel.box.height * (high - low)
+    assert tops == pytest.approx(IMPULSES, rel=1e-3)
+    # No slope from one impact to the next row.
+    assert all(len(line.x) != len(T) for line in lines)
+
+
+QC, LAMBDA = below("Qc", "y"), below("λ", "floor")
+
+
+@pytest.mark.parametrize(
+    ("impulses", "more", "labels", "said"),
+    [
+        (True, {}, [QC, LAMBDA, "impulse.floor"],
+         "constraint forces and impulses; 3 more are 0"),
+        # Beside another force of its unit it is rounding.
+        (False, {"lambda_wall": 1e-16 * HEIGHT}, [QC, LAMBDA],
+         "constraint forces Qc and multipliers λ; 2 more are 0"),
+        (True, {"friction.floor": np.sin(T)},
+         [QC, LAMBDA, "friction.floor", "impulse.floor"],
+         "constraint forces and impulses; 3 more are 0"),
+    ],
+    ids=["impulses", "forces", "friction"],
+)  # fmt: skip
+def test_what_is_zero_gives_way(impulses, more, labels, said):
+    columns = {k: v for k, v in ball(**more).items() if impulses or k[:2] != "im"}
+    drawing = forces(record(columns))
+    assert [panel.name for panel in drawing.panels] == labels
+    assert said in drawing.written()
+
+
+def test_forces_on_a_body_stand_side_by_side_and_are_named_in_one_place():
+    names = ["x1", "y1", "th1", "x2", "y2", "th2", "x3", "y3"]
+    columns = {"t": T} | {f"Qc_{n}": 1.0 + k + T for k, n in enumerate(names)}
+    columns["lambda_a_long_name"] = 1.0 + T
+    panels = forces(record(columns), names, ["a_long_name"]).panels
+    assert [panel.labels[1] for panel in panels] == [""] * (len(names) + 1)
+    places = {panel.name: (panel.box.x0, panel.box.y0) for panel in panels}
+    for k in "123":
+        (left, one), (right, other) = (places[below("Qc", f"{x}{k}")] for x in "xy")
+        assert left < right
+        assert one == other
+
+
+@pytest.mark.parametrize(
+    ("bodies", "rods"),
+    [(8, 8), *(pytest.param(*n, marks=pytest.mark.slow) for n in ((10, 10), (12, 3)))],
+)
+def test_pairs_leave_no_place_free_before_the_last(bodies, rods):
+    names = [f"{axis}{k}" for k in range(bodies) for axis in "xy"]
+    links = [f"rod{k}" for k in range(rods)]
+    columns = [*(f"Qc_{n}" for n in names), *(f"lambda_{n}" for n in links)]
+    columns = {"t": T} | {n: 1.0 + k + T for k, n in enumerate(columns)}
+    panels = forces(record(columns), names, links).panels
+    rows = [len([*row]) for _, row in groupby(panels, lambda panel: panel.box.y0)]
+    assert len(panels) == 2 * bodies + rods
+    assert len({*rows[:-1]}) == 1
+
+
+# --- States at events, which are no rows
+
+
+def with_corners(columns, times):
+    """Show the states at these times, too, just before and just after each."""
+    columns = {"t": T, **columns}
+    thinning = Thinning(tuple(columns))
+    thinning.add(np.stack(list(columns.values()), axis=1))
+    rows = np.array([[np.interp(t, T, x) for x in columns.values()] for t in times])
+    thinning.meet(np.repeat(rows, 2, axis=0)[:, np.newaxis])
+    return thinning
+
+
+@pytest.mark.parametrize("horizon", [np.inf, 100.0, 4.0])
+def test_nothing_is_pale_before_the_horizon(horizon):
+    """Paths pass through states at events, which are no rows; they are trusted too."""
+    columns, events = {"y": HEIGHT, "point.b.1": HEIGHT, "point.b.2": HEIGHT}, 4
+    rows = with_corners(columns, [0.7, 1.2, 1.7, 2.5])
+    run = Record("ball", rows, horizon=horizon)
+    assert run.trusted() == len(T) + 2 * events
+    drawing = drawn(plots.trajectory, run, ["y"], Scene({"b": (0, 0)}))
+    assert not any(panel.of_colour(LOST) for panel in drawing.panels)
+
+
+def test_what_lies_past_the_horizon_is_counted_with_states_at_events():
+    rows = with_corners({"y": HEIGHT, "point.b.1": T, "point.b.2": T}, [0.7, 2.5])
+    # Seven rows up to t = 2, and the states before and after the event at 0.7.
+    assert Record("ball", rows, horizon=2.2).trusted() == 9

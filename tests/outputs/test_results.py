@@ -31,6 +31,11 @@ def put(folder, **files):
         results.commit(json.dumps({"files": listed}).encode())
 
 
+needs_links = pytest.mark.skipif(
+    sys.platform == "win32", reason="no links without rights"
+)
+
+
 def full(*_):
     raise OSError(28, "No space left on device")
 
@@ -40,7 +45,10 @@ def folder(tmp_path):
     return tmp_path / "a" / "b"
 
 
-def test_nothing_appears_before_the_commit(folder):
+def test_nothing_appears_before_the_commit_and_nothing_without_one(folder):
+    with open_results(folder) as results:
+        results.write("a", b"1")
+    assert names(folder) == []
     with open_results(folder) as results:
         results.write("a", b"1")
         results.part("b").write_bytes(b"2")
@@ -48,36 +56,23 @@ def test_nothing_appears_before_the_commit(folder):
         results.commit(b"{}")
         assert [n for n in names(folder) if n[0] != "."] == ["a", "b", "run.json"]
     assert names(folder) == ["a", "b", "run.json"]
-    assert (folder / "a").read_bytes() == b"1"
-    assert (folder / "run.json").read_bytes() == b"{}"
+    found = [(folder / name).read_bytes() for name in names(folder)]
+    assert found == [b"1", b"2", b"{}"]
 
 
-def test_without_a_commit_nothing_is_left(folder):
-    with open_results(folder) as results:
-        results.write("a", b"1")
-    assert names(folder) == []
-
-
-def test_what_the_last_run_listed_goes_and_the_rest_stays(folder):
+def test_of_what_the_last_run_listed_only_files_of_lagsim_go(folder):
     put(folder, **{"energy.png": b"1", "events.csv": b"1"})
-    (folder / "mine").write_text("mine")
+    mine = ["thesis.tex", "energy.py", "plot_1.png.bak", "my_events.csv", ".bashrc"]
+    for name in mine:
+        (folder / name).write_text("mine")
+    listed = [*mine, "energy.png", "events.csv"]
+    (folder / "run.json").write_text(json.dumps({"files": listed}))
     put(folder, **{"events.csv": b"2", "plot_1.png": b"2"})
-    assert names(folder) == ["events.csv", "mine", "plot_1.png", "run.json"]
+    assert names(folder) == sorted([*mine, "events.csv", "plot_1.png", "run.json"])
     assert (folder / "events.csv").read_bytes() == b"2"
 
 
-def test_what_lagsim_never_wrote_stays_whatever_a_run_json_lists(folder):
-    folder.mkdir(parents=True)
-    mine = ["thesis.tex", "energy.py", "plot_1.png.bak", "my_events.csv", ".bashrc"]
-    for name in (*mine, "energy.png"):
-        (folder / name).write_text("mine")
-    listed = {"files": [*mine, "energy.png"]}
-    (folder / "run.json").write_text(json.dumps(listed))
-    put(folder)
-    assert names(folder) == sorted([*mine, "run.json"])
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
+@needs_links
 @pytest.mark.parametrize(
     "name", [".lagsim.lock", ".lagsim-run.json.part", ".lagsim-energy.png.part"]
 )
@@ -97,16 +92,17 @@ def test_nothing_is_written_through_a_planted_link(folder, name):
     assert outside.read_text() == "mine"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
+@needs_links
 def test_a_link_in_the_place_of_a_result_is_replaced(folder):
     folder.mkdir(parents=True)
     outside = folder.parent / "outside"
     outside.write_text("mine")
-    for name in ("run.json", "energy.png"):
+    for name in ("run.json", "energy.png", "a.xml"):
         (folder / name).symlink_to(outside)
     put(folder, **{"energy.png": b"1"})
+    module.put(folder / "a.xml", b"1")
     assert outside.read_text() == "mine"
-    assert not (folder / "energy.png").is_symlink()
+    assert not any(path.is_symlink() for path in folder.iterdir())
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have names")
@@ -125,22 +121,14 @@ def test_no_pipe_is_waited_for(folder, name):
     assert (folder / "energy.png").read_bytes() == b"1"
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="no links without rights")
-def test_one_file_is_put_whole_or_not_at_all(folder, monkeypatch):
-    folder.mkdir(parents=True)
-    outside = folder.parent / "outside"
-    outside.write_text("mine")
-    (folder / "a.xml").symlink_to(outside)
-    module.put(folder / "a.xml", b"1")
-    assert (outside.read_text(), (folder / "a.xml").read_bytes()) == ("mine", b"1")
-
-    for call in ("write", "fsync", "replace"):
-        with monkeypatch.context() as patch:
-            patch.setattr(os, call, full)
-            with pytest.raises(OSError, match="No space"):
-                module.put(folder / "a.xml", b"2")
-        assert names(folder) == ["a.xml"]
-        assert (folder / "a.xml").read_bytes() == b"1"
+@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+def test_one_file_is_put_whole_or_not_at_all(tmp_path, monkeypatch, call):
+    module.put(tmp_path / "a.xml", b"1")
+    monkeypatch.setattr(os, call, full)
+    with pytest.raises(OSError, match="No space"):
+        module.put(tmp_path / "a.xml", b"2")
+    assert names(tmp_path) == ["a.xml"]
+    assert (tmp_path / "a.xml").read_bytes() == b"1"
 
 
 def test_one_who_waits_gets_the_folder_when_it_is_free(folder):
@@ -151,15 +139,18 @@ def test_one_who_waits_gets_the_folder_when_it_is_free(folder):
         second.write("events.csv", b"1")
 
 
+LISTED = [
+    ["../outside"], ["sub/file"], ["/tmp/none"], ["."], [".."], [""], ["a\0b"],
+    ["../energy.png"], ["sub/energy.png"], ["energy.png\n"], {},
+    [1, None, {}], ["kept", "run.json", "sub"], {"kept": 1}, "kept", None,
+]  # fmt: skip
+GARBLED = [b"", b"[]", b"{", b"\xff"]
+
+
 @pytest.mark.parametrize(
-    "listed",
-    [
-        ["../outside"], ["sub/file"], ["/tmp/none"], ["."], [".."], [""], ["a\0b"],
-        ["../energy.png"], ["sub/energy.png"], ["energy.png\n"],
-        [1, None, {}], ["kept", "run.json", "sub"], {"kept": 1}, "kept", None,
-    ],
-)  # fmt: skip
-def test_a_manifest_that_somebody_has_altered(folder, listed):
+    "content", [*(json.dumps({"files": x}).encode() for x in LISTED), *GARBLED]
+)
+def test_a_manifest_that_somebody_has_altered(folder, content):
     (folder / "sub").mkdir(parents=True)
     strangers = [
         folder.parent / "outside", folder / "sub" / "file",
@@ -167,18 +158,10 @@ def test_a_manifest_that_somebody_has_altered(folder, listed):
     ]  # fmt: skip
     for path in strangers:
         path.write_text("mine")
-    (folder / "run.json").write_text(json.dumps({"files": listed}))
+    (folder / "run.json").write_bytes(content)
     put(folder, kept=b"1")
     assert all(path.read_text() == "mine" for path in strangers)
     assert names(folder) == ["kept", "run.json", "sub"]
-
-
-@pytest.mark.parametrize("content", [b"", b"[]", b"{", b"\xff", b'{"files": {}}'])
-def test_a_manifest_that_is_garbled(folder, content):
-    folder.mkdir(parents=True)
-    (folder / "run.json").write_bytes(content)
-    put(folder, a=b"1")
-    assert names(folder) == ["a", "run.json"]
 
 
 def test_a_folder_is_held_by_one_run(folder):
@@ -235,26 +218,19 @@ def test_room_is_kept_for_the_manifest(folder):
     assert (folder / "run.json").read_bytes() == b"{}"
 
 
-def test_a_write_that_fails_leaves_no_part_of_a_file(folder, monkeypatch):
+@pytest.mark.parametrize("call", ["write", "fsync"])
+def test_what_cannot_be_written_leaves_the_old_results(folder, monkeypatch, call):
+    put(folder, a=b"1")
     with open_results(folder) as results:
-        results.write("a", b"1")
-        monkeypatch.setattr(os, "write", full)
-        with pytest.raises(OSError, match="No space"):
-            results.write("b", b"2")
+        results.write("a", b"2")
+        monkeypatch.setattr(os, call, full)
+        if call == "write":
+            with pytest.raises(OSError, match="No space"):
+                results.write("b", b"2")
         with pytest.raises(OSError, match="No space"):
             results.commit(b"{}")
         assert results.names == ["a"]
-    assert names(folder) == []
-
-
-def test_a_commit_that_cannot_be_written_leaves_the_old_results(folder, monkeypatch):
-    put(folder, a=b"1")
-
-    with open_results(folder) as results:
-        results.write("a", b"2")
-        monkeypatch.setattr(os, "fsync", full)
-        with pytest.raises(OSError, match="No space"):
-            results.commit(b"{}")
+    assert names(folder) == ["a", "run.json"]
     assert (folder / "a").read_bytes() == b"1"
     assert json.loads((folder / "run.json").read_bytes())["files"] == ["a", "run.json"]
 
@@ -312,3 +288,48 @@ def test_a_commit_that_is_killed_at_any_point(folder):
     assert len(steps) >= 8
     assert done.returncode == 0
     assert names(folder) == [*kept, "run.json"]
+
+
+# --- Another result is not replaced without a word
+
+MODEL = {"name": "a", "file": "a.yaml", "sha256": "1"}
+NOW = {
+    "model": MODEL, "parameters": {"l": 1.0, "g": 9.8, "m": 1.0, "k": 2.0, "new": 1.0},
+    "method": "taylor", "formulation": "none", "rtol": 1e-11, "atol": None,
+    "step": None, "outcome": "done", "end": 10.0,
+}  # fmt: skip
+
+
+def of_model(**other):
+    return {"model": {**MODEL, **other}}
+
+
+@pytest.mark.parametrize(
+    ("before", "told"),
+    [
+        ({"parameters": {"l": 2.0, "g": 9.8}}, "with l = 2.0 in results/a"),
+        (
+            {"parameters": {"l": 2.0, "g": 1.0, "m": 3.0, "k": 4.0}},
+            "with l = 2.0, g = 1.0, m = 3.0 and 1 more in results/a",
+        ),
+        ({"method": "radau", "rtol": 1e-6}, "with method radau, rtol 1e-06 in"),
+        ({"end": 5.0}, "with end 5.0 in"),
+        (of_model(file="b.yaml", sha256="2"), "of b.yaml in results/a"),
+        ({"model": {}}, "of None in results/a"),
+        ({}, None),
+        (of_model(sha256="2") | {"parameters": {"l": 2.0}}, None),  # it was edited
+        (of_model(file="./a.yaml", sha256="2"), None),
+        (of_model(file="copy.yaml"), None),
+        ({"outcome": "interrupted", "end": 5.0}, None),
+        ({"parameters": {"gone": 2.0}}, None),
+        ({"model": None, "parameters": []}, None),
+    ],
+)
+def test_what_is_told_of_a_result_that_is_replaced(before, told):
+    caution = module.replaced({**NOW, **before}, NOW, Path("results/a"))
+    if told is None:
+        assert caution is None
+    else:
+        assert caution.code == "result-replaced"
+        assert told in caution.text
+        assert "-o DIR" in caution.text

@@ -1,13 +1,12 @@
-"""Scales: what is flat, what is offset, and that ticks are where they say."""
+"""Scales: what is flat, what is offset, what is a spike, and ticks where they say."""
 
 from __future__ import annotations
-
-import re
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lagsim.outputs import plots
 from lagsim.outputs.figure import Picture, frame, in_house_style
 from lagsim.outputs.scale import (
     LEAST_TICKS,
@@ -15,26 +14,21 @@ from lagsim.outputs.scale import (
     log_scale,
     noise_scale,
     power_of_ten,
+    read_off,
+    spread_scale,
     time_scale,
     value_scale,
 )
-from tests.outputs.drawn import drawn
+from tests.outputs.drawn import LABEL, PLAIN, coordinates, drawn, record
 
-PLAIN = str.maketrans("−⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "--0123456789")
-LABEL = re.compile(
-    r"x(?: (?P<sign>[−+]) (?P<offset>[\d.e+-]+))?(?: \(10(?P<power>[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)\))?"
-)
 FLAT = value_scale(np.array([0.0, 1.0]))
 
 
 def test_rounding_noise_of_a_constant_is_flat():
-    noisy = 3.5 + 1e-15 * np.arange(9)
-    scale = value_scale(noisy)
-    assert scale.low < 3.2
-    assert scale.high > 3.8
-    assert (value_scale(np.zeros(5)).low, value_scale(np.zeros(5)).high) == (-1, 1)
-    beside = value_scale(1e-17 * np.arange(9.0), size=2.0)
-    assert beside.high > 0.1
+    scale = value_scale(3.5 + 1e-15 * np.arange(9))
+    assert scale.low < 3.2 < 3.8 < scale.high
+    assert value_scale(np.zeros(5))[:2] == (-1, 1)
+    assert value_scale(1e-17 * np.arange(9.0), size=2.0).high > 0.1
 
 
 @in_house_style
@@ -47,10 +41,10 @@ def panel_with(scale, ticks=5, unit=""):
 
 
 def read(scale, ticks=5):
-    """Places, numbers and label of a scale as they are drawn."""
+    """Places and numbers of a scale as they are drawn."""
     [panel] = drawn(panel_with, scale, ticks).panels
     places = [(y - panel.box.y0) / panel.box.height for y, _ in panel.y]
-    return places, [said for _, said in panel.y], panel.labels[1]
+    return places, [said for _, said in panel.y]
 
 
 @pytest.mark.parametrize(
@@ -84,23 +78,20 @@ def test_ticks_are_round_distinct_and_where_they_say():
             axis = axes.yaxis
             scale.put(axes, "y", most)
             places = axis.get_majorticklocs()
-            said = label(axis, "x")
+            found = LABEL.fullmatch(label(axis, "x"))
             numbers = axis.get_major_formatter().format_ticks(places)
             assert scale.low < scale.high
             # A millionth of the panel, or the last bits of what a number is worth.
             size = max(abs(scale.low), abs(scale.high))
             slack = 1e-6 * (scale.high - scale.low) + 1e-15 * size
             seen = (places >= scale.low - slack) & (places <= scale.high + slack)
-            places = places[seen]
             numbers = [n for n, there in zip(numbers, seen, strict=True) if there]
-            assert LEAST_TICKS <= len(places) <= max(most, 3) + 3
+            assert LEAST_TICKS <= len(numbers) <= max(most, 3) + 3
             assert len(set(numbers)) == len(numbers)
-            found = LABEL.fullmatch(said)
             unit = 10.0 ** int((found["power"] or "0").translate(PLAIN))
             offset = float(found["offset"] or "0") * (-1 if found["sign"] == "+" else 1)
-            for place, number in zip(places, numbers, strict=True):
-                worth = float(number.translate(PLAIN)) * unit + offset
-                assert worth == pytest.approx(place, abs=slack)
+            worth = [float(n.translate(PLAIN)) * unit + offset for n in numbers]
+            assert worth == pytest.approx(list(places[seen]), abs=slack)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +100,7 @@ def test_ticks_are_round_distinct_and_where_they_say():
 )
 def test_powers_of_ten_stand_where_they_say(low, high, least):
     scale = log_scale(np.array([low, high]), margin=0.0, least=0.0)
-    places, numbers, _ = read(scale, 6)
+    places, numbers = read(scale, 6)
     assert least <= len(numbers) <= 9
     worth = [
         10.0 ** int(n.translate(PLAIN)[2:]) if set(n) & set("⁰¹²³⁴⁵⁶⁷⁸⁹") else float(n)
@@ -126,5 +117,103 @@ def test_powers_of_ten_stand_where_they_say(low, high, least):
 def test_a_scale_of_powers_can_be_drawn_whatever_it_is_given(values):
     scale = log_scale(np.array(values, float))
     assert 0.0 < scale.low < scale.high < np.inf
-    places, numbers, _ = read(scale)
+    places, numbers = read(scale)
     assert len(places) == len(numbers) >= 2
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (0.0, "0"), (5.0, "5"), (-1599.2, "−1599"), (1e8, "10⁸"), (-1e8, "−10⁸"),
+        (3.361e38, "3.361 × 10³⁸"), (2e-7, "2 × 10⁻⁷"), (0.05, "0.05"),
+    ],
+)  # fmt: skip
+def test_numbers_as_one_writes_them(value, said):
+    assert read_off(value) == said
+
+
+# --- Spikes and growth without end: what can be read off their scales, and is said
+
+T = np.linspace(0.0, 10.0, 2001)
+SWING = 2.0 * np.sin(3 * T)
+
+
+def spiked(height, at=700):
+    values = SWING.copy()
+    values[at] = height
+    return values
+
+
+def shown(values):
+    """Give panel, line, and what is said of powers of ten where they begin."""
+    drawing = coordinates({"t": T, "q": values}, ["q"])
+    [panel] = drawing.panels
+    notes = [text for text in drawing.texts if "powers of ten" in text.said]
+    return panel, panel.lines[0], notes
+
+
+def assert_straight(x, y):
+    slope, start = np.polyfit(x, y, 1)
+    assert np.allclose(slope * x + start, y, atol=1e-6)
+
+
+@pytest.mark.parametrize("at", [160, 700, 1001, 1900])
+@pytest.mark.parametrize("height", [900.0, -900.0, 4e7])
+def test_beside_a_spike_the_rest_is_seen_and_the_spike_is_named(height, at):
+    panel, line, [note] = shown(spiked(height, at))
+    box, usual = panel.box, np.abs(SWING) < 1.9
+    usual[at] = False
+    # Within a percent of the half that it is given, whichever way the spike points.
+    assert np.ptp(line.y[usual]) > 0.28 * box.height
+    assert_straight(SWING[usual], line.y[usual])
+    assert box.y0 <= line.y.min() <= line.y.max() <= box.y1
+    numbers = [place for place, _ in panel.y]
+    assert len(numbers) >= 3
+    assert min(np.diff(numbers)) > 20  # pixels, of which a digit has 16
+    told = f"{read_off(height)} at t = {T[at]:.5g}; powers of ten beyond 2"
+    assert note.said == told
+    # It stands on the side where the spike is not.
+    assert (note.box.x0 < (box.x0 + box.x1) / 2 - 10) == (T[at] > 5.0)
+    assert box.x0 <= note.box.x0 < note.box.x1 <= box.x1
+    assert box.y0 < note.box.y0 < note.box.y1 <= box.y1
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        SWING,
+        spiked(20.0),
+        np.exp(-T),
+        np.exp(-5.0 * T),
+        T**3,
+        np.zeros_like(T),
+        np.full_like(T, np.nan),
+    ],
+    ids=["swing", "small spike", "decay", "fast decay", "power", "nothing", "gaps"],
+)
+def test_what_is_no_spike_and_does_not_explode_stays_linear(values):
+    scale = spread_scale((T, values))
+    assert not scale.linear
+    assert not scale.log
+
+
+def test_an_explosion_is_a_line_and_to_both_sides_shows_its_swings():
+    _, line, notes = shown(1e-3 * np.exp(4.0 * T))
+    assert_straight(line.x, line.y)
+    assert not notes
+    _, line, notes = shown(np.exp(4.0 * T) * np.cos(6 * T))
+    # Each swing, also the first ones, is seen: ten to either side.
+    middle = 0.5 * (line.y.max() + line.y.min())
+    assert len(np.flatnonzero(np.diff(np.sign(line.y - middle)))) > 15
+    assert notes
+
+
+def test_the_greatest_of_several_is_named_and_what_has_no_value_is_not():
+    kinetic = np.abs(np.sin(3 * T))
+    potential = np.cos(3 * T)
+    kinetic[300], potential[700] = 500.0, -800.0
+    potential[400], kinetic[900] = np.nan, np.inf
+    columns = {"t": T, "kinetic": kinetic, "potential": potential, "energy": 0 * T + 1}
+    said = drawn(plots.energy, record(columns)).written()
+    told = "−800 at t = 3.5; powers of ten beyond "
+    assert any(text.startswith(told) for text in said)

@@ -1,4 +1,4 @@
-"""trajectory.csv: the same bits come back, in bounded memory, and no half rows."""
+"""Tables: the same bits come back, in bounded memory, and no half rows."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from lagsim.outputs import Format, packed
+from lagsim.outputs.packed import table_writer
 from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
 from lagsim.studies.tables import read_table
 
@@ -40,24 +42,25 @@ def bits(values):
     return np.asarray(values, dtype=float).view(np.int64).tolist()
 
 
-def test_the_same_bits_come_back(tmp_path):
-    _, content = written(tmp_path / "t.csv", [[[x, -x] for x in AWKWARD]], ["a", "b"])
-    header, rows = read(content)
-    assert header == ["a", "b"]
-    assert bits(rows) == bits([[x, -x] for x in AWKWARD])
-
-
 @given(st.lists(st.floats(allow_nan=False), min_size=1, max_size=30))
+@example(AWKWARD)
 def test_any_bits_come_back(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("t") / "t.csv"
-    _, content = written(path, [[[x] for x in values]], ["x"])
-    assert bits(read(content)[1][:, 0]) == bits(values)
+    _, content = written(path, [[[x, -x] for x in values]], ["a", "b"])
+    header, rows = read(content)
+    assert header == ["a", "b"]
+    assert bits(rows) == bits([[x, -x] for x in values])
     assert content.count(b"\r\n") == content.count(b"\n") == len(values) + 1
 
 
-def test_the_shortest_text(tmp_path):
-    _, content = written(tmp_path / "t.csv", [[[0.1, 1.0, 2.5e-9]]], ["a", "b", "c"])
-    assert content == b"a,b,c\r\n0.1,1.0,2.5e-9\r\n"
+def test_the_shortest_text_cut_to_the_header_and_counted(tmp_path):
+    blocks = [[[0.1, 1.0, 2.5e-9, 3.0]], np.empty((0, 4)), np.arange(8.0).reshape(2, 4)]
+    writer, content = written(tmp_path / "t.csv", blocks, ["t", "θ", "c"])
+    lines = ["t,θ,c", "0.1,1.0,2.5e-9", "0.0,1.0,2.0", "4.0,5.0,6.0", ""]
+    assert content == "\r\n".join(lines).encode()
+    assert (writer.rows, writer.last) == (3, 4.0)
+    writer, content = written(tmp_path / "t.csv", [], ["t"])
+    assert (content, writer.rows, writer.last) == (b"t\r\n", 0, None)
 
 
 def test_what_is_not_finite_reads_back(tmp_path):
@@ -65,16 +68,6 @@ def test_what_is_not_finite_reads_back(tmp_path):
     _, content = written(tmp_path / "t.csv", [block], ["a", "b"])
     np.testing.assert_array_equal(read(content)[1], block)
     assert content.count(b"\r\n") == 4
-
-
-def test_rows_are_cut_to_the_header_and_counted(tmp_path):
-    blocks = [np.arange(12.0).reshape(3, 4), np.empty((0, 4)), [[9.0, 8.0, 7.0, 6.0]]]
-    writer, content = written(tmp_path / "t.csv", blocks, ["t", "θ"])
-    assert content.splitlines() == ["t,θ".encode(), b"0.0,1.0", b"4.0,5.0", b"8.0,9.0",
-                                    b"9.0,8.0"]  # fmt: skip
-    assert (writer.rows, writer.last) == (4, 9.0)
-    writer, content = written(tmp_path / "t.csv", [], ["t"])
-    assert (content, writer.rows, writer.last) == (b"t\r\n", 0, None)
 
 
 class Full:
@@ -179,3 +172,75 @@ def test_units_that_are_formulas_are_read_back(tmp_path):
     writer.close()
     assert b"\r\ns,'=1+1,'+x,'-,'-x/2,'@SUM(A1)\r\n" in path.read_bytes()
     assert list(read_table(path).units.values()) == units
+
+
+# --- NumPy's and Parquet's formats: to the bit, in blocks
+
+UNITS = {"t": "s", "theta": "rad", "reaction.x": "", "u": "m"}
+ROWS = np.random.default_rng(3).standard_normal((100, 6))
+ROWS[5, 1:4] = np.nan, -0.0, 5e-324
+
+
+def packed_rows(path, form, *, again=False):
+    writer = table_writer(form, path, UNITS, show_units=False)
+    if again:
+        writer.add(ROWS[::-1])
+        writer.begin_anew()
+    for start in range(0, 100, 13):
+        writer.add(ROWS[start : start + 13])
+    writer.finish()
+    writer.close()
+    assert (writer.rows, writer.last) == (100, ROWS[-1, 0])
+    return path
+
+
+def columns_of(path):
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as found:
+            return {name: found[name] for name in found.files}
+    parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
+    table = parquet.read_table(path)
+    assert [f.metadata for f in table.schema] == [
+        {b"unit": b"s"}, {b"unit": b"rad"}, None, {b"unit": b"m"},
+    ]  # fmt: skip
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+@pytest.mark.parametrize("form", [Format.NPZ, Format.PARQUET])
+def test_columns_come_back_to_the_bit(tmp_path, monkeypatch, form):
+    if form is Format.PARQUET:
+        pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
+    paths = [tmp_path / f"{k}.{form}" for k in range(3)]
+    packed_rows(paths[0], form)
+    monkeypatch.setattr(packed, "BLOCK", 30)  # seven rows
+    packed_rows(paths[1], form)
+    packed_rows(paths[2], form, again=True)
+    for path in paths:
+        found = columns_of(path)
+        assert list(found) == list(UNITS)
+        for k, values in enumerate(found.values()):
+            assert values.tobytes() == ROWS[:, k].tobytes()
+    assert paths[1].read_bytes() == paths[2].read_bytes()
+    # What it was spooled to is gone.
+    assert sorted(tmp_path.iterdir()) == paths
+
+
+def test_no_rows_are_no_fault(tmp_path):
+    writer = table_writer(Format.NPZ, tmp_path / "t.npz", UNITS, show_units=False)
+    writer.add(ROWS[:0])
+    writer.finish()
+    writer.close()
+    assert [x.shape for x in columns_of(tmp_path / "t.npz").values()] == [(0,)] * 4
+
+
+def test_a_full_disk_leaves_whole_rows_to_pack(tmp_path):
+    path = tmp_path / "t.npz"
+    writer = table_writer(Format.NPZ, path, UNITS, show_units=False)
+    writer.add(ROWS[:2])
+    writer._file = Full(writer._file, 3 * 8 * len(UNITS) + 17)
+    with pytest.raises(OSError, match="No space left"):
+        writer.add(ROWS[2:])
+    assert (writer.rows, writer.last) == (5, ROWS[4, 0])
+    writer.finish()
+    writer.close()
+    assert np.array_equal(columns_of(path)["u"], ROWS[:5, 3])
