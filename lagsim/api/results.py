@@ -16,8 +16,8 @@ from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.letters import Letters, raised
 from lagsim.outputs.manifest import encode
 from lagsim.outputs.notebook import block, counted, heading, listed, picture, table
-from lagsim.outputs.packed import check_format, table_writer
 from lagsim.outputs.results import MANIFEST, open_results
+from lagsim.outputs.table import check_format, table_writer
 from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Moments

@@ -45,7 +45,6 @@ from lagsim.model.reader import read
 from lagsim.native.link.ahead import helped
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
-from lagsim.outputs.packed import check_format, table_writer
 from lagsim.outputs.results import (
     MANIFEST,
     RESTART,
@@ -53,6 +52,7 @@ from lagsim.outputs.results import (
     refuse_without_room,
     replaced,
 )
+from lagsim.outputs.table import check_format, table_writer
 from lagsim.outputs.units import of_table
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.session import Clock, open_case, wanted

@@ -1,27 +1,42 @@
-"""The table of a run: as CSV, or packed (`outputs.packed`).
+"""The table of a run: as CSV, or packed in the format of NumPy or Parquet.
 
 trajectory.csv: RFC 4180, a header, then one row per output time. Floats are the
 shortest text that reads back to the same bits. On request a line of units follows the
 header.
+
+Packed formats keep columns one after the other, so the rows go to a file of their own
+first, in the folder of the results; nothing but blocks of them is ever in memory.
 """
 
 from __future__ import annotations
 
 import os
+import tempfile
+import zipfile
 from operator import attrgetter
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 import orjson
 
+from lagsim.errors import InputError, Problem
+from lagsim.outputs import Format
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
     from lagsim.notes import Event
 
+    Blocks = Callable[[], Iterator[Floats]]
+    Pack = Callable[[Path, Mapping[str, str], int, Blocks], None]
+
 _LINE = b"\r\n"
+# Numbers that are packed at once.
+BLOCK = 1 << 20
+# The oldest date that a zip file knows: bytes do not tell when they were written.
+NO_DATE = (1980, 1, 1, 0, 0, 0)
 # What begins a formula in a spreadsheet; the second four are of full width.
 _COMPUTED = ("=", "+", "-", "@", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
@@ -53,17 +68,20 @@ class Writer:
             If there is no room for them; then the file ends with the last whole row.
         """
         block = np.ascontiguousarray(rows[:, : self._width])
-        text = self._text(block)
-        begun, left = self._file.tell(), memoryview(text)
+        text, begun = self._text(block), self._file.tell()
         try:
-            while left:
-                left = left[self._file.write(left) :]
+            self._put(text)
         except OSError:
-            whole, size = self._whole(text[: len(text) - len(left)])
+            whole, size = self._whole(text[: self._file.tell() - begun])
             self._file.truncate(begun + size)
             self._count(block[:whole])
             raise
         self._count(block)
+
+    def _put(self, text: bytes) -> None:
+        left = memoryview(text)
+        while left:
+            left = left[self._file.write(left) :]
 
     def begin_anew(self) -> None:
         """Take all rows back."""
@@ -173,9 +191,7 @@ class TableWriter(Writer):
         self._file.seek(0)
         self._file.truncate()
         for block in content:
-            left = memoryview(block)
-            while left:
-                left = left[self._file.write(left) :]
+            self._put(block)
         self.rows, self.last = rows, last
 
     def synced(self) -> int:
@@ -194,3 +210,113 @@ class TableWriter(Writer):
 
     def _whole(self, text: bytes) -> tuple[int, int]:
         return text.count(_LINE), text.rfind(_LINE) + len(_LINE) if _LINE in text else 0
+
+
+class PackedWriter(Writer):
+    """Writes rows to a file of its own; `finish` packs them."""
+
+    def __init__(self, form: Format, path: Path, units: Mapping[str, str]) -> None:
+        file = tempfile.TemporaryFile(dir=path.parent, buffering=0)  # noqa: SIM115
+        super().__init__(file, len(units))
+        self._path, self._units = path, units
+        self._pack: Pack = _as_parquet if form is Format.PARQUET else _as_npz
+
+    def finish(self) -> None:
+        """Make the table of the rows.
+
+        Raises
+        ------
+        OSError
+            If there is no room for it.
+        """
+        self._pack(self._path, self._units, self.rows, self._blocks)
+
+    def _blocks(self) -> Iterator[Floats]:
+        """Return the rows, some at a time."""
+        many = max(1, BLOCK // self._width)
+        self._file.seek(0)
+        for start in range(0, self.rows, many):
+            count = min(many, self.rows - start)
+            data = self._file.read(8 * count * self._width)
+            yield np.frombuffer(data).reshape(count, self._width)
+
+
+def check_format(form: Format, *, show_units: bool) -> None:
+    """Refuse what a packed table cannot be.
+
+    Raises
+    ------
+    InputError
+    """
+    if show_units:
+        text = f"a table in the format {form} has no line of units"
+        hint = "run.json has the units of all columns, and Parquet its own"
+        raise InputError([Problem("usage", text, hint=hint)])
+    if form is Format.PARQUET:
+        arrow()
+
+
+def arrow() -> Any:
+    """Return pyarrow's module of Parquet.
+
+    Raises
+    ------
+    InputError
+        Where it is not installed.
+    """
+    try:
+        import pyarrow.parquet
+    except ImportError:
+        text = "tables in Parquet need pyarrow, which is not installed"
+        hint = "pip install pyarrow; or take npz, which needs nothing more"
+        raise InputError([Problem("missing-package", text, hint=hint)]) from None
+    return pyarrow.parquet
+
+
+def _as_npz(path: Path, units: Mapping[str, str], rows: int, blocks: Blocks) -> None:
+    """Write an array for each column, as `numpy.savez` would."""
+    head = {"descr": "<f8", "fortran_order": False, "shape": (rows,)}
+    with zipfile.ZipFile(path, "w") as archive:
+        for k, name in enumerate(units):
+            entry = zipfile.ZipInfo(f"{name}.npy", NO_DATE)
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, head)
+                for block in blocks():
+                    file.write(block[:, k].astype("<f8").tobytes())
+
+
+def _as_parquet(
+    path: Path, units: Mapping[str, str], _rows: int, blocks: Blocks
+) -> None:
+    """Write a column for each, with its unit where there is one."""
+    import pyarrow as pa
+
+    fields = [
+        pa.field(name, pa.float64(), False, {"unit": unit} if unit else None)
+        for name, unit in units.items()
+    ]
+    schema = pa.schema(fields)
+    with arrow().ParquetWriter(path, schema) as writer:
+        for block in blocks():
+            arrays = [pa.array(np.ascontiguousarray(x)) for x in block.T]
+            writer.write_table(pa.table(arrays, schema=schema))
+
+
+def table_writer(
+    form: Format, path: Path, units: Mapping[str, str], *, show_units: bool
+) -> Writer:
+    """Open a table for the columns that `units` names.
+
+    Parameters
+    ----------
+    show_units
+        CSV gets a line of them.
+
+    Raises
+    ------
+    OSError
+    """
+    if form is Format.CSV:
+        line = [numberless(unit) for unit in units.values()] if show_units else None
+        return TableWriter(path, list(units), line)
+    return PackedWriter(form, path, units)

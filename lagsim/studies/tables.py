@@ -230,7 +230,7 @@ def _read_npz(file: BinaryIO) -> Table:
 
 
 def _read_parquet(file: BinaryIO) -> Table:
-    from lagsim.outputs.packed import arrow
+    from lagsim.outputs.table import arrow
 
     try:
         about = arrow().read_metadata(file)

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from lagsim.outputs import Format, packed
-from lagsim.outputs.packed import table_writer
-from lagsim.outputs.table import TableWriter, guarded, table_of, unguarded
+from lagsim.outputs import Format
+from lagsim.outputs import table as module
+from lagsim.outputs.table import TableWriter, guarded, table_of, table_writer, unguarded
 from lagsim.studies.tables import read_table
 
 AWKWARD = [
@@ -110,7 +110,7 @@ import sys
 import numpy as np
 from pathlib import Path
 from lagsim.outputs import Format
-from lagsim.outputs.packed import table_writer
+from lagsim.outputs.table import table_writer
 blocks, path = int(sys.argv[1]), Path(sys.argv[2])
 names = dict.fromkeys([f"c{k}" for k in range(15)], "")
 form = Format(path.suffix[1:])
@@ -212,7 +212,7 @@ def test_columns_come_back_to_the_bit(tmp_path, monkeypatch, form):
         pytest.importorskip("pyarrow.parquet", reason="needs pyarrow")
     paths = [tmp_path / f"{k}.{form}" for k in range(3)]
     packed_rows(paths[0], form)
-    monkeypatch.setattr(packed, "BLOCK", 30)  # seven rows
+    monkeypatch.setattr(module, "BLOCK", 30)  # seven rows
     packed_rows(paths[1], form)
     packed_rows(paths[2], form, again=True)
     for path in paths:

@@ -516,8 +516,8 @@ class Runs:
         """
         from lagsim.outputs import Format
         from lagsim.outputs.manifest import encode
-        from lagsim.outputs.packed import table_writer
         from lagsim.outputs.results import MANIFEST, open_results
+        from lagsim.outputs.table import table_writer
 
         clock, work = Clock(), self.work
         assert work.kept is not None
