@@ -8,9 +8,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 232
-LINES = 65_400
-LINES_OF_TESTS = 52_600
+FILES = 229
+LINES = 65_300
+LINES_OF_TESTS = 52_100
 
 
 def lines(folder):
