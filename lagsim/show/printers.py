@@ -266,11 +266,14 @@ def exact_printer(x: Translation) -> ModelPrinter:
 
 
 def read_back(x: Translation, e: Any, original: int) -> int:
-    """Give the node of an expression by its text; `original` where it overflows."""
+    """Give the node of an expression by its text; `original` where it has none.
+
+    Its numbers may overflow, and it may be nested too deep to be written.
+    """
     kept = {k.name: k.node for k in x.kept} | {"pi": x.g.constant(math.pi)}
     try:
         parsed = parse(exact_printer(x)(e))
-    except ExpressionError:
+    except (ExpressionError, RecursionError):
         return original
     return parsed.build(x.g, lambda name: kept.get(name) or x.g.variable(name))
 
