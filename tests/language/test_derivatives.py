@@ -43,33 +43,19 @@ def slope(text: str, x: float, order: int = 1, **values: float) -> float:
 @pytest.mark.parametrize(
     ("text", "x", "expected"),
     [
-        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0),
-        ("if(x > 0, sqrt(x), 0)", 4.0, 0.25),
-        ("if(x > 0, sqrt(x), 0)", -4.0, 0.0),
-        ("5*if(x > 0, sqrt(x), 0) + x", 0.0, 1.0),
-        ("if(x > 0, log(x), x^2)", 0.0, 0.0),
-        ("if(x > 0, sqrt(x), 0)*x", 0.0, 0.0),
-        ("if(x >= 0, x, 1/x)", 0.0, 1.0),
-        ("max(0, x)^2.5", 0.0, 0.0),
-        ("max(0, x)^2.5", 4.0, 20.0),
-        ("max(0, x)^2.5", -1.0, 0.0),
-        ("max(x, 0)^1.5", 0.0, 0.0),
-        ("max(1, sqrt(x))", 0.0, 0.0),
-        ("max(1, sqrt(x))", 4.0, 0.25),
-        ("max(sqrt(x), 1)", 0.0, 0.0),
-        ("min(-1, -sqrt(x))", 0.0, 0.0),
-        ("min(x, x^2)", 0.5, 1.0),
+        ("if(x > 0, sqrt(x), 0)", 0.0, 0.0), ("if(x > 0, sqrt(x), 0)", 4.0, 0.25),
+        ("if(x > 0, sqrt(x), 0)", -4.0, 0.0), ("5*if(x > 0, sqrt(x), 0) + x", 0.0, 1.0),
+        ("if(x > 0, log(x), x^2)", 0.0, 0.0), ("if(x > 0, sqrt(x), 0)*x", 0.0, 0.0),
+        ("if(x >= 0, x, 1/x)", 0.0, 1.0), ("max(0, x)^2.5", 0.0, 0.0),
+        ("max(0, x)^2.5", 4.0, 20.0), ("max(0, x)^2.5", -1.0, 0.0),
+        ("max(x, 0)^1.5", 0.0, 0.0), ("max(1, sqrt(x))", 0.0, 0.0),
+        ("max(1, sqrt(x))", 4.0, 0.25), ("max(sqrt(x), 1)", 0.0, 0.0),
+        ("min(-1, -sqrt(x))", 0.0, 0.0), ("min(x, x^2)", 0.5, 1.0),
         ("min(x, x^2)", 2.0, 1.0),
         ("max(x, 0)", 0.0, 1.0),  # the first where they are equal
-        ("max(0, x)", 0.0, 0.0),
-        ("sign(x)", 0.0, 0.0),
-        ("heaviside(x)", 0.0, 0.0),
-        ("x*sign(x)", -3.0, -1.0),
-        ("x*heaviside(x)", 0.0, 1.0),
-        ("abs(x)", 0.0, 0.0),
-        ("abs(x)", -2.0, -1.0),
-        ("abs(x)^3", -2.0, -12.0),
-        ("x*floor(x)", 2.5, 2.0),
+        ("max(0, x)", 0.0, 0.0), ("sign(x)", 0.0, 0.0), ("heaviside(x)", 0.0, 0.0),
+        ("x*sign(x)", -3.0, -1.0), ("x*heaviside(x)", 0.0, 1.0), ("abs(x)", 0.0, 0.0),
+        ("abs(x)", -2.0, -1.0), ("abs(x)^3", -2.0, -12.0), ("x*floor(x)", 2.5, 2.0),
         ("x*ceil(x)", 2.5, 3.0),
         ("if(x > 0, if(x > 1, sqrt(x - 1), 2*x), 3*x)", 1.0, 2.0),
         ("if(x > 0, if(x > 1, sqrt(x - 1), 2*x), 3*x)", 5.0, 0.25),
@@ -79,13 +65,11 @@ def slope(text: str, x: float, order: int = 1, **values: float) -> float:
         ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 2.0, 12.0),
         ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 0.5, 1.0),
         ("if(x > 0 and x < 1 or not x < 5, x^2, x^3)", 6.0, 12.0),
-        ("x^0.5", 0.0, math.inf),
-        ("sqrt(x)", 0.0, math.inf),
-        ("x^x", 2.0, 4 * (math.log(2) + 1)),
-        ("(x^2)^1.5", 2.0, 12.0),
+        ("x^0.5", 0.0, math.inf), ("sqrt(x)", 0.0, math.inf),
+        ("x^x", 2.0, 4 * (math.log(2) + 1)), ("(x^2)^1.5", 2.0, 12.0),
         ("0^x", 2.0, 0.0),
     ],
-)
+)  # fmt: skip
 def test_slopes(text: str, x: float, expected: float) -> None:
     assert slope(text, x) == pytest.approx(expected, rel=1e-14)
 
@@ -168,28 +152,3 @@ def test_gradient_and_tangent_are_those_of_sympy(
     for (value, bound), wanted in zip(found, [*exact, *exact], strict=True):
         assume(mp.isfinite(wanted))
         assert abs(value - wanted) <= 8 * bound + 1e-14 * (1 + abs(wanted))
-
-
-@pytest.mark.slow
-def test_long_and_deep_expressions() -> None:
-    g = Graph()
-    text = " + ".join(f"x^2/{k}" for k in range(1, 20_001))
-    node = parse(text).build(g, g.variable)
-    x = g.variable("x")
-    found = evaluate(
-        g, [*gradient(g, node, [x]), *tangent(g, [node], {x: g.one})], {"x": 0.5}
-    )
-    harmonic = math.fsum(1 / k for k in range(1, 20_001))
-    assert found == pytest.approx([harmonic, harmonic], rel=1e-12)
-    deep = x
-    for _ in range(5000):
-        deep = g.call("if", g.call("gt", deep, g.zero), g.call("atan", deep), deep)
-    value, slope_ = evaluate(g, [deep, *gradient(g, deep, [x])], {"x": 1.0})
-    # x -> atan(x): 1/x^2 grows by 2/3 a turn, and the slope falls with its cube.
-    assert value == pytest.approx(math.sqrt(1.5 / 5000), rel=0.01)
-    expected = 1.0
-    at = 1.0
-    for _ in range(5000):
-        expected /= 1 + at * at
-        at = math.atan(at)
-    assert slope_ == pytest.approx(expected, rel=1e-11)

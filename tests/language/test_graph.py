@@ -6,13 +6,11 @@ import math
 from itertools import pairwise
 
 import pytest
-import sympy as sp
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
-from lagsim.show.symbols import symbol, to_sympy
 from tests.language._programs import (
     AsWritten,
     OutsideError,
@@ -130,19 +128,6 @@ def test_what_expressions_depend_on() -> None:
 
 
 @pytest.mark.slow
-def test_deep_expressions_exhaust_nothing() -> None:
-    g = Graph()
-    x = node = g.variable("x")
-    for _ in range(20_000):
-        node = g.call("add", g.call("sin", node), x)
-    assert g.depends([node]) == {"x"}
-    assert g.degree(node, {"x"}) is None
-    assert g.degree(node, {"y"}) == {0}
-    moved = g.substitute([node], {x: g.variable("y")})[0]
-    assert evaluate(g, [moved], {"y": 0.5}) == evaluate(g, [node], {"x": 0.5})
-
-
-@pytest.mark.slow
 @given(programs(), states)
 @settings(max_examples=300, deadline=None, derandomize=True)
 def test_simplification_keeps_values(program: Program, state: dict[str, float]) -> None:
@@ -213,30 +198,6 @@ def test_degrees_of_chained_squares() -> None:
         assert len(degrees) > 1  # nor seen to be homogeneous
     assert g.degree(cubes, {"w"}) == {0}
     assert g.degree(build(g, "v^5*v^5 + w^4*w^6"), {"v", "w"}) == {10}
-
-
-POLYNOMIAL = ("add", "sub", "mul", "neg", "square", "cube")
-
-
-@given(programs(POLYNOMIAL, longest=6))
-@settings(max_examples=100, deadline=None, derandomize=True)
-def test_degrees_contain_those_of_sympy(program: Program) -> None:
-    g = Graph()
-    node = on_graph(g, program)
-    x, y = symbol("x"), symbol("y")
-    assume(not _is_high(g, node))
-    found = g.degree(node, {"x", "y"})
-    exact = sp.Poly(to_sympy(g, [node])[0], x, y)
-    degrees = {sum(monomial) for monomial, c in exact.terms() if c != 0}
-    assert found is not None
-    assert degrees <= found
-    assert max(degrees, default=0) <= max(found, default=0)
-
-
-def _is_high(g: Graph, node: int) -> bool:
-    """Tell whether the polynomial has too many terms to be expanded quickly."""
-    degrees = g.degree(node, {"x", "y", "z"})
-    return degrees is None or max(degrees, default=0) > 12
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -24,59 +24,28 @@ def value(text: str) -> float:
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("-x^2", -9.0),
-        ("(-x)^2", 9.0),
-        ("2^-1", 0.5),
-        ("2^3^2", 512.0),
-        ("(2^3)^2", 64.0),
-        ("2**3**2", 512.0),
-        ("2**3^2", 512.0),
-        ("2^-1^2", 0.5),
-        ("2^-x*4", 0.5),
-        ("2^-2^-1", 2 ** -(2**-1)),
-        ("-2^-2", -0.25),
-        ("2*-3", -6.0),
-        ("2--3", 5.0),
-        ("2+-3", -1.0),
-        ("--3", 3.0),
-        ("-+-3", 3.0),
-        ("+x", 3.0),
-        ("-x*y", 6.0),
-        ("x - y - z", 4.5),
-        ("x - (y - z)", 5.5),
-        ("12/3/2", 2.0),
-        ("12/(3/2)", 8.0),
-        ("12/3*2", 8.0),
-        ("2*3^2", 18.0),
-        ("1 + 2*3", 7.0),
-        ("(1 + 2)*3", 9.0),
-        ("-x - -y", -5.0),
-        ("x^2/2", 4.5),
-        ("2*x^2*z", 9.0),
-        ("1e3 + .5 + 1. + 1E-1", 1001.6),
-        ("if(x > 2, 1, 2)", 1.0),
+        ("-x^2", -9.0), ("(-x)^2", 9.0), ("2^-1", 0.5), ("2^3^2", 512.0),
+        ("(2^3)^2", 64.0), ("2**3**2", 512.0), ("2**3^2", 512.0), ("2^-1^2", 0.5),
+        ("2^-x*4", 0.5), ("2^-2^-1", 2 ** -(2**-1)), ("-2^-2", -0.25), ("2*-3", -6.0),
+        ("2--3", 5.0), ("2+-3", -1.0), ("--3", 3.0), ("-+-3", 3.0), ("+x", 3.0),
+        ("-x*y", 6.0), ("x - y - z", 4.5), ("x - (y - z)", 5.5), ("12/3/2", 2.0),
+        ("12/(3/2)", 8.0), ("12/3*2", 8.0), ("2*3^2", 18.0), ("1 + 2*3", 7.0),
+        ("(1 + 2)*3", 9.0), ("-x - -y", -5.0), ("x^2/2", 4.5), ("2*x^2*z", 9.0),
+        ("1e3 + .5 + 1. + 1E-1", 1001.6), ("if(x > 2, 1, 2)", 1.0),
         ("if(x >= 3 and y < 0, 1, 2)", 1.0),
         ("if(not x < 2 and y > 0 or z > 0, 1, 2)", 1.0),
         ("if(not (x > 2 or y > 0), 1, 2)", 2.0),
         ("if(x > 4 or x > 2 and y > 0, 1, 2)", 2.0),  # `and` binds tighter
         ("if(not x > 4, 1, 2)", 1.0),  # `not` binds weaker than a comparison
-        ("if(not not x > 4, 1, 2)", 2.0),
-        ("if((x > 2), 1, 2)", 1.0),
-        ("if(x + 1 <= 2*2, 1, 2)", 1.0),
-        ("if(-x < y, 1, 2)", 1.0),
-        ("atan2(1, 1)", math.pi / 4),
-        ("hypot(x, 4)", 5.0),
-        ("max(min(x, 1), y)", 1.0),
+        ("if(not not x > 4, 1, 2)", 2.0), ("if((x > 2), 1, 2)", 1.0),
+        ("if(x + 1 <= 2*2, 1, 2)", 1.0), ("if(-x < y, 1, 2)", 1.0),
+        ("atan2(1, 1)", math.pi / 4), ("hypot(x, 4)", 5.0), ("max(min(x, 1), y)", 1.0),
         ("sin (0)", 0.0),
         ("min + min(x, min)", 10.0),  # two namespaces
-        ("E + lambda", 24.0),
-        (" x\n +\ty ", 1.0),
-        ("((x))", 3.0),
-        ("sin((0))", 0.0),
-        ("max((x), (y))", 3.0),
-        ("abs(-(x))", 3.0),
+        ("E + lambda", 24.0), (" x\n +\ty ", 1.0), ("((x))", 3.0), ("sin((0))", 0.0),
+        ("max((x), (y))", 3.0), ("abs(-(x))", 3.0),
     ],
-)
+)  # fmt: skip
 def test_precedence_and_associativity(text: str, expected: float) -> None:
     assert value(text) == pytest.approx(expected, rel=1e-15)
 
@@ -251,15 +220,6 @@ def test_faults_of_relations(text: str, offset: int, message: str, hint: str) ->
     assert caught.value.offset == offset
     assert message in caught.value.text
     assert hint in caught.value.hint
-
-
-@pytest.mark.slow
-def test_a_sum_of_20000_terms() -> None:
-    g = Graph()
-    text = " + ".join(f"{k}*x" for k in range(1, 20_001))
-    node = parse(text).build(g, g.variable)
-    # All partial sums are whole: exact.
-    assert evaluate(g, [node], {"x": 1.0}) == [20_000 * 20_001 / 2]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -136,56 +135,22 @@ class _Reader:
         raise UnreadableError(self.text[self.at :])
 
 
-@dataclass(frozen=True)
-class Row:
-    """A line of a section: what it says it gives, and formulas with one value."""
-
-    section: str
-    label: str
-    formula: str
-
-
-def text_rows(document: str) -> list[Row]:
-    """Give the rows of a text: `label = formula`; prose has an empty formula."""
-    lines = unicodedata.normalize("NFC", document).splitlines()
-    section, rows, k = "", [], 0
-    while k < len(lines):
-        line = lines[k]
-        under = lines[k + 1] if k + 1 < len(lines) else ""
-        if under and set(under) == {"-"}:
-            section, k = line, k + 2
-            continue
-        k += 1
-        # A term that begins a line goes on with the one before.
-        while k < len(lines) and re.match(r"\s{4,}[−=+-] ", lines[k]):
-            line += " " + lines[k].strip()
-            k += 1
-        if section and line.strip():
-            rows.append(_row(section, line.strip()))
-    return rows
+def text_rows(document: str) -> list[tuple[str, str]]:
+    """Give the rows `label = formula` of a text; prose has an empty formula."""
+    _, *sections = re.split(r"(?m)^.*\n-+$", unicodedata.normalize("NFC", document))
+    # A term that begins a line goes on with the one before.
+    body = re.sub(r"\n\s{4,}(?=[−=+-] )", " ", "\n".join(sections))
+    rows = (line.strip().partition(" = ") for line in body.splitlines())
+    return [(label.strip(), formula.strip()) for label, _, formula in rows if label]
 
 
-def _row(section: str, line: str) -> Row:
-    label, _, formula = line.partition(" = ")
-    return Row(section, label.strip(), formula.strip())
-
-
-def latex_rows(document: str) -> list[Row]:
-    """Give the rows of all aligned formulas, with the heading that they stand under."""
-    rows, section = [], ""
-    pattern = (
-        r"\\subsection\*\{(?P<title>[^\n]*)\}|For \$(?P<q>[^$]*)\$:"
-        r"|(?P<motion>The equations of motion are)"
-        r"|\\begin\{align\*\}(?P<body>.*?)\\end\{align\*\}"
-    )
-    for m in re.finditer(pattern, document, re.DOTALL):
-        if m["body"] is None:
-            section = m["title"] or m["q"] or m["motion"]
-            continue
-        body = re.sub(r"\\\\\s*&\\quad", " ", m["body"])
-        for line in body.split("\\\\"):
+def latex_rows(document: str) -> list[tuple[str, str]]:
+    """Give the rows `label &= formula` of all aligned formulas."""
+    bodies = re.findall(r"\\begin\{align\*\}(.*?)\\end\{align\*\}", document, re.DOTALL)
+    rows = []
+    for body in bodies:
+        for line in re.sub(r"\\\\\s*&\\quad", " ", body).split("\\\\"):
             label, mark, formula = line.strip().partition("&")
             assert mark, line
-            formula = formula.strip().removeprefix("=")
-            rows.append(Row(section, label.strip(), formula.strip()))
+            rows.append((label.strip(), formula.strip().removeprefix("=").strip()))
     return rows

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from lagsim.show.as_json import as_json
+from lagsim.show.as_python import as_python
 from lagsim.show.lagrange import content
 from lagsim.show.latex import as_latex
 from lagsim.show.text import as_text
@@ -135,17 +136,16 @@ def is_near(x: float, y: float) -> bool:
     return abs(x - y) <= 1e-9 * max(1.0, abs(x))
 
 
-def _values(row: Any, shown: dict[str, float]) -> list[float]:
+def _values(row: tuple[str, str], shown: dict[str, float]) -> list[float]:
     """Give what a row may say: its formulas, and the left side less the right."""
-    if not row.formula or row.formula.startswith("[") or row.label in ("Qc", "a"):
+    label, formula = row
+    prose = label in ("Qc", "a") or label.endswith("makes G")
+    if not formula or formula.startswith("[") or prose:
         return []
     found = []
-    pieces = [row.label, *row.formula.split(" = ")]
-    for piece in pieces:
+    for piece in [label, *formula.split(" = ")]:
         with contextlib.suppress(UnreadableError, ZeroDivisionError):
             found.append(value(piece, shown))
-    if row.label.endswith("makes G"):
-        return []
     assert found, row
     return [*found, found[0] - found[-1]]
 
@@ -252,6 +252,7 @@ FORMATS = {
     "txt": as_text,
     "ascii.txt": lambda c: as_text(c, ascii_only=True),
     "tex": as_latex,
+    "py.txt": lambda c: as_python(c.translation.equations, "0"),
     "json": lambda c: json.dumps(told_to_programs(c), indent=1) + "\n",
 }
 

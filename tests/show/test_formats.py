@@ -10,8 +10,6 @@ import pytest
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS
-from lagsim.language.graph import Graph
-from lagsim.language.parser import parse
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 from lagsim.show.as_json import as_json
@@ -103,12 +101,6 @@ def test_latex_of_what_could_stop_it(substitute: bool) -> None:
         assert "x_ x y" in as_text(small(AWKWARD))
 
 
-def test_equations_stand_one_under_the_other() -> None:
-    latex = as_latex(content_of("elastic-pendulum-curve"))
-    motion = latex.split("equations of motion are")[1].split("align*}")[1]
-    assert motion.count("&= ") == motion.count("&") == 2
-
-
 @pytest.mark.parametrize(
     "broken",
     [
@@ -146,14 +138,6 @@ def test_names_survive() -> None:
     assert scope["force"](0.0, [0.3, 0.2], [0, 0])[1] == pytest.approx(
         -2 * 7 * 0.2 * 1.5
     )
-
-
-def test_letters_of_mechanics_give_way_to_the_names_of_the_file() -> None:
-    taken = NAMED.replace("zoo", "T").replace("I:", "L:").replace("I*", "L*")
-    text, latex = as_text(small(taken)), as_latex(small(taken))
-    assert "kinetic = L θ̇₁²/2" in text
-    assert "lagrangian = kinetic − V" in text
-    assert r"\mathcal{T} &= \frac{L" in latex
 
 
 @pytest.mark.parametrize("substitute", [False, True])
@@ -229,25 +213,6 @@ def test_ascii_is_ascii_and_lines_break(name: str) -> None:
     assert not any(len(line) > 110 and line.startswith("      = ") for line in lines)
 
 
-def test_numbers_are_put_in() -> None:
-    c = content(equations_of("elastic-pendulum"), substitute=True)
-    assert "ü − (1 + u) θ̇² + 25.6 u − 9.8 cos(θ) = 0" in as_text(c)
-    assert as_json(c)["definitions"] == {}
-
-
-def test_numbers_look_as_they_were_written() -> None:
-    g = Graph()
-    from lagsim.show.symbols import number
-
-    for text, shown in (("9.81", "981/100"), ("pi/2", "pi/2"), ("0.1", "1/10"),
-                        ("1/3", "1/3"), ("2/3", "2/3"), ("3", "3"),
-                        ("-0.75", "-3/4"), ("1e-9", "1/1000000000")):  # fmt: skip
-        value = evaluate(
-            g, [parse(text).build(g, lambda _: g.constant(3.141592653589793))], {}
-        )
-        assert str(number(value[0])) == shown
-
-
 @pytest.mark.slow
 def test_accelerations_step_by_step() -> None:
     c = content(equations_of("chain-cartesian"), solve=True)
@@ -266,26 +231,6 @@ def test_accelerations_step_by_step() -> None:
         force = row[1] + sum(a * x for a, x in zip(row[2:], lam, strict=True))
         # Ten multipliers, each from the one before: 1e-9 of the largest force.
         assert row[0] * q_ddot[i] == pytest.approx(force, abs=1e-9 * max(map(abs, lam)))
-
-
-def test_text_tells_what_a_contact_is() -> None:
-    text = as_text(
-        small(
-            """
-parameters: {m: 1, g: 9.81, mu: 0.3}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
-constraints: {floor: {relation: y >= 0, restitution: 0.8, friction: mu, slip: x_dot}}
-initial: {x: 0, y: 1}
-"""
-        )
-    )
-    assert "Constraint floor (one-sided)" in text
-    assert "gap = y ≥ 0" in text
-    assert re.search(r"restitution: 0.8\n  friction: μ\n  slip: ẋ\n", text)
-    assert "T + V" not in text.split("Accelerations")[1]
-    assert "Note: the multiplier of a contact is 0 while it is open." in text
-    assert "Note: friction is not in these equations" in text
 
 
 SINGULAR = """
@@ -321,12 +266,6 @@ def test_notes_say_what_was_left_out() -> None:
     assert r"\texttt{-{}-solve}" in as_latex(c)
 
 
-def test_a_sum_of_minus_signs_gives_its_sign_to_the_product() -> None:
-    text = as_text(content_of("elastic-pendulum-forced"))
-    assert "− (c + d) u̇" in text
-    assert "(−" not in text
-
-
 def test_the_unconstrained_acceleration_gives_way_to_the_names_of_the_file() -> None:
     c = small(
         """
@@ -343,37 +282,6 @@ initial: {x: 1}
     check(latex)
     assert r"a_{x} \, \left(\ddot{x} - \bar{a}_{x}\right)^{2}" in latex
     assert as_json(c)["gauss"]["a"] == {"a_x__": "-a_x_*x/a_x"}
-
-
-def test_python_says_what_laws_ask() -> None:
-    e = derive(read(LAWS, "model.yaml"))
-    module: dict[str, object] = {}
-    exec(as_python(e, "1"), module)
-    assert module["CONSTRAINTS"] == ("tie", "floor", "wheel", "brake", "hold")
-    assert module["ONE_SIDED"] == ("floor", "wheel")
-    assert module["CONDITIONS"] == {
-        "floor": (
-            "0 <= g _|_ lambda >= 0",
-            "g'+ = -0.5 g'-",
-            "|f| <= mu lambda, against the slip",
-        ),
-        "wheel": ("0 <= g _|_ lambda >= 0", "g'+ = 0"),
-        "brake": ("|lambda| <= F while it holds; |lambda| = F against the slip",),
-        "hold": ("lambda = 0 unless its condition holds",),
-    }
-
-
-LAWS = """
-coordinates: {x: {}, y: {}, z: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: y}
-constraints:
-  tie: z = x
-  floor: {relation: y >= 0, restitution: 0.5, friction: 0.3, slip: x_dot}
-  wheel: x_dot >= y_dot
-  brake: {relation: z_dot = 0, limit: 2}
-  hold: {relation: x = y, when: t < 1}
-initial: {x: 0, y: 1, z: 0}
-"""
 
 
 @pytest.mark.parametrize("law", ["limit: 1", "when: t < 1"])
@@ -448,11 +356,3 @@ def test_a_factor_of_latex_longer_than_a_line_keeps_its_power() -> None:
     check(document)
     for power in ("15", "13"):  # in V, and in its slopes
         assert rf"\bigr)^{{\frac{{{power}}}{{2}}}}" in document
-
-
-def test_a_word_with_a_dot_is_one_symbol() -> None:
-    text = as_text(small(LONG.replace("NUMBERS", "5 + cos(th1 - b)")))
-    assert "th₁_dot²" in text
-    assert "th₁_ddot" in text
-    assert "ḃ²" in text
-    assert "ṫ" not in text

@@ -1,21 +1,14 @@
-"""sympy, from the text of the file alone, against the graph and against the formats.
-
-With 50 digits, two derivations of the same equations differ only by the rounding of
-literals (9.81 is a double in the graph and a fraction in the oracle): 1e-16 of what is
-added up. 1e-12 of each number, or 1e-15 of the largest beside it, allows for that.
-"""
+"""sympy, from the text of the file alone, against the formats."""
 
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import mpmath
 import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.show.as_python import as_python
 from tests.mechanics.test_equations import rows_of
 from tests.show.cases import (
@@ -27,12 +20,7 @@ from tests.show.cases import (
     numbers,
 )
 from tests.support import MODELS, run
-from tests.sympy_oracle import DIGITS, Oracle, random_values
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from lagsim.mechanics.equations import Equations
+from tests.sympy_oracle import Oracle, random_values
 
 # Whose accelerations are no longer than a few lines.
 SHORT = (
@@ -46,12 +34,6 @@ SHORT_WITH_CONTACTS = (
     "ball-on-a-vibrating-table", "bouncing-ball", "rocking-block", "slack-string",
     "sliding-ladder",
 )  # fmt: skip
-OPERATIONS = {
-    "add": lambda x, y: x + y, "sub": lambda x, y: x - y, "mul": lambda x, y: x * y,
-    "div": lambda x, y: x / y, "neg": lambda x: -x, "pow": mpmath.power,
-    "sin": mpmath.sin, "cos": mpmath.cos, "exp": mpmath.exp, "sqrt": mpmath.sqrt,
-    "log": mpmath.log, "hypot": mpmath.hypot, "sign": mpmath.sign, "abs": abs,
-}  # fmt: skip
 
 
 @functools.cache
@@ -62,43 +44,6 @@ def oracle_of(name: str) -> Oracle:
 def state_of(name: str, seed: int) -> dict[str, float]:
     start = {i.name: i.value for i in equations_of(name).model.initial}
     return random_values(oracle_of(name), start, seed)
-
-
-def digits(e: Equations, nodes: list[int], values: Mapping[str, float]) -> Any:
-    """Evaluate nodes of the graph with DIGITS digits."""
-    g, found = e.graph, {}
-    with mpmath.workdps(DIGITS):
-        for n in g.cone(nodes):
-            if g.ops[n] == VARIABLE:
-                found[n] = mpmath.mpf(values[str(g.payload(n))])
-            elif g.ops[n] == CONSTANT:
-                found[n] = mpmath.mpf(g.value(n))
-            else:
-                found[n] = OPERATIONS[g.ops[n]](*(found[a] for a in g.args[n]))
-    return np.array([found[n] for n in nodes], dtype=object)
-
-
-def agrees(found: Any, expected: Any) -> None:
-    found, expected = np.ravel(found), np.ravel(expected)
-    largest = max((abs(x) for x in expected), default=0)
-    for x, y in zip(found, expected, strict=True):
-        assert abs(x - y) <= 1e-12 * abs(y) + 1e-15 * largest
-
-
-@pytest.mark.parametrize("name", EACH)
-def test_graph_with_fifty_digits(name: str) -> None:
-    e = equations_of(name)
-    for seed in range(3):
-        values = state_of(name, seed)
-        expected = oracle_of(name).exactly(values)
-        agrees(digits(e, [x for row in e.M for x in row], values), expected.M)
-        agrees(digits(e, list(e.f), values), expected.f)
-        for row, A, b in zip(rows_of(e), expected.A, expected.b, strict=True):
-            agrees(digits(e, list(row.A), values), A)
-            agrees(digits(e, [row.b], values), [b])
-        agrees(digits(e, [e.energy], values), [expected.energy])
-        if e.model.kinetic is not None:
-            agrees(digits(e, [e.model.kinetic], values), [expected.kinetic])
 
 
 def close(found: Any, expected: Any, part: float = 1e-12) -> None:
