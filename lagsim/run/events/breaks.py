@@ -52,13 +52,12 @@ from lagsim.mechanics.switches import prevailing
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.graph import Graph
-    from lagsim.mechanics.surfaces import Surface
 
     Cells = NDArray[np.void]  # stretches of time: lo, hi, task, states of surfaces
 
@@ -90,35 +89,12 @@ class Values:
         return [found[n] for n in self.nodes]
 
 
-def newton(value: Values, level: float, lo: float, hi: float) -> float:
-    """Give about where value = level between `lo` and `hi`; only a guess."""
-    (a, _), (b, _) = value(lo), value(hi)
-    t = lo + (hi - lo) * (level - a) / (b - a) if b != a else lo
-    for _ in range(6):
-        if not lo <= t <= hi:
-            return lo + 0.5 * (hi - lo)
-        s, slope = value(t)
-        step = (s - level) / slope if slope else math.nan
-        t -= step
-        if abs(step) <= 2.0 * math.ulp(t):
-            break
-    return t if lo <= t <= hi else lo + 0.5 * (hi - lo)
-
-
-def first_change(
-    changed: Callable[[float], bool], guess: float, lo: float, hi: float
-) -> float:
-    """Give the first double after `lo` at which `changed`, which it has at `hi`."""
-    # Beside the guess, ever farther from it, until it is enclosed; then halved.
-    beside = math.ulp(guess)
-    while True:
-        low, high = max(lo, guess - beside), min(hi, guess + beside)
-        if (low == lo or not changed(low)) and (high == hi or changed(high)):
-            break
-        beside *= 8.0
-    while low < (t := low + 0.5 * (high - low)) < high:
-        low, high = (low, t) if changed(t) else (t, high)
-    return high
+def first_change(discrete: Values, lo: float, hi: float) -> float:
+    """Give the first double after `lo` at which `discrete` is not what it is there."""
+    old = repr(discrete(lo))  # nan equals nan
+    while lo < (t := lo + 0.5 * (hi - lo)) < hi:
+        lo, hi = (t, hi) if repr(discrete(t)) == old else (lo, t)
+    return hi
 
 
 PARTS = 8  # into which a cell is divided
@@ -159,9 +135,9 @@ class Division:
         nodes = [s.node for s in self.surfaces]
         slopes = tangent(g, nodes, {g.variable("t"): g.one})
         self.enclose = Enclosures(g, [*nodes, *slopes], values)
+        least = finest(start, end)
         self.locators = [
-            _Locator(g, s, slope, values, finest(start, end))
-            for s, slope in zip(self.surfaces, slopes, strict=True)
+            _Locator(Values(g, [s.discrete], values), least) for s in self.surfaces
         ]
         joined = joined_conditions(g, discrete)
         fixed = [a for n in joined for a in g.args[n] if a not in timed]
@@ -403,19 +379,10 @@ def _clusters(
 
 
 class _Locator:
-    """Locates the steps of one surface, cell after cell."""
+    """Locates the steps of the discrete value of one surface, cell after cell."""
 
-    def __init__(
-        self,
-        g: Graph,
-        surface: Surface,
-        slope: int,
-        values: Mapping[str, float],
-        finest: float,
-    ) -> None:
-        self.op, self.finest = surface.op, finest
-        self.step = Values(g, [surface.discrete], values)
-        self.surface = Values(g, [surface.node, slope], values)
+    def __init__(self, discrete: Values, finest: float) -> None:
+        self.discrete, self.finest = discrete, finest
         # The doubtful stretch that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
         self.given_up = False  # it is long; its beginning has been reported
@@ -435,7 +402,7 @@ class _Locator:
             if state == OPEN and not self.given_up and hi - lo > long:
                 self.given_up = True
                 found.append(lo)
-        return [*found, *self._crossing(lo, hi)] if state == CROSSED else found
+        return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
         """Give the steps of the doubtful stretch, which has ended."""
@@ -444,17 +411,9 @@ class _Locator:
         lo, hi, _ = self.doubtful
         given_up = self.given_up
         self.doubtful, self.given_up = None, False
-        return [hi] if given_up else self._change(lo + 0.5 * (hi - lo), lo, hi)
+        return [hi] if given_up else self._change(lo, hi)
 
-    def _crossing(self, lo: float, hi: float) -> list[float]:
-        (old,), (new,) = self.step(lo), self.step(hi)
-        level = 0.0
-        if self.op in ("floor", "ceil"):
-            level = max(old, new) - (self.op == "ceil")
-        return self._change(newton(self.surface, level, lo, hi), lo, hi)
-
-    def _change(self, guess: float, lo: float, hi: float) -> list[float]:
-        old = repr(self.step(lo))  # nan equals nan
-        if repr(self.step(hi)) == old:
+    def _change(self, lo: float, hi: float) -> list[float]:
+        if repr(self.discrete(hi)) == repr(self.discrete(lo)):
             return []
-        return [first_change(lambda t: repr(self.step(t)) != old, guess, lo, hi)]
+        return [first_change(self.discrete, lo, hi)]
