@@ -17,7 +17,7 @@ from collections import Counter
 from dataclasses import replace
 from functools import wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
@@ -64,40 +64,33 @@ if TYPE_CHECKING:
 
 
 P = ParamSpec("P")
-T = TypeVar("T")
-S = TypeVar("S")
 
-# Kernels look at each state that they come to. What happens at events is computed here
-# and there in Python, which raises where numpy goes on with inf and nan.
-# numpy's LinAlgError is a ValueError.
-RAISED = (ArithmeticError, ValueError)
-# What Python, numpy and scipy say of a number that is out of range, in a ValueError.
-SAID = ("NaN", "infs", "math domain")
+# What Python, numpy and scipy say of a number that is out of range, in a ValueError;
+# or numpy in a LinAlgError, which is one.
+OUT_OF_RANGE = ("NaN", "infs", "math domain")
 
 
-def unless_overflow(otherwise: S) -> Callable[[Callable[P, T]], Callable[P, T | S]]:
-    """Decorate: what a function gives, or this where numbers are out of range."""
+def unless_overflow(
+    work: Callable[P, Ending | None],
+) -> Callable[P, Ending | None]:
+    """Decorate a stage of a run: where numbers are out of range, the run ends.
 
-    def guarded(work: Callable[P, T]) -> Callable[P, T | S]:
-        @wraps(work)
-        def call(*args: P.args, **kwargs: P.kwargs) -> T | S:
-            try:
-                return work(*args, **kwargs)
-            except RAISED as error:
-                if not is_overflow(error):
-                    raise
-            return otherwise
+    Kernels look at each state that they come to. What happens at events is computed in
+    Python, which raises where numpy goes on with inf and nan.
+    """
 
-        return call
+    @wraps(work)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> Ending | None:
+        try:
+            return work(*args, **kwargs)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            return Ending(Outcome.NOT_FINITE)
+        except ValueError as error:
+            if not any(word in str(error) for word in OUT_OF_RANGE):
+                raise
+            return Ending(Outcome.NOT_FINITE)
 
     return guarded
-
-
-def is_overflow(error: Exception) -> bool:
-    """Tell whether an error comes of numbers that are out of range."""
-    if isinstance(error, (ArithmeticError, np.linalg.LinAlgError)):
-        return True
-    return any(word in str(error) for word in SAID)
 
 
 def finite_rows(rows: Floats, columns: int) -> int:
@@ -231,7 +224,7 @@ class Run:
         self.show_last()
         return self.trajectory(ending)
 
-    @unless_overflow(Ending(Outcome.NOT_FINITE))
+    @unless_overflow
     def begin(self) -> Ending | None:
         """Begin the first arc; tell how the run ends if it does."""
         system = self.arc.system
@@ -243,7 +236,7 @@ class Run:
             self._set_out(self.arc.settings.end)
         return ending
 
-    @unless_overflow(Ending(Outcome.NOT_FINITE))
+    @unless_overflow
     def advance(self, most_steps: int, arc_steps: float = 0.0) -> Ending | None:
         """Integrate on, by one call of the kernel; tell how the run ends if it does."""
         arc = self.arc

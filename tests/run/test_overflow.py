@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lagsim.cli import main
-from lagsim.run.arcs import finite_rows, unless_overflow
 from lagsim.run.trajectory import Outcome
 from tests.support import run
 
@@ -139,24 +138,6 @@ def test_laws_whose_forces_leave_doubles():
     assert found.trajectory.end == pytest.approx(0.3)
 
 
-def test_other_errors_are_no_overflow():
-    @unless_overflow(None)
-    def raised():
-        raise ValueError("shapes do not match")
-
-    with pytest.raises(ValueError, match="shapes"):
-        raised()
-
-
-def test_rows_before_one_that_is_not_finite():
-    rows = np.ones((4, 3))
-    assert finite_rows(rows, 2) == 4
-    rows[2, 2] = np.nan
-    assert finite_rows(rows, 2) == 4
-    rows[1, 1] = np.inf
-    assert finite_rows(rows, 2) == 1
-
-
 def test_columns_that_are_not_finite_are_named(tmp_path, monkeypatch, capsys):
     """x' = -1e300 t: its square leaves doubles at once, and V = -1e300 x with it."""
     (tmp_path / "model.yaml").write_text(FALLS.replace("FORCE", "-1e300"))
@@ -169,11 +150,3 @@ def test_columns_that_are_not_finite_are_named(tmp_path, monkeypatch, capsys):
         assert f"`{name}` is {value} at t = 0.1, the first of 10 rows" in line
     assert "`x`" not in line
     assert "not known in energy" in told.out
-
-
-def test_of_finite_columns_nothing_is_said(tmp_path, monkeypatch, capsys):
-    (tmp_path / "model.yaml").write_text(FALLS.replace("FORCE", "-1e100"))
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["lagsim", "run", "model.yaml", "--no-plots"])
-    assert main() == 0
-    assert "W320" not in capsys.readouterr().err

@@ -10,9 +10,7 @@ import signal
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.driver import State, usable_step
-from lagsim.methods.parts.parameters import Parameters
-from lagsim.run.interrupt import Interrupt, Pace
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator
@@ -57,12 +55,6 @@ def test_rk4_rows_with_a_step_that_divides_or_not(step, output_step):
     assert found.trajectory.statistics.steps == math.ceil(2.0 / step - 1e-9)
     # Kutta's error term h^4/120 a radian, the cubic's h^4/384: below h^4/50 over 2 s.
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < max(step**4 / 50, 1e-14)
-
-
-def test_rk4_takes_the_output_step_where_none_is_given():
-    found = run(oscillator("duration: 1, output_step: 0.05, method: rk4"))
-    assert found.trajectory.statistics.steps == 20
-    assert found.plan.step == 0.05
 
 
 def test_rows_come_in_blocks_so_memory_is_bounded():
@@ -142,12 +134,6 @@ def test_steps_that_never_pass_a_time(method):
     assert "100,000,000 would not pass t = 0.6)" in trajectory.reason
 
 
-def test_just_enough_steps_are_no_failure():
-    steps = run(oscillator("duration: 10")).trajectory.statistics.steps
-    found = run(oscillator("duration: 10"), most_steps=steps)
-    assert found.trajectory.outcome is Outcome.DONE
-
-
 @pytest.mark.parametrize("method", ["", ", method: rk4, step: 0.01"])
 def test_values_that_are_not_finite(method):
     # sqrt(1 - t): no motion beyond t = 1, and no rows of nan.
@@ -160,21 +146,6 @@ def test_values_that_are_not_finite(method):
     assert np.all(np.isfinite(found.rows))
     assert found["t"][-1] == trajectory.end
     assert len(found.rows) >= 10
-
-
-def test_a_root_of_what_the_motion_makes_negative():
-    text = """
-coordinates: {x: {}}
-energy: {kinetic: x_dot^2/2, potential: x}
-forces: {x: "sqrt(x)*1e-3"}
-initial: {x: 1}
-simulation: {duration: 3, output_step: 0.1}
-"""
-    found = run(text)
-    assert found.trajectory.outcome is Outcome.NOT_FINITE
-    # At about sqrt(2): the force changes that by less than a thousandth.
-    assert found.trajectory.end == pytest.approx(math.sqrt(2.0), rel=1e-3)
-    assert np.all(np.isfinite(found.rows))
 
 
 @pytest.mark.parametrize(
@@ -199,28 +170,6 @@ simulation: {{duration: 2, output_step: 0.01}}
     assert not found.trajectory.outcome.complete
     # Within 1e-6 of the centre speeds are above 1e3: what is left takes no 1e-6.
     assert found.trajectory.end == pytest.approx(time, abs=1e-6)
-
-
-@pytest.mark.parametrize("part", [0.1, 0.85, 0.9, 0.98])
-def test_no_step_is_tried_twice_at_the_last_digit_of_time(part):
-    state = State.made()
-    state.t = 1.1107207345396342
-    state.end = np.nextafter(state.t, 2.0)
-    state.h = part * (state.end - state.t)
-    # Shortened from the whole rest, it is too short to be made at all.
-    assert usable_step(state, Parameters.made()) == 0.0
-
-
-def test_kernels_work_for_a_moment_at_a_time():
-    pace, cost = Pace(), 0.0
-    for _ in range(40):
-        pace.lasted(pace.steps * 1e-7)
-    quick = pace.steps
-    for _ in range(10):
-        cost = pace.steps * 5e-3  # as of a step of a thousand coordinates
-        pace.lasted(cost)
-    assert quick > 1000
-    assert cost < 0.1
 
 
 @pytest.mark.usefixtures("heeded_signals")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.methods.parts.driver import State, record_speed
 from tests.support import MODELS, run
 
 VAN_DER_POL = """
@@ -135,29 +134,6 @@ def test_no_shipped_model_is_stiff(name, rtol):
     found = run(name, rtol=rtol)
     assert not found.trajectory.choices
     assert "step-at-stability-bound" not in codes(found)
-
-
-def speed_of(matrix, masses, difference):
-    """Give what two states of y' = matrix y tell, that differ like this."""
-    n = len(masses)
-    s = State.made(size=2 * n, n=n)
-    s.masses[:n] = masses
-    slopes = matrix @ difference
-    zero = np.zeros(2 * n)
-    record_speed(s, 1.0, 6.0, np.array(difference), slopes, zero, zero)
-    return s.speed
-
-
-def test_the_speed_is_that_of_the_fastest_motion():
-    for phase in np.linspace(0, 6, 13):
-        swing = np.array([[0.0, 1.0], [-400.0, 0.0]])
-        difference = [np.cos(phase), -20 * np.sin(phase)]
-        assert speed_of(swing, [3.0], difference) == pytest.approx(20.0)
-    damped = np.array([[0.0, 1.0], [0.0, -50.0]])
-    assert speed_of(damped, [3.0], [-1 / 50, 1.0]) == pytest.approx(50.0)
-    # Below rounding of the position, the velocity tells it.
-    assert speed_of(damped, [3.0], [0.0, 1e-16]) == pytest.approx(50.0)
-    assert speed_of(damped, [3.0], [0.0, 0.0]) == 0.0
 
 
 RUBBING = """

@@ -3,7 +3,6 @@
 Ten rows are enough, whatever the force is made of.
 """
 
-import ctypes
 import math
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 from scipy.integrate import quad
 
 from lagsim.methods.parts import missed
-from lagsim.run.arcs import Run
-from tests.run.looks.scenes import line, plane, stepped
-from tests.support import case_of, run
+from tests.run.looks.scenes import line
+from tests.support import run
 
 METHODS = ("taylor", "dop853", "radau")
 ROOT = math.sqrt(2 * math.pi)
@@ -64,45 +62,6 @@ def test_a_hill_turns_the_motion_back(name, method):
     found = run(text)
     assert found["x_dot"][-1] == pytest.approx(-1, abs=1e-8)
     assert np.max(found["x"]) < 100
-
-
-@pytest.mark.usefixtures("by_rows_alone")
-@pytest.mark.parametrize("method", METHODS)
-def test_a_patch_of_drag(method):
-    """A loss of speed of c times the length of the patch, whatever the speed."""
-    force = "-0.15*exp(-((x - 700)/2)^2/2)*x_dot"
-    found = run(line(force=force, v=1, duration=1000, step=1, method=method))
-    assert found["x_dot"][-1] == pytest.approx(1 - 0.3 * ROOT, abs=1e-9)
-
-
-@pytest.mark.usefixtures("by_rows_alone")
-@pytest.mark.parametrize("method", METHODS)
-def test_what_wakes_at_a_speed(method):
-    """A fall that is damped about one speed only: the time that it takes to pass it."""
-    force = "1 - exp(-((x_dot - 770)/2)^2/2)/2"
-    found = run(line(force=force, duration=1000, step=1, method=method))
-
-    def lag(z):
-        return 1 / (1 - math.exp(-z * z / 2) / 2) - 1
-
-    late = 4 * quad(lag, 0, 12, epsabs=1e-13)[0]
-    assert found["x_dot"][-1] == pytest.approx(1000 - late, rel=1e-9)
-
-
-@pytest.mark.usefixtures("by_rows_alone")
-@pytest.mark.parametrize("method", METHODS)
-def test_a_hill_beside_the_way_in_the_plane(method):
-    potential = "0.3*exp(-((x - 200)^2 + (y - 1)^2)/2)"
-    text = plane(potential, (0, 0, 1, 0.001), duration=400, step=0.5, method=method)
-    found = run(text)
-
-    def field(_t, y):
-        away = y[:2] - (200, 1)
-        return [*y[2:], *(0.3 * away * math.exp(-(away @ away) / 2))]
-
-    end = stepped(field, (0, 0, 1, 0.001), 400, 0.3)
-    for name, expected in zip(("x", "y", "x_dot", "y_dot"), end, strict=True):
-        assert found[name][-1] == pytest.approx(expected, abs=1e-8)
 
 
 # Forces that are flat but for a short way, of functions that no other look knows.
@@ -164,34 +123,6 @@ def test_smooth_steps_are_left_alone(method, monkeypatch):
 def test_noise_and_stiffness_are_no_sign(name, monkeypatch):
     seen, unseen = counts(monkeypatch, NOISY[name], output_step=6e-4)
     assert seen == unseen
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_the_slope_is_that_of_the_dense_output(method):
-    """By differences of fourth order, close by: exact to 1e-12 and their rounding."""
-    session = case_of("elastic-pendulum", method=method, output_step=1e-2).ready()
-    system = session.system
-    made = Run(session.first_arc(), [])
-    made.begin()
-    made.advance(100)
-    state = made.arc.state
-    assert state.step_h > 0
-
-    def call(name, x):
-        out = np.zeros(system.size)
-        kind = (None, (ctypes.c_void_p, ctypes.c_double, ctypes.c_void_p))
-        kernel = made.arc.runner.engine.function(name, *kind)
-        kernel(state.flat.ctypes.data, x, out.ctypes.data)
-        return out
-
-    for x in (0.0, 0.2, 0.5, 0.93, 1.0):
-        near, far = (
-            call("interpolate", x + b) - call("interpolate", x - b)
-            for b in (1e-3, 2e-3)
-        )
-        slope = (8 * near - far) / 12e-3 / state.step_h
-        given = call("interpolate_rates", x)
-        assert given[system.n :] == pytest.approx(slope[system.n :], rel=1e-8)
 
 
 @pytest.mark.usefixtures("by_rows_alone")

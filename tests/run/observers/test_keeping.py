@@ -6,7 +6,6 @@ import errno
 import os
 
 import numpy as np
-import pytest
 
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep, Relay
@@ -17,18 +16,6 @@ from tests.support import case_of
 
 def table(count, columns=3):
     return np.arange(float(count * columns)).reshape(count, columns)
-
-
-@pytest.mark.parametrize("cuts", [[], [1], [3, 3, 9]])
-@pytest.mark.parametrize("columns", [None, 2])
-def test_all_rows_are_kept(cuts, columns):
-    rows, keep = table(12), Keep(columns)
-    for block in np.split(rows, cuts):
-        keep.add(block)
-    assert np.array_equal(keep.table, rows[:, :columns])
-    assert (keep.rows, keep.last) == (12, rows[-1, 0])
-    keep.begin_anew()
-    assert (keep.rows, keep.last, len(keep.table)) == (0, None, 0)
 
 
 class Full(Keep):

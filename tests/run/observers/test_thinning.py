@@ -59,18 +59,6 @@ def test_every_bucket_keeps_its_extremes(count):
         assert sorted(pair - start) == sorted((bucket.argmin(), bucket.argmax()))
 
 
-def test_a_spike_of_one_row_in_a_million_is_kept():
-    t = np.arange(1_000_000) * 1e-3
-    rows = np.stack((t, np.sin(t), np.cos(t)), axis=1)
-    rows[654_321, 1] = 7.0
-    rows[123_456, 2] = -9.0
-    thinning = thinned(rows, block=8192)
-    times, values = thinning.series("a")
-    assert times[values.argmax()] == t[654_321]
-    assert values.max() == 7.0
-    assert thinning.series("b")[1].min() == -9.0
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("block", [1, 7, 4096, 10_000, 50_000])
 def test_blocks_leave_no_trace(block):
@@ -100,15 +88,6 @@ def test_what_is_not_finite_is_a_gap_and_hides_nothing():
     usable = np.isfinite(rows[:, 1])
     assert np.nanmax(values) == rows[usable, 1].max()
     assert np.nanmin(values) == rows[usable, 1].min()
-
-
-def test_few_rows_show_what_is_not_finite_as_gaps():
-    rows = walk(5)
-    rows[1, 1], rows[3, 1] = np.nan, -np.inf
-    expected = [True, False, True, False, True]
-    thinning = thinned(rows)
-    assert np.isfinite(thinning.series("a")[1]).tolist() == expected
-    assert np.isfinite(thinning.path("a", "b")[0]).tolist() == expected
 
 
 def test_a_difference_is_taken_row_by_row():
@@ -159,20 +138,3 @@ def test_memory_does_not_grow_with_the_rows():
         return top
 
     assert peak(100) < 1.1 * peak(5)
-
-
-def test_only_the_columns_that_are_asked_for_are_kept():
-    rows = walk(10)
-    thinning = thinned(rows, series={"b"}, paths=())
-    assert np.array_equal(thinning.series("b")[1], rows[:, 2])
-    with pytest.raises(KeyError):
-        thinning.series("a")
-    with pytest.raises(KeyError):
-        thinning.path("a", "b")
-
-
-def test_no_rows():
-    thinning = Thinning(("t", "a"))
-    thinning.add(np.empty((0, 2)))
-    assert len(thinning.series("a")[1]) == 0
-    assert np.isnan(thinning.first("a"))

@@ -182,13 +182,6 @@ def test_a_branch_without_a_value_spoils_nothing(spring):
     assert np.max(np.abs(found["x"] - np.cos(found["t"]))) < 1e-9
 
 
-def test_what_has_no_value_as_written_is_told():
-    found = run(scene(force="-sqrt(x)", x=1, duration=10))
-    # x falls to 0 with speed and past it there is no root.
-    assert found.trajectory.outcome.word == "failed"
-    assert np.all(found["x"] > -1e-9)
-
-
 @pytest.mark.parametrize("power", ["max(0, x - 1)^2.5", "sqrt(max(0, x - 1))^5"])
 @pytest.mark.parametrize("method", ["taylor", "dop853"])
 def test_a_power_that_rests_at_zero_leaves_a_series_finite(power, method):

@@ -75,13 +75,6 @@ def test_switches_on_a_curve_accumulate_and_rest(c):
     assert found.drift < 1e-9
 
 
-def test_a_start_at_the_end_of_the_curve_rests():
-    found = run(scene(force="-sign(x + x_dot*abs(x_dot)/2)"))
-    assert not np.any(found["x"])
-    assert not np.any(found["x_ddot"])
-    assert found.trajectory.statistics.steps < 20
-
-
 @pytest.mark.parametrize(
     ("force", "speed"),
     one_quick(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from lagsim.run.events.filippov import ABOVE, BELOW, SLIDING, FilippovCone
-from lagsim.solve import sliding
 
 
 def cone(B, r, held=None):
@@ -33,11 +32,6 @@ def test_one_surface(low, high, way):
     assert here.is_fork([way]) == (low < 0 < high)
 
 
-def test_a_way_that_is_known_is_kept():
-    here = cone([[-2.0]], [-1.0], {0: ABOVE})
-    assert here.way([BELOW]) == [ABOVE]
-
-
 @pytest.mark.parametrize("count", [2, 3, 5, 7, 12])
 def test_friction_has_one_way_and_it_is_found(count):
     # -B positive definite, as J M^-1 J^T: exactly one way meets the conditions.
@@ -59,38 +53,7 @@ def test_friction_has_one_way_and_it_is_found(count):
             assert abs(rate) < 1e-9 if k == SLIDING else (rate > 0) == (k == ABOVE)
 
 
-def test_forces_of_which_only_the_sum_matters_share_it():
-    here = cone([[-1.0, -1.0], [-1.0, -1.0]], [-1.0, -1.0])
-    assert here.way([BELOW, BELOW]) == [SLIDING, SLIDING]
-
-
 def test_no_way():
     # Each wants what the other does not let: only unstable ways are left.
     here = cone([[0.0, -2.0], [2.0, 0.0]], [-1.0, 1.0])
     assert here.way([BELOW, BELOW]) is None
-
-
-def test_the_kernel_solves_for_the_shares():
-    random = np.random.default_rng(1)
-    for size in (1, 2, 5):
-        B = random.normal(size=(size, size))
-        right = random.normal(size=(size, 3))
-        found = right.ravel().copy()
-        sliding.solve(size, B.ravel().copy(), found)
-        assert found.reshape(size, 3) == pytest.approx(np.linalg.solve(B, right))
-
-
-def test_the_kernel_leaves_what_is_not_determined_at_one_half():
-    found = np.array([1.0, 0.2, 0.3, 1.0, 0.2, 0.3])
-    sliding.solve(2, np.ones(4), found)
-    assert found == pytest.approx([0.5, 0.2, 0.3, 0.5, 0.0, 0.0])
-
-
-@pytest.mark.parametrize("count", [1, 2, 7])
-def test_no_way_where_a_rate_is_no_number(count):
-    # A force that has no value on one side: 0/0, the root of what is below 0.
-    def rates(corner):
-        return np.where(np.array(corner) == ABOVE, np.nan, 1.0)
-
-    with np.errstate(invalid="ignore"):
-        assert FilippovCone(rates, np.ones(count)).way([BELOW] * count) is None

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lagsim.methods import names, rk4
-from lagsim.run.system.functions import NEEDED
+from lagsim.methods import names
 from tests.run.switching.scenes import events, scene
 from tests.support import run
 
@@ -109,16 +108,6 @@ def test_stick_slip_by_every_method(name):
     assert np.max(np.abs(found["slip"][stuck])) < 1e-15
 
 
-def test_a_method_that_needs_more_than_rates_leaves_sliding_to_dop853(monkeypatch):
-    plain = run("stick-slip", duration=2, method="rk4", step=0.002)
-    monkeypatch.setattr(rk4, "NEEDS", ("nothing",))
-    monkeypatch.setitem(NEEDED, "nothing", lambda *_: {})
-    found = run("stick-slip", duration=2, method="rk4", step=0.002)
-    assert np.max(np.abs(found["x"] - plain["x"])) < 1e-12
-    # Sticking takes dop853 a few steps; RK4 takes 500 a second.
-    assert found.trajectory.statistics.steps < 0.8 * plain.trajectory.statistics.steps
-
-
 TWO = """
 parameters: {f: 0.15, k: 1}
 coordinates: {x: {}, z: {}}
@@ -216,31 +205,6 @@ def test_friction_with_a_constraint(loops):
     # At rest: weight and friction balance along the wire, lambda is the weight.
     assert found["lambda_wire"][-1] == pytest.approx(9.81, abs=1e-12)
     assert np.max(np.abs(found["x_ddot"][-100:])) < 1e-12
-
-
-def test_at_rest_in_a_kink():
-    found = run(scene("abs(x)"))
-    assert events(found) == [(0.0, "switch")]
-    assert not np.any(found["x"])
-    assert not np.any(found["x_ddot"])
-
-
-def test_starts_on_a_surface_go_where_the_motion_goes():
-    for v in (1.0, -1.0):
-        found = run(scene("if(x > 0, 4, 1)*x^2/2", v=v, duration=0.1))
-        stiffness = 4 if v > 0 else 1
-        w = math.sqrt(stiffness)
-        exact = v * np.sin(w * found["t"]) / w
-        assert np.max(np.abs(found["x"] - exact)) < 1e-12
-
-
-def test_friction_of_levels_sticks_between_two_of_them():
-    # -ceil(x_dot) slows down by 4, 3, 2, 1 and holds at 0, between 0 and 1.
-    found = run(scene(force="-ceil(x_dot)", v=3.5, duration=5))
-    times = [0.125, 0.125 + 1 / 3, 0.625 + 1 / 3, 1.625 + 1 / 3]
-    assert [t for t, _ in events(found)] == pytest.approx(times, abs=1e-13)
-    assert [k for _, k in events(found)] == ["switch"] * 3 + ["stick"]
-    assert found["x_dot"][-1] == 0.0
 
 
 def test_accumulating_switches_end_at_their_limit():
