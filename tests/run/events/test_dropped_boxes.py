@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import random
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lagsim.model.reader import read
+from lagsim.run.events import contacts
 from lagsim.run.trajectory import Outcome
 from tests.support import run
 
@@ -86,6 +88,21 @@ def test_a_loose_tolerance_is_that_of_gaps_too(k):
     found = run(read(box(k), "box.yaml", options={"rtol": "1e-2"}))
     assert found.trajectory.outcome.complete
     assert np.min([found["yl"], found["yr"]]) > -0.1 * np.ptp(found["y"])
+
+
+@pytest.mark.parametrize("solved", [True, False])
+def test_an_impact_without_an_impulse(monkeypatch, solved):
+    """Of rates that are rounding it is none; without a solution it ends the run."""
+    known = contacts.impact
+
+    def changed(closed, rates, noise):
+        result = known(closed, rates, noise)
+        return replace(result, impulses=0.0 * result.impulses, found=solved)
+
+    monkeypatch.setattr(contacts, "impact", changed)
+    found = run(read(box(3), "box.yaml")).trajectory
+    assert (found.outcome is Outcome.PARADOX) is not solved
+    assert "impact" not in found.event_counts
 
 
 @pytest.mark.parametrize("mass", [1.0, 1e6])
