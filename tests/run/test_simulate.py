@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import signal
 
 import numpy as np
@@ -170,32 +169,6 @@ simulation: {{duration: 2, output_step: 0.01}}
     assert not found.trajectory.outcome.complete
     # Within 1e-6 of the centre speeds are above 1e3: what is left takes no 1e-6.
     assert found.trajectory.end == pytest.approx(time, abs=1e-6)
-
-
-@pytest.mark.usefixtures("heeded_signals")
-def test_an_interrupt_keeps_what_was_computed():
-    interrupt = Interrupt()
-
-    def press(fraction):
-        if fraction > 0.3:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    before = signal.getsignal(signal.SIGINT)
-    with interrupt.noted():
-        found = run(
-            oscillator("duration: 1000, output_step: 0.01"),
-            interrupt=interrupt,
-            progress=press,
-        )
-    assert signal.getsignal(signal.SIGINT) is before
-    assert interrupt.signal == signal.SIGINT
-    trajectory = found.trajectory
-    assert trajectory.outcome is Outcome.INTERRUPTED
-    assert trajectory.outcome.word == "interrupted"
-    assert 300.0 < trajectory.end < 600.0
-    assert found["t"][-1] == trajectory.end
-    assert "interrupted" in trajectory.reason
-    assert np.all(np.diff(found["t"]) > 0.0)
 
 
 def test_an_interrupt_during_the_last_block_does_not_undo_the_end():

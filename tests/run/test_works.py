@@ -54,30 +54,6 @@ def test_by_each_method(method):
         assert np.max(np.abs(found[f"work.{q}"] - alone["work"])) < 1e-8 * size
 
 
-@pytest.mark.slow
-def test_by_a_sparse_matrix():
-    """Twelve damped oscillators, of which each keeps its own account."""
-    count = 12
-    q = [f"q{k}" for k in range(count)]
-    found = run(f"""
-coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
-energy:
-  kinetic: "{" + ".join(f"{10**k}*{x}_dot^2/2" for k, x in enumerate(q))}"
-  potential: "{" + ".join(f"{10**k}*{x}^2/2" for k, x in enumerate(q))}"
-  dissipation: "{" + ".join(f"0.1*{10**k}*{x}_dot^2" for k, x in enumerate(q))}"
-initial: {{{", ".join(f"{x}: 1" for x in q)}}}
-simulation: {{duration: 3, output_step: 0.5}}
-""", method="radau")  # fmt: skip
-    assert found.system.newton is not None
-    # q'' = -q - 0.2 q': what is left is the energy of the closed form.
-    t, fast = found["t"], np.sqrt(1 - 0.01)
-    place = np.exp(-0.1 * t) * (np.cos(fast * t) + 0.1 / fast * np.sin(fast * t))
-    speed = -np.exp(-0.1 * t) * np.sin(fast * t) / fast
-    for k, x in enumerate(q):
-        work = (place**2 + speed**2 - 1) / 2
-        assert np.max(np.abs(found[f"work.{x}"] / 10**k - work)) < 1e-9
-
-
 def test_impacts_of_moving_constraints():
     """What strikes at t = 1 takes 2 v^2 m of a body of 1 kg, beside one of 1e15 J."""
     found = run("""

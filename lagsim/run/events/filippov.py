@@ -154,9 +154,6 @@ class FilippovCone:
             # Forces of which only the sum matters: the shares closest to one half.
             half = np.full(len(along), 0.5)
             right = -rho[along] - inner @ half
-            if not (np.all(np.isfinite(inner)) and np.all(np.isfinite(right))):
-                # No force there, no way along it: `holds` refuses what is not a number.
-                return np.full(self.count, np.nan), np.full(self.count, np.nan), own
             # Of the same size, whatever the units of each surface.
             size = np.max(np.abs(inner), axis=1)
             size[size == 0.0] = 1.0
@@ -193,7 +190,7 @@ class FilippovCone:
             for i in range(self.count)
         ]
         for _ in range(MOST_EXCHANGES):
-            w, rho, _own = self._solved(way)
+            w, rho, _ = self._solved(way)
             for i, k in enumerate(way):
                 if i in self.held:
                     continue
@@ -202,7 +199,7 @@ class FilippovCone:
                     way[i] = SLIDING if attracts[i] and k != SLIDING else new
                     break
             else:
-                return way if np.all(np.isfinite(w + rho)) else None
+                return way
         return None
 
 

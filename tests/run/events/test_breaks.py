@@ -176,6 +176,13 @@ def test_a_wave_faster_than_the_doubles_is_given_up():
 
 
 @pytest.mark.slow
+def test_a_search_without_end_pauses():
+    begin = time.process_time()
+    assert 0.0 < next(search("sign(sin(1e6*t)^2)", 0.0, 1e6)) < 1.0
+    assert time.process_time() - begin < 20.0 * PATIENCE
+
+
+@pytest.mark.slow
 def test_memory_is_bounded():
     first = search("floor(1e6*t)", 0.0, 1e9)
     tracemalloc.start()

@@ -171,26 +171,6 @@ def test_gears_with_backlash_touch_and_part(stretch):
     assert np.max(np.abs(np.diff(found["phi"]))) < 0.06  # a speed of 1 at most
 
 
-def test_a_long_stretch_before_does_not_make_an_end_of_what_follows():
-    # A thousand seconds towards it, then the bounces of the closed form, to their end.
-    found = run(
-        scene("abs(x)", "-0.3*sign(x_dot)*if(abs(x) < 1, 1, 0) - "
-              "if(abs(x) < 1, 0, sign(x)*(-1))", x=-1001, v=1, duration=1015,
-              output_step=0.25)
-    )  # fmt: skip
-    enters = 1000.0
-    # From -1 at speed 1: x'' = 1 - 0.3 up to 0, ...
-    v = math.sqrt(1 + 2 * 0.7)
-    arrives = enters + (v - 1) / 0.7
-    ratio = math.sqrt(0.7 / 1.3)
-    swings = (v / 1.3 + ratio * v / 0.7) / (1 - ratio)
-    zeno = [e.time for e in found.trajectory.events if e.kind == "zeno"]
-    assert np.max(np.abs(found["x"])) <= 1001
-    # Places are known to 1e-12 of 1001: swings of 1e-5 s are below that.
-    assert zeno == pytest.approx([arrives + swings] * len(zeno), abs=1e-4)
-    assert zeno
-
-
 @pytest.mark.parametrize("scale", one_quick(1e6, 1e-6, 1.0))
 def test_units_of_time_make_no_difference_to_an_end(scale):
     # In a unit of time `scale` times as long, all of the run is 1/scale as long.
