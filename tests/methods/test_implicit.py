@@ -9,13 +9,7 @@ import pytest
 
 from lagsim.methods import generalized_alpha, method
 from lagsim.methods.parts.newton import (
-    GO_ON,
-    LOST,
-    MOST,
-    RENEW,
-    SOLVED,
     decompose,
-    progress,
     solve,
 )
 from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
@@ -96,17 +90,6 @@ def test_the_tables_of_radau():
             terms = np.array(DENSE) @ [0.0**k, *increments]
             value = terms @ x ** np.arange(1, 5)
             assert value == pytest.approx(x ** (k + 1) / (k + 1), abs=rounding)
-
-
-def test_what_newtons_steps_say():
-    assert progress(0, 1e-3, 0.0) == GO_ON
-    assert progress(3, 0.0, 1.0) == SOLVED
-    assert progress(1, 1e-10, 1e-3) == SOLVED
-    assert progress(2, 0.9e-12, 1e-12) == SOLVED
-    assert progress(1, 1e-4, 1e-2) == GO_ON
-    assert progress(1, 1e-3, 2e-3) == RENEW
-    assert progress(MOST - 1, 1e-3, 1e-2) == LOST
-    assert progress(1, math.nan, 1.0) == LOST
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3, 0.8, 1.0])

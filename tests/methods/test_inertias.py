@@ -1,29 +1,8 @@
-"""What is noted of inertias on the way, and that it outlasts a change of method."""
+"""Inertias that are followed on the way; what is told of them: `scenes/failing`."""
 
 from __future__ import annotations
 
-import numpy as np
-
-from lagsim.methods.parts import driver
-from lagsim.methods.parts.driver import State
-from lagsim.run.arc import empty_state, taken_over
-from tests.kernels import bind
 from tests.support import run
-
-
-def test_the_smallest_is_noted_with_its_time():
-    s = State.made(size=4, inertias=2)
-
-    def inertias(t, _y, _p, out):
-        out[:2] = (t - 0.3) ** 2, 2.0 + t
-
-    note = bind(driver.note_inertias, {"inertias": inertias}, {})
-    for t in (0.0, 0.25, 0.5, 1.0):
-        s.t = t
-        note(s, np.zeros(1), np.zeros(2))
-    assert s.inertia_largest.tolist() == [0.7**2, 3.0]
-    assert s.inertia_smallest.tolist() == [(0.25 - 0.3) ** 2, 2.0]
-    assert s.inertia_when.tolist() == [0.25, 0.0]
 
 
 def test_only_inertias_that_vary_with_positions_are_followed():
@@ -37,15 +16,3 @@ initial: {x: 0, x_dot: 1}
 simulation: {duration: 1}
 """)
     assert rocket.system.inertias == ()
-
-
-def test_what_is_noted_outlasts_the_method():
-    system = run("failing/polar-miss", duration=0.1).system
-    before = empty_state(system.link("dop853"))
-    before.inertia_largest[0] = 1.0
-    before.inertia_smallest[0] = 1e-9
-    before.inertia_when[0] = 7.0
-    after = taken_over(before, system.link("rk4"))
-    assert len(after.flat) != len(before.flat)
-    noted = (after.inertia_largest, after.inertia_smallest, after.inertia_when)
-    assert [kept.tolist() for kept in noted] == [[1.0], [1e-9], [7.0]]

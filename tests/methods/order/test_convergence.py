@@ -8,12 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from lagsim.mechanics.equations import Instant
 from lagsim.methods import method, names
-from lagsim.run.observers import Keep
 from tests.methods.test_registry import refusal_of
+from tests.methods.test_symplectic import reversed_error
 from tests.small_scenes import angle, held_pendulum, pendulum, swing, swing_rate
-from tests.support import case_of, run
+from tests.support import run
 
 
 def slope(steps, errors):
@@ -178,15 +177,4 @@ STEERED = FREE.replace(
     ],
 )
 def test_time_reversal_brings_the_state_back(text, options, off):
-    session = case_of(text, **options).ready()
-    start, n = session.case.start, len(session.case.equations.q)
-    ends = []
-    for _ in range(2):
-        keep = Keep()
-        session.run([keep])
-        last = keep.table[-1]
-        ends.append(last[1 : 1 + 2 * n])
-        turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
-        session = session._replace(case=session.case.at(turned))
-    assert np.max(np.abs(ends[0] - [*start.q, *start.v])) > 0.1
-    assert np.max(np.abs(ends[1] - [*start.q, *-start.v])) < off
+    assert reversed_error(text, **options) < off
