@@ -15,25 +15,6 @@ if TYPE_CHECKING:
     from lagsim.run.system.runner import Runner
 
 
-MOST_SURFACES = 8
-
-
-def fresh_state(method: ModuleType, y: Any, **words: float) -> Any:
-    """Give the state of a method at y; words by their names in it."""
-    sizes = {name: int(words.pop(name)) for name in ("n",) if name in words}
-    s = method.STATE.made(size=len(y), surfaces=MOST_SURFACES, **sizes)
-    words = {"rtol": 1e-9, "atol": -1.0, "sigma": 1.0, "fresh": 1.0} | words
-    for name, value in ({"row_step": 1.0, "end": 1e9} | words).items():
-        setattr(s, name, value)
-    s.y[:] = y
-    return s
-
-
-def state_of(s: Any) -> Any:
-    """Give y of a state: a copy."""
-    return s.y.copy()
-
-
 class Plain:
     """The kernels of a method, bound; what is called of the model is given by name."""
 
@@ -64,15 +45,6 @@ class Plain:
         return int(advance(s, p, out, rows, budget))
 
 
-def exact(rates: int) -> dict[str, Callable[..., Any]]:
-    """Give equations of so many rates no terms of their own, and no rounding."""
-
-    def nothing(_t: float, _y: Any, _p: Any, out: Any) -> None:
-        out[:rates] = 0.0
-
-    return {"terms": nothing, "rounding": nothing}
-
-
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
     names = ["measure", "terms", "observe", *runner.method.NEEDS]
@@ -86,6 +58,8 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
         names += ["position_step", "velocity_step"]
     if runner.system.equations.model.until:
         names.append("until")
+    if runner.system.inertias:
+        names.append("inertias")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
 
 

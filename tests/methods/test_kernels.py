@@ -9,7 +9,7 @@ from lagsim.methods import dop853
 from lagsim.methods.parts import driver
 from lagsim.methods.parts import state as at
 from tests.kernels import bind
-from tests.methods.plain import Plain, fresh_state, linked
+from tests.methods.plain import Plain, linked
 from tests.support import ready
 
 SPRING = """
@@ -85,19 +85,14 @@ def linked_system(case):
     plan, system, settings = session.plan, session.system, session.case.settings
     runner = system.link(plan.method)
     runner.prepare()
-    y = system.begin(session.case.start)
-    s = fresh_state(
-        runner.method,
-        y,
-        n=system.n,
-        rtol=plan.rtol or 0.0,
-        atol=-1.0 if plan.atol is None else plan.atol,
-        fixed_step=plan.step or 0.0,
-        row_step=settings.output_step,
-        row_limit=settings.end,
-        end=settings.end,
-        equation=float("= 0.2" in options),
-    )
+    s = runner.empty.copy()
+    s.y[:] = system.begin(session.case.start)
+    s.sigma = s.fresh = 1.0
+    s.rtol, s.fixed_step = plan.rtol or 0.0, plan.step or 0.0
+    s.atol = -1.0 if plan.atol is None else plan.atol
+    s.row_step = settings.output_step
+    s.row_limit = s.end = settings.end
+    s.equation = float("= 0.2" in options)
     statics = {
         "CONSTRAINED": system.m > 0,
         "UNTIL": system.equations.model.until is not None,

@@ -19,7 +19,6 @@ from lagsim.native.kernels.translation import translate
 from lagsim.native.kernels.words import (
     Static,
     apart,
-    external,
     fused,
     total,
     unrolled,
@@ -201,29 +200,6 @@ def rounded_once(n: int, y: Floats, out: Floats) -> None:
         out[i] = fused(y[i], y[n - 1 - i], -2)
 
 
-@external
-def rate(t: float, y: Floats, out: Floats) -> None:
-    """Give the rate of change (2,)."""
-
-
-@external
-def scale_of(i: int, yes: bool) -> float:
-    """Give something of each kind."""
-    raise NotImplementedError
-
-
-def euler(n: int, y: Floats, out: Floats) -> None:
-    for step in range(n):
-        rate(step * 0.125, y, out)
-        advance(0.125, y, out)
-    y[0] *= scale_of(n, n > 3)
-
-
-def advance(h: float, y: Floats, slope: Floats) -> None:
-    for i in range(2):
-        y[i] += h * slope[i]
-
-
 ANY_FLOATS = [0.0, -0.0, 1.0, -1.0, 2.5, -7.25, 0.1, 1e300, -5e-324, inf, nan]
 FINITE = [0.0, -0.0, 1.0, -1.0, 2.5, -7.25, 0.1, 1e17, -3e-5]
 INTEGERS = [0, 1, -1, 2, -2, 3, 7, -7, 12, -100, 2**40 + 1]
@@ -322,47 +298,6 @@ def test_statics_stand_before_globals() -> None:
         translate([static_branch], {"CONSTRAIND": False})
 
 
-MODEL = """
-define void @rate(double %t, ptr %y, ptr %out) {
-  %a = load double, ptr %y
-  %p = getelementptr double, ptr %y, i64 1
-  %b = load double, ptr %p
-  %q = getelementptr double, ptr %out, i64 1
-  %c = fmul double %t, %a
-  store double %b, ptr %out
-  store double %c, ptr %q
-  ret void
-}
-define double @scale_of(i64 %i, i1 zeroext %yes) {
-  %a = sitofp i64 %i to double
-  %b = select i1 %yes, double 2.0, double 0.5
-  %c = fmul double %a, %b
-  ret double %c
-}
-"""
-
-
-def test_externals_are_linked_and_bound() -> None:
-    engine = Engine([compile_object(translate([euler])), compile_object(MODEL)])
-
-    def in_python(t: float, y: Floats, out: Floats) -> None:
-        out[0], out[1] = y[1], t * y[0]
-
-    def scale(i: int, yes: bool) -> float:
-        return i * (2.0 if yes else 0.5)
-
-    plain = bind(euler, {"rate": in_python, "scale_of": scale})
-    for n in (3, 9):
-        y, out = np.array([1.0, 0.25]), np.zeros(2)
-        z = y.copy()
-        native(engine, euler)(n, y.ctypes.data, out.ctypes.data)
-        plain(n, z, out)
-        assert y.tobytes() == z.tobytes()
-        assert y[0] > 1.0
-    with pytest.raises(NotImplementedError, match="rate"):
-        bind(euler, {})(1, np.zeros(2), np.zeros(2))
-
-
 HEAD = """from __future__ import annotations
 import math
 from lagsim.language.arrays import Floats
@@ -397,7 +332,7 @@ def test_fingerprint_sees_text_tables_and_statics(tmp_path: Path) -> None:
     prints.append(fingerprint([loaded.f]))
     assert len(set(prints)) == 5
     assert fingerprint([loaded.f]) == prints[-1]
-    assert translate([euler]) == translate([euler])
+    assert translate([search]) == translate([search])
 
 
 def test_functions_of_one_name_do_not_meet(tmp_path: Path) -> None:

@@ -35,8 +35,6 @@ def progress(iteration: int, change: float, previous: float) -> int:
         rate >= 0.5 and change <= STALLED_STEP
     ):
         return SOLVED
-    if iteration == MOST - 1:
-        return LOST
     return RENEW if rate > SLOW else GO_ON
 
 

@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from lagsim import files
 from lagsim.native.kernels import keys
@@ -96,9 +96,9 @@ def begin_kernel_object(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> None:
     """Have a second process make the object code of kernels, where there may be one."""
-    own = slot(["kernel", keys.fingerprint(functions, statics)])
-    if own.path is None or not own.path.exists():
-        _coming[own.key] = ahead.bring(lambda: _translated(functions, statics))
+    key, path = _place(["kernel", keys.fingerprint(functions, statics)])
+    if path is None or not path.exists():
+        _coming[key] = ahead.bring(lambda: _translated(functions, statics))
 
 
 def _translated(
@@ -167,35 +167,24 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-class Slot(NamedTuple):
-    """Where something is kept, or would be; `path` is None where nothing can be."""
+def _place(made_from: Sequence[str]) -> tuple[str, Path | None]:
+    """Give the key of what is made from that, on this machine, and where it is kept.
 
-    key: str
-    path: Path | None
-
-    def content(self) -> bytes | None:
-        """Give what is kept here, if there is something."""
-        return None if self.path is None else _read(self.path, self.key)
-
-    def keep(self, content: bytes) -> None:
-        """Keep it here, if possible."""
-        if self.path is not None:
-            _write(self.path, self.key, content)
-
-
-def slot(made_from: Sequence[str]) -> Slot:
-    """Give the place of what is made from that, on this machine."""
+    None where nothing can be.
+    """
     where = folder()
     key = _digest([_FORMAT, *made_from, *engine.target()])
-    return Slot(key, None if where is None else where / f"{key}{_SUFFIX}")
+    return key, None if where is None else where / f"{key}{_SUFFIX}"
 
 
 def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
-    own = slot(made_from)
-    code, coming = own.content(), _coming.pop(own.key, make)
+    key, path = _place(made_from)
+    code = None if path is None else _read(path, key)
+    coming = _coming.pop(key, make)
     if code is None:
         code = coming()
-        own.keep(code)
+        if path is not None:
+            _write(path, key, code)
     return code
 
 
