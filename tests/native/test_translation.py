@@ -107,7 +107,7 @@ def conversions(a: float, b: float) -> int:
 
 
 def rounded_down(a: int, b: int) -> int:
-    return a // 7 + 1000 * (b % 7) - (a - 1) % 2 + max(a, b) - 3 * min(a, 5) + abs(b)
+    return a // 7 + 1000 * (b % 7) - (a - 1) % 2 + max(a, b) - 3 * min(a, 5)
 
 
 def search(a: int, b: int) -> int:

@@ -118,15 +118,16 @@ _COMPARISONS: Final[dict[type[ast.cmpop], tuple[str, str]]] = {
     ast.Eq: ("eq", "oeq"),
     ast.NotEq: ("ne", "une"),
 }
-_LIBM_NAMES: Final = """
+_LIBM: Final = """
 acos asin atan atan2 cos cosh exp expm1 log log1p pow sin sinh tan tanh
 """
-_LIBM: Final = {getattr(math, name): name for name in _LIBM_NAMES.split()}
-_INTRINSICS: Final[dict[object, str]] = {
-    math.sqrt: "sqrt",
-    math.fabs: "fabs",
-    math.copysign: "copysign",
-    words.fused: "fma",
+# Of the C library, and those of LLVM that are exact in IEEE 754.
+_FUNCTIONS: Final[dict[object, str]] = {
+    **{getattr(math, name): name for name in _LIBM.split()},
+    math.sqrt: "llvm.sqrt.f64",
+    math.fabs: "llvm.fabs.f64",
+    math.copysign: "llvm.copysign.f64",
+    words.fused: "llvm.fma.f64",
 }
 _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
 
@@ -136,8 +137,8 @@ def is_stretch(node: ast.expr) -> TypeGuard[ast.Subscript]:
     return isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
 
 
-class _Function(Folding):
-    """The translation of one function.
+class _Function(Folding, ast.NodeVisitor):
+    """The translation of one function: of its expressions and statements by kind.
 
     Attributes
     ----------
@@ -166,37 +167,14 @@ class _Function(Folding):
         self.live = True
         self.reached: set[str] = set()
         self._names = 0
-        self._statements: dict[type[ast.stmt], Callable[[Any], None]] = {
-            ast.Expr: self._expression,
-            ast.Assign: self._assign,
-            ast.AugAssign: self._augmented,
-            ast.If: self._if,
-            ast.While: self._while,
-            ast.For: self._for,
-            ast.Break: lambda _: self._jump(self.loops[-1][0]),
-            ast.Continue: lambda _: self._jump(self.loops[-1][1]),
-            ast.Return: self._return,
-            ast.Pass: lambda _: None,
-        }
-        self._expressions: dict[type[ast.expr], Callable[[Any], Value]] = {
-            ast.Name: self._load_name,
-            ast.Subscript: self._load_element,
-            ast.Attribute: self._load_field,
-            ast.UnaryOp: self._unary,
-            ast.BinOp: self._binary,
-            ast.Compare: self._compare,
-            ast.BoolOp: self._logical,
-            ast.IfExp: self._choice,
-            ast.Call: self._call,
-        }
         self._calls: dict[object, Callable[[ast.Call], Value]] = {
             min: partial(self._extremum, ast.Lt()),
             max: partial(self._extremum, ast.Gt()),
-            abs: self._abs,
-            int: lambda node: self._truncated(*self._floats(node, 1)),
-            float: lambda node: self._floats(node, 1)[0],
+            abs: lambda node: self._function("llvm.fabs.f64", *self._floats(node)),
+            int: lambda node: self._truncated(*self._floats(node)),
+            float: lambda node: self._floats(node)[0],
             math.floor: lambda node: self._truncated(
-                self._intrinsic("floor", *self._floats(node, 1))
+                self._function("llvm.floor.f64", *self._floats(node))
             ),
             words.total: self._total,
         }
@@ -270,12 +248,14 @@ class _Function(Folding):
         known = self.fold(node)
         if known is not None:
             return self._literal(node, known)
-        rule = self._expressions.get(type(node))
-        if rule is None:
-            raise self.error(node)
-        return rule(node)
+        value: Value = self.visit(node)
+        return value
 
-    def _load_name(self, node: ast.Name) -> Value:
+    def generic_visit(self, node: ast.AST) -> Any:
+        """Refuse what is not of the subset."""
+        raise self.error(node)
+
+    def visit_Name(self, node: ast.Name) -> Value:
         if node.id not in self.kinds:
             raise self.error(node, "has no value here; globals are numbers")
         return self._get(self.kinds[node.id], f'%"{node.id}.v"')
@@ -335,7 +315,7 @@ class _Function(Folding):
             raise self.error(node, "counts from the end, which is not known")
         return self._address(base.text, self._converted(index, "int").text)
 
-    def _load_element(self, node: ast.Subscript) -> Value:
+    def visit_Subscript(self, node: ast.Subscript) -> Value:
         """Load an element; a stretch of an array is where it begins."""
         place = self._element(node)
         if isinstance(node.slice, ast.Slice):
@@ -351,7 +331,7 @@ class _Function(Folding):
         memory = self._get("Floats", f'%"{name}.v"').text
         return memory, self._address(memory, field.word), field
 
-    def _load_field(self, node: ast.Attribute) -> Value:
+    def visit_Attribute(self, node: ast.Attribute) -> Value:
         memory, place, field = self._word(node)
         if field.kind == NUMBER:
             return self._get("float", place)
@@ -365,7 +345,7 @@ class _Function(Folding):
         value = self._op("float", f"load double, ptr {place}, !invariant.load !{{}}")
         return self._op("int", f"fptosi double {value.text} to i64")
 
-    def _unary(self, node: ast.UnaryOp) -> Value:
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
             test = self._converted(node.operand, "bool")
             return self._op("bool", f"xor i1 {test.text}, true")
@@ -376,7 +356,7 @@ class _Function(Folding):
             return self._op("int", f"sub i64 0, {value.text}")
         return self._op("float", f"fneg double {value.text}")
 
-    def _binary(self, node: ast.BinOp) -> Value:
+    def visit_BinOp(self, node: ast.BinOp) -> Value:
         return self._arithmetic(node, self._number(node.left), node.op, node.right)
 
     def _arithmetic(
@@ -391,7 +371,7 @@ class _Function(Folding):
             right = self._cast(right, "float", node)
         (left, right), kind = self._common(node, left, right)
         if isinstance(op, ast.Pow):
-            return self._libm("pow", left, right)
+            return self._function("pow", left, right)
         if isinstance(op, ast.Div):
             return self._op(kind, f"fdiv double {left.text}, {right.text}")
         if type(op) not in _ARITHMETIC:
@@ -416,7 +396,7 @@ class _Function(Folding):
         whole = self._op("int", f"sub i64 {a}, {rest.text}").text
         return self._op("int", f"sdiv i64 {whole}, {divisor}")
 
-    def _compare(self, node: ast.Compare) -> Value:
+    def visit_Compare(self, node: ast.Compare) -> Value:
         rest = list(zip(node.ops, node.comparators, strict=True))
         return self._chain(node, self._number(node.left), rest)
 
@@ -455,7 +435,7 @@ class _Function(Folding):
         self._begin(end)
         return self._get("bool", place)
 
-    def _logical(self, node: ast.BoolOp) -> Value:
+    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
         until = isinstance(node.op, ast.Or)
         # Operands known to decide nothing are left out.
         operands = [v for v in node.values if self.fold(v) is not (not until)]
@@ -469,7 +449,7 @@ class _Function(Folding):
             first, lambda: self._operands(operands[1:], until=until), until=until
         )
 
-    def _choice(self, node: ast.IfExp) -> Value:
+    def visit_IfExp(self, node: ast.IfExp) -> Value:
         known = self.fold(node.test)
         if known is not None:
             return self.expression(node.body if known else node.orelse)
@@ -492,16 +472,13 @@ class _Function(Folding):
 
     # Calls.
 
-    def _call(self, node: ast.Call) -> Value:
+    def visit_Call(self, node: ast.Call) -> Value:
         function: Any = self.source.meaning(node.func)
         if function in self._calls:
             return self._calls[function](node)
-        if function in _LIBM:
+        if function in _FUNCTIONS:
             values = self._floats(node, _ARGUMENTS.get(function, 1))
-            return self._libm(_LIBM[function], *values)
-        if function in _INTRINSICS:
-            values = self._floats(node, _ARGUMENTS.get(function, 1))
-            return self._intrinsic(_INTRINSICS[function], *values)
+            return self._function(_FUNCTIONS[function], *values)
         own = isinstance(function, FunctionType)
         if not own or function.__module__ == words.__name__:
             raise self.error(node)
@@ -524,29 +501,22 @@ class _Function(Folding):
             raise self.error(node, f"takes {count} arguments by position")
         return node.args
 
-    def _floats(self, node: ast.Call, count: int) -> list[Value]:
+    def _floats(self, node: ast.Call, count: int = 1) -> list[Value]:
         return [self._converted(a, "float") for a in self._arguments(node, count)]
 
-    def _libm(self, name: str, *values: Value) -> Value:
-        """Call a function of the C library."""
+    def _function(self, name: str, *values: Value, result: str = "float") -> Value:
+        """Call a function of the C library, or one of LLVM's."""
+        libm = "" if name.startswith("llvm.") else " nounwind memory(none)"
         types = ", ".join("double" for _ in values)
-        self.program.declare(f"declare double @{name}({types}) nounwind memory(none)")
+        self.program.declare(f"declare {LLVM[result]} @{name}({types}){libm}")
         passed = ", ".join(f"double {v.text}" for v in values)
-        call = f"call double @{name}({passed}) nobuiltin nounwind memory(none)"
-        return self._op("float", call)
-
-    def _intrinsic(self, name: str, *values: Value) -> Value:
-        """Call a function that is exact in IEEE 754."""
-        types = ", ".join("double" for _ in values)
-        self.program.declare(f"declare double @llvm.{name}.f64({types})")
-        passed = ", ".join(f"double {v.text}" for v in values)
-        return self._op("float", f"call double @llvm.{name}.f64({passed})")
+        if libm:
+            libm = f" nobuiltin{libm}"
+        return self._op(result, f"call {LLVM[result]} @{name}({passed}){libm}")
 
     def _truncated(self, value: Value) -> Value:
         # Saturating: plain fptosi of nan or 1e300, where Python raises, is anything.
-        name = "llvm.fptosi.sat.i64.f64"
-        self.program.declare(f"declare i64 @{name}(double)")
-        return self._op("int", f"call i64 @{name}(double {value.text})")
+        return self._function("llvm.fptosi.sat.i64.f64", value, result="int")
 
     def _extremum(self, op: ast.cmpop, node: ast.Call) -> Value:
         values, kind = self._common(node, *map(self._number, node.args))
@@ -557,15 +527,6 @@ class _Function(Folding):
             text = f"select i1 {better}, {llvm} {value.text}, {llvm} {best.text}"
             best = self._op(kind, text)
         return best
-
-    def _abs(self, node: ast.Call) -> Value:
-        value = self._number(*self._arguments(node, 1))
-        if value.kind == "float":
-            return self._intrinsic("fabs", value)
-        negative = self._op("bool", f"icmp slt i64 {value.text}, 0").text
-        opposite = self._op("int", f"sub i64 0, {value.text}").text
-        text = f"select i1 {negative}, i64 {opposite}, i64 {value.text}"
-        return self._op("int", text)
 
     def _total(self, node: ast.Call) -> Value:
         [terms] = self._arguments(node, 1)
@@ -590,16 +551,13 @@ class _Function(Folding):
         for statement in body:
             if not self.live:
                 return
-            rule = self._statements.get(type(statement))
-            if rule is None:
-                raise self.error(statement)
-            rule(statement)
+            self.visit(statement)
 
-    def _expression(self, node: ast.Expr) -> None:
+    def visit_Expr(self, node: ast.Expr) -> None:
         if not isinstance(node.value, ast.Constant):
             self.expression(node.value)
 
-    def _assign(self, node: ast.Assign) -> None:
+    def visit_Assign(self, node: ast.Assign) -> None:
         [first, *others] = node.targets
         if is_stretch(first) and not others:
             self._spread(first, lambda _: self._converted(node.value, "float"))
@@ -615,7 +573,7 @@ class _Function(Folding):
             for single, value in zip(targets, values, strict=True):
                 self._store(single, value)
 
-    def _augmented(self, node: ast.AugAssign) -> None:
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
         target = node.target
         if isinstance(target, ast.Name):
             present = ast.copy_location(ast.Name(target.id, ast.Load()), target)
@@ -684,7 +642,16 @@ class _Function(Folding):
             self.allocated.append(f'  %"{name}.v" = alloca {LLVM[value.kind]}')
         self._put(self._cast(value, self.kinds[name], node), f'%"{name}.v"')
 
-    def _return(self, node: ast.Return) -> None:
+    def visit_Break(self, _node: ast.Break) -> None:
+        self._jump(self.loops[-1][0])
+
+    def visit_Continue(self, _node: ast.Continue) -> None:
+        self._jump(self.loops[-1][1])
+
+    def visit_Pass(self, node: ast.Pass) -> None:
+        """Translate to nothing."""
+
+    def visit_Return(self, node: ast.Return) -> None:
         kind = self.source.result
         if kind == "None":
             self.lines.append("  ret void")
@@ -695,7 +662,7 @@ class _Function(Folding):
             self.lines.append(f"  ret {LLVM[kind]} {value.text}")
         self.live = False
 
-    def _if(self, node: ast.If) -> None:
+    def visit_If(self, node: ast.If) -> None:
         known = self.fold(node.test)
         if known is not None:
             self._block(node.body if known else node.orelse)
@@ -718,7 +685,7 @@ class _Function(Folding):
         self._jump(following)
         self.loops.pop()
 
-    def _while(self, node: ast.While) -> None:
+    def visit_While(self, node: ast.While) -> None:
         head, body, after = map(self._name, ("while", "do", "endwhile"))
         self._jump(head)
         self._begin(head)
@@ -728,7 +695,7 @@ class _Function(Folding):
         self._body(node, after, head)
         self._begin(after)
 
-    def _for(self, node: ast.For) -> None:
+    def visit_For(self, node: ast.For) -> None:
         call = node.iter
         if self.goes_over(call, words.unrolled):
             self._unrolled(node)
