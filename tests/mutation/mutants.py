@@ -224,6 +224,7 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.tree, self.cache = folder / "tree", folder / "cache"
         self.used, self.lines = folder / "used", folder / "lines"
+        self.said = ""
         listed = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
         )
@@ -249,8 +250,9 @@ class Copy:
             )
         except subprocess.TimeoutExpired:
             return None
+        self.said = done.stdout[-2000:].decode()
         # 4: the file of a test that is named cannot be read.
-        assert done.returncode in (0, 1, 2, 3, 4), done.stdout[-2000:].decode()
+        assert done.returncode in (0, 1, 2, 3, 4), self.said
         return done.returncode == 0
 
     def _begin(self, tests: tuple[str, ...]) -> None:
@@ -259,7 +261,7 @@ class Copy:
         began = time.monotonic()
         cover = [*tests, "--cov=lagsim", "--cov-context=test", "--cov-report="]
         passed = self._passes(cover, self.cache, None, quick=tests == WAISTS)
-        assert passed, f"{tests} fail without a mutant"
+        assert passed, f"{tests} fail without a mutant:\n{self.said}"
         self.limits[tests] = 60.0 * PATIENCE + 3.0 * (time.monotonic() - began)
         data = CoverageData(str(self.lines))
         data.read()
