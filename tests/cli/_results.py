@@ -1,13 +1,20 @@
-"""Reading what a run has written."""
+"""Reading what a command has written, and calling it as a process of its own."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
+
+from tests.patience import PATIENCE
+from tests.support import ROOT
 
 
 def table(folder):
@@ -17,9 +24,60 @@ def table(folder):
     return header, np.array(rows, dtype=float)
 
 
+def document(*path):
+    """Give a file of JSON."""
+    return json.loads(Path(*path).read_bytes())
+
+
 def manifest(folder):
-    return json.loads((Path(folder) / "run.json").read_bytes())
+    return document(folder, "run.json")
 
 
 def names(folder):
     return sorted(path.name for path in Path(folder).iterdir())
+
+
+def contents(folder):
+    """Give the files of a folder: name -> bytes."""
+    return {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+
+
+def started(*words, before=(), **around):
+    """Start the command as a process of its own, with more in its environment.
+
+    before : words before it, such as those of a shell
+    """
+    line = [*before, sys.executable, "-m", "lagsim", *map(str, words)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), **around}
+    return subprocess.Popen(
+        line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=environment
+    )
+
+
+def ended(*words, **around):
+    """Call the command as a process of its own; give its code, stdout and stderr."""
+    process = started(*words, **around)
+    out, err = process.communicate(timeout=120 * PATIENCE)
+    return process.returncode, out.decode(), err.decode()
+
+
+def waited(happened, seconds=60.0):
+    """Wait until something has happened; tell whether it has."""
+    end = time.monotonic() + seconds * PATIENCE
+    while not (found := happened()) and time.monotonic() < end:
+        time.sleep(0.01)
+    return found
+
+
+class Terminal(io.TextIOWrapper):
+    """A stdout that is a terminal."""
+
+    def __init__(self) -> None:
+        super().__init__(io.BytesIO(), encoding="utf-8", write_through=True)
+
+    def isatty(self) -> bool:
+        return True
+
+    @property
+    def shown(self) -> str:
+        return self.buffer.getvalue().decode()

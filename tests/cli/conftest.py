@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from lagsim.cli import main
+from lagsim.run.observers.monitors import ResidualMonitor
 
 
 @dataclass(frozen=True)
@@ -28,19 +29,44 @@ class Called:
 
 @pytest.fixture
 def lagsim(monkeypatch, capsys, tmp_path):
-    """Give a function that calls `lagsim` in an empty folder."""
+    """Give a function that calls `lagsim` in an empty folder.
+
+    `code` : the exit code that the call must have.
+    """
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.delenv("GITHUB_ACTIONS", raising=False)  # where these tests run
 
-    def call(*arguments):
+    def call(*arguments, code=None):
         monkeypatch.setattr(sys, "argv", ["lagsim", *map(str, arguments)])
         capsys.readouterr()
-        code = main()
-        out, err = capsys.readouterr()
-        return Called(code, out, err)
+        found = Called(main(), *capsys.readouterr())
+        assert code in (None, found.code), found.out + found.err
+        return found
 
     return call
+
+
+@pytest.fixture
+def actions(lagsim, monkeypatch, tmp_path):  # noqa: ARG001  it comes before
+    """Call the command as GitHub's runner does."""
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path))
+
+
+@pytest.fixture
+def at_rows(monkeypatch):
+    """Give a function that has another called with all rows, before they are taken."""
+
+    def at_rows(act):
+        def add(self, rows):
+            act(rows)
+            return taken(self, rows)
+
+        taken = ResidualMonitor.add
+        monkeypatch.setattr(ResidualMonitor, "add", add)
+
+    return at_rows
 
 
 @pytest.fixture

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.codes import errors
 from tests.cli._results import table
 from tests.patience import PATIENCE
 from tests.small_scenes import ON_THE_CURVE, PENDULUM
@@ -33,47 +32,6 @@ def refused(lagsim, *arguments):
     return called.err, errors
 
 
-@pytest.mark.parametrize("command", ["run", "check"])
-@pytest.mark.parametrize(
-    ("path", "told"),
-    [
-        ("none.yaml", "none.yaml: cannot be read: No such file or directory"),
-        ("folder", "folder: cannot be read: Is a directory"),
-        ("model.yaml/x", "model.yaml/x: cannot be read: Not a directory"),
-        (
-            "/dev/null",
-            "/dev/null: cannot be read: it is a pipe or a device, and no regular file",
-        ),
-    ],
-)
-def test_a_file_that_cannot_be_read(lagsim, write, command, path, told):
-    write(PENDULUM)
-    Path("folder").mkdir()
-    err, [error] = refused(lagsim, command, path)
-    assert err.startswith(f"{told} [{error['number']}]\n  hint: ")
-    assert error["file"] == path
-    assert error["text"] == told
-
-
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        (b"", "the file is empty"),
-        (b"# only a comment\n", "the file is empty"),
-        (b"name: \xff\n", "model.yaml:1:7: not UTF-8: byte 0xff in line 1"),
-        (b"\x00\x01\x02", "model.yaml:1:1: "),
-        (b"- 1\n- 2\n", "must be a mapping"),
-        (b"just a text", "must be a mapping"),
-        (b"energy: {kinetic: (x", "model.yaml:1"),
-        (b"a: 1\n---\nb: 2\n", "model.yaml:2"),
-    ],
-)
-def test_what_is_no_model_at_all(lagsim, content, told):
-    Path("model.yaml").write_bytes(content)
-    err, _ = refused(lagsim, "check", "model.yaml")
-    assert told in err
-
-
 def test_every_fault_at_once_with_its_place(lagsim, write):
     model = write("""\
 parameters: {l: 1, k: 2*zz}
@@ -95,69 +53,6 @@ colour: red
         assert f"{file}:{line}:{column}: " in err
     assert "  energy: {kinetic: theta_dot^2/2, potential: cos(thta)}\n" in err
     assert " " * 50 + "^^^^\n  hint: did you mean `theta`?" in err
-
-
-SETS = {
-    "unknown": (
-        ["gg=1"],
-        "there is no parameter or start value `gg`",
-        "did you mean `g`?",
-    ),
-    "faulty expression": (
-        ["g=1+"],
-        "a value is expected",
-        "leave `+` out, or write what follows it",
-    ),
-    "not finite": (["g=1/0"], "not a finite number", ""),
-    "unknown name": (
-        ["g=2*zz"],
-        "unknown name `zz`",
-        "give `zz` a value in `parameters`",
-    ),
-    "no expression": (["g="], "found nothing", ""),
-    "no equals sign": (["g"], "a name and an expression", "such as --set g=1.62"),
-    "no name": (["=1"], "a name and an expression", "such as --set g=1.62"),
-    "twice": (["g=1", "g=2"], "--set g is given twice", ""),
-    "dotted": (["a.b=1"], "names with a dot are reserved", ""),
-    "an acceleration": (["theta_ddot=1"], "--set takes parameters and start", ""),
-    "a start value's name": (["thta=1"], "start value `thta`", "did you mean `theta`?"),
-    "not finite at the start": (["theta=1/0"], "of `theta` is inf", ""),
-}
-
-
-@pytest.mark.parametrize("command", ["run", "check"])
-@pytest.mark.parametrize(("sets", "told", "hint"), SETS.values(), ids=SETS)
-def test_set(lagsim, write, command, sets, told, hint):
-    options = [part for text in sets for part in ("--set", text)]
-    err, [error] = refused(lagsim, command, write(PENDULUM), *options)
-    assert told in err
-    assert told in error["text"]
-    # Where there is no hint of its own, that of all such faults.
-    assert error["hint"] == (hint or errors()[error["code"]].hint)
-
-
-OPTIONS = {
-    "--rtol x": "unknown name `x`",
-    "--rtol 1e-3*": "a value is expected",
-    "--rtol -1": "must not be negative",
-    "--rtol 0": "without an `atol`",
-    "--atol nan": "nan",
-    "--step 0": "must be positive",
-    "--duration 0": "must be positive",
-    "--duration 1/0": "inf",
-    "--output-step 3": "longer than the run",
-    "--output-step 1e-12": "2000000000001 rows",
-    "--method nope": "one of auto, dop853, ",
-}
-
-
-@pytest.mark.parametrize(("option", "told"), OPTIONS.items(), ids=OPTIONS)
-def test_options_of_a_run(lagsim, write, option, told):
-    name, value = option.split()
-    err, [error] = refused(lagsim, "run", write(PENDULUM), f"{name}={value}")
-    assert told in err
-    assert err.startswith(f"{option}:1:")
-    assert error["file"] == option
 
 
 def test_physics_that_cannot_be_at_the_start(lagsim, write):

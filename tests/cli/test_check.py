@@ -36,8 +36,7 @@ def test_an_admissible_start(lagsim, write):
 
 
 def test_the_captions_start(lagsim, write):
-    called = lagsim("check", write(CAPTION))
-    assert called.code == 1
+    called = lagsim("check", write(CAPTION), code=1)
     first = called.out.splitlines()[0]
     assert first.startswith("inadmissible: model: ")
     assert "`path` has the residual 1" in first
@@ -83,8 +82,7 @@ def test_the_document(lagsim, write):
 )
 def test_what_the_file_says_of_a_run_without_an_end(lagsim, write, simulation, code):
     text = NONHOLONOMIC.replace("phi_dot: 1", "phi_dot: cos(2)")
-    called = lagsim("check", write(text.replace("duration: 1", simulation)))
-    assert called.code == code
+    lagsim("check", write(text.replace("duration: 1", simulation)), code=code)
 
 
 def test_what_is_inferred_of_velocity_relations(lagsim, write):
@@ -101,8 +99,7 @@ def test_what_is_inferred_of_velocity_relations(lagsim, write):
 
 def test_a_start_value_that_is_missed_is_no_constraint(lagsim, write):
     model = write(ON_THE_CURVE.replace("initial: {", "initial: {x: 0.5, "))
-    called = lagsim("check", model)
-    assert called.code == 1
+    called = lagsim("check", model, code=1)
     assert "`x: 0.5`" in called.out.splitlines()[0]
     document = lagsim("check", model, "--json").json
     assert document["admissible"] is False
@@ -110,14 +107,12 @@ def test_a_start_value_that_is_missed_is_no_constraint(lagsim, write):
 
 
 def test_a_contact_is_classified(lagsim, write):
-    called = lagsim("check", write(CONTACT), "--json")
-    assert called.code == 0
+    called = lagsim("check", write(CONTACT), "--json", code=0)
     [floor] = called.json["constraints"]
     assert (floor["name"], floor["kind"]) == ("floor", "one-sided")
     assert floor["residual"] == 1.0
     assert floor["pfaffian"] is None
-    below = lagsim("check", write(CONTACT.replace("y: 1", "y: -1")))
-    assert below.code == 1
+    below = lagsim("check", write(CONTACT.replace("y: 1", "y: -1")), code=1)
     assert "`floor`" in below.out.splitlines()[0]
 
 
@@ -171,26 +166,9 @@ def test_a_file_without_a_duration_can_be_checked(lagsim, write):
     assert lagsim("check", write(PENDULUM.replace("duration: 2, ", ""))).code == 0
 
 
-@pytest.mark.parametrize(
-    ("asked", "hint"),
-    [
-        ("rk5", "did you mean `rk4`?"), ("RK45", "did you mean `dop853`?"),
-        ("ode15s", "did you mean `radau`?"), ("foo", "one of auto, dop853, "),
-        ("Generalized_Alpha", "did you mean `generalized-alpha`?"),
-    ],
-)  # fmt: skip
-def test_an_unknown_method_is_a_fault_of_the_file(lagsim, write, asked, hint):
-    text = PENDULUM.replace("tion: {", f"tion: {{method: {asked}, ")
-    called = lagsim("check", write(text))
-    assert called.code == 2
-    assert f"model.yaml:5:22: there is no method `{asked}`" in called.err
-    assert hint in called.err
-
-
 def test_several_models_give_the_worst_exit_code(lagsim, write):
     good, bad = write(ON_THE_CURVE, "good.yaml"), write(CAPTION, "bad.yaml")
-    called = lagsim("check", good, bad, good)
-    assert called.code == 1
+    called = lagsim("check", good, bad, good, code=1)
     assert [line for line in called.out.splitlines() if "dmissible: " in line] == [
         "admissible: good",
         next(x for x in called.out.splitlines() if x.startswith("inadmissible: bad")),
@@ -206,16 +184,14 @@ ROUGH = CURVE.replace("theta: 1, u: START", "theta: 0.7, u: 0.5100003")
 
 
 def test_repair_of_a_rough_start_gives_the_exact_state(lagsim, write):
-    called = lagsim("check", write(ROUGH), "--repair")
-    assert called.code == 0
+    called = lagsim("check", write(ROUGH), "--repair", code=0)
     assert "as if the start had been typed with 6 digits" in called.out
     lines = [line.strip() for line in called.out.splitlines()]
     first = lines.index("the exact state, for `initial:`") + 1
     exact = ", ".join(lines[first : first + 2])
     assert exact.startswith("theta: 0.69999")
     pasted = write(CURVE.replace("theta: 1, u: START", exact))
-    again = lagsim("check", pasted, "--repair")
-    assert again.code == 0
+    again = lagsim("check", pasted, "--repair", code=0)
     assert "nothing to repair" in again.out
     assert "typed" not in again.out
     assert "the exact state" not in lagsim("check", write(ROUGH)).out
@@ -230,8 +206,7 @@ initial: {x: -1, y: 0}
 
 
 def test_the_first_line_names_the_rows_that_contradict(lagsim, write):
-    called = lagsim("check", write(CONTRADICTORY))
-    assert called.code == 1
+    called = lagsim("check", write(CONTRADICTORY), code=1)
     assert called.out.splitlines()[0] == (
         "inadmissible: model: `b` contradicts `a` on the level of position, by 1 [E301]"
     )
@@ -250,16 +225,14 @@ def test_inadmissible_guesses_get_a_repair_of_all_values(lagsim, write):
         "constraints: {a: x^2 + y^2 = 1}\n"
         "initial: {x: 2, y: {guess: 0.5}}\n"
     )
-    called = lagsim("check", model)
-    assert called.code == 1
+    called = lagsim("check", model, code=1)
     assert "changing the guesses is not enough: `a` cannot be satisfied" in called.out
     assert "the nearest admissible state" in called.out
 
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_the_keys_of_shipped_models(lagsim, path):
-    called = lagsim("check", path, "--json")
-    assert called.code == 0
+    called = lagsim("check", path, "--json", code=0)
     found = called.json
     kinds = {
         "admissible": bool,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
+from tests.cli._results import manifest
 from tests.support import MODELS
 
 SWING = """
@@ -17,13 +17,8 @@ simulation: {duration: 5}
 """
 
 
-def manifest(folder):
-    return json.loads((Path(folder) / "run.json").read_text())
-
-
 def test_every_run_tells_its_error(lagsim, write):
-    called = lagsim("run", write(SWING), "-o", "out", "--no-plots")
-    assert called.code == 0
+    called = lagsim("run", write(SWING), "-o", "out", "--no-plots", code=0)
     error = manifest("out")["error"]
     # Nothing can hide from a series here: other steps are other means enough.
     assert error["repeated_by"] == "taylor"
@@ -38,9 +33,8 @@ def test_every_run_tells_its_error(lagsim, write):
 
 def test_never(lagsim, write):
     called = lagsim(
-        "run", write(SWING), "-o", "out", "--no-plots", "--error-bar", "never"
+        "run", write(SWING), "-o", "out", "--no-plots", "--error-bar", "never", code=0
     )
-    assert called.code == 0
     assert manifest("out")["error"] is None
     assert "not estimated: not asked for" in called.out
 
@@ -61,8 +55,7 @@ def test_the_result_is_the_same_with_and_without(lagsim, write):
 @pytest.mark.parametrize("plots", [[], ["--no-plots"]])
 def test_past_the_horizon(lagsim, plots):
     model = MODELS / "double-pendulum.yaml"
-    called = lagsim("run", model, "-o", "out", "--duration", "30", *plots)
-    assert called.code == 0
+    called = lagsim("run", model, "-o", "out", "--duration", "30", *plots, code=0)
     document = manifest("out")
     horizon = document["error"]["horizon"]
     assert 15 < horizon < 26
@@ -74,8 +67,7 @@ def test_past_the_horizon(lagsim, plots):
 
 def test_too_long_to_repeat(lagsim, write, monkeypatch):
     monkeypatch.setattr("lagsim.studies.attempts.BUDGET", 1e3)
-    called = lagsim("run", write(SWING), "-o", "out", "--no-plots")
-    assert called.code == 0
+    called = lagsim("run", write(SWING), "-o", "out", "--no-plots", code=0)
     assert manifest("out")["error"] is None
     assert "a repeat would take about" in called.out
     assert "--error-bar always" in called.out

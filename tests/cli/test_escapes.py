@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import sys
@@ -11,6 +10,7 @@ import pytest
 
 from lagsim.cli import main
 from lagsim.errors import Place, Problem, visible
+from tests.cli._results import Terminal
 from tests.small_scenes import PENDULUM
 
 # What terminals act on: colours, a title, another order of letters, blanks of no width.
@@ -51,8 +51,7 @@ BAD = {
 @pytest.mark.parametrize("text", BAD.values(), ids=BAD.keys())
 @pytest.mark.parametrize("command", ["check", "run", "golden"])
 def test_faults_of_files(lagsim, write, tmp_path, command, text):
-    called = lagsim(command, write(text))
-    assert called.code == 2
+    called = lagsim(command, write(text), code=2)
     assert not RAW.search(called.out + called.err)
     assert not (tmp_path / "results").exists()
     assert not (tmp_path / "golden").exists()
@@ -60,12 +59,10 @@ def test_faults_of_files(lagsim, write, tmp_path, command, text):
 
 def test_a_name_of_files_has_only_letters_that_are_seen(lagsim, write):
     for name in ("a\u202egnp", "a\u200bb", "a\u2066b", "\ufeffa"):
-        called = lagsim("check", write(f"name: {name}\n" + PENDULUM))
-        assert called.code == 2
+        called = lagsim("check", write(f"name: {name}\n" + PENDULUM), code=2)
         assert f"U+{ord(min(name.strip('ab'), key=str.isalpha)):04X}" in called.err
     # The name of the file is the model's where it has none.
-    called = lagsim("check", write(PENDULUM, "a\u202eb.yaml"))
-    assert called.code == 2
+    called = lagsim("check", write(PENDULUM, "a\u202eb.yaml"), code=2)
     assert "give a `name`" in called.err
     assert lagsim("check", write("name: good\n" + PENDULUM, "a\u202eb.yaml")).code == 0
     for name in ("größe", "مدل\u200cها", "振り子"):
@@ -87,24 +84,18 @@ def test_tables_and_arguments(lagsim, write):
         assert called.out + called.err
 
 
-class Terminal(io.TextIOWrapper):
-    def isatty(self):
-        return True
-
-
 @pytest.mark.parametrize("command", [["check"], ["check", "--json"], ["derive"]])
 def test_on_a_terminal(lagsim, write, monkeypatch, command):
     text = PENDULUM.replace("{unit: rad}", '{unit: "r\\u202ead"}')
     file = write(text.replace("unit: ", 'description: "d\u202e", unit: '))
     assert lagsim("check", file).code == 0
-    shown = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", Terminal(shown, encoding="utf-8"))
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stdout", terminal)
     monkeypatch.setattr(sys, "argv", ["lagsim", *command, file])
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
     assert main() == 0
-    sys.stdout.flush()
-    told = shown.getvalue().decode()
+    told = terminal.shown
     assert not RAW.search(re.sub(r"\x1b\[\d+m", "", told))
     # Colours are lagsim's own: before and after the verdict.
     assert told.count("\x1b") == (2 if command == ["check"] else 0)

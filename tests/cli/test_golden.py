@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli._results import document
 from tests.outputs.drawn import noted
 from tests.small_scenes import CAPTION, FALL, ON_THE_CURVE, PENDULUM, TIMELESS
 
@@ -25,7 +26,7 @@ def test_a_golden_and_its_files(lagsim, stored):
         "pendulum.csv",
         "pendulum.json",
     ]
-    about = json.loads(Path("golden/pendulum.json").read_bytes())
+    about = document("golden/pendulum.json")
     assert about["horizon"] is None
     assert len(about["model_sha256"]) == 64
     header = Path("golden/pendulum.csv").read_text().split("\n")[0].split(",")
@@ -33,15 +34,14 @@ def test_a_golden_and_its_files(lagsim, stored):
     called = lagsim("golden", stored)
     assert (called.code, called.err) == (0, "")
     assert called.out.startswith("same: pendulum, 21 rows")
-    document = lagsim("golden", stored, "--json").json
-    assert document["pass"] is True
-    assert document["models"][0]["notes"] == []
+    told = lagsim("golden", stored, "--json").json
+    assert told["pass"] is True
+    assert told["models"][0]["notes"] == []
 
 
 def test_a_changed_result_differs(lagsim, stored, write):
     write(PENDULUM.replace("9.8", "9.800001"), "pendulum.yaml")
-    called = lagsim("golden", stored)
-    assert called.code == 1
+    called = lagsim("golden", stored, code=1)
     assert called.out.startswith("differs: pendulum")
     assert "the model file has changed" in called.out
     assert "the first to pass its bound: " in called.out
@@ -63,8 +63,7 @@ def test_what_changed_is_named_and_annotated_at_its_line(
     ):  # fmt: skip
         assert old in PENDULUM
         write(PENDULUM.replace(old, new, 1), "pendulum.yaml")
-        called = lagsim("golden", stored)
-        assert called.code == 1
+        called = lagsim("golden", stored, code=1)
         [note] = [x for x in called.out.splitlines() if "note: the model" in x]
         assert note.endswith(f": {named}"), note
         [told] = [x for x in called.err.splitlines() if x.startswith("::error")]
@@ -104,8 +103,7 @@ def test_a_model_written_otherwise_passes_with_a_note(lagsim, stored, write):
     other = PENDULUM.replace("l^2*theta_dot^2/2", "(l*theta_dot)**2 * 0.5")
     assert other != PENDULUM
     write(other + "x-note: the same\n", "pendulum.yaml")
-    called = lagsim("golden", stored)
-    assert called.code == 0
+    called = lagsim("golden", stored, code=0)
     assert "note: the model file has changed" in called.out
 
 
@@ -113,8 +111,7 @@ def test_another_method_or_version_is_noted(lagsim, stored, write):
     write(PENDULUM.replace("0.1}", "0.1, method: radau}"), "pendulum.yaml")
     path = Path("golden/pendulum.json")
     path.write_text(path.read_text().replace('"lagsim": "', '"lagsim": "0.0.'))
-    called = lagsim("golden", stored)
-    assert called.code == 0
+    called = lagsim("golden", stored, code=0)
     assert "note: method radau, the golden's is" in called.out
     assert "the golden is from lagsim 0.0." in called.out
 
@@ -123,13 +120,11 @@ def test_another_method_or_version_is_noted(lagsim, stored, write):
 def test_columns_that_are_gone_or_new(lagsim, stored, write):
     more = PENDULUM.replace("energy:", "definitions: {h: -l*cos(theta)}\nenergy:")
     write(more, "pendulum.yaml")
-    called = lagsim("golden", stored)
-    assert called.code == 0
+    called = lagsim("golden", stored, code=0)
     assert "extra: h" in called.out
     lagsim("golden", stored, "--update")
     write(PENDULUM, "pendulum.yaml")
-    called = lagsim("golden", stored)
-    assert called.code == 1
+    called = lagsim("golden", stored, code=1)
     assert "missing: h" in called.out
 
 
@@ -137,8 +132,7 @@ def test_a_shorter_run_differs_and_a_longer_one_is_noted(lagsim, stored, write):
     write(PENDULUM.replace("duration: 2", "duration: 1"), "pendulum.yaml")
     assert lagsim("golden", stored).code == 1
     write(PENDULUM.replace("duration: 2", "duration: 3"), "pendulum.yaml")
-    called = lagsim("golden", stored)
-    assert called.code == 0
+    called = lagsim("golden", stored, code=0)
     assert "the run ends at t = 3.0" in called.out
 
 
@@ -181,8 +175,7 @@ def test_a_broken_golden(lagsim, stored):
 
 def test_several_models_are_all_told_of(lagsim, write, stored):
     other = write(ON_THE_CURVE, "curve.yaml")
-    called = lagsim("golden", stored, other, "missing.yaml")
-    assert called.code == 2
+    called = lagsim("golden", stored, other, "missing.yaml", code=2)
     assert "same: pendulum" in called.out
     assert "there is no golden of curve" in called.err
     assert "missing.yaml" in called.err
@@ -192,16 +185,14 @@ def test_several_models_are_all_told_of(lagsim, write, stored):
 def test_models_that_cannot_run(lagsim, write):
     assert lagsim("golden", write(TIMELESS), "--update").code == 2
     assert lagsim("golden", write(CAPTION), "--update").code == 1
-    called = lagsim("golden", write(FALL), "--update")
-    assert called.code == 3
+    called = lagsim("golden", write(FALL), "--update", code=3)
     assert "no golden of model" in called.err
     assert not Path("golden").exists()
 
 
 def test_a_folder_that_cannot_be_written(lagsim, write):
     Path("golden").write_text("a file")
-    called = lagsim("golden", write(PENDULUM), "--update")
-    assert called.code == 2
+    called = lagsim("golden", write(PENDULUM), "--update", code=2)
     assert "the output folder golden is not a folder [E701]" in called.err
 
 
@@ -210,8 +201,7 @@ def test_a_run_that_ends_otherwise_differs_though_all_rows_are_the_same(lagsim, 
     about = json.loads(path.read_bytes())
     assert about["outcome"] == "done"
     path.write_text(json.dumps(about | {"outcome": "until"}), encoding="utf-8")
-    called = lagsim("golden", stored)
-    assert called.code == 1
+    called = lagsim("golden", stored, code=1)
     assert "ends by `done`, the golden by `until`" in called.out + called.err
     document = lagsim("golden", stored, "--json").json
     assert document["pass"] is False

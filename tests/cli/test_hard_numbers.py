@@ -23,8 +23,7 @@ simulation: {duration: 1}
 def test_a_run_too_short_to_be_divided(lagsim, write):
     model = write(FREE.replace("duration: 1", "duration: 5e-324"))
     for command in ("run", "check", "golden"):
-        called = lagsim(command, model)
-        assert called.code == 2
+        called = lagsim(command, model, code=2)
         assert "model.yaml:4:24: the run is 4.94066e-324 long" in called.err
 
 
@@ -51,8 +50,7 @@ def test_a_start_that_doubles_do_not_hold(lagsim, write, inertia, rows):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_contact_whose_multiplier_doubles_do_not_hold(lagsim, write):
     text = FREE + "constraints: {c: {relation: 1e-160*x >= 0, restitution: 0}}\n"
-    called = lagsim("run", write(text.replace("n: 1", "n: 3")), "--no-plots")
-    assert called.code == 3
+    called = lagsim("run", write(text.replace("n: 1", "n: 3")), "--no-plots", code=3)
     assert "values that are not finite at t = 2.0" in called.err
 
 

@@ -10,8 +10,7 @@ KEYS = {"name", "order", "adaptive", "handles"}
 
 
 def test_the_list_has_each_method_with_its_order(lagsim):
-    called = lagsim("methods")
-    assert called.code == 0
+    called = lagsim("methods", code=0)
     assert called.err == ""
     rows = {line.split()[0]: line.split() for line in called.out.splitlines()}
     assert rows["dop853"][1:3] == ["8", "adaptive"]
@@ -25,8 +24,7 @@ def test_the_list_has_each_method_with_its_order(lagsim):
 
 
 def test_the_list_as_json(lagsim):
-    called = lagsim("methods", "--json")
-    assert called.code == 0
+    called = lagsim("methods", "--json", code=0)
     orders = {m["name"]: m["order"] for m in called.json}
     assert list(orders) == list(names())
     assert orders.items() >= {"dop853": 8, "rk4": 4, "euler": 1}.items()
@@ -35,8 +33,7 @@ def test_the_list_as_json(lagsim):
 
 @pytest.mark.parametrize("name", names())
 def test_the_page_on_one_names_its_source(lagsim, name):
-    called = lagsim("methods", name)
-    assert called.code == 0
+    called = lagsim("methods", name, code=0)
     assert "Source" in called.out
     assert "order " in called.out
     assert max(map(len, called.out.splitlines())) <= 88

@@ -42,8 +42,7 @@ def test_a_template_runs(lagsim, tmp_path, template):
     assert checked["warnings"] == []
     kinds = {c["kind"] for c in checked["constraints"]}
     assert (checked["degrees_of_freedom"], kinds) == STRUCTURE[template]
-    ran = lagsim("run", "mine.yaml", "--no-plots", "--json")
-    assert ran.code == 0
+    ran = lagsim("run", "mine.yaml", "--no-plots", "--json", code=0)
     assert (ran.json["complete"], ran.json["warnings"]) == (True, [])
     # Energies of 0.1 to 25 J, kept to 1e-11 in each of a few hundred steps.
     assert ran.json["energy_drift"] < 1e-8

@@ -21,8 +21,7 @@ PAGE = "animation.html"
 def test_a_page_is_one_of_the_files(lagsim, write, tmp_path):
     model = write(ON_THE_CURVE)
     assert lagsim("run", model, "--no-plots", "-o", "plain").code == 0
-    told = lagsim("run", model, "--no-plots", "--animate", "-o", "moving")
-    assert told.code == 0
+    told = lagsim("run", model, "--no-plots", "--animate", "-o", "moving", code=0)
     assert PAGE in told.out
     assert PAGE in manifest("moving")["files"]
     assert set(names("moving")) - set(names("plain")) == {PAGE}
@@ -39,8 +38,9 @@ def test_a_page_is_one_of_the_files(lagsim, write, tmp_path):
 
 
 def test_nothing_to_draw_is_said(lagsim, write):
-    told = lagsim("run", write(PENDULUM), "--no-plots", "--animate", "-o", "results")
-    assert told.code == 0
+    told = lagsim(
+        "run", write(PENDULUM), "--no-plots", "--animate", "-o", "results", code=0
+    )
     assert "nothing to draw" in told.err
     assert PAGE not in names("results")
     [caution] = manifest("results")["warnings"]
@@ -50,8 +50,7 @@ def test_nothing_to_draw_is_said(lagsim, write):
 @pytest.mark.slow
 def test_a_run_that_fails_shows_how_far_it_came(lagsim, write, tmp_path):
     text = FALL + "scene: {points: {mass: [r, 0]}}\n"
-    told = lagsim("run", write(text), "--no-plots", "--animate", "-o", "results")
-    assert told.code == 3
+    lagsim("run", write(text), "--no-plots", "--animate", "-o", "results", code=3)
     [run] = recorded((tmp_path / "results" / PAGE).read_text("utf-8"))
     assert run["notes"][0].startswith("incomplete")
 
@@ -209,9 +208,8 @@ def test_many_runs_are_told_by_what_was_swept(lagsim, write):
     file = write(PENDULUM, "pendulum.yaml")
     for name, wanted in (("g", "colour: g"), ("theta", "colour: θ at the start")):
         folder = f"sweep-{name}"
-        swept = lagsim("sweep", file, f"{name}=1:2:13", "--keep", "-o", folder, "-q",
-                       "--no-plots", "--error-bar", "never")  # fmt: skip
-        assert swept.code == 0
+        quick = ("--no-plots", "--error-bar", "never", "-q", "-o", folder)
+        lagsim("sweep", file, f"{name}=1:2:13", "--keep", *quick, code=0)
         runs = sorted(str(path) for path in Path(folder).glob("run-*"))
         with noted() as drawing:
             assert lagsim("overlay", *runs, "-o", "o.png").code == 0

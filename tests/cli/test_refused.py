@@ -1,11 +1,15 @@
-"""Command lines that no command takes: exit 2, what is wrong, and nothing written."""
+"""What no command takes: exit 2, every fault with its place, nothing written."""
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
+from lagsim.codes import errors
 from tests.cli._results import names
-from tests.small_scenes import CAPTION, CONTACT, PENDULUM, TIMELESS
+from tests.small_scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM, TIMELESS
 
 OSCILLATOR = """\
 parameters: {k: 4, step: 1}
@@ -15,15 +19,126 @@ initial: {x: 1}
 simulation: {duration: 10, output_step: 0.1}
 """
 FILES = {
-    "swing": PENDULUM,
-    "spring": OSCILLATOR.replace("DAMPED", ""),
-    "damped": OSCILLATOR.replace("DAMPED", ", dissipation: x_dot^2/2"),
-    "timeless": TIMELESS,
-    "contact": CONTACT,
-    "wrong": CAPTION,
+    "swing.yaml": PENDULUM,
+    "spring.yaml": OSCILLATOR.replace("DAMPED", ""),
+    "damped.yaml": OSCILLATOR.replace("DAMPED", ", dissipation: x_dot^2/2"),
+    "timeless.yaml": TIMELESS,
+    "contact.yaml": CONTACT,
+    "wrong.yaml": CAPTION,
+    "good.csv": "t,x\n0,1\n1,2\n",
+    "torn.json": "{",
+    "list.json": "[]",
+    "rows.json": '{"rows": []}',
+    "none.json": "{}",
 }
+KEYS = [
+    "file", "line", "column", "length", "source", "code", "number", "text", "expected",
+    "hint",
+]  # fmt: skip
+# Line -> what is said; and the hint, where it is the fault's own.
+LINES: dict[str, str | tuple[str, str]] = {}
+
+# Files that are no models, and texts that are none.
+UNREADABLE = {
+    "none.yaml": "none.yaml: cannot be read: No such file or directory",
+    "folder": "folder: cannot be read: Is a directory",
+    "swing.yaml/x": "swing.yaml/x: cannot be read: Not a directory",
+    "/dev/null": "/dev/null: cannot be read: it is a pipe or a device, and no regular",
+    "pipe.yaml": "pipe.yaml: cannot be read: it is a pipe",
+}
+TEXTS = {
+    b"": "the file is empty",
+    b"# only a comment\n": "the file is empty",
+    b"name: \xff\n": "not UTF-8: byte 0xff in line 1",
+    b"\x00\x01\x02": "the character U+0000 is not allowed in YAML",
+    b"- 1\n- 2\n": "must be a mapping",
+    b"just a text": "must be a mapping",
+    b"energy: {kinetic: (x": "",
+    b"a: 1\n---\nb: 2\n": "",
+}
+LINES |= {
+    f"{command} {file}": told
+    for file, told in UNREADABLE.items()
+    for command in ("run", "check", "derive", "golden", "bench", "stability")
+}
+LINES |= {f"check text-{k}.yaml": told for k, told in enumerate(TEXTS.values())}
+
+# Key of `simulation`, its value; what is said of it, at its place.
+ASKED = {
+    ("method", "rk5"): ("there is no method `rk5`", "did you mean `rk4`?"),
+    ("method", "RK45"): ("there is no method `RK45`", "did you mean `dop853`?"),
+    ("method", "ode15s"): ("there is no method `ode15s`", "did you mean `radau`?"),
+    ("method", "foo"): ("there is no method `foo`", "one of auto, dop853, "),
+    ("method", "Generalized_Alpha"): (
+        "there is no method", "did you mean `generalized-alpha`?",
+    ),
+    ("formulation", "elimnation"): "there is no formulation `elimnation`",
+    ("formulation", "none"): "the model has constraints",
+    ("formulation", "velocity projection"): "1 of 1 constraints are of positions",
+    ("formulation", "ignorable"): "no coordinate is ignorable",
+}  # fmt: skip
+FREE = ("projection", "baumgarte", "elimination")
+POSED = [
+    *((ON_THE_CURVE, *asked, told) for asked, told in ASKED.items()),
+    *((PENDULUM, "formulation", x, "the model has no constraints") for x in FREE),
+]
+LINES |= {
+    f"{command} posed-{k}.yaml": posed[-1]
+    for k, posed in enumerate(POSED)
+    for command in ("run", "check")
+}
+
+SETS: dict[str, str | tuple[str, str]] = {
+    "gg=1": ("there is no parameter or start value `gg`", "did you mean `g`?"),
+    "g=1+": ("a value is expected", "leave `+` out, or write what follows it"),
+    "g=1/0": "not a finite number",
+    "g=2*zz": ("unknown name `zz`", "give `zz` a value in `parameters`"),
+    "g=": "found nothing",
+    "g": ("a name and an expression", "such as --set g=1.62"),
+    "=1": ("a name and an expression", "such as --set g=1.62"),
+    "g=1 --set g=2": "--set g is given twice",
+    "a.b=1": "names with a dot are reserved",
+    "theta_ddot=1": "--set takes parameters and start",
+    "thta=1": ("start value `thta`", "did you mean `theta`?"),
+    "theta=1/0": "of `theta` is inf",
+}
+LINES |= {
+    f"{command} swing.yaml --set {text}": told
+    for text, told in SETS.items()
+    for command in ("run", "check")
+}
+OPTIONS = {
+    "--rtol=x": "unknown name `x`",
+    "--rtol=1e-3*": "a value is expected",
+    "--rtol=-1": "must not be negative",
+    "--rtol=0": "without an `atol`",
+    "--atol=nan": "nan",
+    "--step=0": "must be positive",
+    "--duration=0": "must be positive",
+    "--duration=1/0": "inf",
+    "--output-step=3": "longer than the run",
+    "--output-step=1e-12": "2000000000001 rows",
+    "--method=nope": ("there is no method `nope`", "one of auto, dop853, "),
+}
+LINES |= {f"run swing.yaml {option}": told for option, told in OPTIONS.items()}
+
+GARBLED = {
+    "": "the file is empty",
+    "1,2\n1,2\n": "line 1 is no header",
+    "t,x\n0,1\n1,a\n": "line 3: x is `a`, and not a number",
+    "x,y\n1,2\n": "line 1: there is no column `t`",
+    "t,x\n0,1\n1,\n": "line 3: x is empty, and not a number",
+    "t,x\n0,1\n\n1,2\n": "line 3 is blank",
+    "t,x,x\n0,1,1\n": "line 1: the column `x` is given twice",
+    "".join(map(chr, range(256))): "",
+}
+LINES |= {
+    f"compare good.csv garbled-{k}.csv": f"garbled-{k}.csv: {told}"
+    for k, told in enumerate(GARBLED.values())
+}
+
 SPRING, SWING = "stability spring.yaml", "bench swing.yaml"
-LINES = {
+LINES |= {
     f"{SWING} --methods dop853,dop54": "there is no method `dop54`",
     f"{SWING} --methods scipy:Euler": "there is no method `scipy:Euler`",
     f"{SWING} --tolerances 1e-3": "--tolerances 1e-3: two numbers above 0",
@@ -32,6 +147,12 @@ LINES = {
     f"{SWING} --budget 0": "--budget 0: a number of seconds above 0",
     f"{SWING} --set l": "--set l: a name and an expression",
     "bench timeless.yaml": "`bench` needs to know how long",
+    "bench torn.json": "torn.json: ",
+    "bench list.json": "not a document of `lagsim bench`",
+    "bench rows.json": "`lagsim` is missing",
+    "bench none.json --set g=1": "only --methods",
+    "bench none.json --steps 1:0.1": "only --methods",
+    "bench missing.json": "cannot be read",
     f"{SPRING} --methods verlet,leapfrog": "there is no method `leapfrog`",
     f"{SPRING} --methods dop853": "`dop853` chooses its steps",
     f"{SPRING} --steps 0.1": "--steps 0.1: two different numbers",
@@ -47,7 +168,6 @@ LINES = {
     ),
     "stability timeless.yaml": "`stability` needs to know how long",
     "stability contact.yaml": "constraints that come and go",
-    "derive nowhere.yaml": "nowhere.yaml: cannot be read",
     "derive swing.yaml --format maple": "maple",
     "derive swing.yaml --format python --gauss": "--gauss means nothing",
     "derive swing.yaml --format latex --ascii": "--ascii means nothing",
@@ -55,6 +175,9 @@ LINES = {
     "derive swing.yaml -o no/such/folder/file": "cannot be written",
     "derive swing.yaml -o .": "cannot be written",
     "derive swing.yaml -o swing.yaml": "it is the model",
+    "run contact.yaml --method taylor": "`taylor` cannot",
+    "run timeless.yaml -o out": ("`run` needs to know how long", "--duration"),
+    "run swing.yaml --table npz --resume": "--resume",
     "sweep swing.yaml": "NAME=A:B:N",
     "sweep swing.yaml L=1,2": "`L`",
     "sweep swing.yaml l=1:2": "l=1:2",
@@ -69,6 +192,8 @@ LINES = {
         for option in ("--rtol", "--atol")
         for value in ("-1e-9", "nan", "inf", "small")
     },
+    "compare good.csv missing.csv": "missing.csv",
+    "compare good.csv folder": "folder",
     "methods rk44": "no method `rk44`",
     "methods auto": "no method `auto`",
     "new": "NAME",
@@ -76,32 +201,70 @@ LINES = {
     "new nowhere/mine": "nowhere/mine.yaml cannot be written: No such file",
     "new .yaml": "names no file",
     "new a\0b": "cannot be written",
+    "run": "MODEL",
+    "stability a.yaml b.yaml": "b.yaml",
+    "run a.yaml --bogus": "--bogus",
+    "simulate": "simulate",
+    "run a.yaml --format gif": "png",
+    "run a.yaml --error-bar sometimes": "sometimes",
 }
-AS_JSON = ("bench", "stability", "sweep", "methods", "spectrum", "compare")
+NO_JSON = ("derive", "new", "overlay")
 
 
 @pytest.fixture
 def files(write):
-    """Write the models; give their names."""
-    return sorted(write(text, f"{name}.yaml") for name, text in FILES.items())
+    """Write all files; give the names of what is there."""
+    for name, text in FILES.items():
+        write(text, name)
+    for k, content in enumerate(TEXTS):
+        Path(f"text-{k}.yaml").write_bytes(content)
+    for k, (scene, key, value, _) in enumerate(POSED):
+        text = scene.replace("simulation: {", f"simulation: {{{key}: {value}, ")
+        write(text, f"posed-{k}.yaml")
+    for k, text in enumerate(GARBLED):
+        write(text, f"garbled-{k}.csv")
+    Path("folder").mkdir()
+    os.mkfifo("pipe.yaml")
+    return names(".")
 
 
 @pytest.mark.parametrize("line", LINES)
 def test_a_line_is_refused(lagsim, files, line):
-    called = lagsim(*line.split(" "))
-    assert (called.code, called.out) == (2, "")
-    assert LINES[line] in called.err
+    told, hint = LINES[line], ""
+    if isinstance(told, tuple):
+        told, hint = told
+    words, command = line.split(" "), line.split(" ")[0]
+    called = lagsim(*words, code=2)
+    assert called.out == ""
+    assert told in called.err
     assert "Traceback" not in called.err
-    if line.startswith(AS_JSON):
-        called = lagsim(*line.split(" "), "--json")
-        assert (called.code, called.err) == (2, "")
-        assert LINES[line] in called.json["errors"][0]["text"]
+    if command not in NO_JSON:
+        as_json = lagsim(*words, "--json", code=2)
+        assert as_json.err == ""
+        for error in (found := as_json.json.pop("errors")):
+            assert list(error) == KEYS
+        assert any(told in f"{e['file']}:{e['line']}: {e['text']}" for e in found)
+        if hint:
+            assert hint in found[0]["hint"]
+        elif command in ("run", "check") and "--set" in words:
+            # Where there is no hint of its own, that of all such faults.
+            assert found[0]["hint"] == errors()[found[0]["code"]].hint
+        if "=" in words[-1] and command == "run" and words[-1].startswith("--"):
+            assert found[0]["file"] == words[-1].replace("=", " ", 1)
+            assert called.err.startswith(f"{found[0]['file']}:1:")
+    if words[1:] in ([f"text-{k}.yaml"] for k in (2, 3, 6, 7)):
+        places = {2: "1:7", 3: "1:1", 6: "1", 7: "2"}
+        assert f"{words[1]}:{places[int(words[1][5])]}" in called.err
+    if "posed" in line:
+        scene, key, *_ = POSED[int(words[1][6:-5])]
+        at = 1 + scene[: scene.index("simulation:")].count("\n")
+        column = len(f"simulation: {{{key}: ") + 1
+        assert called.err.startswith(f"{words[1]}:{at}:{column}: ")
     assert names(".") == files
 
 
 @pytest.mark.parametrize("command", ["bench", "stability"])
 def test_a_start_is_refused(lagsim, files, command):
-    called = lagsim(command, "wrong.yaml")
-    assert called.code == 1
+    called = lagsim(command, "wrong.yaml", code=1)
     assert "constraint `path` has the residual 1" in called.err
     assert names(".") == files

@@ -17,6 +17,7 @@ from lagsim.cli import run
 from lagsim.native.link import cache
 from lagsim.run import interrupt
 from lagsim.studies import restart
+from tests.cli._results import manifest
 from tests.support import MODELS
 
 pytestmark = [
@@ -101,7 +102,7 @@ def gone_on(lagsim, begun, model, after, kind, *more):
 def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
     more = ("--no-plots", "--error-bar", "never")
     ended(line("stick-slip", "cut", *more), 4, signal.SIGINT)
-    record = json.loads(Path("cut/run.json").read_bytes())
+    record = manifest("cut")
     assert (record["outcome"], record["complete"]) == ("interrupted", False)
     found, whole = gone_on(lagsim, begun, "stick-slip", 4, signal.SIGINT, *more)
     assert found == whole
@@ -162,8 +163,7 @@ def test_of_another_run_nothing_is_taken_and_nothing_is_lost(
     before = {path.name: path.read_bytes() for path in Path("cut").iterdir()}
 
     def refused(word, *more):
-        done = lagsim(*asked, "--resume", *more)
-        assert done.code == 2
+        done = lagsim(*asked, "--resume", *more, code=2)
         assert word in done.err
         assert "leave --resume out" in done.err
         assert begun == []
@@ -312,8 +312,3 @@ def test_short_runs_keep_nothing(lagsim, monkeypatch):
     monkeypatch.setattr(restart.Restart, "__init__", kept)
     assert lagsim(*line("kepler", "out", "--no-plots", "--duration", "1")).code == 0
     assert run.KEPT_AFTER_SECONDS >= 1.0
-
-
-def test_only_a_table_as_csv_goes_on(lagsim):
-    done = lagsim(*line("kepler", "out", "--table", "npz", "--resume"))
-    assert (done.code, "--resume" in done.err) == (2, True)

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import io
-import json
 import math
-import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.cli._results import manifest, names, table
-from tests.small_scenes import CAPTION, CONTACT, ON_THE_CURVE, PENDULUM
-from tests.support import MODELS
-
-COMMAND = [sys.executable, "-m", "lagsim"]
-
+from tests.cli._results import ended, manifest, names, table
+from tests.small_scenes import CAPTION, ON_THE_CURVE, PENDULUM
 
 MOTION = "t theta u theta_dot u_dot theta_ddot u_ddot"
 FORCES = "lambda_path Qc_theta Qc_u residual_path"
@@ -131,8 +124,7 @@ LAPS = {"import", "read", "derive", "compile", "integrate", "output", "plots"}
 
 def test_run_json_has_the_keys_of_the_contract(lagsim, write):
     model = write(ON_THE_CURVE)
-    called = lagsim("run", model, "--set", "g=2*4.9", "-o", "out")
-    assert called.code == 0
+    lagsim("run", model, "--set", "g=2*4.9", "-o", "out", code=0)
     document = manifest("out")
     for key, kind in TYPES.items():
         assert isinstance(document[key], kind), key
@@ -167,8 +159,7 @@ def test_run_json_has_the_keys_of_the_contract(lagsim, write):
 
 def test_the_files_of_plots_and_their_default_folder(lagsim, write):
     text = PENDULUM + "output: {plots: [{x: theta, y: theta_dot, title: Phase}]}\n"
-    called = lagsim("run", write("name: a pendulum\n" + text))
-    assert called.code == 0
+    lagsim("run", write("name: a pendulum\n" + text), code=0)
     files = ["energy.png", "plot_1.png", "run.json", "trajectory.csv", "trajectory.png"]
     assert names("results") == ["a pendulum"]
     assert names("results/a pendulum") == files
@@ -226,36 +217,32 @@ def test_options_stand_for_the_files(lagsim, write):
 
 def test_what_has_no_effect_is_told(lagsim, write):
     model = write(PENDULUM)
-    called = lagsim("run", model, "--no-plots", "--step", "0.01")
-    assert called.code == 0
+    called = lagsim("run", model, "--no-plots", "--step", "0.01", code=0)
     assert "`step` has no effect: taylor" in called.err
-    called = lagsim("run", model, "--no-plots", "--method", "rk4", "--rtol", "1e-3")
-    assert called.code == 0
+    called = lagsim(
+        "run", model, "--no-plots", "--method", "rk4", "--rtol", "1e-3", code=0
+    )
     assert "tolerances have no effect: rk4" in called.err
 
 
 def test_a_duration_without_a_section(lagsim, write):
     model = write(PENDULUM.partition("simulation")[0])
-    called = lagsim("run", model, "--duration", "1", "--no-plots")
-    assert called.code == 0
+    called = lagsim("run", model, "--duration", "1", "--no-plots", code=0)
     assert "1001 rows" in called.out
-    called = lagsim("run", model, "--no-plots", "-o", "out")
-    assert called.code == 2
+    called = lagsim("run", model, "--no-plots", "-o", "out", code=2)
     assert "--duration" in called.err
     assert not Path("out").exists()
 
 
 def test_standard_input(lagsim, monkeypatch):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(PENDULUM.encode())))
-    called = lagsim("run", "-", "--no-plots")
-    assert called.code == 0
+    lagsim("run", "-", "--no-plots", code=0)
     assert manifest("results/stdin")["model"]["name"] == "stdin"
 
 
 def test_until_ends_the_run(lagsim, write):
     model = write(PENDULUM.replace("duration: 2", "duration: 2, until: theta <= 0"))
-    called = lagsim("run", model, "--no-plots", "-o", "out")
-    assert called.code == 0
+    called = lagsim("run", model, "--no-plots", "-o", "out", code=0)
     assert called.out.startswith("until: model")
     assert "theta <= 0" in called.out
     document = manifest("out")
@@ -270,62 +257,19 @@ def test_an_inadmissible_start_writes_nothing(lagsim, write):
     assert "constraint `path` has the residual 1 (bound " in called.err
     assert called.err == lagsim("check", "model.yaml").out
     assert names(".") == ["model.yaml"]
-    called = lagsim("run", "model.yaml", "--json")
-    assert called.code == 1
+    called = lagsim("run", "model.yaml", "--json", code=1)
     assert called.json["admissible"] is False
     assert called.json["constraints"][0]["residual"] == 1.0
     assert names(".") == ["model.yaml"]
 
 
-def test_an_unknown_method_and_one_without_contact_are_refused(lagsim, write):
-    model = write(CONTACT.replace("duration: 1", "duration: 1, method: rk44"))
-    called = lagsim("run", model)
-    assert (called.code, called.out) == (2, "")
-    assert "model.yaml:5:35: there is no method `rk44`" in called.err
-    assert "did you mean `rk4`?" in called.err
-    assert names(".") == ["model.yaml"]
-    errors = lagsim("run", model, "--json", "--method", "nope").json["errors"]
-    assert [(e["code"], e["file"]) for e in errors] == [
-        ("unknown-method", "--method nope")
-    ]
-    errors = lagsim("run", model, "--json", "--method", "taylor").json["errors"]
-    assert [e["code"] for e in errors] == ["method-refused"]
-
-
 @pytest.mark.slow
-def test_reruns_give_the_same_bytes(tmp_path):
-    model = MODELS / "elastic-pendulum-curve.yaml"
-    for seed in ("1", "2"):
-        subprocess.run(
-            [*COMMAND, "run", model, "-q", "-o", tmp_path / seed],
-            env={**os.environ, "PYTHONHASHSEED": seed},
-            check=True,
-        )
-    files = names(tmp_path / "1")
-    assert files == names(tmp_path / "2")
-    assert len(files) == 7
-    for name in files:
-        one, two = ((tmp_path / seed / name).read_bytes() for seed in ("1", "2"))
-        if name == "run.json":
-            one, two = (
-                {k: v for k, v in json.loads(x).items() if k != "timings"}
-                for x in (one, two)
-            )
-        assert one == two, name
-
-
-@pytest.mark.slow
+@pytest.mark.usefixtures("lagsim")
 def test_a_home_that_is_read_only(tmp_path, write):
     home = tmp_path / "home"
     home.write_text("not even a folder")
-    hidden = ("HOME", "XDG_CACHE_HOME", "LAGSIM_CACHE")
-    environment = {k: v for k, v in os.environ.items() if k not in hidden}
-    done = subprocess.run(
-        [*COMMAND, "run", write(PENDULUM), "-q", "-o", tmp_path / "out"],
-        env={**environment, "HOME": str(home), "XDG_CACHE_HOME": str(home)},
-        cwd=tmp_path,
-        capture_output=True,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
-    assert manifest(tmp_path / "out")["complete"]
+    told = ended("run", write(PENDULUM), "-q", "-o", "out", LAGSIM_CACHE="",
+                 HOME=str(home), XDG_CACHE_HOME=str(home))  # fmt: skip
+    assert told == (0, "", "")
+    assert manifest("out")["complete"]
     assert home.read_text() == "not even a folder"

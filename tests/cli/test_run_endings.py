@@ -7,19 +7,16 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from lagsim.outputs.results import Results
-from lagsim.run.observers.monitors import ResidualMonitor
-from tests.cli._results import manifest, names, table
+from tests.cli._results import manifest, names, started, table, waited
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import CAPTION, ENDLESS, FALL, PENDULUM
 
-COMMAND = [sys.executable, "-m", "lagsim"]
 pytestmark = pytest.mark.usefixtures("heeded_signals")
 
 
@@ -33,8 +30,7 @@ def test_a_failed_integration_keeps_what_was_computed(lagsim, write, monkeypatch
         yield "energy.png", b"picture"
 
     monkeypatch.setattr(plots, "pictures", noted)
-    called = lagsim("run", write(FALL), "-o", "out")
-    assert called.code == 3
+    called = lagsim("run", write(FALL), "-o", "out", code=3)
     assert called.err.startswith("lagsim: ")
     assert "r_dot" in called.err  # the component that grows
     assert called.out.startswith("failed: model, t = 0 to 1.1107")
@@ -52,21 +48,18 @@ def test_a_failed_integration_keeps_what_was_computed(lagsim, write, monkeypatch
 
 
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, monkeypatch, kind):
+def test_an_interrupted_run_keeps_what_was_computed(lagsim, write, at_rows, kind):
     blocks = []
 
-    def add(self, rows):
+    def interrupt(rows):
         before = sum(blocks)
         blocks.append(len(rows))
         if before < 300 <= sum(blocks):
             signal.raise_signal(kind)
-        return taken(self, rows)
 
-    taken = ResidualMonitor.add
-    monkeypatch.setattr(ResidualMonitor, "add", add)
+    at_rows(interrupt)
     before = signal.getsignal(kind)
-    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
-    assert called.code == 128 + kind
+    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out", code=128 + kind)
     assert "interrupted" in called.err
     assert signal.getsignal(kind) is before
     document = manifest("out")
@@ -87,28 +80,21 @@ def test_an_interrupt_before_the_run_leaves_nothing(lagsim, write, monkeypatch, 
     assert names(".") == ["model.yaml"]
 
 
-def started(folder, model, *before):
-    """Start a run, and wait until it has written rows."""
-    run = subprocess.Popen(
-        [*before, *COMMAND, "run", model, "-o", folder, "--no-plots"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    deadline = time.monotonic() + 60 * PATIENCE
-    while time.monotonic() < deadline and run.poll() is None:
-        sizes = [p.stat().st_size for p in Path(folder).glob(".*csv*")]
-        if any(size > 10_000 for size in sizes):
-            return run
-        time.sleep(0.01)
-    run.kill()
-    pytest.fail(f"no rows: {run.communicate()}")
+def writing(*words, before=()):
+    """Start a run, and wait until it has written rows to `out`."""
+    run = started("run", *words, "-o", "out", "--no-plots", before=before)
+    parts = Path("out")
+    if not waited(lambda: any(p.stat().st_size > 10_000 for p in parts.glob(".*csv*"))):
+        run.kill()
+        pytest.fail(f"no rows: {run.communicate()}")
+    return run
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_from_outside(lagsim, write, kind):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
-    run = started("out", write(ENDLESS, "endless.yaml"))
+    run = writing(write(ENDLESS, "endless.yaml"))
     other = lagsim("run", "model.yaml", "-o", "out", "--no-plots")
     assert (other.code, other.out) == (2, "")
     assert "another run" in other.err
@@ -122,22 +108,17 @@ def test_a_signal_from_outside(lagsim, write, kind):
     assert names("out") == ["run.json", "trajectory.csv"]
 
 
-def test_an_ignored_signal_stays_ignored(lagsim, write, monkeypatch):
+def test_an_ignored_signal_stays_ignored(lagsim, write, at_rows):
     blocks = []
 
-    def add(self, rows):
+    def interrupt(rows):
         blocks.append(rows)
-        if len(blocks) == 2:
-            signal.raise_signal(signal.SIGINT)
-        if len(blocks) == 4:
-            signal.raise_signal(signal.SIGTERM)
-        return taken(self, rows)
+        if kind := {2: signal.SIGINT, 4: signal.SIGTERM}.get(len(blocks)):
+            signal.raise_signal(kind)
 
-    taken = ResidualMonitor.add
-    monkeypatch.setattr(ResidualMonitor, "add", add)
+    at_rows(interrupt)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
-    assert called.code == 128 + signal.SIGTERM
+    lagsim("run", write(ENDLESS), "--no-plots", "-o", "out", code=128 + signal.SIGTERM)
     assert len(blocks) >= 4
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
@@ -149,15 +130,13 @@ def test_an_ignored_signal_stays_ignored(lagsim, write, monkeypatch):
 @pytest.mark.usefixtures("lagsim")
 def test_a_run_under_a_parent_that_ignores_an_interrupt(write):
     model = write(ENDLESS)
-    ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]
-    run = started("out", model, *ignoring)
+    run = writing(model, before=["sh", "-c", "trap '' INT; exec \"$@\"", "sh"])
     [part] = Path("out").glob(".*csv*")
     run.send_signal(signal.SIGINT)
-    size, deadline = part.stat().st_size, time.monotonic() + 60 * PATIENCE
+    size = part.stat().st_size
     # It goes on writing, several blocks more.
-    while part.stat().st_size < size + 100_000 and time.monotonic() < deadline:
-        assert run.poll() is None
-        time.sleep(0.01)
+    assert waited(lambda: part.stat().st_size > size + 100_000)
+    assert run.poll() is None
     run.send_signal(signal.SIGTERM)
     _, err = finished(run)
     assert run.returncode == 128 + signal.SIGTERM
@@ -196,8 +175,7 @@ def test_a_picture_that_does_not_fit(lagsim, write, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Results, "write", full)
-    called = lagsim("run", write(PENDULUM), "-o", "out")
-    assert called.code == 3
+    called = lagsim("run", write(PENDULUM), "-o", "out", code=3)
     assert "a picture could not be written: No space left" in called.err
     document = manifest("out")
     assert (document["outcome"], document["complete"]) == ("failed", False)
@@ -234,8 +212,7 @@ def test_a_disk_that_fills_up(lagsim, write, tmp_path):
     try:
         # A run that may end long before its time is begun, however large its table.
         maybe = ENDLESS.replace("_step: 1", "_step: 1, until: theta >= 9")
-        called = lagsim("run", write(maybe), "-o", "disk/out")
-        assert called.code == 3
+        called = lagsim("run", write(maybe), "-o", "disk/out", code=3)
         assert "No space left on device" in called.err
         document = manifest("disk/out")
         _, rows = table("disk/out")
@@ -243,8 +220,7 @@ def test_a_disk_that_fills_up(lagsim, write, tmp_path):
         assert rows[-1, 0] == document["end"]
         assert names("disk/out") == ["run.json", "trajectory.csv"]
         before = Path("disk/out/run.json").read_bytes()
-        called = lagsim("run", "model.yaml", "-o", "disk/out")
-        assert called.code == 2
+        called = lagsim("run", "model.yaml", "-o", "disk/out", code=2)
         assert "disk/out cannot be written: No space left on device" in called.err
         assert Path("disk/out/run.json").read_bytes() == before
     finally:
@@ -281,8 +257,7 @@ def test_an_output_folder_that_is_unusable(lagsim, write, folder, told):
 )
 def test_a_folder_without_permission(lagsim, write):
     Path("out").mkdir(mode=0o500)
-    called = lagsim("run", write(PENDULUM), "-o", "out")
-    assert called.code == 2
+    called = lagsim("run", write(PENDULUM), "-o", "out", code=2)
     assert "cannot be written: Permission denied" in called.err
 
 

@@ -46,8 +46,7 @@ def listed():
 
 
 def test_events_are_listed_like_rows(lagsim, write):
-    called = lagsim("run", write(CONTACT), "--no-plots", "-o", "out")
-    assert called.code == 0
+    lagsim("run", write(CONTACT), "--no-plots", "-o", "out", code=0)
     assert names("out") == ["events.csv", "run.json", "trajectory.csv"]
     document = manifest("out")
     assert document["files"] == ["trajectory.csv", "events.csv", "run.json"]

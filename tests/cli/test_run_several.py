@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from lagsim.run.observers.monitors import ResidualMonitor
-from tests.cli._results import manifest, names, table
-from tests.patience import PATIENCE, finished
+from tests.cli._results import manifest, names, started, table, waited
+from tests.patience import finished
 from tests.small_scenes import CAPTION, CONTACT, ENDLESS, FALL, PENDULUM
-from tests.support import ROOT
 
 
 def named(name, text=PENDULUM):
@@ -61,8 +55,7 @@ def test_by_default_each_has_the_folder_of_its_name(lagsim, write):
 
 
 def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
-    called = lagsim("run", *three, "none.yaml", "--no-plots", "--json", "-j", 1)
-    assert called.code == 2
+    called = lagsim("run", *three, "none.yaml", "--no-plots", "--json", "-j", 1, code=2)
     first, second, third, last = called.json
     assert (first["model"]["name"], third["model"]["name"]) == ("a", "c")
     assert first == manifest("results/a")
@@ -72,16 +65,14 @@ def test_json_is_a_list_in_the_order_of_the_models(lagsim, three):
 
 def test_a_run_that_cannot_finish_keeps_the_others(lagsim, write):
     write(named("a", FALL), "a.yaml"), write(named("b"), "b.yaml")
-    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1)
-    assert called.code == 3
+    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1, code=3)
     assert called.err.startswith("a.yaml:\n  lagsim: ")
     assert manifest("results/a")["outcome"] == "failed"
     assert manifest("results/b")["outcome"] == "done"
 
 
 def test_a_fault_of_the_command_line_is_told_once(lagsim, three):
-    called = lagsim("run", *three, "--set", "g", "--no-plots")
-    assert called.code == 2
+    called = lagsim("run", *three, "--set", "g", "--no-plots", code=2)
     assert called.err.count("a name and an expression are expected") == 1
 
 
@@ -93,28 +84,20 @@ def test_two_of_one_name_are_refused_before_anything_runs(lagsim, write, as_json
         write(named("a"), "3.yaml"),
     )
     more = ["--json"] if as_json else []
-    called = lagsim("run", "1.yaml", "2.yaml", "3.yaml", "--no-plots", *more)
-    assert called.code == 2
+    called = lagsim("run", "1.yaml", "2.yaml", "3.yaml", "--no-plots", *more, code=2)
     text = "1.yaml and 3.yaml have one name, `a`"
     assert text in (called.json["errors"][0]["text"] if as_json else called.err)
     assert not Path("results").exists()
 
 
-def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, monkeypatch):
-    def add(self, rows):
-        if "theta" in self.columns:
-            raise RuntimeError("unforeseen")
-        return taken(self, rows)
+def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, at_rows):
+    def fail(_rows):
+        if not names("results/a"):
+            return
+        raise RuntimeError("unforeseen")
 
-    def begin(self, columns):
-        self.columns = columns
-        return begun(self, columns)
-
-    taken, begun = ResidualMonitor.add, ResidualMonitor.__init__
-    monkeypatch.setattr(ResidualMonitor, "add", add)
-    monkeypatch.setattr(ResidualMonitor, "__init__", begin)
-    called = lagsim("run", *three, "--no-plots", "-j", 1)
-    assert called.code == 70
+    at_rows(fail)
+    called = lagsim("run", *three, "--no-plots", "-j", 1, code=70)
     assert "lagsim: RuntimeError: unforeseen [E901]\n" in called.err
     assert "a bug in lagsim" in called.err
     assert "Traceback" not in called.err
@@ -126,45 +109,30 @@ def test_an_unforeseen_fault_of_one_keeps_the_others(lagsim, three, monkeypatch)
 
 @pytest.mark.usefixtures("heeded_signals")
 def test_an_interrupt_ends_the_one_that_runs_and_begins_no_other(
-    lagsim, write, monkeypatch
+    lagsim, write, at_rows
 ):
-    def add(self, rows):
-        signal.raise_signal(signal.SIGINT)
-        return taken(self, rows)
-
-    taken = ResidualMonitor.add
-    monkeypatch.setattr(ResidualMonitor, "add", add)
+    at_rows(lambda _: signal.raise_signal(signal.SIGINT))
     write(named("a", ENDLESS), "a.yaml"), write(named("b"), "b.yaml")
-    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1)
-    assert called.code == 130
+    called = lagsim("run", "a.yaml", "b.yaml", "--no-plots", "-j", 1, code=130)
     assert manifest("results/a")["outcome"] == "interrupted"
     assert names("results") == ["a"]
     assert called.out.splitlines()[-1].split() == ["b", "not", "begun"]
 
 
-@pytest.mark.usefixtures("heeded_signals")
+@pytest.mark.usefixtures("lagsim", "heeded_signals")
 @pytest.mark.parametrize(
     "kind", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM]
 )
-def test_a_signal_ends_all_processes_with_whole_files(write, tmp_path, kind):
+def test_a_signal_ends_all_processes_with_whole_files(write, kind):
     write(named("a", ENDLESS), "a.yaml"), write(named("b", ENDLESS), "b.yaml")
-    command = [sys.executable, "-m", "lagsim", "run", "a.yaml", "b.yaml", "-j", "2"]
-    run = subprocess.Popen(
-        [*command, "--no-plots"], cwd=tmp_path, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    tables = [tmp_path / "results" / x / ".lagsim-trajectory.csv.part" for x in "ab"]
-    end = time.monotonic() + 60.0 * PATIENCE
-    while time.monotonic() < end:
-        if all(x.exists() and x.stat().st_size > 1000 for x in tables):
-            break
-        time.sleep(0.02)
+    run = started("run", "a.yaml", "b.yaml", "-j", "2", "--no-plots")
+    parts = [Path("results", x, ".lagsim-trajectory.csv.part") for x in "ab"]
+    assert waited(lambda: all(x.exists() and x.stat().st_size > 1000 for x in parts))
     run.send_signal(kind)
     _, err = finished(run)
     assert run.returncode == 128 + kind
-    assert err.count("interrupted") == 2
+    assert err.count(b"interrupted") == 2
     for name in "ab":
-        folder = tmp_path / "results" / name
+        folder = Path("results", name)
         assert names(folder) == ["run.json", "trajectory.csv"]
         assert len(table(folder)[1]) == manifest(folder)["rows"]

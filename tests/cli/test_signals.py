@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import random
 import signal
 import subprocess
@@ -15,8 +14,7 @@ import pytest
 
 from lagsim.plan import making
 from lagsim.run.interrupt import AGAIN_SECONDS, Interrupt, Terminated, noting
-from lagsim.run.observers.monitors import ResidualMonitor
-from tests.cli._results import manifest, names
+from tests.cli._results import contents, document, manifest, names, started
 from tests.patience import PATIENCE, finished
 from tests.small_scenes import ENDLESS, PENDULUM
 from tests.support import ROOT
@@ -69,21 +67,27 @@ def test_an_interrupt_that_nobody_notes_is_not_swallowed():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_run_that_does_not_heed_the_first_ends_with_the_second(
-    lagsim, write, monkeypatch, kind
+    lagsim, write, at_rows, kind
 ):
     lagsim("run", write(PENDULUM), "-o", "out", "--no-plots")
-    before = {name: Path("out", name).read_bytes() for name in names("out")}
+    before = contents("out")
 
-    def stuck(_self, _rows):
+    def stuck(_rows):
         signal.raise_signal(kind)
         time.sleep(2 * AGAIN_SECONDS)
         signal.raise_signal(kind)
         pytest.fail("it went on")
 
-    monkeypatch.setattr(ResidualMonitor, "add", stuck)
-    called = lagsim("run", write(ENDLESS, "endless.yaml"), "-o", "out", "--no-plots")
-    assert called.code == 128 + kind
-    assert {name: Path("out", name).read_bytes() for name in names("out")} == before
+    at_rows(stuck)
+    lagsim(
+        "run",
+        write(ENDLESS, "endless.yaml"),
+        "-o",
+        "out",
+        "--no-plots",
+        code=128 + kind,
+    )
+    assert contents("out") == before
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -98,13 +102,12 @@ def test_a_signal_while_pictures_are_drawn_keeps_the_rows(
         pytest.fail("it went on")
 
     monkeypatch.setattr(plots, "pictures", drawn)
-    called = lagsim("run", write(PENDULUM), "-o", "out")
-    assert called.code == 128 + kind
+    called = lagsim("run", write(PENDULUM), "-o", "out", code=128 + kind)
     assert "interrupted" in called.err
-    document = manifest("out")
-    assert (document["outcome"], document["rows"]) == ("done", 21)
-    assert document["files"] == ["trajectory.csv", "energy.png", "run.json"]
-    assert names("out") == sorted(document["files"])
+    record = manifest("out")
+    assert (record["outcome"], record["rows"]) == ("done", 21)
+    assert record["files"] == ["trajectory.csv", "energy.png", "run.json"]
+    assert names("out") == sorted(record["files"])
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -126,11 +129,10 @@ def test_a_signal_while_a_chart_is_drawn_keeps_the_numbers(
 
     monkeypatch.setattr(import_module(f"lagsim.studies.bench.{module}"), "chart", chart)
     short = PENDULUM.replace("duration: 2", "duration: 0.5")
-    called = lagsim(command, write(short), "-o", "out", "--methods", "rk4")
-    assert called.code == 128 + kind
+    lagsim(command, write(short), "-o", "out", "--methods", "rk4", code=128 + kind)
     record = numbers.replace("csv", "json")
     assert names("out") == [numbers, record]
-    assert json.loads(Path("out", record).read_bytes())["files"] == [numbers, record]
+    assert document("out", record)["files"] == [numbers, record]
 
 
 # Stands for what loses the exception of a signal, as a callback from C may.
@@ -227,9 +229,8 @@ def test_a_signal_at_any_moment(write, command, options):
     model = write(PENDULUM)
     Path("out").mkdir()
     random_ = random.Random(command)
-    line = [sys.executable, "-m", "lagsim", command, model, *options]
     for kind in 3 * KINDS:
-        run = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        run = started(command, model, *options)
         time.sleep(random_.uniform(0.1, 1.5))
         run.send_signal(kind)
         _, err = finished(run)
@@ -238,7 +239,7 @@ def test_a_signal_at_any_moment(write, command, options):
         if run.returncode != -kind:
             assert b"Traceback" not in err
         for path in Path("out").glob("*.json"):
-            found = json.loads(path.read_bytes())
+            found = document(path)
             listed = found.get("files", [f"{path.stem}.csv", path.name])
             assert set(listed) <= {file.name for file in Path("out").iterdir()}
         assert list(Path("out").glob(".lagsim*")) == []
@@ -255,6 +256,5 @@ def test_a_signal_that_was_lost_before_is_noted(lagsim, write, monkeypatch, kind
 
     plan = making.make_plan
     monkeypatch.setattr(making, "make_plan", lost)
-    called = lagsim("run", write(ENDLESS), "--no-plots", "-o", "out")
-    assert called.code == 128 + kind
+    lagsim("run", write(ENDLESS), "--no-plots", "-o", "out", code=128 + kind)
     assert manifest("out")["outcome"] == "interrupted"

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli._results import document as read
 from tests.cli._results import names
 
 OSCILLATOR = """\
@@ -83,7 +84,7 @@ def test_a_parameter_varies(lagsim, write):
     assert list(found[0])[:4] == ["method", "step", "k", "verdict"]
     adaptive = [(r["step"], float(r["k"])) for r in found if r["method"] == "dop853"]
     assert (adaptive[0], adaptive[-1]) == (("", 1.0), ("", 16.0))
-    document = json.loads(Path("out/stability.json").read_bytes())
+    document = read("out/stability.json")
     for border in document["borders"]["verlet"]:
         expected = 2.0 / math.sqrt(border["k"])
         assert border["found"] == pytest.approx(expected, rel=0.01)

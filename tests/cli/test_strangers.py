@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import json
 import os
 import subprocess
 import sys
@@ -13,22 +12,13 @@ import pytest
 
 from lagsim.native.link import cache
 from lagsim.outputs.results import is_own
-from tests.cli._results import manifest, names
-from tests.patience import PATIENCE
+from tests.cli._results import contents, document, ended, manifest, names
 from tests.small_scenes import CONTACT, PENDULUM
 from tests.support import ROOT
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="no pipes that have names, no links without rights"
 )
-
-
-def test_a_pipe_is_no_model(lagsim):
-    os.mkfifo("model.yaml")
-    for command in ("run", "check", "derive", "golden", "bench", "stability"):
-        called = lagsim(command, "model.yaml")
-        assert called.code == 2
-        assert "model.yaml: cannot be read: it is a pipe" in called.err
 
 
 @pytest.mark.usefixtures("lagsim")
@@ -89,7 +79,7 @@ def test_a_golden_is_not_written_through_links(lagsim, write):
 def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, call):
     model = write(PENDULUM)
     assert lagsim("golden", model, "--update").code == 0
-    before = {name: Path("golden", name).read_bytes() for name in names("golden")}
+    before = contents("golden")
     write(PENDULUM.replace("g: 9.8", "g: 1.6"))
 
     def full(*_):
@@ -99,16 +89,15 @@ def test_a_golden_is_replaced_whole_or_not_at_all(lagsim, write, monkeypatch, ca
         patch.setattr(os, call, full)
         called = lagsim("golden", model, "--update")
     assert (called.code, "No space left" in called.err) == (2, True)
-    found = {name: Path("golden", name).read_bytes() for name in names("golden")}
-    assert found == before
+    assert contents("golden") == before
 
 
 def test_no_name_can_put_something_into_a_golden(lagsim, write):
     model = write(f'name: "@0@"\n{PENDULUM}')
     assert lagsim("golden", model, "--update").code == 0
-    document = json.loads(Path("golden/@0@.json").read_bytes())
-    assert document["model"] == "@0@"
-    assert next(iter(document["bounds"])) == "t"
+    found = document("golden/@0@.json")
+    assert found["model"] == "@0@"
+    assert next(iter(found["bounds"])) == "t"
     assert lagsim("golden", model).code == 0
 
 
@@ -130,22 +119,15 @@ def prepared(folder):
         Path(folder, f"{name}.py").write_text('print("a stranger was here")\n')
 
 
-def run_there(*command, **environment):
-    return subprocess.run(
-        [sys.executable, *command], capture_output=True, text=True,
-        timeout=120 * PATIENCE, env=os.environ | environment,
-    )  # fmt: skip
-
-
 @pytest.mark.slow
 @pytest.mark.usefixtures("lagsim")
 def test_nothing_of_the_working_directory_is_read(write):
     model = write(PENDULUM)
     prepared(".")
     os.mkfifo("matplotlibrc")
-    done = run_there("-m", "lagsim", "run", model, "-o", "out", MPLBACKEND="nonsense")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "stranger" not in done.stdout
+    code, out, err = ended("run", model, "-o", "out", MPLBACKEND="nonsense")
+    assert (code, err) == (0, "")
+    assert "stranger" not in out
     assert "energy.png" in names("out")
 
 
@@ -154,8 +136,8 @@ def test_nothing_of_the_working_directory_is_read(write):
 def test_settings_that_are_no_text_lose_no_result(write):
     model = write(PENDULUM)
     Path("matplotlibrc").write_bytes(b"\xff\xfe\x00")
-    plain = run_there("-m", "lagsim", "run", model, "-o", "out")
-    assert (plain.returncode, plain.stderr) == (0, "")
+    code, _, err = ended("run", model, "-o", "out")
+    assert (code, err) == (0, "")
     assert "energy.png" in names("out")
 
 
@@ -164,9 +146,9 @@ def test_settings_that_are_no_text_lose_no_result(write):
 def test_processes_that_a_command_starts_read_nothing_there_either(write):
     models = [write(PENDULUM), write(f"name: other\n{PENDULUM}", "other.yaml")]
     prepared(".")
-    done = run_there("-m", "lagsim", "run", *models, "-j", "2", "--no-plots")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "stranger" not in done.stdout
+    code, out, err = ended("run", *models, "-j", "2", "--no-plots")
+    assert (code, err) == (0, "")
+    assert "stranger" not in out
 
 
 @pytest.mark.slow

@@ -5,12 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-import json
 import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,8 +19,8 @@ from lagsim.cli.sweep import _names as completed
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
-from tests.cli._results import manifest, names, table
-from tests.patience import PATIENCE, finished
+from tests.cli._results import document, manifest, names, started, table, waited
+from tests.patience import finished
 from tests.small_scenes import CURVE, FALL, ON_THE_CURVE, PENDULUM
 from tests.support import ROOT
 
@@ -53,15 +51,15 @@ def rows_of(folder):
 
 
 def record(folder):
-    return json.loads((Path(folder) / "sweep.json").read_bytes())
+    return document(folder, "sweep.json")
 
 
 def assert_is_single(row, folder):
     """Compare a row with the results of a single run, bit for bit."""
     header, rows = table(folder)
-    document = manifest(folder)
-    error = document["error"]
-    assert row["outcome"] == document["outcome"]
+    found = manifest(folder)
+    error = found["error"]
+    assert row["outcome"] == found["outcome"]
     assert row["error"] == ("" if error is None else repr(error["relative"]))
     assert float(row["t.end"]) == rows[-1, 0]
     for k, name in enumerate(header[1:], 1):
@@ -101,17 +99,17 @@ def test_the_columns_stand_in_the_order_of_the_contract(lagsim, write):
 def test_the_record_says_what_was_swept(lagsim, write):
     model = write(SPRING)
     called = lagsim("sweep", model, "K=1,2*l", "--set", "l=3", *QUICK, "--json")
-    document = called.json
-    assert document == record("results/model/sweep")
-    assert document["model"]["name"] == "model"
-    [axis] = document["grid"]
+    found = called.json
+    assert found == record("results/model/sweep")
+    assert found["model"]["name"] == "model"
+    [axis] = found["grid"]
     assert (axis["name"], axis["values"]) == ("K", [1.0, 6.0])
-    assert document["parameters"]["l"] == 3.0
-    assert document["options"] == {"error_bar": "never"}
-    assert (document["runs"], document["complete"]) == (2, 2)
-    assert document["outcomes"] == {"done": 2}
-    assert document["columns"]["x"] == "m"
-    assert document["files"] == ["sweep.csv", "sweep.json"]
+    assert found["parameters"]["l"] == 3.0
+    assert found["options"] == {"error_bar": "never"}
+    assert (found["runs"], found["complete"]) == (2, 2)
+    assert found["outcomes"] == {"done": 2}
+    assert found["columns"]["x"] == "m"
+    assert found["files"] == ["sweep.csv", "sweep.json"]
 
 
 def test_fifty_runs_are_compiled_once(lagsim, write, monkeypatch):
@@ -139,15 +137,17 @@ def test_guesses_are_solved_for_each(lagsim, write):
 
 
 def test_what_changes_the_form_is_compiled_for_it(lagsim, write):
-    called = lagsim("sweep", write(POWER), "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1)
-    assert called.code == 0
+    called = lagsim(
+        "sweep", write(POWER), "n=2,8,3,8", *QUICK, "-o", "out", "-j", 1, code=0
+    )
     assert "forms were compiled" in called.err
     assert 2 <= record("out")["compiled"] <= 3
 
 
 def test_failures_are_rows_with_their_reasons(lagsim, write):
-    called = lagsim("sweep", write(FALL_FROM), "R=1,0,5", "--duration", "2", *QUICK)
-    assert called.code == 3
+    called = lagsim(
+        "sweep", write(FALL_FROM), "R=1,0,5", "--duration", "2", *QUICK, code=3
+    )
     first, second, third = rows_of("results/model/sweep")
     assert (first["outcome"], first["complete"]) == ("failed", "false")
     assert "r_dot" in first["reason"]  # the component that grows
@@ -163,8 +163,7 @@ def test_failures_are_rows_with_their_reasons(lagsim, write):
 
 def test_inadmissible_starts_are_rows(lagsim, write):
     model = write(ON_THE_CURVE)
-    called = lagsim("sweep", model, "u=0,0.5", *QUICK)
-    assert called.code == 3
+    lagsim("sweep", model, "u=0,0.5", *QUICK, code=3)
     admissible, other = rows_of("results/model/sweep")
     assert admissible["outcome"] == "done"
     assert (other["outcome"], other["u"]) == ("inadmissible", "0.5")
@@ -281,8 +280,7 @@ def test_rows_of_another_sweep_are_not_gone_on_with(lagsim, write, interrupted):
         "parameters": ("K=20,30", "--set", "g=1.62"),
     }
     for what, arguments in others.items():
-        called = lagsim("sweep", model, *arguments, *more, "--resume")
-        assert called.code == 2
+        called = lagsim("sweep", model, *arguments, *more, "--resume", code=2)
         assert f"cannot be resumed: it has another {what}" in called.err
         assert "leave --resume out" in called.err
     write(SPRING + "description: changed\n")
@@ -347,34 +345,29 @@ main()
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("heeded_signals")
-def test_processes_end_in_order_and_what_they_had_is_kept(write, tmp_path):
+@pytest.mark.usefixtures("lagsim", "heeded_signals")
+def test_processes_end_in_order_and_what_they_had_is_kept(write):
     write(SPRING)
     sweep = ["sweep", "model.yaml", "K=20:30:200", "--no-plots", "-j", "2", "-q"]
     sweep += ["--duration", "300", "-o", "out"]
-    run = subprocess.Popen(
-        [sys.executable, "-m", "lagsim", *sweep], cwd=tmp_path,
-        stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    journal = tmp_path / "out" / NAME
-    end = time.monotonic() + 60.0 * PATIENCE
-    while time.monotonic() < end:
-        if journal.exists() and len(journal.read_bytes().splitlines()) > 5:
-            break
-        time.sleep(0.02)
+    run, journal = started(*sweep), Path("out", NAME)
+    assert waited(
+        lambda: journal.exists() and len(journal.read_bytes().splitlines()) > 5
+    )
     run.send_signal(signal.SIGTERM)
     _, err = finished(run)
     assert run.returncode == 128 + signal.SIGTERM
-    assert "--resume" in err
-    assert names(tmp_path / "out") == [NAME]
+    assert b"--resume" in err
+    assert names("out") == [NAME]
 
 
 @pytest.mark.parametrize("folder", ["file", "file/below", "taken"])
 def test_a_folder_that_cannot_be_written(lagsim, write, folder):
     Path("file").write_text("mine")
     Path("taken/sweep.rows.jsonl").mkdir(parents=True)
-    called = lagsim("sweep", write(PENDULUM), "l=1,2", "--jobs", "1", "-o", folder)
-    assert called.code == 2
+    called = lagsim(
+        "sweep", write(PENDULUM), "l=1,2", "--jobs", "1", "-o", folder, code=2
+    )
     assert f"the output folder {folder} " in called.err
     assert "[E701]" in called.err
 
@@ -413,7 +406,7 @@ def test_they_are_the_ends_of_whole_runs(falling, lagsim, tmp_path):
     for row, full in zip(one, other, strict=True):
         kept = {k: v for k, v in full.items() if not k.endswith((".min", ".max"))}
         assert row == kept
-    assert json.loads((ends / "sweep.json").read_bytes())["compiled"] == 1
+    assert record(ends)["compiled"] == 1
 
 
 @pytest.mark.slow
@@ -422,10 +415,17 @@ def test_processes_and_what_follows_give_the_same(falling, lagsim, tmp_path):
     Path(falling).write_text(text)
     for jobs in ("1", "2"):
         folder = str(tmp_path / jobs)
-        done = lagsim(
-            "sweep", falling, "mu=0.7:1.2:12", "--ends", "-j", jobs, "-o", folder
+        lagsim(
+            "sweep",
+            falling,
+            "mu=0.7:1.2:12",
+            "--ends",
+            "-j",
+            jobs,
+            "-o",
+            folder,
+            code=0,
         )
-        assert done.code == 0
     assert rows_of(tmp_path / "1") == rows_of(tmp_path / "2")
     alone = ("--error-bar", "never", "--no-plots", "-o", str(tmp_path / "whole"))
     lagsim("sweep", falling, "mu=0.7:1.2:12", *alone)

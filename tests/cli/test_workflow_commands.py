@@ -19,6 +19,7 @@ from tests.small_scenes import PENDULUM
 COMMAND = "::set-output name=x::planted"
 # What .NET's TrimStart takes away.
 BLANKS = " \t\x0b\x0c\x85\xa0\u1680\u2003\u2028\u2029\u202f\u205f\u3000"
+pytestmark = pytest.mark.usefixtures("actions")
 OWN = re.compile(r"::(error|warning)( [a-z]+=[^:,]*(,[a-z]+=[^:,]*)*)?::")
 
 
@@ -28,12 +29,6 @@ def commands(text, blanks=BLANKS):
     begun = [line.lstrip(blanks) for line in lines]
     planted = [x for x in begun if x.startswith("::") and not OWN.match(x)]
     return planted + [line for line in lines if "##[" in line]
-
-
-@pytest.fixture(autouse=True)
-def actions(lagsim, monkeypatch, tmp_path):  # noqa: ARG001  it comes before
-    monkeypatch.setenv("GITHUB_ACTIONS", "true")
-    monkeypatch.setenv("GITHUB_WORKSPACE", str(tmp_path))
 
 
 FAULTY = {
@@ -53,8 +48,7 @@ FAULTY = {
 def test_faults(lagsim, write, what):
     file = write(FAULTY[what])
     for command in ("check", "run", "golden", "derive"):
-        called = lagsim(command, file)
-        assert called.code == 2
+        called = lagsim(command, file, code=2)
         assert commands(called.out + "\n" + called.err) == []
     # It is still said, and the place is marked below what is wrong.
     shown = called.err.splitlines()
@@ -122,7 +116,6 @@ def test_annotations_of_several_models_are_kept(lagsim, write):
     assert commands(called.err) == []
 
 
-@pytest.mark.usefixtures("actions")
 def test_what_is_derived(lagsim, write):
     told = f"description: |\n  of a rod\n   {COMMAND}\n"
     for text in (told + PENDULUM, f"name: '{COMMAND}'\n" + PENDULUM):
