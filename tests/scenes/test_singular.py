@@ -157,10 +157,13 @@ def rank_losses(result, name):
     ]
 
 
-@pytest.mark.parametrize("start", ["0.5", "1", "0"])
-def test_parallelogram_coasts_through_collinear(start):
+@pytest.mark.parametrize(
+    ("start", "method"),
+    [("0.5", "auto"), ("1", "auto"), ("0", "auto"), ("0.5", "radau"), ("0", "radau")],
+)
+def test_parallelogram_coasts_through_collinear(start, method):
     # Without weight both cranks turn evenly: M is constant along this branch.
-    result = run(PARALLELOGRAM.format(weight=0, start=start))
+    result = run(PARALLELOGRAM.format(weight=0, start=start), method=method)
     assert result.trajectory.outcome.complete
     turned = float(start) + result["t"]
     # Ten times the tolerance of 1e-11, for an angle that grows to 10.
@@ -224,29 +227,17 @@ simulation: {duration: 2, output_step: 0.1}
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("N", "speed", "length"),
-    [(1, 1, 1.0), (2, 1, 1.0), (3, 1, 1.0), (2, 5, 1.0), (3, -0.5, 3.0), (4, 1, 1.7)],
-)
+    [
+        (1, 1, 1.0), (2, 1, 1.0), (3, 1, 1.0), (2, 5, 1.0), (3, -0.5, 3.0), (4, 1, 1.7),
+        (10, 1, 1.0), pytest.param(40, 1, 1.0, marks=pytest.mark.nightly),
+    ],
+)  # fmt: skip
 def test_four_bars_pass_their_dead_points(N, speed, length):
     # N ranks are lost at once where all lie flat, and each cell could branch there.
     result = run(four_bars(N, speed=speed, length=length))
     check_four_bars(result, N, speed, length)
-    check_told(result, N, speed)
-
-
-@pytest.mark.parametrize(
-    "N",
-    [
-        pytest.param(10, marks=pytest.mark.slow),
-        pytest.param(40, marks=pytest.mark.nightly),
-    ],
-)
-def test_many_four_bars_pass_their_dead_points(N):
-    check_four_bars(run(four_bars(N)), N, 1.0, 1.0)
-
-
-@pytest.mark.slow
-def test_each_dead_point_of_ten_four_bars_is_told():
-    check_told(run(four_bars(10)), 10, 1.0)
+    if N <= 10:  # more than that are lost at once, too close to each other
+        check_told(result, N, speed)
 
 
 @pytest.mark.parametrize(("N", "speed", "length"), [(1, 1, 1), (2, 1, 1), (3, 3, 2)])
@@ -292,15 +283,6 @@ def test_dead_points_whatever_method_is_asked_for(method, heavy):
     # An implicit step finds no solution there, and says who made it instead.
     handed = [c.choice.split(" from ")[0] for c in result.trajectory.choices]
     assert handed == (["method: dop853"] if method == "radau" else [])
-
-
-@pytest.mark.parametrize("start", ["0.5", "0"])
-def test_radau_leaves_collinear_bars_to_what_passes(start):
-    result = run(PARALLELOGRAM.format(weight=0, start=start), method="radau")
-    assert result.trajectory.outcome.complete
-    turned = float(start) + result["t"]
-    assert np.max(np.abs(result["a"] - turned)) < 1e-9
-    assert np.max(np.abs(result["b"] - turned)) < 1e-9
 
 
 def test_a_hundred_turns():

@@ -19,16 +19,6 @@ def warned(found):
     return [w for w in found.result.warnings if w.code == "impact-order"]
 
 
-def test_three_balls_in_a_row_strike_simultaneously():
-    """Newton's law on each gap: v2 - v1 = 1, v3 = v2; the momentum is 1."""
-    found = play(scenes.balls(3, [1, 0, 0], [1, 1, 1], 1))
-    assert found.times("impact", "c1") == [0.0]
-    assert speeds(found, 3) == pytest.approx([-1 / 3, 2 / 3, 2 / 3], abs=1e-14)
-    # Bernoulli's and Newton's cradle say otherwise: a matter of the law.
-    assert len(warned(found)) == 1
-    assert "simultaneous" in warned(found)[0].text
-
-
 @pytest.mark.parametrize("e", [0.0, 0.4, 1.0])
 def test_two_balls_close_on_a_heavier_one(e):
     found = play(scenes.balls(3, [1, 0, -1], [1, 2, 1], e))
@@ -49,16 +39,6 @@ def test_one_impact_of_one_contact_is_no_matter_of_opinion():
     found = play(scenes.balls(2, [1, 0], [1, 3], 1))
     assert speeds(found, 2) == pytest.approx([-0.5, 0.5], abs=1e-14)
     assert warned(found) == []
-
-
-def test_balls_with_gaps_hand_the_blow_on_one_by_one():
-    # As in Newton's cradle, where the gaps are wide enough to be gaps.
-    text = scenes.balls(4, [1, 0, 0, 0], [1, 1, 1, 1], 1)
-    for k in (2, 3, 4):
-        text = text.replace(f"  x{k}: {k - 1}\n", f"  x{k}: {k - 1} + {k - 1}*1e-6\n")
-    found = play(text)
-    assert found.instants("impact") == pytest.approx([1e-6, 2e-6, 3e-6], rel=1e-7)
-    assert speeds(found, 4) == pytest.approx([0, 0, 0, 1], abs=1e-12)
 
 
 @pytest.mark.parametrize("where", [(0.0, 0.0), (0.1, -0.2), (0.5, 0.25)])
