@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 229
 LINES = 65_300
-LINES_OF_TESTS = 52_100
+LINES_OF_TESTS = 51_300
 
 
 def lines(folder):

@@ -1,16 +1,13 @@
 """Valid files: what each section becomes. Expected values are worked out by hand."""
 
 import hashlib
-import io
 import math
-import sys
 
 import pytest
 
-from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.model.model import Level
-from lagsim.model.reader import read, read_file
+from lagsim.model.reader import read
 from tests.model._files import completed, model, problems
 from tests.model.test_faults import table
 
@@ -354,38 +351,3 @@ def test_options():
     ):
         (found,) = problems(text, options=option)
         assert str(found.place) == place
-
-
-def test_files(tmp_path, monkeypatch):
-    path = tmp_path / "swing.yaml"
-    path.write_text(completed("parameters: {k: 1}"), encoding="utf-8")
-    m = read_file(str(path), {"k": "2"})
-    assert (m.name, m.file, m.parameters[0].value) == ("swing", str(path), 2)
-    assert m.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
-    data = io.BytesIO(completed("").encode())
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(data))
-    assert read_file("-").name == "stdin"
-
-
-@pytest.mark.parametrize(
-    ("data", "code", "line", "column"),
-    [
-        (b"", "empty-file", 0, 0),
-        (b"# nothing\n", "empty-file", 0, 0),
-        (b"---\n", "missing-key", 2, 1),
-        (b"name: a\nunit: \xb0C\n", "not-utf8", 2, 7),
-        (None, "unreadable", 0, 0),
-    ],
-)
-def test_files_that_cannot_be_used(tmp_path, data, code, line, column):
-    path = tmp_path / "a.yaml"
-    if data is not None:
-        path.write_bytes(data)
-    for file in (path,) if data is not None else (path, tmp_path, f"{tmp_path}\0b"):
-        with pytest.raises(InputError) as caught:
-            read_file(str(file))
-        first = caught.value.problems[0]
-        assert first.code == code
-        assert str(file) in str(caught.value) or "\0" in str(file)
-        if line:
-            assert (first.place.line, first.place.column) == (line, column)

@@ -72,7 +72,7 @@ ROOMS = {
         "tests/outputs/test_page_drawing.py", "tests/outputs/test_page_panel.py",
     ), 0.25),
     "language": Room("language/**/*.py", ("tests/language",), 0.25),
-    "model": Room("model/**/*.py", ("tests/model",), 0.35),
+    "model": Room("model/**/*.py", ("tests/model", "tests/codes"), 0.35),
     "mechanics": Room("mechanics/**/*.py", ("tests/mechanics", "tests/solve"), 0.5),
     "admissibility": Room("admissibility/**/*.py", ("tests/admissibility",), 0.4),
     "show": Room("show/**/*.py", ("tests/show",), 0.35),
