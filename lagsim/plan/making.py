@@ -1,9 +1,8 @@
 """From a scene to its plan: structure, formulation, solve, method.
 
 A row's length, in the metric in which the motion is solved for, is that at the start.
-Only a row that is zero there is looked at nearby, at a distance that its own relation
-tells, or the motion: no size of a coordinate is one, since where the origin lies says
-nothing.
+Only a row that is zero there is looked at nearby, as far away as its own relation is
+long.
 """
 
 from __future__ import annotations
@@ -16,10 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import row_lengths
+from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.errors import InputError, Problem
-from lagsim.language.derivatives import tangent
-from lagsim.language.evaluate import addends, evaluate
+from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
 from lagsim.mechanics.structure import structure
@@ -38,7 +36,6 @@ if TYPE_CHECKING:
 
     from lagsim.admissibility.examination import Start
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods import Structure
     from lagsim.model.model import Settings
@@ -50,25 +47,20 @@ AROUND = 3
 NEARBY = 0.1
 
 
-def usual_lengths(
-    equations: Equations, start: Instant, step: float
-) -> tuple[float, ...]:
-    """Give the length of each row at the start, or around it where it vanishes.
-
-    Around it is where the motion comes within a part of `step`.
-    """
+def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
+    """Give the length of each row at the start, or around it where it vanishes."""
     if not equations.rows:
         return ()
     point = Point(equations, start)
     lengths = _lengths(point)
-    vanishing = np.flatnonzero(~(lengths > 0.0))
-    if len(vanishing):
+    vanishing = ~(lengths > 0.0)
+    if vanishing.any():
+        around = Neighbourhood(point)
         random = np.random.default_rng(4)  # the same states each time
         for _ in range(AROUND):
-            for k in vanishing:
-                near = _nearby(point, equations.rows[k], step, random)
-                found = _lengths(near)[k]
-                lengths[k] = np.fmax(lengths[k], found)
+            q, v = (around.varied(NEARBY, random, velocities=x) for x in (False, True))
+            found = np.fmax(lengths, _lengths(point.at(q, v)))
+            lengths = np.where(vanishing, found, lengths)
     return tuple(map(float, np.nan_to_num(lengths)))
 
 
@@ -77,30 +69,6 @@ def _lengths(point: Point) -> Floats:
     names = (*point.e.q, *point.e.velocities)
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
     return row_lengths(point.at(errors=dict(zip(names, errors, strict=True))))
-
-
-def _nearby(point: Point, row: Row, step: float, random: np.random.Generator) -> Point:
-    """Give a state as far from the start as says something of a row."""
-    q, v, sizes = point.q, point.v, point.sizes
-    u, w = (random.standard_normal(point.n) / sizes for _ in range(2))
-    if row.holonomic:
-        distance = _own_distance(point, row, u)
-        if distance > 0.0:
-            return point.at(q + NEARBY * distance * u)
-    speed = float(np.linalg.norm(sizes * v)) or 1.0
-    return point.at(q + NEARBY * speed * step * u, v + NEARBY * speed * w)
-
-
-def _own_distance(point: Point, row: Row, u: Floats) -> float:
-    """Give how far along u the terms of a relation change by their own size."""
-    e, g = point.e, point.g
-    along = dict(zip(map(g.variable, e.q), map(g.variable, e.velocities), strict=True))
-    second = tangent(g, tangent(g, [row.residual], along), along)
-    terms = addends(g, row.residual)
-    found = np.abs(point.at(v=u).array([*second, *terms]))
-    if not found[0] > 0.0 or not np.all(np.isfinite(found)):
-        return 0.0
-    return float(np.sqrt(np.max(found[1:]) / found[0]))
 
 
 # Needs of a method that are made from y' as nodes of the graph.
@@ -401,7 +369,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         reason = "forces jump or have a kink there: each is located, and the "
         reason += "integration restarts"
         choices.append(Choice(f"switches: {len(switches.sides)} located", reason))
-    lengths = usual_lengths(equations, start, settings.output_step)
+    lengths = usual_lengths(equations, start)
     if not locates(settings.method):
         elimination = None
         choices.append(Choice("solve: impulses in steps", "by projected relaxation"))

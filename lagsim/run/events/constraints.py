@@ -232,9 +232,7 @@ class RankLosses(Source):
         row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
         if self._usual is None:
-            self._usual = usual_lengths(
-                arc.equations, arc.start, arc.settings.output_step
-            )
+            self._usual = usual_lengths(arc.equations, arc.start)
         rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
         point = Point(arc.equations, Instant(time, q, v))
         left, smallest = weakest_rows(point, rank, self._usual)
