@@ -9,8 +9,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 229
-LINES = 65_300
-LINES_OF_TESTS = 51_300
+LINES = 65_000
+LINES_OF_TESTS = 49_600
 
 
 def lines(folder):

@@ -74,39 +74,6 @@ PARALLELOGRAM = {
 }
 
 
-def parallelogram(angle: str, b_dot: str = "1") -> str:
-    """Give cranks at an angle, turning at rate 1, joined by a coupler."""
-    return scene(
-        PARALLELOGRAM,
-        {
-            "a": angle,
-            "b": "a",
-            "c": "0",
-            "x": "cos(a) + 0.5",
-            "y": "sin(a)",
-            "a_dot": 1,
-            "b_dot": b_dot,
-            "x_dot": "-sin(a)",
-            "y_dot": "cos(a)",
-        },
-    )
-
-
-def slider_crank(angle: str) -> str:
-    """Give a crank and a rod of length 1 at an angle, turning at rate 1."""
-    return scene(
-        {"along": "cos(a) + cos(b) = x", "across": "sin(a) + sin(b) = 0"},
-        {
-            "a": angle,
-            "b": "-a",
-            "x": "2*cos(a)",
-            "a_dot": 1,
-            "b_dot": -1,
-            "x_dot": "-2*sin(a)",
-        },
-    )
-
-
 # What is asked of a report beside its attributes.
 ASKED = {
     "codes": codes,

@@ -134,7 +134,7 @@ def known_function(name: str) -> str:
     return found if found in FUNCTIONS else ""
 
 
-def rewritten(name: str, arguments: str = "") -> str:
+def rewritten(name: str, arguments: str) -> str:
     """Give what is written for a function that is known elsewhere, or nothing."""
     names, text = _REWRITTEN.get(name.casefold(), ("", ""))
     given = [part.strip() for part in arguments.split(",")] if arguments else []
