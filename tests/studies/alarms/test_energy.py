@@ -14,7 +14,6 @@ import pytest
 import lagsim
 from lagsim.outputs.table import TableWriter
 from lagsim.run.error import ErrorBar
-from lagsim.run.observers.monitors import Growth
 from lagsim.studies.alarms import Energy, group_balances
 from tests.small_scenes import held_pendulum
 from tests.studies.judged import cautions, codes, doubt, evidence
@@ -183,18 +182,6 @@ def test_methods_with_fixed_steps_are_not_judged():
     assert doubt(spoilt(found, "energy", bump(0.3))) is None
     loose = run(ROD, formulation="drift", method="dop853", rtol="1e-3")
     assert doubt(loose) is None
-
-
-def test_when_a_value_has_grown():
-    grown = Growth()
-    t = np.arange(1000.0)
-    for block in np.array_split(t, 11):
-        grown.add(block[:, np.newaxis], 1e-6 * np.exp(block / 50))
-    for bound in (1e-5, 1e-3, 0.1):
-        exact = 50 * np.log(bound * 1e6)
-        # Noted at steps of 10 %, which is 5 units of time.
-        assert exact <= grown.since(bound) <= exact + 6
-    assert grown.since(1e9) is None
 
 
 def test_a_table_begins_anew(tmp_path):
@@ -662,17 +649,6 @@ def test_a_mistake_is_told_as_it_is_alone(wrong, other):
     else:
         assert [c.text.replace("motion of x", "motion") for c in own] == [alone.text]
     assert all("motion of" in c.text for c in found)
-
-
-@pytest.mark.parametrize("u", [1e-6, 1e6])
-@pytest.mark.parametrize("M", [1e-12, 1e16])
-@pytest.mark.parametrize("other", ["driven", "damped"])
-def test_in_other_units_and_at_another_time(u, M, other):
-    options = {"method": "rk4", "step": 0.7}
-    (alone,) = alarmed(scene(SPRING, "", u=u, t=-3), **options)
-    found = alarmed(scene(SPRING, "", other, u=u, M=M, t=-3), **options)
-    own = [c.text for c in found if "motion of x has" in c.text]
-    assert own == [alone.text.replace("motion", "motion of x")]
 
 
 @pytest.mark.parametrize("other", OTHERS)
