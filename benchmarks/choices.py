@@ -27,7 +27,7 @@ from PIL import Image
 from lagsim.methods import names
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
-from lagsim.studies.bench.chart import chart
+from lagsim.studies.bench.chart import work_precision
 from lagsim.studies.bench.work_precision import (
     NoReferenceError,
     Wish,
@@ -161,7 +161,7 @@ def rounded(value):
 def draw(model, folder):
     """Draw the chart of a model, in a palette of colours: a tenth of the bytes."""
     folder.mkdir(parents=True, exist_ok=True)
-    drawn = chart(read_document(str(KEPT / f"{model}.json")))
+    drawn = work_precision(read_document(str(KEPT / f"{model}.json")))
     picture = Image.open(io.BytesIO(drawn)).convert("RGB")
     picture.quantize(48).save(folder / f"{model}.png", optimize=True)
 

@@ -158,9 +158,9 @@ def _written(
     """Return what is written of a document; the chart shows these rows."""
 
     def draw() -> bytes:
-        from lagsim.studies.bench.chart import chart
+        from lagsim.studies.bench.chart import work_precision
 
-        return chart(document | {"rows": shown}, form)
+        return work_precision(document | {"rows": shown}, form)
 
     tables = {TABLE: csv(COLUMNS, document["rows"])}
     return Measured(document, tables, f"work_precision.{form}", draw, summary)

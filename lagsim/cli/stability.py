@@ -100,9 +100,9 @@ def command(
         document = stability.measure(case, wish, interrupt=interrupt, progress=progress)
 
         def draw() -> bytes:
-            from lagsim.studies.bench.stability_chart import chart
+            from lagsim.studies.bench import chart
 
-            return chart(document, form.value)
+            return chart.stability(document, form.value)
 
         cells = csv(stability.columns(wish.name), document["cells"])
         summary, picture = partial(_summary, document), f"stability.{form.value}"

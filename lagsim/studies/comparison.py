@@ -143,7 +143,8 @@ def scales(
         if kinds[k] not in ("t", "definition") or group[1]:
             alike = [i for i, other in enumerate(groups) if other == group]
             found[k] = max(found[k], SHARE * np.max(wide[alike]))
-    moving = _moving(columns, wide)
+    moves = [x for x in ("kinetic", "lagrangian") if x in columns]
+    moving = float(wide[columns.index(moves[0])]) if moves else 0.0
     largest = max(
         (size[k] for k, what in enumerate(kinds) if what == "position"), default=0.0
     )
@@ -153,14 +154,6 @@ def scales(
         elif what == "residual":
             found[k] = max(ranges[k], largest)
     return found
-
-
-def _moving(columns: Sequence[str], wide: Floats) -> float:
-    """Return the range of the kinetic energy, or of the Lagrangian."""
-    for name in ("kinetic", "lagrangian"):
-        if name in columns:
-            return float(wide[columns.index(name)])
-    return 0.0
 
 
 def _extremes(data: Floats) -> tuple[Floats, Floats]:

@@ -112,25 +112,19 @@ def test_a_signal_while_pictures_are_drawn_keeps_the_rows(
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(
-    ("command", "module", "numbers"),
-    [
-        ("bench", "chart", "work_precision.csv"),
-        ("stability", "stability_chart", "stability.csv"),
-    ],
+    ("command", "name"), [("bench", "work_precision"), ("stability", "stability")]
 )
 def test_a_signal_while_a_chart_is_drawn_keeps_the_numbers(
-    lagsim, write, monkeypatch, kind, command, module, numbers
+    lagsim, write, monkeypatch, kind, command, name
 ):
-    from importlib import import_module
-
     def chart(*_arguments):
         signal.raise_signal(kind)
         pytest.fail("it went on")
 
-    monkeypatch.setattr(import_module(f"lagsim.studies.bench.{module}"), "chart", chart)
+    monkeypatch.setattr(f"lagsim.studies.bench.chart.{name}", chart)
     short = PENDULUM.replace("duration: 2", "duration: 0.5")
     lagsim(command, write(short), "-o", "out", "--methods", "rk4", code=128 + kind)
-    record = numbers.replace("csv", "json")
+    numbers, record = f"{name}.csv", f"{name}.json"
     assert names("out") == [numbers, record]
     assert document("out", record)["files"] == [numbers, record]
 

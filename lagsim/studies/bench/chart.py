@@ -1,7 +1,9 @@
-"""work_precision.png: time and evaluations against the error they bought.
+"""The charts of a bench and of a map of stability, drawn from their documents alone.
 
-Drawn from work_precision.json alone, so that it can be drawn again. At most a dozen
-curves are shown, those that matter, cheapest first.
+work_precision.png has time and evaluations against the error they bought: at most a
+dozen curves, those that matter, cheapest first. stability.png has maps of verdicts,
+below them regions of stability with eigenvalues, and the work of methods that choose
+their steps, as a parameter varies.
 """
 
 from __future__ import annotations
@@ -10,19 +12,26 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
+from functools import partial
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from matplotlib.colors import to_rgba
 from matplotlib.lines import Line2D
 
+from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.curves import LOST, curve, point
 from lagsim.outputs.figure import (
     DIM,
+    EDGE,
+    INK,
     PENS,
     SAMPLE,
     SMALL,
+    WIDTH,
+    Column,
     Pen,
     Picture,
     content,
@@ -32,14 +41,29 @@ from lagsim.outputs.figure import (
 )
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY, stamp
+from lagsim.studies.bench.stability import (
+    BREAKS,
+    DECAYS,
+    DIVERGES,
+    FAILS,
+    GROWS,
+    HOLDS,
+    VERDICTS,
+)
 from lagsim.studies.bench.work_precision import COSTS, Key, Row, curves
+from lagsim.studies.sweep.chart import borders
+from lagsim.tolerances import AMPLIFICATION_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import SubFigure
 
+    from lagsim.language.arrays import Complexes, Floats
     from lagsim.run.observers.thinning import Array
+
+    Document = Mapping[str, Any]
 
 MOST = 12
 # Of them at most so many of scipy's, where there are others.
@@ -200,13 +224,13 @@ def cost_panel(
 
 
 @in_house_style
-def chart(document: Mapping[str, Any], form: str = "png") -> bytes:
+def work_precision(document: Document, form: str = "png") -> bytes:
     """Draw what work_precision.json says. Returns a PNG, SVG or PDF."""
     return content(figure(document), form)
 
 
 @in_house_style
-def figure(document: Mapping[str, Any]) -> Picture:
+def figure(document: Document) -> Picture:
     """Draw seconds and evaluations against the error that they bought."""
     found = shown(document["rows"], WORST)
     legend = [
@@ -216,7 +240,7 @@ def figure(document: Mapping[str, Any]) -> Picture:
     ]
     drawing = Picture(
         2 * HEIGHT + REST, document["model"]["name"], "what an error costs",
-        legend=legend, notes=_notes(document, found), layout="constrained",
+        legend=legend, notes=_about_costs(document, found), layout="constrained",
     )  # fmt: skip
     panels = drawing.subplots(2)
     floor = float(seen([document["reference"]["floor"]])[0])
@@ -258,7 +282,7 @@ def _name(key: Key, keys: Iterable[Key]) -> str:
     return method if alone else f"{method} {formulation}"
 
 
-def _notes(document: Mapping[str, Any], found: Shown) -> list[str]:
+def _about_costs(document: Document, found: Shown) -> list[str]:
     lines = [f"Reference: {document['reference']['trust']}."]
     rows = curves(document["rows"])
     if gaps := list(_gaps(rows, found)):
@@ -300,3 +324,375 @@ def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
 
 def _without_answer(row: Row) -> str | None:
     return str(row["outcome"]) if row["error"] is None else None
+
+
+# Maps of stability
+
+# Inches: a strip, a map, a region, one of few, a panel of work; what is below them. And
+# so many of them in a row.
+STRIP, MAP, REGION, LARGE, WORK, BELOW = 0.27, 1.9, 1.75, 2.4, 1.0, 0.6
+MAPS, REGIONS = 3, 5
+# So often places are looked for: numbers and names take room that depends on them.
+LAYOUTS = 2
+STEPS = Column("step h", "s", np.empty(0))
+CHEAPER = "cheaper →"
+
+# Okabe and Ito's hues from pale to dark, so that they differ in grey as well.
+VERDICT_COLOURS = {
+    HOLDS: "#DDEFF9",
+    DECAYS: "#E3D22B",
+    GROWS: "#E69F00",
+    DIVERGES: "#D55E00",
+    BREAKS: "#8A3D6E",
+    FAILS: "#3C3C3C",
+}
+FOUND: Pen = {"color": INK, "linewidth": 1.8}
+# Predicted borders: of which states, and how they are drawn.
+PREDICTED: dict[str, tuple[str, Pen]] = {
+    "predicted_at_start": ("start", mark("D", 4.6, fill="white")),
+    "predicted_along": ("motion", mark("v", 5.0, fill="#0072B2")),
+}
+PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
+AT_START = mark("o", 3.6)
+ALONG = mark(".", 3.0, "#D55E00")
+ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
+
+# The part of the plane of z that is shown, more of it where there is room, and how
+# finely it is looked at.
+REAL, IMAGINARY, ROOM = (-3.6, 1.2), (0.0, 4.0), 2.0
+GRID = (128, 54)
+# Of a panel's height: eigenvalues so near those of the start are covered by them.
+COVERED = 0.01
+
+
+@in_house_style
+def stability(document: Document, form: str = "png") -> bytes:
+    """Draw the content of stability.json; as PNG, SVG or PDF."""
+    vary, (fixed, adaptive) = document["vary"], document["methods"].values()
+    regions = [Region(document, name) for name in fixed]
+    at_start = any(len(region.at_start) for region in regions)
+    along = any(region.along for region in regions)
+    parts: list[tuple[float, Callable[[SubFigure], object]]] = []
+    panels: list[Axes] = []
+    if fixed:
+        each = MAP * -(-len(fixed) // MAPS) if vary else STRIP * len(fixed)
+        cells = partial(_maps if vary else _strips, document=document)
+        high = (LARGE if len(fixed) <= MAPS else REGION) * -(-len(fixed) // REGIONS)
+        below = partial(_regions, regions=regions, panels=panels)
+        parts += [(each + BELOW, cells), (BELOW / 2 + high, below)]
+    if adaptive:
+        parts.append((3 * WORK + BELOW, partial(_work, document=document)))
+    heights = [height for height, _ in parts]
+    drawing = Picture(
+        sum(heights), document["model"]["name"],
+        "where methods hold and where they fail",
+        legend=_legend(document, at_start=at_start, along=along),
+        notes=_about_maps(document, eigenvalues=at_start or along),
+        layout="constrained",
+    )  # fmt: skip
+    places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
+    for k, (_, draw) in enumerate(parts):
+        draw(drawing.add_subfigure(places[k]))
+    engine = drawing.get_layout_engine()
+    assert engine is not None
+    for _ in range(LAYOUTS):
+        engine.execute(drawing)
+        for axes in panels:  # as long across as up
+            low, high = axes.get_ylim()
+            width, height = axes.get_window_extent().size
+            across = (high - low) * width / height / (REAL[1] - REAL[0])
+            axes.set_xlim(REAL[0] * across, REAL[1] * across)
+    drawing.set_layout_engine("none")
+    return content(drawing, form)
+
+
+def _varied(document: Document) -> Column:
+    """Return the parameter that varies, with its unit and values."""
+    vary = document["vary"]
+    return Column(vary["name"], vary["unit"], np.array(vary["values"], float))
+
+
+def borders_of(document: Document, method: str) -> list[dict[str, Any]]:
+    """Return the borders of a method, one for each value of the parameter."""
+    found = document["borders"].get(method, [])
+    return [found] if isinstance(found, dict) else list(found)
+
+
+def _legend(
+    document: Document, *, at_start: bool, along: bool
+) -> list[tuple[str, Pen]]:
+    """Name colours and marks."""
+    seen = {cell["verdict"] for cell in document["cells"]}
+    bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
+    bars = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
+    fixed = document["methods"]["fixed"]
+    borders = [border for name in fixed for border in borders_of(document, name)]
+    found = any(border["found"] is not None for border in borders)
+    shown: list[tuple[str, Pen, bool]] = [("border found", FOUND, found)]
+    if document["vary"]:
+        there = any(border["predicted"] for border in borders)
+        shown.append(("predicted", PREDICTED_LINE, there))
+    elif fixed:
+        across, _ = spread(document["steps"])
+        shown += [
+            (f"predicted: {where}", pen, any(_within(b[key], across) for b in borders))
+            for key, (where, pen) in PREDICTED.items()
+        ]
+    shown += [("h·λ: start", AT_START, at_start), ("h·λ: motion", ALONG, along)]
+    return [*bars, *((name, pen) for name, pen, there in shown if there)]
+
+
+def _within(step: float | None, across: Scale) -> bool:
+    return step is not None and across.low < step < across.high
+
+
+def _strips(part: SubFigure, document: Document) -> None:
+    """Draw a strip of verdicts over steps for each method."""
+    across, steps = spread(document["steps"])
+    methods = document["methods"]["fixed"]
+    panels = part.subplots(len(methods), sharex=True, squeeze=False)[:, 0]
+    for axes, method in zip(panels, methods, strict=True):
+        across.put(axes, "x", 9)
+        Scale(-0.5, 0.5).put(axes, "y", 0)
+        _cells(axes, document, method, steps, np.array((-0.5, 0.5)))
+        for border in borders_of(document, method):
+            if border["found"] is not None:
+                axes.axvline(border["found"], **FOUND, zorder=2.4)
+            for key, (_, look) in PREDICTED.items():
+                if _within(border[key], across):
+                    point(axes, border[key], 0.0, look)
+        axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
+    axes.set_xlabel(STEPS.label)
+    axes.annotate(
+        CHEAPER, (1.0, 0.0), (0.0, -22.0), "axes fraction", "offset points",
+        size=SMALL, ha="right", va="top", color=DIM,
+    )  # fmt: skip
+
+
+def _cells(axes: Axes, document: Document, method: str, x: Floats, y: Floats) -> None:
+    """Fill the cells between borders in x and y with the colours of verdicts."""
+    cells = [cell for cell in document["cells"] if cell["method"] == method]
+    # One value of the parameter after the other; the last are not there where an end
+    # was asked for.
+    values = len(document["vary"]["values"]) if document["vary"] else 1
+    colours = np.zeros((values, len(document["steps"]), 4))
+    flat = colours.reshape(-1, 4)
+    flat[: len(cells)] = [to_rgba(VERDICT_COLOURS[cell["verdict"]]) for cell in cells]
+    if document["vary"]:
+        colours = colours.swapaxes(0, 1)
+    # Edges of their own colour close the seams that viewers of vectors leave.
+    axes.pcolormesh(x, y, colours, zorder=1.0, edgecolors="face", linewidth=0.7)
+
+
+def _grid(
+    part: SubFigure, count: int, most: int, side: str, **alike: Any
+) -> list[Axes]:
+    """Give so many panels, in rows of at most so many and at least two.
+
+    `side` is what stands at the left of each row.
+    """
+    rows = -(-count // most)
+    columns = max(2, -(-count // rows))
+    panels = part.subplots(rows, columns, squeeze=False, **alike)
+    for axes in panels[:, 0]:
+        axes.set_ylabel(side)
+    for axes in panels.flat[count:]:
+        axes.remove()
+    return list(panels.flat[:count])
+
+
+def _maps(part: SubFigure, document: Document) -> None:
+    """Draw a map over the parameter and the step for each method."""
+    varied = _varied(document)
+    across, columns = spread(varied.values.tolist())
+    up, steps = spread(document["steps"])
+    methods = document["methods"]["fixed"]
+    alike = {"sharex": True, "sharey": True}
+    panels = _grid(part, len(methods), MAPS, STEPS.label, **alike)
+    for axes, method in zip(panels, methods, strict=True):
+        across.put(axes, "x", 4)
+        up.put(axes, "y", 6)
+        _cells(axes, document, method, columns, steps)
+        borders = borders_of(document, method)
+        for key, pen in (("found", FOUND), ("predicted", PREDICTED_LINE)):
+            levels = np.array([border[key] or np.nan for border in borders])
+            levels = np.where(levels > up.low, levels, np.nan)
+            curve(axes, varied.values[: len(borders)], levels, pen)
+        axes.set_title(method, weight="bold")
+        axes.set_xlabel(varied.within(WIDTH / MAPS))
+
+
+class Region:
+    """The plane of z = h λ of a method, as a panel shows it.
+
+    Attributes
+    ----------
+    step, meaning : float, str
+        The step at which eigenvalues are shown, and what it is.
+    size : float
+        How much of the plane is shown.
+    at_start, motion : ndarray of complex
+        The z in it, at the start and along the motion.
+    along : bool
+        Some of the motion are not covered by those of the start.
+    """
+
+    def __init__(self, document: Document, name: str) -> None:
+        self.name, self.method = name, method_named(name)
+        self.step, self.meaning = _step_shown(document, name)
+        found = document["eigenvalues"]
+        at_start, motion = (
+            np.array(found[key], float).reshape(-1, 2) @ [1.0, 1j]
+            for key in ("at_start", "along")
+        )
+        # A bounded region fills its panel; of an unbounded one eigenvalues decide.
+        self.size = 1.0
+        if not math.isfinite(self.method.IMAGINARY_LIMIT):
+            largest = float(np.max(np.abs(at_start), initial=0.0))
+            self.size = max(1.0, 1.2 * self.step * largest / IMAGINARY[1])
+        self.at_start, self.motion = self._inside(at_start), self._inside(motion)
+        near = COVERED * self.size * IMAGINARY[1]
+        self.along = any(
+            np.min(abs(self.at_start - z), initial=np.inf) > near for z in self.motion
+        )
+
+    def _inside(self, values: Complexes) -> Complexes:
+        z = self.step * values[values.imag >= 0.0]
+        z = z[(z.real >= self.size * REAL[0]) & (z.real <= self.size * REAL[1])]
+        return np.asarray(z[z.imag <= self.size * IMAGINARY[1]])
+
+
+def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> None:
+    """Draw each method's region of stability with h times the eigenvalues."""
+    text = "blue: a step does not amplify; z = h · eigenvalue, Re z across, Im z up"
+    part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
+    panels += _grid(part, len(regions), REGIONS, "Im z")
+    for axes, region in zip(panels, regions, strict=True):
+        method = region.method
+        across, up = (
+            (region.size * low, region.size * high) for low, high in (REAL, IMAGINARY)
+        )
+        x = np.linspace(ROOM * across[0], ROOM * across[1], GRID[0])
+        y = np.linspace(up[0], up[1], GRID[1])
+        with np.errstate(all="ignore"):
+            size = np.array(
+                [[method.amplification(complex(a, b)) for a in x] for b in y]
+            )
+        size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
+        limit = 1.0 + AMPLIFICATION_ROUNDOFF
+        axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
+        edge: Pen = {"colors": "#5b9ec0", "linewidths": 0.7, "zorder": 0.4}
+        axes.contour(x, y, size, levels=[limit], **edge)
+        axes.grid(visible=True)
+        axes.axvline(0.0, color="#999999", linewidth=0.6)
+        if method.IMAGINARY_LIMIT > 0.0:
+            axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up[1])], **ON_AXIS)
+        for z, pen in ((region.motion, ALONG), (region.at_start, AT_START)):
+            if len(z):  # without any it had no place, and no layout were found
+                axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
+        axes.set(xlim=across, ylim=up)
+        axes.set_title(region.name, weight="bold")
+        label = f"h = {region.step:.3g} s ({region.meaning})"
+        axes.set_xlabel(label, size=SMALL - 1.0, color=DIM)
+
+
+def _step_shown(document: Document, name: str) -> tuple[float, str]:
+    """Give the step at which eigenvalues are shown: at the border, where there is one.
+
+    Of the parameter's values the one next to the file's counts.
+    """
+    borders = borders_of(document, name)
+    if document["vary"]:
+        varied = document["vary"]["name"]
+        usual = document["parameters"][varied]
+        borders.sort(key=lambda border: abs(border[varied] - usual))
+    for border in borders[:1]:
+        for key in ("found", "predicted"):
+            if border[key]:
+                return border[key], f"border {key}"
+    return document["steps"][-1], "largest tried"
+
+
+def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
+    """Return the scale that cells fill, and their borders: half a cell past the last.
+
+    By powers of ten where all places are above 0.
+    """
+    log = min(places) > 0.0
+    edges = borders(np.array(places, float), log=log)
+    return Scale(float(edges[0]), float(edges[-1]), log=log), edges
+
+
+def _work(part: SubFigure, document: Document) -> None:
+    """Draw what methods that choose their steps do as the parameter varies."""
+    varied = _varied(document)
+    across, _ = spread(varied.values.tolist())
+    asked: list[tuple[str, Callable[[Document], float | None]]] = [
+        ("evaluations / s", lambda cell: _share(cell["evaluations"], cell)),
+        # 0 has no place on logarithms.
+        ("1 + rejections", lambda c: c["evaluations"] and 1.0 + c["rejections"]),
+        ("least step / run", lambda cell: _share(cell["smallest_step"], cell)),
+    ]
+    by_method = {
+        name: [cell for cell in document["cells"] if cell["method"] == name]
+        for name in document["methods"]["adaptive"]
+    }
+    panels = part.subplots(len(asked), sharex=True, squeeze=False)[:, 0]
+    for axes, (label, of) in zip(panels, asked, strict=True):
+        curves = {
+            name: np.array([of(cell) or math.nan for cell in cells])
+            for name, cells in by_method.items()
+        }
+        across.put(axes, "x", 9)
+        log_scale(*curves.values()).put(axes, "y", 5)
+        axes.grid(visible=True)
+        axes.set_ylabel(label)
+        for name, values in curves.items():
+            x = varied.values[: len(values)]
+            curve(axes, x, values, look_of(name).line | {"label": name})
+    axes.set_xlabel(varied.within(WIDTH))
+    part.align_ylabels()
+    panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
+
+
+def _share(count: float | None, cell: Document) -> float | None:
+    return count / cell["duration"] if count and cell["duration"] else None
+
+
+def _about_maps(document: Document, *, eigenvalues: bool) -> list[str]:
+    lines = []
+    runs, fixed = document["runs"], document["methods"]["fixed"]
+    if fixed:
+        least = min(steps["least"] for steps in runs["steps"].values())
+        most = max(steps["most"] for steps in runs["steps"].values())
+        lines.append(
+            f"Each cell is one run, as long as the model's ({runs['duration']:.4g} s), "
+            f"but of at least {least} and at most {most} steps. The start velocities "
+            f"are changed by {runs['perturbation']['energy']:g} of the energy, so that "
+            "every mode is excited. A run grows or decays if energy − work changes by "
+            "more than 1 % of the energy of the motion."
+        )
+        if eigenvalues:
+            lines.append(
+                "λ: eigenvalues of the linearised equations, at the start and at "
+                "states along the motion. A method is predicted to be stable where "
+                "h·λ lies in its blue region."
+            )
+    missing: dict[str, list[str]] = {}
+    never = []
+    for name in fixed:
+        borders = borders_of(document, name)
+        for border in borders:
+            missing.setdefault(border["note"], []).append(name)
+        if any(border[key] == 0.0 for border in borders for key in PREDICTED):
+            never.append(name)
+    missed = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
+    if missed and not document["vary"]:
+        lines.append(f"No border found: {'; '.join(missed)}.")
+    if never:
+        lines.append(
+            f"By the eigenvalues the motion grows at every step: {', '.join(never)}."
+        )
+    if unknown := document["eigenvalues"]["unknown"]:
+        lines.append(f"No eigenvalues: {unknown}.")
+    return [*lines, f"{stamp(document)}."]

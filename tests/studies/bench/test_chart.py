@@ -14,11 +14,17 @@ from lagsim import methods
 from lagsim.methods import names
 from lagsim.model.reader import read
 from lagsim.run.session import open_case
-from lagsim.studies.bench.chart import MOST, chart, figure, look_of, shown
+from lagsim.studies.bench.chart import (
+    MOST,
+    VERDICT_COLOURS,
+    figure,
+    look_of,
+    shown,
+    stability,
+    work_precision,
+)
 from lagsim.studies.bench.solving import SCIPY, stamp
 from lagsim.studies.bench.stability import VERDICTS, Wish, measure
-from lagsim.studies.bench.stability_chart import VERDICT_COLOURS
-from lagsim.studies.bench.stability_chart import chart as stability_chart
 from tests.outputs.drawn import assert_legible, drawn
 
 FRONT_SECONDS = 1e-3
@@ -98,12 +104,12 @@ DOCUMENTS = {
 
 @pytest.fixture(scope="module")
 def crowded():
-    return drawn(chart, DOCUMENTS["crowd"])
+    return drawn(work_precision, DOCUMENTS["crowd"])
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
 def test_every_text_lies_on_the_sheet_and_over_no_other(name, crowded):
-    drawing = crowded if name == "crowd" else drawn(chart, DOCUMENTS[name])
+    drawing = crowded if name == "crowd" else drawn(work_precision, DOCUMENTS[name])
     assert len(drawing.panels) == 2
     assert_legible(drawing)
     assert name == "long names" or not any("…" in said for said in drawing.written())
@@ -135,7 +141,7 @@ def test_what_is_on_the_front_is_shown():
     rows.append(loose | {"front_seconds": True, "front_evaluations": True})
     assert len({r["method"] for r in rows}) > MOST
     assert ("euler", "none") in shown(rows, 3.0).curves
-    for panel in drawn(chart, document(rows)).panels:
+    for panel in drawn(work_precision, document(rows)).panels:
         (front,) = [line for line in panel.lines if line.colour == "#f0e442"]
         assert len(front.x) == 12
         assert panel.box.y0 < front.y.min() < front.y.max() < panel.box.y1
@@ -184,7 +190,7 @@ def test_names_stand_beside_a_sample_of_their_curve():
 
 
 def test_what_is_better_and_what_it_was_measured_on_is_said():
-    drawing = drawn(chart, DOCUMENTS["one"])
+    drawing = drawn(work_precision, DOCUMENTS["one"])
     for panel in drawing.panels:
         assert panel.labels[1].startswith("← faster")
         assert panel.limits[0][0] < panel.limits[0][1]  # errors grow to the right
@@ -199,7 +205,7 @@ def test_what_is_better_and_what_it_was_measured_on_is_said():
         assert part in said
     assert "busy" not in said
     loaded = document([], machine=document([])["machine"] | {"load": 3.0})
-    assert "busy (load 3.0)" in " ".join(drawn(chart, loaded).written())
+    assert "busy (load 3.0)" in " ".join(drawn(work_precision, loaded).written())
 
 
 def test_what_auto_takes_has_rings(crowded):
@@ -209,7 +215,7 @@ def test_what_auto_takes_has_rings(crowded):
 
 
 def test_errors_below_the_floor_are_shaded():
-    [_, panel] = drawn(chart, DOCUMENTS["horizon"]).panels
+    [_, panel] = drawn(work_precision, DOCUMENTS["horizon"]).panels
     [(_, corners)] = panel.areas
     low, high = panel.limits[0]
     # From the left edge of the panel to an error of 1e-3, on logarithms.
@@ -220,7 +226,7 @@ def test_errors_below_the_floor_are_shaded():
 
 @pytest.mark.slow
 def test_the_same_document_gives_the_same_bytes(crowded):
-    assert chart(json.loads(json.dumps(DOCUMENTS["crowd"]))) == crowded.sheet
+    assert work_precision(json.loads(json.dumps(DOCUMENTS["crowd"]))) == crowded.sheet
 
 
 # Maps of stability
@@ -277,7 +283,7 @@ def everything(strips):
 
 @pytest.mark.slow
 def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
-    drawing = drawn(stability_chart, strips)
+    drawing = drawn(stability, strips)
     assert_legible(drawing)
     said = " ".join(drawing.written())
     assert re.search(r"Found with lagsim .* numpy ", said)
@@ -285,7 +291,7 @@ def test_every_text_of_strips_lies_on_the_sheet_and_over_no_other(strips):
 
 @pytest.mark.slow
 def test_every_text_of_a_crowd_does(strips):
-    drawing = drawn(stability_chart, everything(strips))
+    drawing = drawn(stability, everything(strips))
     assert_legible(drawing)
     assert set(VERDICTS) <= set(drawing.written())
     # Each row of regions says what is up.
@@ -297,7 +303,7 @@ def test_every_text_of_a_crowd_does(strips):
 
 @pytest.mark.slow
 def test_every_text_of_maps_does_and_axes_have_their_units(maps):
-    drawing = drawn(stability_chart, maps)
+    drawing = drawn(stability, maps)
     assert_legible(drawing)
     labels = {label for panel in drawing.panels for label in panel.labels[:2]}
     assert {"k (N/m)", "step h (s)", "evaluations / s"} <= labels
@@ -306,8 +312,8 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
 
 @pytest.mark.slow
 def test_it_is_drawn_for_print(strips):
-    assert stability_chart(strips, "pdf").startswith(b"%PDF")
-    assert stability_chart(strips, "svg").startswith(b"<?xml")
+    assert stability(strips, "pdf").startswith(b"%PDF")
+    assert stability(strips, "svg").startswith(b"<?xml")
 
 
 def test_verdicts_are_told_apart_in_grey():
@@ -335,13 +341,13 @@ LEGENDS = [
 @pytest.mark.parametrize(("border", "expected"), LEGENDS)
 def test_the_legend_names_what_is_drawn(strips, border, expected):
     borders = {name: own | border for name, own in strips["borders"].items()}
-    said = drawn(stability_chart, strips | {"borders": borders}).written()
+    said = drawn(stability, strips | {"borders": borders}).written()
     marks = ("border found", "predicted", "h·λ")
     assert {text for text in said if text.startswith(marks)} == expected
 
 
 def test_few_panels_fill_the_sheet(strips):
-    drawing = drawn(stability_chart, strips)
+    drawing = drawn(stability, strips)
     assert "step h (s)" in [panel.labels[0] for panel in drawing.panels]
     steps = [text for text in drawing.written() if text.startswith("h = ")]
     assert len(steps) == 2
