@@ -8,7 +8,7 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 229
+FILES = 228
 LINES = 65_000
 LINES_OF_TESTS = 49_600
 
