@@ -135,13 +135,13 @@ class _Latex(Outline):
         self.lines.append(f"\n\\subsection*{{{plain_latex(text)}}}")
 
     def _rows(self, rows: Sequence[Row]) -> None:
-        self.align([self.equals(*row) for row in rows])
+        self.align([self._typeset(*row) for row in rows])
 
     def _where(self, rows: Sequence[Row]) -> None:
         self.lines.append("where")
         self._rows(rows)
 
-    def equals(self, left: str, right: Any, tail: str = "") -> Typeset:
+    def _typeset(self, left: str, right: Any, tail: str = "") -> Typeset:
         return left, self.pieces(right, LONGEST_LINE - _width(left)), tail
 
     def align(self, rows: Sequence[Typeset]) -> None:

@@ -25,8 +25,11 @@ if TYPE_CHECKING:
     Rows = Sequence[Sequence[str]]  # of a matrix, written
 
 
+WIDTH = 100
+
+
 class Outline:
-    """The sections of a derivation.
+    """The sections of a derivation, as plain text.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ class Outline:
     """
 
     # What fits on a line, with how much between two entries of a matrix.
-    room, between = 0, 0
+    room, between = WIDTH - 8, 3
 
     def __init__(
         self, content: Content, write: Printer, signs: Mapping[str, str]
@@ -266,19 +269,85 @@ class Outline:
     _plain = _label
     statements: Mapping[str, str] = UNICODE
 
-    def _width(self, text: str) -> int: ...  # type: ignore[empty-body]
-    def _title(self, text: str) -> None: ...
-    def _say(self, text: str) -> None: ...
-    def _rows(self, rows: Sequence[Row]) -> None: ...
-    def _where(self, rows: Sequence[Row]) -> None: ...
-    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None: ...
-    def _derivatives(self, k: Condition) -> list[str]: ...  # type: ignore[empty-body]
-    def _given(self, given: Sequence[str]) -> None: ...
-    def _statement(self, about: str, text: str) -> None: ...
-    def _square(self, letter: str, rows: Rows) -> None: ...
+    def _width(self, text: str) -> int:
+        return _width(text)
+
+    def _title(self, text: str) -> None:
+        self.lines += ["", text, "-" * len(text)]
+
+    def _say(self, text: str) -> None:
+        self.lines += textwrap.wrap(text, WIDTH - 2, initial_indent="  ",
+                                    subsequent_indent="  ")  # fmt: skip
+
+    def _equals(self, left: str, right: Any, tail: str = "") -> None:
+        """Write left = right, broken before a sign where it is too long."""
+        head = f"  {left} = " if left else "  "
+        self._broken_row(head, self.write.terms(right), tail)
+
+    def _broken_row(
+        self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
+    ) -> None:
+        write = self.write
+        line = head
+        for k, (sign, text) in enumerate(terms):
+            first = write.negative if sign == "-" else ""
+            part = (write.minus if sign == "-" else write.plus) if k else first
+            if k and _width(line) + _width(part + text) > WIDTH:
+                self.lines += _folded(line)
+                line = " " * min(max(_width(head) - 2, 4), 24) + part + text
+            else:
+                line += part + text
+        self.lines += _folded(line + tail)
+
+    def _rows(self, rows: Sequence[Row]) -> None:
+        for row in rows:
+            self._equals(*row)
+
+    def _where(self, rows: Sequence[Row]) -> None:
+        for k, (name, *value) in enumerate(rows):
+            self._equals(("where " if k == 0 else "      ") + name, *value)
+
+    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
+        for line, terms in lines:
+            self._title(f"Equation of {self.show(line.coordinate)}")
+            width = max(_width(label) for label, *_ in terms)
+            for label, *value in terms:
+                self._equals(label + " " * (width - _width(label)), *value)
+            self.lines.append("")
+            self._equation(line.left, line.right)
+
+    def _equation(self, left: Any, right: Any) -> None:
+        terms = self.write.terms(left)
+        tail = self.write(right)
+        if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
+            self._broken_row("  ", terms)
+            self._broken_row("      = ", self.write.terms(right))
+        else:
+            self._broken_row("  ", terms, f" = {tail}")
+
+    def _square(self, letter: str, rows: Rows) -> None:
+        widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
+        for k, row in enumerate(rows):
+            cells = "   ".join(
+                e + " " * (w - _width(e)) for e, w in zip(row, widths, strict=True)
+            )
+            head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
+            self.lines.append(f"  {head}[ {cells} ]")
+
+    def _derivatives(self, k: Condition) -> list[str]:
+        if k.moving:
+            return ["rate" if k.kind == "one-sided" else "", "d/dt of it"]
+        letter = "gap" if k.kind == "one-sided" else "g"
+        return [letter, f"d{letter}/dt", self.signs["twice"]]
+
+    def _given(self, given: Sequence[str]) -> None:
+        for text in given:
+            self._say(text)
+
+    def _statement(self, about: str, text: str) -> None:
+        self._say(f"{about}: {text}")
 
 
-WIDTH = 100
 _SIGNS = {
     "minus": "−", "=": "=", "at least": "≥", "slope": "∂{}/∂{}",
     "rate": "d/dt ∂{}/∂{}", "twice": "d²/dt²", "matrix": "{}", "entry": "{}[{}, {}]",
@@ -312,7 +381,7 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     model = content.translation.equations.model
     head = f"{model.name}: {model.description}" if model.description else model.name
     lines = textwrap.wrap(" ".join(head.split()), WIDTH)
-    page = _Text(content, write, signs)
+    page = Outline(content, write, signs)
     page.statements = ASCII if ascii_only else UNICODE
     lines += page.document()
     for note in content.notes:
@@ -371,85 +440,3 @@ def _cut(line: str) -> int:
         if columns > WIDTH:
             return k
     return len(line)
-
-
-class _Text(Outline):
-    room, between = WIDTH - 8, 3
-
-    def _width(self, text: str) -> int:
-        return _width(text)
-
-    def _title(self, text: str) -> None:
-        self.lines += ["", text, "-" * len(text)]
-
-    def _say(self, text: str) -> None:
-        self.lines += textwrap.wrap(text, WIDTH - 2, initial_indent="  ",
-                                    subsequent_indent="  ")  # fmt: skip
-
-    def equals(self, left: str, right: Any, tail: str = "") -> None:
-        """Write left = right, broken before a sign where it is too long."""
-        head = f"  {left} = " if left else "  "
-        self.broken(head, self.write.terms(right), tail)
-
-    def broken(
-        self, head: str, terms: Sequence[tuple[str, str]], tail: str = ""
-    ) -> None:
-        write = self.write
-        line = head
-        for k, (sign, text) in enumerate(terms):
-            first = write.negative if sign == "-" else ""
-            part = (write.minus if sign == "-" else write.plus) if k else first
-            if k and _width(line) + _width(part + text) > WIDTH:
-                self.lines += _folded(line)
-                line = " " * min(max(_width(head) - 2, 4), 24) + part + text
-            else:
-                line += part + text
-        self.lines += _folded(line + tail)
-
-    def _rows(self, rows: Sequence[Row]) -> None:
-        for row in rows:
-            self.equals(*row)
-
-    def _where(self, rows: Sequence[Row]) -> None:
-        for k, (name, *value) in enumerate(rows):
-            self.equals(("where " if k == 0 else "      ") + name, *value)
-
-    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
-        for line, terms in lines:
-            self._title(f"Equation of {self.show(line.coordinate)}")
-            width = max(_width(label) for label, *_ in terms)
-            for label, *value in terms:
-                self.equals(label + " " * (width - _width(label)), *value)
-            self.lines.append("")
-            self._equation(line.left, line.right)
-
-    def _equation(self, left: Any, right: Any) -> None:
-        terms = self.write.terms(left)
-        tail = self.write(right)
-        if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
-            self.broken("  ", terms)
-            self.broken("      = ", self.write.terms(right))
-        else:
-            self.broken("  ", terms, f" = {tail}")
-
-    def _square(self, letter: str, rows: Rows) -> None:
-        widths = [max(map(_width, column)) for column in zip(*rows, strict=True)]
-        for k, row in enumerate(rows):
-            cells = "   ".join(
-                e + " " * (w - _width(e)) for e, w in zip(row, widths, strict=True)
-            )
-            head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
-            self.lines.append(f"  {head}[ {cells} ]")
-
-    def _derivatives(self, k: Condition) -> list[str]:
-        if k.moving:
-            return ["rate" if k.kind == "one-sided" else "", "d/dt of it"]
-        letter = "gap" if k.kind == "one-sided" else "g"
-        return [letter, f"d{letter}/dt", self.signs["twice"]]
-
-    def _given(self, given: Sequence[str]) -> None:
-        for text in given:
-            self._say(text)
-
-    def _statement(self, about: str, text: str) -> None:
-        self._say(f"{about}: {text}")

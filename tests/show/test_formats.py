@@ -157,15 +157,17 @@ def test_every_function_is_derived(name: str) -> None:
 
 
 def test_every_function_in_python() -> None:
-    equations = derive(read(EVERY_FUNCTION, "m.yaml"))
-    scope: dict[str, Any] = {}
-    exec(as_python(equations, "0"), scope)
-    for state in ({}, *OTHERS):
-        values = {**FIRST, **state}
-        expected = evaluate(equations.graph, equations.f, values)
-        found = scope["force"](0.2, [values["x"], values["y"]], [0.3, -0.7])
-        # The libraries of mathematics differ in the last place, over some 100 terms.
-        assert found == pytest.approx(expected, rel=1e-13)
+    force = EVERY_FUNCTION.replace("potential: >-", "potential: 0\nforces:\n  x: >-")
+    for text in (EVERY_FUNCTION, force):  # slopes, and the functions themselves
+        equations = derive(read(text, "m.yaml"))
+        scope: dict[str, Any] = {}
+        exec(as_python(equations, "0"), scope)
+        for state in ({}, *OTHERS):
+            values = {**FIRST, **state}
+            expected = evaluate(equations.graph, equations.f, values)
+            found = scope["force"](0.2, [values["x"], values["y"]], [0.3, -0.7])
+            # The libraries of mathematics differ in the last place, over 100 terms.
+            assert found == pytest.approx(expected, rel=1e-13)
 
 
 def test_python_outside_a_domain_is_not_a_number_and_nothing_else() -> None:

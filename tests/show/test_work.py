@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import subprocess
 import sys
 
@@ -14,40 +15,35 @@ from lagsim.show.text import as_text
 from tests.support import ROOT
 
 
-def sines(n):
-    whole = " + ".join(f"q{j}" for j in range(n))
-    return [f"sin({whole} + {k})" for k in range(15)]
+def turned(n, k):
+    return " + ".join(f"q{(j + k) % n}" for j in range(n))
 
 
-def products_of_sines(n):
+SHAPES = {
+    "sines": lambda n: " + ".join(f"sin({turned(n, 0)} + {k})" for k in range(15)),
+    "products": lambda n: " + ".join(
+        f"sin({turned(n, k)})*cos({turned(k + 1, 0)})" for k in range(n)
+    ),
+    "choices": lambda n: functools.reduce(
+        lambda inner, j: f"{'min' if j % 2 else 'max'}({inner}, {j + 1}*q{j})",
+        range(n), "q0",
+    ),
+}  # fmt: skip
+
+
+def derived(potential, n):
     names = [f"q{j}" for j in range(n)]
-    return [
-        f"sin({' + '.join(names[k:] + names[:k])})*cos({' + '.join(names[: k + 1])})"
-        for k in range(n)
-    ]
-
-
-def nested_choices(n):
-    choice = "q0"
-    for j in range(n):
-        choice = f"{'min' if j % 2 else 'max'}({choice}, {j + 1}*q{j})"
-    return [choice]
-
-
-def derived(terms, n):
-    names = "".join(f"  q{j}: {{}}\n" for j in range(n))
-    kinetic = " + ".join(f"q{j}_dot^2/2" for j in range(n))
-    start = ", ".join(f"q{j}: 0.1" for j in range(n))
     text = f"""
-coordinates:
-{names}
-energy: {{kinetic: {kinetic}, potential: "{" + ".join(terms)}"}}
-initial: {{{start}}}
+coordinates: {{{", ".join(f"{q}: {{}}" for q in names)}}}
+energy:
+  kinetic: {" + ".join(f"{q}_dot^2/2" for q in names)}
+  potential: "{potential}"
+initial: {{{", ".join(f"{q}: 0.1" for q in names)}}}
 """
     return content(derive(read(text, "model.yaml"), chained=False))
 
 
-def work(terms, n):
+def work(potential, n):
     """Give the calls that a derivation makes for each letter that it writes."""
     calls = 0
 
@@ -57,7 +53,7 @@ def work(terms, n):
 
     sys.setprofile(counted)
     try:
-        written = as_text(derived(terms, n))
+        written = as_text(derived(potential, n))
     finally:
         sys.setprofile(None)
     return calls / len(written)
@@ -65,26 +61,17 @@ def work(terms, n):
 
 @pytest.mark.parametrize(
     "shape",
-    [
-        sines,
-        pytest.param(products_of_sines, marks=pytest.mark.slow),
-        pytest.param(nested_choices, marks=pytest.mark.slow),
-    ],
+    ["sines", *(pytest.param(x, marks=pytest.mark.slow) for x in list(SHAPES)[1:])],
 )
 def test_twice_the_coordinates_take_no_more_work_for_each_letter(shape):
     # In a process of its own: what others have left in sympy's caches is not counted.
-    name = shape.__name__
     code = (
-        f"from tests.show.test_work import {name} as shape, work\n"
+        "from tests.show.test_work import SHAPES, work\n"
+        f"shape = SHAPES[{shape!r}]\n"
         "work(shape(2), 2)  # what sympy makes once\n"
         "print(*(work(shape(n), n) for n in (9, 18)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     few, many = map(float, done.stdout.split())
     assert many < 1.15 * few
