@@ -18,9 +18,9 @@ The conventions:
   decide, and if they differ it breaks once, where the computed value changes.
 - Where nothing can be decided down to neighbouring doubles (a square wave of `floor`s
   faster than they are, atan2(0, 0)), the stretch left undecided may grow, by cells of
-  up to 1/64 of its length, until something can; its two ends are reported. Breaks that
-  accumulate (sin(1/t) toward 0) come one by one, as far as rounding lets them be told
-  apart.
+  up to 1/64 of its length, until something can; it breaks once if the values on both
+  sides differ. Breaks that accumulate (sin(1/t) toward 0) come one by one, as far as
+  rounding lets them be told apart.
 - After 200,000 cells without a break the time reached is reported as a needless
   one, so that each request returns within seconds. It costs a restart of the
   method, nothing else.
@@ -135,10 +135,8 @@ class Division:
         nodes = [s.node for s in self.surfaces]
         slopes = tangent(g, nodes, {g.variable("t"): g.one})
         self.enclose = Enclosures(g, [*nodes, *slopes], values)
-        least = finest(start, end)
-        self.locators = [
-            _Locator(Values(g, [s.discrete], values), least) for s in self.surfaces
-        ]
+        discretes = (Values(g, [s.discrete], values) for s in self.surfaces)
+        self.locators = [_Locator(values_of) for values_of in discretes]
         joined = joined_conditions(g, discrete)
         fixed = [a for n in joined for a in g.args[n] if a not in timed]
         self.known = {
@@ -381,11 +379,10 @@ def _clusters(
 class _Locator:
     """Locates the steps of the discrete value of one surface, cell after cell."""
 
-    def __init__(self, discrete: Values, finest: float) -> None:
-        self.discrete, self.finest = discrete, finest
+    def __init__(self, discrete: Values) -> None:
+        self.discrete = discrete
         # The doubtful stretch that has not ended yet, and its state.
         self.doubtful: tuple[float, float, int] | None = None
-        self.given_up = False  # it is long; its beginning has been reported
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
         """Give the steps known by the end of `cell`; `state` is that of the surface."""
@@ -398,10 +395,6 @@ class _Locator:
         if state in (HIDDEN, OPEN):
             lo = self.doubtful[0] if self.doubtful else lo
             self.doubtful = (lo, hi, state)
-            long = GROWTH * max(math.ulp(max(-lo, hi)), self.finest)
-            if state == OPEN and not self.given_up and hi - lo > long:
-                self.given_up = True
-                found.append(lo)
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
@@ -409,9 +402,8 @@ class _Locator:
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful
-        given_up = self.given_up
-        self.doubtful, self.given_up = None, False
-        return [hi] if given_up else self._change(lo, hi)
+        self.doubtful = None
+        return self._change(lo, hi)
 
     def _change(self, lo: float, hi: float) -> list[float]:
         if repr(self.discrete(hi)) == repr(self.discrete(lo)):
