@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.cli import main
+from lagsim.run.arcs import finite_rows
 from lagsim.run.trajectory import Outcome
 from tests.support import run
 
@@ -136,6 +137,15 @@ def test_laws_whose_forces_leave_doubles():
         found = run(BRAKE)
     assert found.trajectory.outcome is Outcome.NOT_FINITE
     assert found.trajectory.end == pytest.approx(0.3)
+
+
+def test_rows_before_one_that_is_not_finite():
+    rows = np.ones((4, 3))
+    assert finite_rows(rows, 2) == 4
+    rows[2, 2] = np.nan
+    assert finite_rows(rows, 2) == 4
+    rows[1, 1] = np.inf
+    assert finite_rows(rows, 2) == 1
 
 
 def test_columns_that_are_not_finite_are_named(tmp_path, monkeypatch, capsys):
