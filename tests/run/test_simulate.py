@@ -9,7 +9,7 @@ import signal
 import numpy as np
 import pytest
 
-from lagsim.run.interrupt import Interrupt
+from lagsim.run.interrupt import Interrupt, Pace
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator
@@ -169,6 +169,24 @@ simulation: {{duration: 2, output_step: 0.01}}
     assert not found.trajectory.outcome.complete
     # Within 1e-6 of the centre speeds are above 1e3: what is left takes no 1e-6.
     assert found.trajectory.end == pytest.approx(time, abs=1e-6)
+
+
+def test_just_enough_steps_are_no_failure():
+    steps = run(oscillator("duration: 10")).trajectory.statistics.steps
+    found = run(oscillator("duration: 10"), most_steps=steps)
+    assert found.trajectory.outcome is Outcome.DONE
+
+
+def test_kernels_work_for_a_moment_at_a_time():
+    pace, cost = Pace(), 0.0
+    for _ in range(40):
+        pace.lasted(pace.steps * 1e-7)
+    quick = pace.steps
+    for _ in range(10):
+        cost = pace.steps * 5e-3  # as of a step of a thousand coordinates
+        pace.lasted(cost)
+    assert quick > 1000
+    assert cost < 0.1
 
 
 def test_an_interrupt_during_the_last_block_does_not_undo_the_end():
