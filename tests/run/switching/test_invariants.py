@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from lagsim.run.system.runner import Runner
 from tests.run.switching.scenes import one_quick, scene
 from tests.support import run
 
@@ -33,6 +34,29 @@ def test_no_row_is_farther_than_forces_take_it(force):
     assert np.max(np.abs(np.diff(v)) / steps) < largest
     assert found.drift < 1e-10
     assert found.trajectory.outcome.name == "DONE"
+
+
+SLIDES = scene("x^2/2", "-0.5*sign(x_dot - 0.2)", v=1, duration=5)
+
+
+def test_a_jump_ends_the_run(monkeypatch):
+    before = Runner.pull
+
+    def far(self, t, y):
+        before(self, t, y)
+        y[0] += 1e-3
+
+    monkeypatch.setattr(Runner, "pull", far)
+    found = run(SLIDES)
+    assert found.trajectory.outcome.name == "STATE_JUMPS"
+    assert found.trajectory.outcome.word == "failed"
+    assert "would have jumped" in found.trajectory.reason
+    monkeypatch.undo()
+    whole = run(SLIDES)
+    assert whole.trajectory.outcome.name == "DONE"
+    # The rows up to there stand.
+    kept = len(found.rows) - 1
+    assert np.max(np.abs(whole["x"][:kept] - found["x"][:kept])) < 1e-12
 
 
 CAM = """
