@@ -92,7 +92,9 @@ def test_steps_that_are_capped_pass_as_well(longest):
     assert deviation(rows[:, 0], rows[:, 1:5]) < 1e-7
 
 
-@pytest.mark.parametrize("rtol", ["1e-10", "1e-11"])
+@pytest.mark.parametrize(
+    "rtol", [pytest.param("1e-10", marks=pytest.mark.slow), "1e-11"]
+)
 def test_a_series_does_not_pass_it_on_rounding(rtol):
     # Places of 1e5 are known to 1e-11, which the passage divides by the independence; a
     # series through it would lie off by high powers of the step, and take a wrong way.

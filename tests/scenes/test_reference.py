@@ -8,6 +8,7 @@ the way. That number is found without lagsim.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 
@@ -31,6 +32,12 @@ LEAST = 2.0
 SLACK = 0.6
 DEFAULT, TIGHT = 1e-11, 1e-12
 RUNS = {DEFAULT: ({}, 6.0), TIGHT: ({"rtol": "1e-12", "atol": "1e-12"}, 9.0)}
+
+
+@functools.cache
+def played(name, tolerance):
+    """Run a problem at a tolerance, with rows between the reference times."""
+    return run(finer(model_text(name)), **RUNS[tolerance][0])
 
 
 def finer(text):
@@ -86,8 +93,7 @@ def predictable(name, tolerance):
 @pytest.mark.parametrize("tolerance", RUNS)
 @pytest.mark.parametrize("name", TWO_SIDED)
 def test_reference(name, tolerance):
-    options, wanted = RUNS[tolerance]
-    found = run(finer(model_text(name)), **options)
+    found, wanted = played(name, tolerance), RUNS[tolerance][1]
     assert found.trajectory.outcome.word == "done"
     asked = predictable(name, tolerance)
     assert asked
@@ -99,8 +105,9 @@ def test_reference(name, tolerance):
     "name", [name for name in TWO_SIDED if "initial_accelerations" in PROBLEMS[name]]
 )
 def test_accelerations_and_multipliers_at_the_start(name):
-    first = PROBLEMS[name]["initial_accelerations"]
-    found = run(model_text(name))
+    first, end = PROBLEMS[name]["initial_accelerations"], PROBLEMS[name]["t_end"]
+    text = model_text(name, f"({PROBLEMS[name]['t0']}) + 1e-6*({end})")
+    found = run(text, output_step=f"1e-6*({end})")
     a = [found[f"{q}_ddot"][0] for q in first["qddot"]]
     expected = [float(x) for x in first["qddot"].values()]
     size = np.max(np.abs(expected))
@@ -116,10 +123,17 @@ def test_accelerations_and_multipliers_at_the_start(name):
 STORED = {"andrews", "caraxis", "double_pendulum_cartesian"}
 
 
-@pytest.mark.parametrize("name", TWO_SIDED)
+# What sympy derives of many bodies takes seconds.
+LARGE = {"andrews", "bricard"}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(x, marks=[pytest.mark.slow] * (x in LARGE)) for x in TWO_SIDED],
+)
 def test_accelerations_and_multipliers_at_reference_times(name):
     """They follow from the state by equations that sympy derives."""
-    found = run(finer(model_text(name)), **RUNS[TIGHT][0])
+    found = played(name, TIGHT)
     names = found.equations.q
     problem = PROBLEMS[name]
     count = len([*problem["holonomic"], *problem["nonholonomic"]])

@@ -66,7 +66,7 @@ def turned():
     push = 0.001 * friction
     start = [push * first**2 / 2.0, 0.0, push * first, 0.0]
     return solve_ivp(
-        rates, (first, 2.0), start, "Radau", (1.0, 2.0), rtol=1e-10, atol=1e-17,
+        rates, (first, 2.0), start, "LSODA", (1.0, 2.0), rtol=1e-12, atol=1e-17,
         jac=slopes,
     ).y[:2]  # fmt: skip
 

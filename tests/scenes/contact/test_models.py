@@ -27,6 +27,7 @@ def test_slack_string():
     assert np.min(found["tension"]) >= 0.0
 
 
+@pytest.mark.slow  # test_release.py has the closed form of it
 def test_rocking_block():
     found = shipped("rocking-block")
     listed = [0.599936, 1.517815, 2.277666, 2.927816]

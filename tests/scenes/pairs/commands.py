@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi, sin
 
 from tests.scenes.pairs.physical import BY_NAME, CHAIN
-from tests.scenes.pairs.table import HOLDS_AT_TIMES
+from tests.scenes.pairs.scene import HOLDS_AT_TIMES
 
 ALONE = "constraints that come and go need a method that evaluates y' only"
 NOT_LINEAR = "its equations of motion are not linear"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from tests.scenes.pairs.commands import COMMANDS, FORMULATIONS, METHODS
-from tests.scenes.pairs.table import BY_NAME, PAIRS, REFUSED
+from tests.scenes.pairs.physical import BY_NAME
+from tests.scenes.pairs.scene import PAIRS, REFUSED
 from tests.support import ROOT
 
 PAGE = ROOT / "docs" / "pairs.md"

@@ -10,8 +10,8 @@ from lagsim.errors import InputError
 from lagsim.methods import method, names
 from lagsim.plan.formulation import formulations
 from tests.scenes.pairs.commands import COMMANDS, FORMULATIONS, FREEDOM, METHODS
-from tests.scenes.pairs.scene import motion, scene
-from tests.scenes.pairs.table import BY_NAME, PAIRS, part_of
+from tests.scenes.pairs.physical import BY_NAME
+from tests.scenes.pairs.scene import PAIRS, motion, part_of, scene
 
 STEP = 0.001
 # By the order of the method: what its error is at STEP, for motions of size 1.

@@ -11,8 +11,8 @@ from lagsim.errors import InputError
 from tests.choosing import COMMIT, turn
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
-from tests.scenes.pairs.scene import motion, scene
-from tests.scenes.pairs.table import BY_NAME, PAIRS, REFUSED, WAYS, part_of
+from tests.scenes.pairs.physical import BY_NAME
+from tests.scenes.pairs.scene import PAIRS, REFUSED, WAYS, motion, part_of, scene
 from tests.scenes.pairs.test_physical import BOUND, TOLD
 
 SIZES = Sizes(length=1.0, speed=2.0, time=2.0)

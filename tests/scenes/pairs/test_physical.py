@@ -7,8 +7,8 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
-from tests.scenes.pairs.scene import motion, scene
-from tests.scenes.pairs.table import BY_NAME, PAIRS, REFUSED, WAYS, part_of
+from tests.scenes.pairs.physical import BY_NAME
+from tests.scenes.pairs.scene import PAIRS, REFUSED, WAYS, motion, part_of, scene
 
 BOUND = 1e-9
 TOLD = {"redundant", "multipliers-not-unique"}

@@ -18,8 +18,8 @@ from lagsim.studies.bench.work_precision import make_reference
 from lagsim.studies.restart import RESTART
 from tests.cli.test_resume import content, ended
 from tests.scenes.pairs.commands import CHANGED, COMMANDS, EIGENVALUES, OTHER, OUTSIDE
-from tests.scenes.pairs.scene import STEP, motion, scene
-from tests.scenes.pairs.table import BY_NAME, part_of
+from tests.scenes.pairs.physical import BY_NAME
+from tests.scenes.pairs.scene import STEP, motion, part_of, scene
 
 SMOOTH = BY_NAME["smooth"]
 
