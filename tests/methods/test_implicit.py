@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lagsim.methods import generalized_alpha, method
+from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.radau import ALPHA, BETA, DENSE, GAMMA, SLOPE, T_INVERSE, A, C, T
 from tests.support import run
 
@@ -42,6 +43,30 @@ energy: {kinetic: x_dot^2/2, potential: -exp(x^2)}
 initial: {x: 1, x_dot: 1}
 simulation: {duration: 5, output_step: 0.5, method: METHOD, step: 0.5}
 """
+
+
+@pytest.mark.parametrize("width", [1, 2])
+def test_lu_solves_and_sees_singular_matrices(width):
+    random = np.random.default_rng(3)
+
+    def drawn(*shape):
+        parts = random.standard_normal((2, *shape))
+        return parts[0] + 1j * parts[1] if width == 2 else parts[0]
+
+    for n in (1, 2, 5, 9):
+        A, x = drawn(n, n) * 10.0 ** random.integers(-6, 6, (n, 1)), drawn(n)
+        right, factors = (np.array(a).ravel().view(float) for a in (A @ x, A))
+        pivots = np.zeros(n)
+        assert decompose(width, n, factors, pivots) == 1
+        solve(width, n, factors, pivots, right)
+        scaled = np.linalg.cond(A / np.max(np.abs(A), axis=1, keepdims=True))
+        # Backward stable, up to the growth of the elimination.
+        off = np.abs(right.view(A.dtype) - x)
+        assert np.max(off) < 100 * scaled * 2.0**-53 * np.max(np.abs(x))
+    for singular in ([1.0, 2.0, 2.0, 4.0], [0.0, 0.0, 2.0, 4.0], [math.nan] * 4):
+        factors = np.zeros(4 * width)
+        factors[::width] = singular
+        assert decompose(width, 2, factors, np.zeros(2)) == 0
 
 
 def test_the_tables_of_radau():

@@ -13,8 +13,10 @@ from fractions import Fraction
 from statistics import median
 
 import mpmath
+import numpy as np
 import pytest
 
+from lagsim.methods.parts.control import add_exactly
 from tests.support import MODELS, run
 
 UNIT = 2.0**-53
@@ -53,6 +55,19 @@ DOUBLE = (
     (1.5632467302049453, -19.462051997411415, 3.599293497635246, 4.210291987145345),
     (-1.338805310589465, -18.62958769771782, -3.611253259117598, -3.514320220976023),
 )
+
+
+def test_a_product_is_added_exactly():
+    random = np.random.default_rng(2)
+    y, k = random.normal(size=64), random.normal(size=64)
+    h = 0.1
+    new, left = np.zeros(64), np.zeros(64)
+    add_exactly(64, y, k, h, new, left)
+    for before, slope, after, cut in zip(y, k, new, left, strict=True):
+        exact = Fraction(float(before)) + Fraction(h) * Fraction(float(slope))
+        off = Fraction(float(after)) + Fraction(float(cut)) - exact
+        # The two that are cut off are themselves rounded once.
+        assert abs(off) < UNIT * abs(cut) + UNIT**3
 
 
 FALL = """

@@ -7,15 +7,14 @@ together and in which order they stand, the layout, and the text of what writes 
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.native.graph.lines import LANES
+from lagsim.native.kernels.keys import text_beside
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
@@ -80,7 +79,8 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
     ops = [g.ops[n] for n in cone]
     rows = [OPERATIONS[op] for op in dict.fromkeys(ops) if op in OPERATIONS]
     parts = [
-        _writers(),
+        repr(sys.version_info[:2]),
+        text_beside(__file__),
         repr([(x.native, x.declares, x.condition) for x in rows]),
         repr((PIECE, LANES, orders, manner)),
         repr(ops),
@@ -91,12 +91,3 @@ def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object)
         repr((list(layout.y.items()), list(layout.p.items()))),
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-@functools.cache
-def _writers() -> str:
-    """Give a digest of the text of all that writes the code of a graph."""
-    digest = hashlib.sha256(repr(sys.version_info[:2]).encode())
-    for file in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()

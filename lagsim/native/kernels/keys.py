@@ -36,7 +36,7 @@ def fingerprint(
     """
     # Minor versions of Python may read the same text differently.
     parts = [repr(sys.version_info[:2]), repr(sorted((statics or {}).items()))]
-    parts.append(_translator())
+    parts.append(text_beside(__file__))
     files: dict[str, None] = {}
     waiting = [as_kernel(function) for function in functions]
     seen = set(waiting)
@@ -63,11 +63,11 @@ def fingerprint(
 
 
 @functools.cache
-def _translator() -> str:
-    """Give a digest of the text of all that translates kernels."""
+def text_beside(file: str) -> str:
+    """Give a digest of the text of a folder's modules, which write code."""
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(file.read_bytes())
+    for module in sorted(Path(file).parent.glob("*.py")):
+        digest.update(module.read_bytes())
     return digest.hexdigest()
 
 
