@@ -111,11 +111,6 @@ HOUSE: dict[Any, Any] = {
     "legend.handletextpad": (SAMPLE - STROKE) * 72 / SMALL,
     "legend.columnspacing": GAP * 72 / SMALL, "svg.hashsalt": "lagsim",
 }  # fmt: skip
-_KINDS = (
-    "text.", "mathtext.", "font.", "lines.", "path.", "agg.", "figure.", "patch.",
-    "axes.", "grid.", "xtick.", "ytick.", "markers.", "contour.", "pcolor", "svg.",
-    "pdf.", "legend.", "savefig.",
-)  # fmt: skip
 # No file tells a date, a version or who made it: the same rows give the same bytes.
 NOBODY = {
     "png": ("Software",),
@@ -133,11 +128,12 @@ def in_house_style(draw: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> R:
         style: dict[Any, Any] = mpl.rcParamsDefault | HOUSE
-        style = {k: v for k, v in style.items() if k.startswith(_KINDS)}
-        with mpl.rc_context(style), warnings.catch_warnings():
+        del style["backend"]  # nothing is shown
+        with warnings.catch_warnings():
             # A letter that the font lacks becomes a box; that is no fault of the run.
             warnings.simplefilter("ignore")
-            return draw(*args, **kwargs)
+            with mpl.rc_context(style):
+                return draw(*args, **kwargs)
 
     return drawn
 
@@ -411,13 +407,8 @@ class Column(NamedTuple):
     unit: str
     values: Floats
 
-    @property
-    def label(self) -> str:
-        """What stands at its axis."""
-        return self.within(math.inf)
-
-    def within(self, room: float) -> str:
-        """Return the same, cut to so many inches."""
+    def within(self, room: float = math.inf) -> str:
+        """Return what stands at its axis, cut to so many inches."""
         text = f"{self.name} ({self.unit})" if self.unit else self.name
         return mathtext(fitted(text, room))
 
@@ -452,7 +443,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
         _draw(axes, against, group)
         if equal:
             axes.set_aspect("equal", adjustable="datalim")
-    panels[-1].set_xlabel(against.label)
+    panels[-1].set_xlabel(against.within())
     found.align_ylabels()
     return found
 
@@ -468,7 +459,7 @@ def spectrum_figure(
     _draw(axes, across, [up])
     axes.set_yscale("log")
     axes.minorticks_off()
-    axes.set_xlabel(across.label)
+    axes.set_xlabel(across.within())
     largest = float(up.values.max(initial=0.0))
     if largest:
         axes.set_ylim(SHOWN * largest, 5 * largest)

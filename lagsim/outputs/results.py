@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
-_LOCK = ".lagsim.lock"
 PART = ".lagsim-{}.part"
 # A run on its way, and the rows that one which goes on with it begins with.
 RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
@@ -232,14 +231,12 @@ def open_results(
         If the folder cannot be made or written, or another run is writing into it.
     """
     results = Results(folder, manifest)
-    lock = _Lock(folder)
     with contextlib.ExitStack() as stack:
-        stack.callback(lock.leave)
         try:
             if folder.exists() and not folder.is_dir():
                 raise _unusable(folder, "is not a folder")
             folder.mkdir(parents=True, exist_ok=True)
-            lock.hold(time.monotonic() + patience)
+            stack.enter_context(_held(folder, time.monotonic() + patience))
         except OSError as error:
             raise results.unusable(error) from None
         (first or results.forget)()
@@ -252,65 +249,53 @@ def open_results(
         yield results
 
 
-class _Lock:
-    """A file that one process at a time holds; it is removed by the one that did."""
+@contextlib.contextmanager
+def _held(folder: Path, until: float) -> Iterator[None]:
+    """Hold a folder as soon as no other process does; it is free when this one ends.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.path = folder, folder / _LOCK
-        self._handle: int | None = None
-
-    def hold(self, until: float) -> None:
-        """Hold it, as soon as nobody else does.
-
-        Raises
-        ------
-        InputError
-            Where somebody does for too long.
-        OSError
-        """
-        files.passes(self, self.leave)
-        while True:
-            self._handle = files.held(self.path, os.O_RDWR | os.O_CREAT)
-            while not _locked(self._handle):
-                if time.monotonic() > until:
-                    why = "is in use: another run is writing into it"
-                    raise _unusable(self.folder, why)
-                time.sleep(_GLANCE_SECONDS)
-            if _is_still(self._handle, self.path):
-                return
-            os.close(self._handle)  # the run that held it has ended and removed it
-
-    def leave(self) -> None:
-        """Remove it, unless somebody else holds it."""
-        with contextlib.suppress(OSError):
-            if self._handle is None:  # a signal came before it was known
-                self._handle = files.held(self.path, os.O_RDWR)
-            # While it is held: who has opened it since will see that it is gone.
-            if _locked(self._handle) and _is_still(self._handle, self.path):
-                self.path.unlink()
-            os.close(self._handle)
-        files.stays(self)
-
-
-def _locked(handle: int) -> bool:
-    """Hold a file, or tell that somebody else does."""
+    Raises
+    ------
+    InputError
+        Where another does for too long.
+    OSError
+    """
     try:
         import fcntl
     except ImportError:  # Windows: renaming over an open file fails by itself
-        return True
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+
+    def leave() -> None:
+        with contextlib.suppress(OSError):
+            # Processes that were begun since have it open, too.
+            fcntl.flock(handle, fcntl.LOCK_UN)
+        with contextlib.suppress(OSError):  # it may have ended before
+            os.close(handle)
+
+    files.passes(leave, leave)
+    try:
+        while not _locked(handle):
+            if time.monotonic() > until:
+                raise _unusable(folder, "is in use: another run is writing into it")
+            time.sleep(_GLANCE_SECONDS)
+        yield
+    finally:
+        leave()
+        files.stays(leave)
+
+
+def _locked(handle: int) -> bool:
+    """Lock an open folder; tell if another process has."""
+    import fcntl
+
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    except OSError:  # a file system without locks
+    except OSError:  # a file system without locks, or without those of folders
         return True
     return True
-
-
-def _is_still(lock: int, path: Path) -> bool:
-    with contextlib.suppress(FileNotFoundError):
-        return os.path.samestat(os.fstat(lock), path.stat())
-    return False
 
 
 def _unusable(folder: Path, why: str) -> InputError:

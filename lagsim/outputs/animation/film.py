@@ -160,7 +160,7 @@ def film(
     tracks = _tracks(equations, scene, values, len(table))
     with np.errstate(all="ignore"):
         carriers = Carriers(equations, scene, values, len(table))
-        pushes = [*carriers.pushes(), *reactions(model, scene, columns)]
+        pushes = [*carriers.pushes, *reactions(model, scene, columns)]
         broken = frames.broken | _swift(tracks, columns["t"])
     if frames.stride > 1:
         thinned = f"one of {frames.stride} rows; positions between are interpolated"
@@ -243,12 +243,19 @@ class _Row(NamedTuple):
 
 
 class Carriers:
-    """Which points carry the constraints of a scene.
+    """Which points carry the constraints of a scene, and by which forces.
 
     Parameters
     ----------
     values
         Parameters and columns (count,) by name.
+
+    Attributes
+    ----------
+    struck : dict of str to names
+        The points at which each constraint acts, where there are any.
+    pushes : list of Push
+        The forces that are ever other than 0, those of friction in them.
     """
 
     def __init__(
@@ -261,16 +268,19 @@ class Carriers:
         self._e, self._scene = equations, scene
         self._values, self._count = values, count
         self._dimension = max(len(parts) for parts in scene.points.values())
-        self._rows = list(_rows(equations))
-        self._jacobians = self._moving() if self._rows else {}
-        self._carried: list[tuple[_Row, tuple[str, ...]]] = []
+        rows = list(_rows(equations))
+        self._jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
-        for row in self._rows:
+        found: dict[tuple[str, str], Floats] = {}
+        for row in rows:
             points, unique = self._carrier(row)
             if points:
                 self.struck.setdefault(row.constraint, points)
-            if unique:
-                self._carried.append((row, points))
+            if unique and len(found) < MOST_PUSHES:
+                for point, force in self._shares(row, points):
+                    key = row.constraint, point
+                    found[key] = found[key] + force if key in found else force
+        self.pushes = [Push(*key, force) for key, force in found.items()]
 
     def _moving(self) -> dict[str, list[dict[int, int]]]:
         """Return dr/dq, a mapping a component, of the points that depend on q."""
@@ -345,28 +355,22 @@ class Carriers:
         full: Flags = sizes[:, -1] > DEPENDENT_ROWS * sizes[:, 0]
         return f, holds, full & (d <= n)
 
-    def pushes(self) -> list[Push]:
-        """Return the forces that are ever other than 0, those of friction in them."""
-        found: dict[tuple[str, str], Floats] = {}
-        for row, points in self._carried:
-            multiplier = self._values.get(row.multiplier)
-            if not points or not isinstance(multiplier, np.ndarray):
-                continue
-            if not multiplier.any() or len(found) >= MOST_PUSHES:
-                continue
-            f, holds, unique = self._forces(row, points, slice(None))
-            f[~(holds & unique)] = np.nan
-            force = f.T * multiplier
-            force[:, multiplier == 0.0] = 0.0
-            varying = iter(force)
-            for point in points:
-                here = np.zeros((self._count, self._dimension))
-                for k, part in enumerate(self._jacobians[point]):
-                    if part:
-                        here[:, k] = next(varying)
-                key = row.constraint, point
-                found[key] = found[key] + here if key in found else here
-        return [Push(*key, force) for key, force in found.items()]
+    def _shares(self, row: _Row, points: Sequence[str]) -> Iterator[tuple[str, Floats]]:
+        """Return the force (count, components) on each point that carries a row."""
+        multiplier = self._values.get(row.multiplier)
+        if not isinstance(multiplier, np.ndarray) or not multiplier.any():
+            return
+        f, holds, unique = self._forces(row, points, slice(None))
+        f[~(holds & unique)] = np.nan
+        force = f.T * multiplier
+        force[:, multiplier == 0.0] = 0.0
+        varying = iter(force)
+        for point in points:
+            here = np.zeros((self._count, self._dimension))
+            for k, part in enumerate(self._jacobians[point]):
+                if part:
+                    here[:, k] = next(varying)
+            yield point, here
 
 
 def reactions(

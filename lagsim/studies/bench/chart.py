@@ -462,7 +462,7 @@ def _strips(part: SubFigure, document: Document) -> None:
                 if _within(border[key], across):
                     point(axes, border[key], 0.0, look)
         axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
-    axes.set_xlabel(STEPS.label)
+    axes.set_xlabel(STEPS.within())
     axes.annotate(
         CHEAPER, (1.0, 0.0), (0.0, -22.0), "axes fraction", "offset points",
         size=SMALL, ha="right", va="top", color=DIM,
@@ -508,7 +508,7 @@ def _maps(part: SubFigure, document: Document) -> None:
     up, steps = spread(document["steps"])
     methods = document["methods"]["fixed"]
     alike = {"sharex": True, "sharey": True}
-    panels = _grid(part, len(methods), MAPS, STEPS.label, **alike)
+    panels = _grid(part, len(methods), MAPS, STEPS.within(), **alike)
     for axes, method in zip(panels, methods, strict=True):
         across.put(axes, "x", 4)
         up.put(axes, "y", 6)
