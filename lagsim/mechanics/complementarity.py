@@ -41,6 +41,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import partial
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -50,9 +51,11 @@ from lagsim.language.sparse import DisjointSets
 from lagsim.tolerances import (
     CONVERGED,
     DEPENDENT_SQUARE,
+    RESIDUAL_ROUNDOFF,
     SAME_RATIO,
     SOLVED_LAWS,
     TABLEAU_ROUNDOFF,
+    TERM_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
@@ -301,10 +304,8 @@ def least_squares(B: Floats, right: Floats) -> Floats:
 # --- one or two rows ------------------------------------------------------------------
 
 # They have so few edges that all are tried, in plain numbers: most impacts are of
-# these. A case that breaks its laws by more than the first, in parts of their terms, is
-# not the one; rows that leave less than the second part of themselves ask for more than
-# Cramer's rule.
-BROKEN = 1e-14
+# these. A case that breaks its laws by more than their terms round is not the one; rows
+# that leave less than this part of themselves ask for more than Cramer's rule.
 CLOSE = 1e-2
 _CASES = {
     Role.ABSENT: ((Mode.OFF, 0.0),),
@@ -334,7 +335,7 @@ def _by_cases(problem: Problem) -> Solution | None:
         if not _hold(D, c, p, slope, held):
             continue
         w, broken = _broken(problem, limits, mu, case, p)
-        if broken <= BROKEN:
+        if broken <= RESIDUAL_ROUNDOFF:
             modes = [mode for mode, _ in case]
             rows = np.array([p, w, [way for _, way in case]])
             return Solution(rows[0], rows[1], modes, rows[2], found=True, apart=True)
@@ -613,8 +614,6 @@ PROXIMAL_ON_DISCS = 8
 STEPS = 30
 # Of a Newton step, the parts that are tried.
 PARTS = (1.0, 0.5, 0.25, 0.0625)
-# Equations that are met to this part of their terms are met.
-MET = 1e-15
 # Steps longer than this, in parts of what they mend, are those of dependent rows.
 FAR = 1e8
 
@@ -645,7 +644,8 @@ def _by_newton(problem: Problem) -> Floats:
     limits = problem.sizes[(problem.normals < 0) & (problem.roles != Role.ABSENT)]
     size = max(float(np.abs(problem.c).max()), limits.max(initial=0.0)) or 1.0
     best, least = np.zeros(len(problem.c)), np.inf
-    for start in (_swept, _proximal, _from_corners, _swept_long):
+    long = partial(_swept, sweeps=MOST_SWEEPS)
+    for start in (_swept, _proximal, _from_corners, long):
         p, amiss = _descend(problem, start(problem))
         if amiss < least:
             best, least = p, amiss
@@ -700,7 +700,7 @@ def _step(J: Floats, F: Floats) -> Floats:
     except np.linalg.LinAlgError:
         step = np.full(len(F), np.inf)
     if np.abs(step).max() > FAR * np.abs(F).max():
-        step = np.linalg.lstsq(J, -F, rcond=MET)[0]
+        step = np.linalg.lstsq(J, -F, rcond=TERM_ROUNDOFF)[0]
     return np.asarray(step, float)
 
 
@@ -734,10 +734,6 @@ def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
     return F, J
 
 
-def _swept_long(problem: Problem) -> Floats:
-    return _swept(problem, MOST_SWEEPS)
-
-
 def _swept(problem: Problem, sweeps: int = SWEEPS) -> Floats:
     """Project row by row, each with what the earlier ones have become."""
     p = np.zeros(len(problem.c))
@@ -745,7 +741,7 @@ def _swept(problem: Problem, sweeps: int = SWEEPS) -> Floats:
         before = p.copy()
         for k, role in enumerate(problem.roles.tolist()):
             _project(problem, k, role, p)
-        if np.abs(p - before).max() <= MET * np.abs(p).max():
+        if np.abs(p - before).max() <= TERM_ROUNDOFF * np.abs(p).max():
             break
     return p
 
