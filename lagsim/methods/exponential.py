@@ -100,6 +100,10 @@ def squares(s: Exponential) -> int:
 class Exponential(Fixed):
     """Matrices, for z = (q, q', 1)."""
 
+    # Rows ask for no slopes.
+    before: Floats = array(lambda _: 0)
+    k: Floats = array(lambda _: 0)
+    slope: Floats = array(lambda _: 0)
     made_for: float  # the step
     norm: float  # of A
     A: Floats = array(square)  # both balanced: A ...

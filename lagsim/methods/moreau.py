@@ -67,6 +67,10 @@ CONSTRAINED = False  # for what is shared with methods that can be
 class Moreau(Fixed):
     """Where the multipliers are, and room for the step it makes."""
 
+    # Rows ask for no slopes.
+    before: Floats = array(lambda _: 0)
+    k: Floats = array(lambda _: 0)
+    slope: Floats = array(lambda _: 0)
     unsettled: float  # steps whose impulses were not found to the end
     multipliers: float  # where they begin in y
     z: Floats = array("size")
