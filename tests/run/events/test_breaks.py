@@ -3,6 +3,8 @@ import math
 import random
 import time
 import tracemalloc
+from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -13,7 +15,10 @@ from lagsim.language.graph import Graph
 from lagsim.language.intervals import RULES, Enclosures, interval
 from lagsim.language.parser import parse
 from lagsim.mechanics.switches import find_switches
+from lagsim.methods.parts import state as at
+from lagsim.run.events import times
 from lagsim.run.events.breaks import break_times
+from lagsim.run.trajectory import Outcome
 from tests.patience import PATIENCE
 
 
@@ -292,3 +297,33 @@ def test_a_discontinuity_is_seen(text):
         np.array([0.9]), np.array([1.1])
     )
     assert found.jumps[0] or found.partial[0]
+
+
+def last_of(monkeypatch, breaks):
+    """Go through breaks in time; give the last that a run gets to, and its ending."""
+    monkeypatch.setattr(times, "break_times", lambda *_: iter(breaks))
+    arc = MagicMock()
+    arc.settings.start, arc.settings.duration = 0.0, breaks[-1]
+    found = times.TimeBreaks(arc)
+    for t in breaks:
+        decision = found.decide(SimpleNamespace(t=t), at.DONE)
+        if decision.ending is not None:
+            return t, decision.ending.outcome
+    return t, None
+
+
+K = np.arange(1.0, 4001.0)
+
+
+@pytest.mark.parametrize("of", [lambda k: 0.7 - 1 / (k + 1), lambda k: 9 - k**-1.5])
+def test_breaks_toward_a_pole_end_a_run(monkeypatch, of):
+    t, outcome = last_of(monkeypatch, of(K).tolist())
+    assert outcome is Outcome.SWITCHES_ACCUMULATE
+    assert t < of(K[-1])
+
+
+@pytest.mark.parametrize(
+    "of", [lambda k: k, np.sqrt, np.log, lambda k: k**0.05, lambda k: 5 + 1e-6 * k]
+)
+def test_breaks_that_come_faster_and_have_no_end_do_not(monkeypatch, of):
+    assert last_of(monkeypatch, of(K).tolist()) == (of(K[-1]), None)

@@ -138,3 +138,13 @@ def test_memory_does_not_grow_with_the_rows():
         return top
 
     assert peak(100) < 1.1 * peak(5)
+
+
+def test_only_the_columns_that_are_asked_for_are_kept():
+    rows = walk(10)
+    thinning = thinned(rows, series={"b"}, paths=())
+    assert np.array_equal(thinning.series("b")[1], rows[:, 2])
+    with pytest.raises(KeyError):
+        thinning.series("a")
+    with pytest.raises(KeyError):
+        thinning.path("a", "b")
