@@ -45,7 +45,9 @@ FAILING = [
     ("gimbal", {"formulation": "full", "method": "dop853"}, [SINGULAR], "`phi`"),
     # Of spin and precession, which are one there, either may be told.
     ("sleeping-top", {}, [SINGULAR], "`phi`"),
-    ("parallelogram", {"duration": 6}, ["nearly-dependent", "rank"], "left_x"),
+    # Whether a step ends so close to t = 6.2, where it lies flat again, that another
+    # solver goes on, is chance.
+    ("parallelogram", {"duration": 5}, ["rank"], "left_x"),
     ("duplicate-row", {}, ["multipliers-not-unique", "redundant"], "twice"),
     # What asks for no alarm, since nothing fails any more.
     ("massless", {}, [], ""),
