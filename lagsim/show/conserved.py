@@ -25,7 +25,6 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import Meter, TooLongError
 from lagsim.model.model import Level
 from lagsim.show.content import Conserved
-from lagsim.show.printers import read_back
 from lagsim.show.tidy import MOST_PRODUCTS, Sums
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -261,7 +260,7 @@ def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
     defined = [d for d in model.definitions if d.level is not Level.OUTPUT]
     if not (found and defined):
         return list(found)
-    nodes = [read_back(x, c.value, x.g.zero) for c in found]
+    nodes = [x.node(c.value, x.g.zero) for c in found]
     nodes += [d.node for d in defined]
     state = ("t", *x.equations.q, *x.equations.velocities)
     rows = []

@@ -33,7 +33,6 @@ from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
 from lagsim.show.content import Condition, Content, Force, Gauss, Line, Solution
 from lagsim.show.names import Name
-from lagsim.show.printers import read_back
 from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
 from lagsim.show.tidy import cost
 from lagsim.tolerances import DEPENDENT_ROWS
@@ -363,9 +362,7 @@ def content(
 class _Derivation:
     """The equations, term by term, in sympy.
 
-    T, V and L are differentiated as the file has them: what tidying gives is not always
-    shorter when it is differentiated. Only the drift of a constraint is taken of its
-    tidy rate.
+    What is differentiated on the graph is tidy, so that the slopes are short.
     """
 
     def __init__(self, x: Translation) -> None:
@@ -378,19 +375,19 @@ class _Derivation:
         )
         energies = [model.kinetic, model.potential, model.dissipation]
         self.kinetic, self.potential, self.dissipation = x.sympy(energies, written=True)
-        parts = {"T": model.kinetic, "V": model.potential}
-        if None in parts.values():
-            parts = {"L": model.lagrangian}
+        if model.kinetic is None or model.potential is None:
             self.lagrangian = x.sympy([model.lagrangian], written=True)[0]
+            parts = {"L": x.node(self.lagrangian, model.lagrangian)}
         else:
             self.lagrangian = self.kinetic - self.potential
+            T = x.node(self.kinetic, model.kinetic)
+            parts = {"T": T, "V": x.node(self.potential, model.potential)}
         variables = [*rates, *flow.positions, g.variable("t")]
         # By letter: the slopes in the velocities, the coordinates and t, and the rates
         # of the first of these.
         self.slopes = {
-            letter: gradient(g, node, variables)
+            letter: self._tidied(gradient(g, node, variables))
             for letter, node in parts.items()
-            if node is not None
         }
         n = len(e.q)
         self.rates = {
@@ -402,17 +399,26 @@ class _Derivation:
             g.call("sub", *pair) if others else pair[0]
             for pair in zip(first, *others, strict=True)
         ]
+        self.momenta = self._tidied(self.slope[:n])
+        self.drifts = tangent(g, self.momenta, flow.forward)
+        self.Q = generalized_forces(g, model, flow)
         self.forces = [self._force(force) for force in model.forces]
         self.constraints = [self._condition(c) for c in model.constraints]
-        Q = x.sympy(generalized_forces(g, model, flow))
+        Q = x.sympy(self.Q)
         self.lines = [self._line(j, Q[j]) for j in range(n)]
+
+    def _tidied(self, nodes: Sequence[int]) -> list[int]:
+        """Give nodes of the tidy forms of `nodes`, whose slopes are short."""
+        tidy = self.x.sympy(nodes)
+        return [self.x.node(e, n) for e, n in zip(tidy, nodes, strict=True)]
 
     def content(self, *, solve: bool, with_gauss: bool) -> Content:
         x, n = self.x, len(self.lines)
-        entries = mass_matrix(x.g, self.slope[:n], self.flow.rates)
+        entries = mass_matrix(x.g, self.momenta, self.flow.rates)
         lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
         M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
-        f = x.sympy(x.equations.f)
+        sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
+        f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
         (dL_dt,) = x.sympy(self.slope[-1:])
         conserved = conserved_quantities(
             x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, self.constraints
@@ -471,7 +477,7 @@ class _Derivation:
         )
         return Line(
             coordinate=x.q[j].name,
-            momentum=x.sympy([self.slope[j]])[0],
+            momentum=x.sympy([self.momenta[j]])[0],
             terms=terms,
             left=x.tidy(sp.Add(*left, -rest)),
             right=x.tidy(driving + sp.Add(*holding)),
@@ -488,10 +494,11 @@ class _Derivation:
         x, g = self.x, self.x.g
         node = constraint.relation.node
         (function,) = x.sympy([node], written=True)
-        row = constraint_row(g, constraint.name, node, self.flow)
+        tidy = x.node(function, node)
+        row = constraint_row(g, constraint.name, tidy, self.flow)
         A = tuple(x.tidy(entry, factored=True) for entry in x.sympy(row.A))
         (rate,) = x.sympy([row.rate])
-        tidy = read_back(x, rate, row.rate)
+        tidy = x.node(rate, row.rate)
         (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
         moved = sp.Add(*(entry * a for entry, a in zip(A, x.a, strict=True)))
         kind = "holonomic" if row.holonomic else "nonholonomic"

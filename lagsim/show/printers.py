@@ -17,7 +17,6 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.language.parser import ExpressionError, parse
 from lagsim.show.names import RAISED, ModelNames
 from lagsim.show.symbols import LARGEST_DENOMINATOR
 
@@ -263,19 +262,6 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
 def exact_printer(x: Translation) -> ModelPrinter:
     """Give a printer of all digits: who reads a text computes what lagsim computes."""
     return ModelPrinter(x, ModelNames(x.own_names), digits=None)
-
-
-def read_back(x: Translation, e: Any, original: int) -> int:
-    """Give the node of an expression by its text; `original` where it has none.
-
-    Its numbers may overflow, and it may be nested too deep to be written.
-    """
-    kept = {k.name: k.node for k in x.kept} | {"pi": x.g.constant(math.pi)}
-    try:
-        parsed = parse(exact_printer(x)(e))
-    except (ExpressionError, RecursionError):
-        return original
-    return parsed.build(x.g, lambda name: kept.get(name) or x.g.variable(name))
 
 
 class TextPrinter(ModelPrinter):

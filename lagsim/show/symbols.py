@@ -18,7 +18,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
+from functools import partial, reduce
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import sympy as sp
@@ -201,7 +201,6 @@ class Kept:
     """A definition that keeps its name."""
 
     name: str
-    node: int
     symbol: Any
     value: Any
 
@@ -248,6 +247,7 @@ class Translation:
         given = [p for p in model.parameters if substitute]
         self.known = {g.variable(p.name): number(p.value) for p in given}
         self.kept = self._keep(physics, substitute=substitute)
+        self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters)
         moving = {*self.v, *self.a, *self.multipliers}
         moving_names = {*self.q, *moving, self.t}
@@ -280,7 +280,7 @@ class Translation:
                 wanted[n] = d.name
         kept = []
         for n, name in sorted(wanted.items()):
-            kept.append(Kept(name, n, symbol(name), self._value(n)))
+            kept.append(Kept(name, symbol(name), self._value(n)))
             self.known[n] = symbol(name)
         return kept
 
@@ -359,6 +359,51 @@ class Translation:
         if self._operations > limits.DERIVED_OPERATIONS:
             most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
             raise too_long(f"the equations, written out, have more than {most}")
+
+    def node(self, e: Any, original: int) -> int:
+        """Give a node for `e`, the tidy form of `original`.
+
+        That is `original` itself where the graph would hold other numbers than `e`.
+        """
+        try:
+            node = _built(self.g, e, self._nodes)
+        except _NotExactError:
+            return original
+        self.known[node] = e
+        return node
+
+
+class _NotExactError(Exception):
+    """An expression that the graph would hold with other numbers."""
+
+
+def _built(g: Graph, e: Any, found: dict[Any, int]) -> int:
+    """Give the node of an expression; `found` has those of some symbols."""
+    if e in found:
+        return found[e]
+    if e.is_Symbol:
+        node = g.variable(e.name)
+    elif e.is_number and not e.args:
+        try:
+            value = float(e)
+        except OverflowError:
+            raise _NotExactError from None
+        if number(value) != e:
+            raise _NotExactError
+        node = g.constant(value)
+    else:
+        args = [_built(g, a, found) for a in e.args]
+        if e.is_Add:
+            node = g.sum(args)
+        elif e.is_Mul:
+            node = reduce(partial(g.call, "mul"), args)
+        else:
+            name = "pow" if e.is_Pow else getattr(e, "spelled", type(e).__name__)
+            if name not in OPERATIONS:
+                raise _NotExactError
+            node = g.call(name, *args)
+    found[e] = node
+    return node
 
 
 _MASS = re.compile(r"[mM][0-9]*\Z")
