@@ -35,11 +35,10 @@ from lagsim.run.events.constraints import (
 )
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
-from lagsim.run.events.times import Pulses, TimeBreaks
+from lagsim.run.events.times import Features, TimeBreaks
 from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
 from lagsim.run.interrupt import Horizon
 from lagsim.run.stiffness import Stiffness
-from lagsim.run.system.localized import indicators_in_time
 from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import (
     GO_ON,
@@ -469,8 +468,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
         yield Dependence()
         yield RankLosses()
     yield Stiffness(arc)
-    if method(arc.plan.method).ADAPTIVE and indicators_in_time(arc.system.equations):
-        yield Pulses(arc)
+    if method(arc.plan.method).ADAPTIVE and arc.system.timed:
+        yield Features(arc)
 
 
 class Part:

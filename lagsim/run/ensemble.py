@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.methods.parts.state import BLOCK_FULL
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
-from lagsim.run.system.localized import indicators_in_time
+from lagsim.run.system.localized import is_localized_in_time
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,7 +51,7 @@ def refusal(session: Session) -> str:
         return "the equations are reduced by what is conserved in each run"
     if system.model.until is not None:
         return "`until` is located in each run separately"
-    if plan.switches.modes or indicators_in_time(system.equations):
+    if plan.switches.modes or is_localized_in_time(system.equations):
         return "events at given times are located in each run separately"
     return ""
 

@@ -47,6 +47,7 @@ from lagsim.run.observers import Corners, Relay
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.system.functions import in_groups, joined, largest_beside
+from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import (
     Evidence,
@@ -339,7 +340,7 @@ def by_other_means(session: Session, trajectory: Trajectory) -> Iterator[Repeat]
     per_step = SERIES_STEP if plan.method == SERIES else PER_STEP
     # A series that misses no feature of the model, whatever its steps, has other means
     # enough in other steps.
-    sees_all = not system.indicators
+    sees_all = not system.indicators and not is_localized_in_time(system.equations)
     for tighter in (tightened(plan, TIGHTER), tightened(plan, LOOSER)):
         is_tighter = not plan.rtol or (tighter.rtol or 0.0) < plan.rtol
         # The tolerance may leave another method no room to be better.

@@ -30,6 +30,7 @@ from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,
     EVENT_FOUND,
+    FEATURE_PASSED,
     PAUSED,
     RANK_LOST,
     STIFF,
@@ -76,6 +77,10 @@ class State(Signals):
     at_bound: float  # steps held by stability ...
     off_bound: float  # ... since when so many were not
     ask_at: float  # at so many the kernel returns; 0: never
+    feature: float  # about this time something short happens that depends on t alone
+    feature_width: float  # ... of this width; 0: nothing is known of
+    feature_reach: float  # it counts from so far before it ...
+    feature_end: float  # ... to this time
 
     # Event functions of surfaces and of `until` at a point; with their slopes, at the
     # start of a stretch, within it and at its end.
@@ -139,6 +144,8 @@ def arrived(s: State, p: Parameters) -> int:
         return SWITCH_FOUND
     if s.t >= s.end:
         return DONE
+    if s.feature_width > 0.0 and s.t >= s.feature_end:
+        return FEATURE_PASSED
     if CONSTRAINED and s.sigma < s.degenerate_below:
         return DEGENERATE
     return NOWHERE
@@ -332,6 +339,12 @@ def tabulate(
 # Source: E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed.,
 # section IV.2 (automatic stiffness detection), for systems of first order.
 
+# Steps towards what happens at its own time are this part of the way to it.
+CLOSER = 0.25
+
+# What is closer than so many of the smallest steps has been reached.
+REACHED = 4.0
+
 # A step past this part of the limit is at the bound: step control holds it between
 # this and a little more than 1, and accuracy asks for less than a tenth of it.
 PART = 0.5
@@ -344,6 +357,8 @@ def usable_step(s: State, p: Parameters) -> float:
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)
+    if s.feature_width > 0.0:
+        h = up_to_feature(s, h)
     rest = s.end - t
     passes = False
     if CONSTRAINED:
@@ -358,6 +373,20 @@ def usable_step(s: State, p: Parameters) -> float:
     if not h > TIME_ROUNDOFF * max(abs(t), 1e-6 * rest):
         return 0.0
     return float((t + h) - t)
+
+
+def up_to_feature(s: State, h: float) -> float:
+    """Step, bounded by a feature that depends on t alone.
+
+    It ends where that begins; from there steps shrink with the way left to it.
+    """
+    away = s.feature - s.t
+    before = away - s.feature_reach - s.feature_width
+    if before > REACHED * TIME_ROUNDOFF * abs(s.t):
+        return float(min(h, before))
+    if away < -s.feature_reach:
+        return h
+    return float(min(h, max(s.feature_width, CLOSER * abs(away))))
 
 
 def record_speed(

@@ -80,7 +80,8 @@ RANK_LOST = 8
 SWITCH_FOUND = 9
 NEWTON_FAILED = 10
 STIFF = 11
-LOSS_AHEAD = 12
+FEATURE_PASSED = 12
+LOSS_AHEAD = 13
 
 
 # --- functions of a model and of a method that are linked in --------------------------

@@ -1,33 +1,37 @@
-"""What depends on t alone: switches at known times, and the sizes of pulses to come.
+"""What happens at times that are known before: switches of t alone, and features.
 
-The branch of each switch in time is fixed in an arc, which ends at the next break
-(`breaks`). A smooth pulse, a ramp or a gate of t alone is located within the steps, as
-localized terms of the motion are (see `methods.parts.missed`). But a body that rests
-until then has no size: the first traces of a pulse, a hundred powers of ten below it,
-would be controlled as finely as rounding lets them be. So what pulses will give to the
-motion counts from the start.
+The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
+of t alone is flat to rounding before it begins; no step sees it coming. Where such a
+function of t may rise is where its argument (see `system.localized`) is largest, passes
+zero or is least: `breaks` finds every such moment, however long the rest before it. How
+far the argument has to go from there for the function to fade tells how wide it is.
+Steps end where that begins and shrink towards the moment itself, see
+`methods._adaptive`.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
 from itertools import islice
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.derivatives import tangent
+from lagsim.language.intervals import Enclosures
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
-from lagsim.methods.parts.missed import distance
-from lagsim.notes import Event
-from lagsim.run.events.breaks import break_times
+from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
+from lagsim.notes import Caution, Event
+from lagsim.run.events.breaks import Values, break_times
 from lagsim.run.events.sequence import Sequence
-from lagsim.run.system.localized import indicators_in_time
+from lagsim.run.system.localized import indicators_in_time, motion_nodes
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
@@ -39,32 +43,49 @@ if TYPE_CHECKING:
 WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
-class TimeBreaks(Source):
-    """The breaks in time of a run, found as the run gets to them.
+class _Ahead(Source):
+    """What lies ahead in a run, in order, found as the run gets to it.
 
-    A run that is resumed finds them anew, past those that it has taken.
+    A run that is resumed finds it anew, past what it has taken.
     """
 
     DERIVED = ("_coming",)
 
     def __init__(self, arc: Arc) -> None:
         self._arc = arc
+        self._cautions: list[Caution] = []
         self._taken = 0
-        self._coming: Iterator[float] | None = None
+        self._coming: Iterator[Any] | None = None
+
+    def _all(self) -> Iterator[Any]:
+        """Find all of it, from the start of the run."""
+        raise NotImplementedError
+
+    def _following(self, last: Any) -> Any:
+        """Give the next of it; `last` after all of it."""
+        if self._coming is None:
+            self._coming = self._all()
+            if self._taken:  # what it told of these is told
+                next(islice(self._coming, self._taken - 1, self._taken), None)
+                self._cautions.clear()
+        self._taken += 1
+        return next(self._coming, last)
+
+
+class TimeBreaks(_Ahead):
+    """The breaks in time of a run."""
+
+    def __init__(self, arc: Arc) -> None:
+        super().__init__(arc)
         self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
-        self._next = self._following()
+        self._next: float = self._following(inf)
 
-    def _following(self) -> float:
-        """Give the next break; inf after all of them."""
-        if self._coming is None:
-            arc, settings = self._arc, self._arc.settings
-            discrete = [mode.discrete for mode in arc.system.switches.modes]
-            ends = settings.start, settings.end
-            found = break_times(arc.equations.graph, discrete, arc.parameters, *ends)
-            self._coming = islice(found, self._taken, None)
-        self._taken += 1
-        return next(self._coming, inf)
+    def _all(self) -> Iterator[float]:
+        arc, settings = self._arc, self._arc.settings
+        discrete = [mode.discrete for mode in arc.system.switches.modes]
+        g, ends = arc.equations.graph, (settings.start, settings.end)
+        return break_times(g, discrete, arc.parameters, *ends)
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
@@ -90,69 +111,204 @@ class TimeBreaks(Source):
             limit = self._met.end()
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
-        self._next = self._following()
+        self._next = self._following(inf)
         switch = (Event(arc.t, "switch"),)
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 
-# A term fades by this power of e within its width; one that varies by less than the
-# second in a run is localized nowhere.
+# Distances are in powers of e, as in `methods._looks`. The width of what happens is the
+# way on which it fades by the first, and it is over where it has faded by the second;
+# or, where it fades as a power does, after so many widths.
 FADED = 0.5
-SHALLOW = 3.0
-# Times of a run that it is looked for at, and then in each closer stretch.
-COARSE, FINE = 1025, 9
-# The part of what a pulse does to a motion that counts as its size before it begins.
+GONE = 80.0
+FAR = 64.0
+# The part of what it does to a motion that counts as its size already before it begins:
+# until then the motion may change.
 FORESEEN = 1e-2
+# What varies by no more than this hides nothing: a method's own steps see it.
+SHALLOW = 3.0
+# Halvings of the way on which the distance has grown past what counts.
+REFINED = 6
+# So many turns of an argument without anything short: some seconds.
+PATIENCE = 20_000
 
 
-class Pulses(Source):
-    """The pulses of a run: when each term of t alone is closest, and for how long."""
+class Feature(NamedTuple):
+    """Something at `time`, of this width, that is over at this distance."""
+
+    time: float
+    width: float
+    reach: float
+
+
+class Features(_Ahead):
+    """What is still to come in a run, in order."""
 
     def __init__(self, arc: Arc) -> None:
-        found = (closest(arc, x) for x in indicators_in_time(arc.system.equations))
-        self._pulses = [pulse for pulse in found if pulse is not None]
+        super().__init__(arc)
+        self._next: Feature | None = self._following(None)
+        self._now: Feature | None = None
 
-    def begin(self, arc: Arc) -> Decision:
-        """Let what they will do by the forces of this mode count as sizes (size,)."""
-        n, sizes = arc.system.n, arc.sizes
-        rates = arc.runner.function("derivative", arc.system.size)
-        for time, width in self._pulses:
-            for t in (time - width, time, time + width):
-                push = FORESEEN * width * np.abs(rates(t, arc.y)[n : 2 * n])
-                moved = arc.y.copy()
-                moved[n : 2 * n] += push  # a body at rest takes no work
-                work = FORESEEN * width * np.abs(rates(t, moved)[2 * n :])
-                change = np.concatenate([width * push, push, work])
-                if time + width >= arc.t and np.all(np.isfinite(change)):
-                    sizes = np.maximum(sizes, change)
-        return Decision(sizes=sizes)
+    def _all(self) -> Iterator[Feature]:
+        arc, equations = self._arc, self._arc.system.equations
+        lines = [
+            _Line(arc, indicator, self._cautions.append)
+            for indicator in indicators_in_time(equations, motion_nodes(equations))
+            if equations.graph.depends([indicator.node]) <= {"t", *arc.parameters}
+        ]
+        return heapq.merge(*(line.features() for line in lines if not line.shallow))
+
+    def set_out(self, arc: Arc) -> Decision:
+        """Tell the kernel what comes first after the time reached."""
+        found = self._first(arc)._replace(cautions=tuple(self._cautions))
+        self._cautions.clear()
+        return found
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Tell what comes after what is over."""
+        return self.set_out(arc) if code == at.FEATURE_PASSED else None
+
+    def _first(self, arc: Arc) -> Decision:
+        while self._now is None or self._ends(self._now) <= arc.t:
+            if self._next is None:
+                self._now = None
+                return Decision(numbers={"feature_width": 0.0})
+            self._now, self._next = self._next, self._following(None)
+        now = self._now
+        begins = now.time - now.reach - now.width
+        is_ahead = arc.t < begins
+        numbers = {
+            "feature": now.time,
+            "feature_width": now.width,
+            "feature_reach": now.reach,
+            "feature_end": begins if is_ahead else self._ends(now),
+        }
+        sizes = _expected(arc, now, FORESEEN if is_ahead else 1.0)
+        return Decision(numbers=numbers, sizes=sizes)
+
+    def _ends(self, now: Feature) -> float:
+        """Give when it is over, or when the next begins."""
+        over = now.time + now.reach
+        if self._next is not None:
+            over = min(over, max(now.time, self._next.time - self._next.reach))
+        return over
 
 
-def closest(arc: Arc, indicator: Indicator) -> tuple[float, float] | None:
-    """Give when a localized term of t is closest to acting in a run, and its width.
+def _expected(arc: Arc, now: Feature, part: float) -> Floats:
+    """Give sizes of the motion (size,) with what is about to happen.
 
-    None where it varies too little to hide anything.
+    Or the first traces of a pulse would be controlled against a body at rest, as
+    finely as rounding lets them be.
     """
-    g, values = arc.equations.graph, arc.parameters
-    if not g.depends([indicator.node]) <= {"t", *values}:
-        return None
-    lo, hi, count = arc.settings.start, arc.settings.end, COARSE
-    while True:
-        times = np.linspace(lo, hi, count)
-        (found,) = evaluate_rows(g, [indicator.node], {**values, "t": times}, count)
-        away = distances(indicator, found)
-        k = int(np.argmin(away))
-        varies = float(np.max(away) - away[k])
-        if count == COARSE and not varies >= SHALLOW:
+    n = arc.system.n
+    rates = arc.runner.function("derivative", arc.system.size)
+    sizes = arc.sizes
+    for time in (now.time - now.width, now.time, now.time + now.width):
+        push = part * now.width * np.abs(rates(time, arc.y)[n : 2 * n])
+        moved = arc.y.copy()
+        moved[n : 2 * n] += push  # a body at rest takes no work
+        work = part * now.width * np.abs(rates(time, moved)[2 * n :])
+        change = np.concatenate([now.width * push, push, work])
+        if np.all(np.isfinite(change)):
+            sizes = np.maximum(sizes, change)
+    return sizes
+
+
+class _Line:
+    """The moments at which one argument may wake something."""
+
+    def __init__(
+        self, arc: Arc, indicator: Indicator, tell: Callable[[Caution], None]
+    ) -> None:
+        g = self.g = arc.equations.graph
+        start, end = arc.settings.start, arc.settings.end
+        self.tell, self.text = tell, expression_text(g, indicator.node)
+        values = self.values = arc.parameters
+        self.indicator, self.start, self.end = indicator, start, end
+        self.argument = Values(g, [indicator.node], values)
+        # Below the least step of a run nothing happens.
+        self.finest = 2.0**-40 * (end - start)
+        enclose = Enclosures(g, [indicator.node], values)
+        (whole,) = enclose(np.array([start]), np.array([end]))
+        lo, hi = float(whole.lo[0]), float(whole.hi[0])
+        self.shallow = self._shallow(lo, hi)
+
+    def _shallow(self, lo: float, hi: float) -> bool:
+        """Tell whether an argument between these bounds hides nothing."""
+        kind, power = self.indicator.kind, self.indicator.power
+        if kind == LARGEST:
+            return power * (hi - lo) < SHALLOW
+        if kind == NEAR_ZERO:
+            return not lo <= 0.0 <= hi or power * max(-lo, hi) < SHALLOW
+        if lo <= 0.0 <= hi:
+            return False
+        small, large = sorted((abs(lo), abs(hi)))
+        return power * (math.log(large) - math.log(small)) < SHALLOW
+
+    def features(self) -> Iterator[Feature]:
+        """Give them in order."""
+        g, node = self.g, self.indicator.node
+        discrete = g.call("sign", node)
+        if self.indicator.kind != NEAR_ZERO:
+            (rate,) = tangent(g, [node], {g.variable("t"): g.one})
+            discrete = g.call("sign", rate)
+        if "t" not in g.depends([discrete]):
+            return
+        vain = 0
+        for time in break_times(g, [discrete], self.values, self.start, self.end):
+            found = self._at(time)
+            vain += 1
+            if found is not None:
+                vain = 0
+                yield found
+            if vain == PATIENCE:
+                self.tell(self._given_up(time))
+                return
+
+    def _given_up(self, time: float) -> Caution:
+        text = (
+            f"after t = {time:.9g} steps no longer end where `{self.text}` may "
+            f"have a pulse: it has turned {PATIENCE} times without one; a short "
+            "pulse could be missed there"
+        )
+        return Caution("short-times", text)
+
+    def _distance(self, t: float) -> float:
+        """Give how far from waking it is, see `methods.parts.missed`."""
+        (u,) = self.argument(t)
+        kind, power = self.indicator.kind, self.indicator.power
+        return math.inf if math.isnan(u) else distance(kind, power, u)
+
+    def _beside(self, time: float, width: float) -> list[float]:
+        """Give the distances so long before a time, and after it."""
+        return [self._distance(time - width), self._distance(time + width)]
+
+    def _at(self, time: float) -> Feature | None:
+        """Give what happens at a time, or None if nothing short does."""
+        least = self._distance(time)
+        beside = max(8.0 * math.ulp(time), self.finest)
+        width = None
+        fade = 0.0
+        while beside <= self.end - self.start:
+            sides = self._beside(time, beside)
+            if width is None and min(sides) - least < -FADED:
+                return None  # it is closer to waking beside that moment
+            faded = max(sides) - least
+            if width is None and faded >= FADED:
+                width = beside
+            fade = max(fade, min(sides) - least)
+            if fade >= GONE or (width is not None and beside >= FAR * width):
+                break
+            beside *= 2.0
+        if width is None or fade < SHALLOW:
             return None
-        before, after = float(times[max(k - 1, 0)]), float(times[min(k + 1, count - 1)])
-        if not varies >= FADED or not after - before < hi - lo:
-            return float(times[k]), hi - lo
-        lo, hi, count = before, after, FINE
+        return Feature(time, width, self._reach(time, least + GONE, beside))
 
-
-def distances(indicator: Indicator, found: Floats) -> Floats:
-    """Give how far from acting a term is (k,); inf where it has no value."""
-    kind, power = indicator.kind, indicator.power
-    away = [inf if math.isnan(u) else distance(kind, power, u) for u in found.tolist()]
-    return np.array(away)
+    def _reach(self, time: float, gone: float, far: float) -> float:
+        """Give how far from `time`, at most `far`, it has faded on both sides."""
+        near = 0.5 * far
+        for _ in range(REFINED):
+            middle = 0.5 * (near + far)
+            faded = min(self._beside(time, middle)) >= gone
+            near, far = (near, middle) if faded else (middle, far)
+        return far

@@ -8,6 +8,7 @@ new values of parameters compile nothing.
 from __future__ import annotations
 
 from copy import copy
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -31,6 +32,7 @@ from lagsim.run.system.functions import (
 )
 from lagsim.run.system.localized import (
     indicators,
+    is_localized_in_time,
     motion_nodes,
     signal_nodes,
     slope,
@@ -205,6 +207,11 @@ class System:
         loops = self.met is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
+    @cached_property
+    def timed(self) -> bool:
+        """Whether a term that depends on t alone is localized."""
+        return is_localized_in_time(self.equations)
+
     @staticmethod
     def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
         """Find what is localized in the motion, or in what ends it."""
@@ -232,6 +239,7 @@ class System:
     def take_values(self, model: Model, plan: Plan) -> None:
         """Begin anew with other values, in a memory of its own."""
         self.plan, self.model = plan, model
+        self.__dict__.pop("timed", None)
         self.equations = plan.reduction.equations
         self.laws = self.equations.laws if self.met is None else ()
         self.p = self._filled(self._parameters())

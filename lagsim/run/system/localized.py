@@ -62,30 +62,36 @@ def indicators(
 ) -> list[Indicator]:
     """Give the indicators that steps are searched for.
 
-    Of what the motion depends on, `nodes` as they are in an arc, and of what ends an
-    arc, `ends`.
+    Of what the motion depends on, `nodes` as they are in an arc, those that depend on
+    the state; of what ends an arc, `ends`, those that depend on t alone too.
     """
-    g, state = equations.graph, (*equations.q, *equations.velocities, "t")
+    g, state = equations.graph, (*equations.q, *equations.velocities)
 
     def found() -> list[Indicator]:
         some = _Search(equations, nodes).among(g.dependent(nodes, state))
-        some += _Search(equations, ends).among(g.dependent(ends, state))
+        some += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
         return list(dict.fromkeys(some))
 
     return once(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
 
 
-def indicators_in_time(equations: Equations) -> list[Indicator]:
-    """Give the indicators of the motion that depend on t and on nothing that moves."""
-    e, g, nodes = equations, equations.graph, motion_nodes(equations)
+def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
+    """Give the indicators that depend on t and on nothing that moves."""
+    e, g = equations, equations.graph
+    if "t" not in g.depends(nodes):
+        return []
     works = (x.name for x in e.works)
     moving = (*e.q, *e.velocities, *e.accelerations, *e.multipliers, *works)
+    timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, moving)
+    return _Search(equations, nodes).among(timed)
 
-    def found() -> list[Indicator]:
-        timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, moving)
-        return _Search(equations, nodes).among(timed)
 
-    return once(g, (indicators_in_time, *_key(equations, tuple(nodes))), found)
+def is_localized_in_time(equations: Equations) -> bool:
+    """Tell whether a term of the motion that depends on t alone is localized."""
+    nodes = motion_nodes(equations)
+    key = is_localized_in_time, *_key(equations, tuple(nodes))
+    found = once(equations.graph, key, lambda: indicators_in_time(equations, nodes))
+    return bool(found)
 
 
 def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
