@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from scipy.special import ive
 
@@ -55,6 +56,48 @@ def test_a_pulse_gives_its_impulse(name, method):
     # Times of the size of the run's are known to 1e-16 of it, against the width.
     assert found["x_dot"][-1] == pytest.approx(impulse, rel=1e-8)
     assert found.trajectory.statistics.steps < 2e4
+
+
+# Pulses in u = (t - c)/w, and their integral over u.
+SHAPES = {
+    "exp(-u^2)": math.sqrt(math.pi),
+    "1/cosh(u)^2": 2.0,
+    "exp(-(t + c)^2*u^2/(4*c^2))": math.sqrt(math.pi),
+    "(tanh(4*u + 4) - tanh(4*u - 4))/2": 2.0,
+    "max(0, 1 - u^2)^3": 32 / 35,
+    "if(abs(u) < 1, 1 - u^2, 0)": 4 / 3,
+}
+
+
+def strikes(shape, c, w, *, x, duration):
+    """A unit of impulse at c adds sin(t - c) to the motion of a spring."""
+    pulse = shape.replace("u", f"((t - {c!r})/{w!r})").replace("c^", f"{c!r}^")
+    pulse = pulse.replace("+ c)", f"+ {c!r})")
+    text = line(
+        "x^2/2", force=f"{1 / (w * SHAPES[shape])!r}*{pulse}", x=x, v=1,
+        duration=duration, step=round(duration / 100, 4),
+    )  # fmt: skip
+    found = run(text)
+    t = found["t"]
+    # The width is felt as its square, and t - c is rounded against it.
+    within = 10 * (w**2 + duration * 2.0**-53 / w) + 1e-9
+    known = abs(t - c) > 60 * w
+    moved = x * np.cos(t) + np.sin(t) + np.where(t > c, np.sin(t - c), 0.0)
+    assert found["x"][known] == pytest.approx(moved[known], abs=within)
+
+
+@pytest.mark.parametrize("case", range(12))
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_pulse_strikes_what_swings(shape, case):
+    rng = np.random.default_rng([case, *shape.encode()])
+    duration = 10.0 ** rng.uniform(0.5, 2.0)
+    c = duration * rng.uniform(0.2, 0.8)
+    w = duration * 10.0 ** rng.uniform(-7.0, -5.0)
+    strikes(shape, c, w, x=0.3, duration=duration)
+
+
+def test_a_pulse_whose_distance_no_step_sees_is_met():
+    strikes("1/cosh(u)^2", 23.623379, 3.85e-6, x=0, duration=34.277)
 
 
 @pytest.mark.parametrize("method", METHODS)
