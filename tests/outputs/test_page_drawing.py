@@ -351,6 +351,11 @@ def test_spring_and_string():
     corners = ends(coil)
     start, stop = screen([0, 0]), screen([2 + np.cos(4.7), 0])
     assert near(corners[[0, -1]], [start, stop], 2e-3)
+    # The coils lie between straight ends, each a tenth of the whole, to their width.
+    along = (corners[1:-1, 0] - start[0]) / (stop[0] - start[0])
+    turn = 9.0 / (stop[0] - start[0])
+    assert along[0] == pytest.approx(0.1, abs=1e-3)
+    assert 0.9 - turn < along[-1] <= along.max() < 0.9
     across = corners[:, 1] - start[1]
     assert across.max() == pytest.approx(-across.min())
     # As many turns as 15 pixels go into the usual length.

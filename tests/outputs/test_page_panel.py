@@ -76,15 +76,17 @@ def test_clock_and_handle(t):
     assert near(gone["path"][0][1:5], [12, LEVEL - 3, max(1, place(t) - 12), 6])
 
 
-@pytest.mark.parametrize("t", [2.0, 3.5, 5.0])
+@pytest.mark.parametrize("t", [2.0, 3.5, 5.0, 5.02])
 def test_bars(t):
     seen = shown(energetic(), at(t))
     # All of them from the least energy, -1, to the greatest, nearly 1/2.
-    low, high = np.min(np.sin(T) ** 2 / 2 - 1), np.max(np.cos(T) ** 2 / 2)
+    kinetic, potential = np.cos(T) ** 2 / 2, np.sin(T) ** 2 / 2 - 1
+    low, high = np.min(potential), np.max(kinetic)
     zero = -100 * low / (high - low)
+    # Straight between the rows, which are 0.05 apart.
     wanted = [
-        ("kinetic", np.cos(t) ** 2 / 2, "kinetic"),
-        ("potential", np.sin(t) ** 2 / 2 - 1, "potential"),
+        ("kinetic", np.interp(t, T, kinetic), "kinetic"),
+        ("potential", np.interp(t, T, potential), "potential"),
         ("energy", -0.5, "total"),
     ]
     for bar, (name, value, colour) in zip(seen["bars"], wanted, strict=True):
