@@ -78,9 +78,12 @@ def admissible(made: Scene) -> Scene:
     """Give the scene with velocities that its constraints admit, where stated."""
     if not made.stated or not made.gathered("constraints"):
         return made
-    from tests.hunt.referee import Equations, Referee
-    from tests.hunt.verdict import SMOOTH
+    from tests.hunt.mechanics import Mechanics
+    from tests.hunt.truth import Effort, Referee
 
-    referee = Referee(Equations(replace(made, velocities={})), SMOOTH[0])
-    v = referee.y[len(made.q) :]
+    mechanics = Mechanics(replace(made, velocities={}))
+    referee = Referee(mechanics, Effort())
+    with np.errstate(all="ignore"):
+        _, y = referee.start()
+    v = y[len(made.q) :].astype(float)
     return replace(made, velocities=dict(zip(made.q, map(float, v), strict=True)))

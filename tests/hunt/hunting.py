@@ -1,4 +1,4 @@
-"""The hunt itself: scene after scene, each run and judged; what fails, made small."""
+"""The hunt itself: scene after scene, each run and judged; failures to a folder."""
 
 from __future__ import annotations
 
@@ -8,20 +8,17 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from tests.hunt.grammar import admissible
 from tests.hunt.grammar import scene as scene_of
-from tests.hunt.referee import NoTruthError
+from tests.hunt.integrator import NoTruthError
+from tests.hunt.shrinking import MOST, shrunk
 from tests.hunt.verdict import Truth, Verdict, judge, truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from tests.hunt.lagsim_runs import Lagsim
-    from tests.hunt.scene import Item, Scene
+    from tests.hunt.scene import Scene
 
-# Trials that shrinking one scene may take.
-MOST = 80
 # How a method that was asked for is refused for its cost.
 TOO_LONG = "its series would take about"
 
@@ -84,77 +81,7 @@ def report(scene: Scene, verdict: Verdict, exact: Truth | None, folder: Path) ->
     document = {"seed": scene.seed, "kind": verdict.kind, "text": verdict.text}
     if exact is not None:
         document["names"] = [*scene.q, *(f"{q}_dot" for q in scene.q)]
-        document["truth_at_end"] = exact.state[-1].tolist()
-        document["end"] = exact.times[-1]
+        document["truth_at_end"] = [str(x) for x in exact.state[-1]]
+        document["end"] = exact.motion.end
     (place / "verdict.json").write_text(json.dumps(document, indent=1) + "\n")
     return place
-
-
-def shrunk(scene: Scene, fails: Callable[[Scene], bool], most: int = MOST) -> Scene:
-    """Give a smaller scene that fails as well; each trial asks `fails`."""
-    left = most
-    while left > 0:
-        for smaller in _smaller(scene):
-            left -= 1
-            if _fails(smaller, fails):
-                scene = smaller
-                break
-            if left <= 0:
-                break
-        else:
-            return scene
-    return scene
-
-
-def _fails(scene: Scene, fails: Callable[[Scene], bool]) -> bool:
-    try:
-        return fails(admissible(scene))
-    except (NoTruthError, ZeroDivisionError):
-        return False
-
-
-def _smaller(scene: Scene) -> Iterator[Scene]:
-    """Give scenes that are a step smaller, the boldest first."""
-    items = scene.items
-    for i in range(len(items) if len(items) > 1 else 0):
-        kept = scene.keeping(items[:i] + items[i + 1 :])
-        if kept is not None:
-            yield kept
-    if scene.until:
-        yield replace(scene, until="")
-    if scene.settings:
-        yield replace(scene, settings={})
-    if scene.duration > 4 * scene.output_step:
-        yield replace(scene, duration=_rounded(scene.duration / 2, 3))
-        yield replace(scene, output_step=_rounded(scene.duration / 4, 3))
-    yield from _rounder(scene)
-
-
-def _rounder(scene: Scene) -> Iterator[Scene]:
-    for digits in (1, 2):
-        numbers = [
-            replace(
-                item,
-                parameters={k: _rounded(v, digits) for k, v in item.parameters.items()},
-                coordinates={
-                    q: (_rounded(x, digits), _rounded(v, digits))
-                    for q, (x, v) in item.coordinates.items()
-                },
-            )
-            for item in scene.items
-        ]
-        whole = replace(scene, items=tuple(numbers), velocities={})
-        if whole.items != scene.items:
-            yield whole
-        for i, rounder in enumerate(numbers):
-            if rounder != scene.items[i]:
-                yield _with(scene, i, rounder)
-
-
-def _with(scene: Scene, i: int, item: Item) -> Scene:
-    items = (*scene.items[:i], item, *scene.items[i + 1 :])
-    return replace(scene, items=items, velocities={})
-
-
-def _rounded(value: float, digits: int) -> float:
-    return float(f"{value:.{digits}g}")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.hunt.grammar import scene as scene_of
-from tests.hunt.referee import NoTruthError
+from tests.hunt.integrator import NoTruthError
 from tests.hunt.verdict import GAIN, truth
 from tests.invariance.same import CHANGES, EPS, STEPS, STILL, Sizes
 from tests.invariance.transforms import document
@@ -49,26 +49,26 @@ def drowned(spread, name):
 def judged(scene, exact, name):
     """Say what is wrong with a scene in other words, or nothing."""
     change = CHANGES[name]
-    n, spread = len(scene.q), exact.range
-    rates = np.max(np.abs(exact.state[:, n:]))
+    n, spread = len(scene.q), exact.range.astype(float)
+    rates = np.max(np.abs(exact.state[:, n:].astype(float)))
     sizes = Sizes(float(np.max(spread[:n])), float(rates), scene.duration)
     model = change.put(document(scene.text()), sizes)
     found = run(model.text())
     if found.trajectory.outcome.word != "done":
         return f"{name}: {found.trajectory.reason}"
     times = (found["t"] - model.shift) * model.scale
-    at = [int(np.argmin(np.abs(times - t))) for t in exact.times]
-    off = np.stack([found[q][at] for q in scene.q], axis=1) - exact.state[:, :n]
+    at = [int(np.argmin(np.abs(times - t))) for t in exact.motion.times.astype(float)]
+    off = np.stack([found[q][at] for q in scene.q], axis=1) - exact.motion.q
     still = spread[:n] <= STILL * np.max(spread[:n])
     moving = np.where(still, np.max(spread[:n]), spread[:n])
     magnified = np.max(exact.known[:, :n] / moving, axis=1, keepdims=True)
     allowed = (WITHIN + GAIN * change.rounding * magnified) * moving
     allowed = allowed + drowned(spread[:n], name)
-    ratios = np.abs(off) / allowed
+    ratios = (np.abs(off) / allowed).astype(float)
     k, i = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
     if ratios[k, i] < 1.0:
         return None
-    return f"{name}: {scene.q[i]} at {exact.times[k]} off by {off[k, i]:.3g}"
+    return f"{name}: {scene.q[i]} at {exact.motion.times[k]} off by {off[k, i]:.3g}"
 
 
 @pytest.mark.slow
