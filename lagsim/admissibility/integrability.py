@@ -18,7 +18,7 @@ from lagsim.admissibility.point import of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.mechanics.algebra import Span, least_squares, null_space
-from lagsim.tolerances import DEPENDENT_FIELDS, HALF_OF_DIGITS
+from lagsim.tolerances import DEPENDENT_DIRECTIONS, HALF_OF_DIGITS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -171,7 +171,7 @@ class _Distribution:
         if not np.isfinite(length) or length == 0:
             return False
         rest = span.outside(vector / length)
-        if np.linalg.norm(rest) <= DEPENDENT_FIELDS:
+        if np.linalg.norm(rest) <= DEPENDENT_DIRECTIONS:
             return False
         rounding = np.linalg.norm(self.point.rounding(field) * self.weights)
         return span.extend(rest, CAUTION * float(rounding / length))
@@ -184,7 +184,7 @@ class _Distribution:
         bound: dict[int, int] = {}  # column -> row
         for i in range(len(table)):
             j = int(np.argmax(np.abs(numbers[i])))
-            if abs(numbers[i, j]) <= DEPENDENT_FIELDS:
+            if abs(numbers[i, j]) <= DEPENDENT_DIRECTIONS:
                 continue  # a dependent row
             bound[j] = i
             pivot = table[i][j]
@@ -222,9 +222,9 @@ class _Distribution:
         known = Span(len(self.names))
         for row, form in zip(self.rows, self.scaled, strict=True):
             if row.holonomic:
-                known.extend(form, DEPENDENT_FIELDS)
+                known.extend(form, DEPENDENT_DIRECTIONS)
         blocked = null_space(np.vstack([span.basis, known.basis]), HALF_OF_DIGITS)
-        shares = least_squares(self.scaled.T, blocked, DEPENDENT_FIELDS)
+        shares = least_squares(self.scaled.T, blocked, DEPENDENT_DIRECTIONS)
         names = tuple(
             row.name
             for row, share in zip(self.rows, shares, strict=True)

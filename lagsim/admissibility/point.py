@@ -34,11 +34,11 @@ from lagsim.mechanics.algebra import (
 from lagsim.mechanics.equations import Instant
 from lagsim.tolerances import (
     DOUBLE_ROOT,
+    LOST_RANK,
     SAFELY_INDEPENDENT,
     STATE_ROUNDOFF,
     SURFACE_ROUNDOFF,
     UNIT_ROUNDOFF,
-    VANISHING_LENGTH,
 )
 
 if TYPE_CHECKING:
@@ -421,7 +421,7 @@ class Lengths:
         own = [item for form in self.forms for item in form.lengths.items()]
         known = [length for _, length in own if 0.0 < length < np.inf]
         size = max(known, default=0.0)
-        lengths = self._shortest(VANISHING_LENGTH * size, 1.0)
+        lengths = self._shortest(LOST_RANK * size, 1.0)
         other = np.full(self.point.n, size)
         if not known:
             other[:] = float(np.linalg.norm(self.u)) or 1.0

@@ -36,10 +36,10 @@ from lagsim.mechanics.algebra import (
 )
 from lagsim.tolerances import (
     COMPUTED_ZERO,
-    CONTRADICTION,
     DEPENDENT_ROWS,
     HALF_OF_DIGITS,
     SAFELY_INDEPENDENT,
+    SAME_RESULT,
     STATE_ROUNDOFF,
 )
 
@@ -324,7 +324,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
         nodes, sizes, own = asked[level]
         scales = abs(point.array(sizes))
         scales = np.fmin(scales, own()) if own else scales
-        small = CONTRADICTION * scales + CAUTION * point.rounding(nodes)
+        small = SAME_RESULT * scales + CAUTION * point.rounding(nodes)
         found[level] = point.array(nodes), small
     return found
 

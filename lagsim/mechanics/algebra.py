@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.tolerances import DEPENDENT_ROWS, SETTLED_EIGENVALUE
+from lagsim.tolerances import DEPENDENT_ROWS, HALF_OF_DIGITS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -294,6 +294,6 @@ def largest_eigenvalue(
         if not 0.0 < value < np.inf:
             return np.inf, x
         x = moved / value
-        if abs(value - before) <= SETTLED_EIGENVALUE * value:
+        if abs(value - before) <= HALF_OF_DIGITS * value:
             break
     return value, x

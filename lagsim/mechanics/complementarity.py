@@ -52,7 +52,7 @@ from lagsim.tolerances import (
     CONVERGED,
     DEPENDENT_SQUARE,
     RESIDUAL_ROUNDOFF,
-    SAME_RATIO,
+    SOLUTION_ROUNDOFF,
     SOLVED_LAWS,
     TABLEAU_ROUNDOFF,
     TERM_ROUNDOFF,
@@ -542,7 +542,7 @@ class _Tableau:
         entries = [
             T[column[j]] if j in column else float(basic == j) for j in range(self.n)
         ]
-        return [round(x / scale / SAME_RATIO) for x in entries]
+        return [round(x / scale / SOLUTION_ROUNDOFF) for x in entries]
 
     def leaving_row(self, entering: int) -> int:
         """Give the row that blocks first, or -1 if none does."""
@@ -555,7 +555,7 @@ class _Tableau:
         }
         if not ratios:
             return -1
-        most = min(ratios.values()) * (1.0 + SAME_RATIO) + SAME_RATIO
+        most = min(ratios.values()) * (1.0 + SOLUTION_ROUNDOFF) + SOLUTION_ROUNDOFF
         tied = [i for i, ratio in ratios.items() if ratio <= most]
         if len(tied) == 1:
             return tied[0]
@@ -589,7 +589,9 @@ def lemke(M: Floats, q: Floats) -> Flags | None:
     if not n or float(q.min()) >= 0.0:
         return basis
     tableau = _Tableau(M, q / size)
-    least = np.flatnonzero(tableau.T[:, -1] <= tableau.T[:, -1].min() + SAME_RATIO)
+    least = np.flatnonzero(
+        tableau.T[:, -1] <= tableau.T[:, -1].min() + SOLUTION_ROUNDOFF
+    )
     leaving = tableau.exchange(int(least[-1]), 2 * n)
     for _ in range(PATIENCE * n):
         entering = leaving + n if leaving < n else leaving - n

@@ -44,10 +44,10 @@ from lagsim.mechanics.complementarity import (
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
+    DEPENDENT_DIRECTIONS,
     DEPENDENT_ROWS,
-    DEPENDENT_SQUARED,
-    NO_IMPULSE,
-    SLIP_CONVERGED,
+    SETTLED_IMPULSE,
+    SOLUTION_ROUNDOFF,
     SOLVED_LAWS,
 )
 
@@ -255,7 +255,9 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     scale = np.sqrt(closed.D.diagonal())
     for (i, rows), (j, others) in combinations(groups.items(), 2):
         D = closed.D[np.ix_(rows, others)]
-        if not (np.abs(D) > NO_IMPULSE * np.outer(scale[rows], scale[others])).any():
+        if not (
+            np.abs(D) > SOLUTION_ROUNDOFF * np.outer(scale[rows], scale[others])
+        ).any():
             continue
         plain = len(rows) == len(others) == 1 and D[0, 0] < 0.0
         if closed.restitutions[i] or closed.restitutions[j] or not plain:
@@ -360,7 +362,7 @@ def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
     """
     pushes = np.maximum(np.abs(solution.p), problem.bounds(solution.p))
     terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
-    parts = np.where(problem.pairs >= 0, SLIP_CONVERGED, ACCELERATION_ROUNDOFF)
+    parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
     return np.asarray(np.maximum(noise, parts * terms))
 
 
@@ -475,7 +477,7 @@ class _Rows(Span):
     def __init__(self, closed: Closed) -> None:
         Y = _columns(closed)
         super().__init__(len(Y))
-        self.least = DEPENDENT_SQUARED if closed.factor is None else DEPENDENT_ROWS
+        self.least = DEPENDENT_DIRECTIONS if closed.factor is None else DEPENDENT_ROWS
         lengths = np.linalg.norm(Y, axis=0)
         self.units = (Y / np.where(lengths > 0.0, lengths, 1.0)).T
 

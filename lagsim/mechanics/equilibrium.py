@@ -17,12 +17,12 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.linearisation import eigenmodes
 from lagsim.mechanics.structure import structure
 from lagsim.tolerances import (
-    ASYMMETRY,
     COMPUTED_ZERO,
     ENERGY_ROUNDOFF,
-    NEUTRAL_EIGENVALUE,
-    RESIDUAL_FORCE,
+    HALF_OF_DIGITS,
     RESIDUAL_ROUNDOFF,
+    SAME_RESULT,
+    SATISFIED,
     SETTLED_POSITION,
 )
 
@@ -71,9 +71,7 @@ class Mode(NamedTuple):
 
 def modes(linear: Linear) -> tuple[Mode, ...]:
     """Give the modes by rising frequency; neutral directions are left out."""
-    moving = eigenmodes(
-        linear.R, lambda x: x > NEUTRAL_EIGENVALUE * np.max(x, initial=0.0)
-    )
+    moving = eigenmodes(linear.R, lambda x: x > HALF_OF_DIGITS * np.max(x, initial=0.0))
     found = []
     k = linear.Zh.shape[1]
     for value, vector in zip(moving.values, moving.right.T, strict=True):
@@ -148,7 +146,7 @@ class _Search:
         self.reach = REACH * float(np.max(np.abs(q), initial=0.0) or 1.0)
         square = K.shape[0] == K.shape[1] and not self.e.model.forces
         skew = np.max(np.abs(K - K.T), initial=0.0) if square else np.inf
-        downhill = bool(skew <= ASYMMETRY * stiffest)
+        downhill = bool(skew <= SAME_RESULT * stiffest)
         for _ in range(MOST_STEPS):
             change = linear.Zh @ self.step(linear, downhill=downhill)
             change *= min(1.0, self.reach / (np.max(np.abs(change)) or 1.0))
@@ -180,7 +178,7 @@ class _Search:
         if not len(linear.force):
             return True
         K, force = linear.stiffness, linear.force
-        if np.linalg.norm(force) > RESIDUAL_FORCE * self.pull:
+        if np.linalg.norm(force) > SATISFIED * self.pull:
             return False
         U, s, _ = np.linalg.svd(K, full_matrices=True)
         stiffest = float(s[0]) if len(s) else 0.0

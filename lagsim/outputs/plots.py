@@ -68,7 +68,7 @@ from lagsim.outputs.scale import (
     with_one_power,
 )
 from lagsim.run.observers.thinning import DRIFT
-from lagsim.tolerances import FLAT_RANGE, ZERO_BESIDE
+from lagsim.tolerances import COMPUTED_ZERO, ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -507,7 +507,7 @@ class Views:
     def _usable(self, scale: float) -> float:
         """Return how much an inch is, also where all points rest in one place."""
         scale *= FREE
-        return scale if scale > FLAT_RANGE * self._size else self._size or 1.0
+        return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
 
     def _pens_of_moving(self) -> dict[str, Pen]:
         """Return a pen for each point that moves, in their order."""
@@ -515,7 +515,7 @@ class Views:
         whole = max(high - low for low, high in self._extents) or 1.0
         for name, position in self._positions.items():
             spans = [high - low for low, high in map(extent, position)]
-            if any(span > FLAT_RANGE * self._size for span in spans):
+            if any(span > COMPUTED_ZERO * self._size for span in spans):
                 widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
                 paths[name] = position[widest] * (HIGHEST / whole)
         share = np.linspace(0.0, 1.0, len(paths))[:, np.newaxis]

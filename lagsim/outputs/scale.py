@@ -24,7 +24,7 @@ from matplotlib.ticker import (
 
 from lagsim.outputs.letters import SUPERSCRIPTS
 from lagsim.run.observers.thinning import FAINT
-from lagsim.tolerances import FLAT_RANGE, OVERFLOW, ZERO_BESIDE
+from lagsim.tolerances import COMPUTED_ZERO, OVERFLOW, ZERO_BESIDE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -225,7 +225,7 @@ def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scal
         size = max(abs(low), abs(high))
     if size < FAINT:
         return Scale(-1.0, 1.0)
-    if high - low <= FLAT_RANGE * size:
+    if high - low <= COMPUTED_ZERO * size:
         # A tenth to both sides: enough to see that it is level, and at which value.
         low, high = low - 0.1 * size, high + 0.1 * size
     free = margin * (high - low)

@@ -14,7 +14,7 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate_rows, roundings
 from lagsim.mechanics.equations import pushes
 from lagsim.run.system.functions import in_groups, joined
-from lagsim.tolerances import FORCE_ROUNDOFF
+from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,7 +36,7 @@ class Held(NamedTuple):
     @property
     def moved(self) -> Floats:
         """How far rounding moves it, where the forces on it balance."""
-        return np.asarray(FORCE_ROUNDOFF * self.reach)
+        return np.asarray(SUM_ROUNDOFF * self.reach)
 
 
 def could_push(

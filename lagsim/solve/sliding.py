@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
 from lagsim.native.kernels.words import external
-from lagsim.tolerances import MISSED_SURFACE, SHARE_ROUNDOFF
+from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
@@ -236,7 +236,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             size = p.B[i] + extent(k, p, forced)
             left = product(k, p, forced) - p.asked[k]
-            if not abs(left) <= MISSED_SURFACE * size + p.noise[k]:
+            if not abs(left) <= COMPUTED_ZERO * size + p.noise[k]:
                 p.share[k] = -1.0
             i += 1
 
@@ -311,7 +311,7 @@ def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
             exchange(B, row * size + j, largest * size + j)
         for c in range(3):
             exchange(right, 3 * row + c, 3 * largest + c)
-    return 1 if abs(B[row * size + k]) > SHARE_ROUNDOFF * whole else 0
+    return 1 if abs(B[row * size + k]) > SOLUTION_ROUNDOFF * whole else 0
 
 
 def exchange(a: Floats, i: int, j: int) -> None:

@@ -41,12 +41,12 @@ from lagsim.run.observers.monitors import (
 from lagsim.run.system.functions import largest_beside
 from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import (
+    COMPUTED_ZERO,
     ENERGY_DRIFT,
     ENERGY_ROUNDOFF,
-    FLAT_RANGE,
+    HALF_OF_DIGITS,
     PLACE_BESIDE,
     SAME_ENERGY,
-    SAME_JUMP,
     SAME_ROW,
     SATISFIED,
     UNIT_ROUNDOFF,
@@ -284,7 +284,7 @@ def jumps(equations: Equations, balance: Balance) -> Floats:
         return np.zeros(len(rows))
     worst = rows[0] if balance.worst_row is None else balance.worst_row
     ways = pairwise([worst[: rows.shape[1]], *rows])
-    least = FLAT_RANGE * balance.in_play
+    least = COMPUTED_ZERO * balance.in_play
     return np.array([energy.jump(a, b, least) for a, b in ways])
 
 
@@ -299,7 +299,7 @@ def without_jumps(equations: Equations, balance: Balance) -> Floats | None:
         return None
     changes = np.diff(kept) - jumped
     size = float(np.max(sizes))
-    if np.ptp(sizes) <= SAME_JUMP * size < np.inf:
+    if np.ptp(sizes) <= HALF_OF_DIGITS * size < np.inf:
         changes -= size * np.round(changes / size)
     rest = np.concatenate([[0.0], np.cumsum(changes)]) + kept[0]
     return np.asarray(rest)

@@ -58,11 +58,10 @@ from lagsim.studies.alarms import (
     up_to,
 )
 from lagsim.tolerances import (
-    FLAT_RANGE,
-    FORCE_ROUNDOFF,
-    MOTION_ROUNDOFF,
+    COMPUTED_ZERO,
     NO_MOTION,
     SAME_ROW,
+    SUM_ROUNDOFF,
     TIGHTEST_RTOL,
     UNIT_ROUNDOFF,
 )
@@ -101,12 +100,12 @@ def _scales(
         Of each coordinate the range, the motion beside it, that of what it is linked
         with, the largest value, and how far it would move if nothing held it.
     """
-    scales = np.fmax(found, FLAT_RANGE * moving)
+    scales = np.fmax(found, COMPUTED_ZERO * moving)
     for size in (largest, linked):
-        scales = np.where(found > MOTION_ROUNDOFF * size, scales, np.fmax(scales, size))
-    scales = np.where(found <= FORCE_ROUNDOFF * held, np.fmax(scales, held), scales)
-    still = np.fmax(NO_MOTION * moving, FORCE_ROUNDOFF * held / LOST)
-    return scales, np.fmax(still, MOTION_ROUNDOFF * largest / LOST)
+        scales = np.where(found > SUM_ROUNDOFF * size, scales, np.fmax(scales, size))
+    scales = np.where(found <= SUM_ROUNDOFF * held, np.fmax(scales, held), scales)
+    still = np.fmax(NO_MOTION * moving, SUM_ROUNDOFF * held / LOST)
+    return scales, np.fmax(still, SUM_ROUNDOFF * largest / LOST)
 
 
 def compared(
@@ -159,7 +158,7 @@ def compared(
         which = np.flatnonzero(slow).tolist()
         held = could_push(equations, mine, which, case.settings.output_step).reach
         scales, still = _scales(sizes, moving, linked, largest, held)
-    rounding = np.fmax(MOTION_ROUNDOFF * largest, FORCE_ROUNDOFF * held)
+    rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lagsim.outputs import ENERGIES
 from lagsim.run.observers.monitors import numbers
-from lagsim.tolerances import FLAT_RANGE, SAME_ROW
+from lagsim.tolerances import COMPUTED_ZERO, SAME_ROW
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -108,7 +108,7 @@ def kind(column: str, columns: Collection[str]) -> str:
 
 
 def range_or_size(
-    ranges: Floats, sizes: Floats | float, least: float = FLAT_RANGE
+    ranges: Floats, sizes: Floats | float, least: float = COMPUTED_ZERO
 ) -> Floats:
     """Return the ranges; the size where a range is less than this part of it."""
     return np.where(ranges > least * sizes, ranges, sizes)

@@ -19,7 +19,7 @@ import numpy as np
 from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
 from lagsim.methods import method
 from lagsim.notes import Caution
-from lagsim.tolerances import AMPLIFICATION_ROUNDOFF, NEGLIGIBLE_RATE
+from lagsim.tolerances import NEGLIGIBLE_RATE, SAME_RESULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -55,7 +55,7 @@ def exceeds(amplification: Amplification, z: complex) -> bool:
     allowed = math.exp(min(grows, 300.0)) * (1.0 + SLACK * grows)
     with np.errstate(all="ignore"):
         found = amplification(z)
-    return not found <= allowed * (1.0 + AMPLIFICATION_ROUNDOFF)
+    return not found <= allowed * (1.0 + SAME_RESULT)
 
 
 def limit(

@@ -20,9 +20,9 @@ from lagsim.methods.parts.state import (
 from lagsim.native.layout import array
 from lagsim.tolerances import (
     CONVERGED,
-    MOTION_ROUNDOFF,
     OVERFLOW,
     RESIDUAL_ROUNDOFF,
+    SUM_ROUNDOFF,
     TERM_ROUNDOFF,
     UNIT_ROUNDOFF,
 )
@@ -138,7 +138,7 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
         share = masses[i] * step[i] * step[i] / moved
         largest = max(abs(x[i]), sizes[i], moment * s.parts[i])
         whole += share * masses[i] * largest * largest
-    return 1 if moved <= MOTION_ROUNDOFF * MOTION_ROUNDOFF * whole else 0
+    return 1 if moved <= SUM_ROUNDOFF * SUM_ROUNDOFF * whole else 0
 
 
 def is_finite(n: int, x: Floats) -> bool:

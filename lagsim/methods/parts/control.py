@@ -28,12 +28,12 @@ from lagsim.native.layout import after, array, part
 from lagsim.tolerances import (
     OVERFLOW,
     PROBE,
-    RATE_ROUNDOFF,
     SQUARABLE,
     STATE_ROUNDOFF,
     TERM_ROUNDOFF,
     UNDERFLOW,
     UNIT_ROUNDOFF,
+    VALUE_ROUNDOFF,
 )
 
 # Of what the terms of a rate could do in a step, though they cancel: errors of other
@@ -366,7 +366,7 @@ SWITCHES = True
 # Of what a relative change of the state by one would do; it is rounded to nearest.
 PROBED = 0.5
 # Of what that does, what rounding leaves in the error estimate.
-PERTURBED = RATE_ROUNDOFF * PROBED / TERM_ROUNDOFF
+PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
 # A step that moves a position by less than this part of it is short.
 FEW_PLACES = 2.0**-30
 # Below this tolerance, which no repeat of a usual run has, as much is done against
@@ -419,7 +419,7 @@ def add_bound(
     for i in range(first, end):
         found = abs(s.work[i - s.n])
         if found < OVERFLOW:
-            s.roundoff[i] = max(s.roundoff[i], RATE_ROUNDOFF * found)
+            s.roundoff[i] = max(s.roundoff[i], VALUE_ROUNDOFF * found)
 
 
 def perturb(
@@ -463,7 +463,7 @@ def bound_roundoff(
     for i in range(n, s.size):
         if not roundoff[i] < OVERFLOW:
             roundoff[i] = 0.0
-        roundoff[i] = RATE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
+        roundoff[i] = VALUE_ROUNDOFF * (PROBED * abs(k[i]) + roundoff[i])
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:

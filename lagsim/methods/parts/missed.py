@@ -32,7 +32,7 @@ from lagsim.methods.parts.state import (
     signals,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import OVERFLOW, RATE_ROUNDOFF, TERM_ROUNDOFF, TINY
+from lagsim.tolerances import OVERFLOW, TERM_ROUNDOFF, TINY, VALUE_ROUNDOFF
 
 # What a signal does: the function goes with e^u, steps where u vanishes, goes with
 # 1/|u|^power or with |u|^power.
@@ -521,7 +521,7 @@ def is_beyond(s: Signals, p: Parameters, x: float) -> bool:
     move_within(s, LEFT, z)
     derivative(t, z, p, s.spare)
     for i in range(s.n, s.size):
-        allowed = LEFT * s.tolerances[i] / s.step_h + RATE_ROUNDOFF * abs(
+        allowed = LEFT * s.tolerances[i] / s.step_h + VALUE_ROUNDOFF * abs(
             s.work[i - s.n]
         )
         allowed += abs(s.spare[i] - s.exact_rates[i])

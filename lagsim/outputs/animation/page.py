@@ -14,7 +14,7 @@ import numpy as np
 
 from lagsim.outputs.animation.film import extent
 from lagsim.outputs.record import merged
-from lagsim.tolerances import FLAT_RANGE, SATISFIED
+from lagsim.tolerances import COMPUTED_ZERO, SATISFIED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -49,7 +49,8 @@ def record(film: Film) -> dict[str, Any]:
     for name, (place, rate) in film.tracks.items():
         finite = place[np.isfinite(place).all(axis=1)]
         still = (
-            len(finite) == len(place) and np.ptp(finite, 0).max() <= FLAT_RANGE * size
+            len(finite) == len(place)
+            and np.ptp(finite, 0).max() <= COMPUTED_ZERO * size
         )
         found = {"fixed": place[0].tolist()} if still else {
             "place": _packed(place), "rate": _packed(rate),

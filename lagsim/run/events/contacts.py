@@ -24,7 +24,7 @@ from lagsim.notes import Caution, Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import IMPACT_GAIN, LEAST_CLOSING, NO_IMPULSE, SATISFIED
+from lagsim.tolerances import COMPUTED_ZERO, LEAST_CLOSING, SATISFIED, SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -286,7 +286,7 @@ class Contacts(Source):
         largest = max(sizes)
         for i, k in enumerate(some):
             kind, name = self.laws[k].kind, self.laws[k].constraint
-            if kind is Kind.SLIP or sizes[i] <= NO_IMPULSE * largest:
+            if kind is Kind.SLIP or sizes[i] <= SOLUTION_ROUNDOFF * largest:
                 continue
             event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
@@ -311,7 +311,7 @@ class Contacts(Source):
         if result.open:
             self._tell(found, "impact-order", some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
-        if result.energy > IMPACT_GAIN * (np.abs(result.impulses) @ speeds):
+        if result.energy > COMPUTED_ZERO * (np.abs(result.impulses) @ speeds):
             self._tell(found, "impact-energy", some, t=here.t, gained=result.energy)
 
 

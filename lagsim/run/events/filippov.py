@@ -21,7 +21,7 @@ import numpy as np
 
 from lagsim.methods.parts import parameters as kept
 from lagsim.run.system.functions import on_velocities
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SHARE_ROUNDOFF, TINY
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -71,7 +71,7 @@ class FilippovCone:
         settled: bool = False,
     ) -> None:
         self.count = len(scale)
-        self.tolerance = np.maximum(SHARE_ROUNDOFF * scale, noise)
+        self.tolerance = np.maximum(SOLUTION_ROUNDOFF * scale, noise)
         self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
         self.settled = settled
@@ -171,7 +171,7 @@ class FilippovCone:
         w, rho, own = self._solved(way)
         known = [i in self.held for i in range(self.count)]
         ways = np.array(way)
-        inside = (w >= -SHARE_ROUNDOFF) & (w <= 1.0 + SHARE_ROUNDOFF)
+        inside = (w >= -SOLUTION_ROUNDOFF) & (w <= 1.0 + SOLUTION_ROUNDOFF)
         attracts = (own < 0.0) | (not alone)
         follows = inside & attracts & (np.abs(rho) <= self.tolerance)
         leaves = np.where(ways == ABOVE, rho, -rho) >= least
@@ -217,9 +217,9 @@ def _affine(rates: Rates, count: int) -> Rates:
 
 def _better(k: int, w: float, rho: float, tolerance: float) -> int:
     if k == SLIDING:
-        if w > 1.0 + SHARE_ROUNDOFF:
+        if w > 1.0 + SOLUTION_ROUNDOFF:
             return ABOVE
-        return BELOW if w < -SHARE_ROUNDOFF else SLIDING
+        return BELOW if w < -SOLUTION_ROUNDOFF else SLIDING
     wrong = rho < -tolerance if k == ABOVE else rho > tolerance
     return 1 - k if wrong else k
 

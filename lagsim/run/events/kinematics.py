@@ -17,9 +17,9 @@ from lagsim.mechanics.contact import Closed, delassus
 from lagsim.methods.parts import parameters as kept
 from lagsim.tolerances import (
     CLEAR_OF_ROUNDING,
-    FORCE_ROUNDOFF,
-    NO_IMPULSE,
     SAME_TIME,
+    SOLUTION_ROUNDOFF,
+    SUM_ROUNDOFF,
 )
 
 if TYPE_CHECKING:
@@ -132,13 +132,13 @@ class Kinematics:
         held = np.maximum(gap_scales, slopes @ soon)
         # Within rounding of the time a gap changes, and what moves it as time goes by.
         moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ y[n : 2 * n])
-        self.slack = FORCE_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
+        self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {}
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
         # What rounds in the forces has moved what they balance, since the last step.
-        self.still = FORCE_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
+        self.still = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
@@ -179,7 +179,7 @@ class Kinematics:
         """What is rounding of `accelerations` (L,): their terms, and the state."""
         a, b, *_ = self._free(self.t, self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
-        return np.asarray(FORCE_ROUNDOFF * np.maximum(self.pushes, stirred))
+        return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     @cached_property
     def present(self) -> Floats:
@@ -253,7 +253,7 @@ class Kinematics:
     def is_off(self, k: int, part: float) -> bool:
         """Tell whether a residual is off by more than a part of how it has moved."""
         # Within its last step a place is rounded as what forces did in all of it.
-        rounded = FORCE_ROUNDOFF * self.forces[k] * self.arc.state.step_h**2
+        rounded = SUM_ROUNDOFF * self.forces[k] * self.arc.state.step_h**2
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
 
@@ -293,7 +293,9 @@ class Kinematics:
         """Tell whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
-        return bool(np.any(np.abs(D[k, some]) > NO_IMPULSE * sizes[k] * sizes[some]))
+        return bool(
+            np.any(np.abs(D[k, some]) > SOLUTION_ROUNDOFF * sizes[k] * sizes[some])
+        )
 
     def problem(
         self, some: Sequence[int], restitutions: Floats

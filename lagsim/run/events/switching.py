@@ -20,7 +20,7 @@ from lagsim.run.events.filippov import ABOVE, BELOW, Modes
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.failures import FAILED, handed_over
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SHARE_ROUNDOFF, TIME_ROUNDOFF
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TIME_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -197,7 +197,7 @@ class Switching(Source):
         modes.tell(slack=slack)
         margins = arc.runner.margins(arc.t, arc.y)
         for k in levels:
-            least = SHARE_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
+            least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -margins[k])
         # Within its floor a root is the same to either side.
         noise = np.maximum(self._noise(rows), 0.5 * modes.p.floor)

@@ -52,7 +52,7 @@ from lagsim.studies.bench.stability import (
 )
 from lagsim.studies.bench.work_precision import COSTS, Key, Row, curves
 from lagsim.studies.sweep.chart import borders
-from lagsim.tolerances import AMPLIFICATION_ROUNDOFF
+from lagsim.tolerances import SAME_RESULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -579,7 +579,7 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
                 [[method.amplification(complex(a, b)) for a in x] for b in y]
             )
         size = np.nan_to_num(np.minimum(size, 10.0), nan=10.0)
-        limit = 1.0 + AMPLIFICATION_ROUNDOFF
+        limit = 1.0 + SAME_RESULT
         axes.contourf(x, y, size, levels=[-1.0, limit], colors="#d3e8f2", zorder=0.3)
         edge: Pen = {"colors": "#5b9ec0", "linewidths": 0.7, "zorder": 0.4}
         axes.contour(x, y, size, levels=[limit], **edge)

@@ -46,7 +46,7 @@ from lagsim.studies.bench.solving import (
     today,
 )
 from lagsim.studies.comparison import IMPACT, moved, range_or_size, within
-from lagsim.tolerances import FLAT_RANGE, SAME_STEP
+from lagsim.tolerances import COMPUTED_ZERO, SAME_STEP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -377,7 +377,7 @@ def _scales(
     alike = [of[units == unit] for of in (q, v) for unit in set(units)]
     for columns in (*alike, *([column] for column in multipliers)):
         largest = np.max(sizes[columns]) or np.inf
-        scales[columns] = range_or_size(ranges[columns], largest, FLAT_RANGE)
+        scales[columns] = range_or_size(ranges[columns], largest, COMPUTED_ZERO)
     duration = float(np.ptp(rows[:, 0])) or 1.0
     at, rates = scales[q], scales[v]
     scales[q] = np.where(np.isinf(at), rates * duration, at)
