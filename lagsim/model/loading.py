@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 import sys
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,7 +30,6 @@ from lagsim.model.nodes import (
     Scalar,
     Sequence,
     Source,
-    Span,
 )
 
 STANDARD_INPUT = "-"
@@ -210,13 +209,13 @@ class _Builder:
 
     def _scalar(self, event: yaml.ScalarEvent, *, sound: bool) -> Node:
         start, end = _span(event)
-        span = Span(self.source, start, end, event.style or "")
         place = self.source.place(start, end - start)
         if self.source.position(start) in self.spoilt or not sound:
             return Broken(place)
-        scalar = Scalar(event.value, bool(event.style), place, span)
-        if span.style in ("|", ">"):  # the text begins below its header
-            return replace(scalar, place=scalar.place_of(0, len(scalar.text)))
+        style = event.style or ""
+        scalar = Scalar(event.value, place, self.source, start, end, style)
+        if style in ("|", ">"):  # the text begins below its header
+            return scalar._replace(place=scalar.place_of(0, len(scalar.text)))
         return scalar
 
     def _attach(self, node: Node) -> None:
@@ -244,7 +243,7 @@ class _Builder:
                 continue
             if not isinstance(key, Scalar):
                 self._fault("complex-key", "a key must be a plain text", key.place)
-            elif key.text == "<<" and not key.quoted:
+            elif key.text == "<<" and not key.style:
                 text = "`<<` is a merge key of YAML, which models do not use"
                 self._fault("merge-key", text, key.place, "write the entries out")
             elif key.text in found:
@@ -281,7 +280,7 @@ class _Builder:
     def _split(self, first: Node, last: Node) -> Broken:
         assert isinstance(first, Scalar)
         assert isinstance(last, Scalar)
-        start, stop = first.span.start, last.span.end
+        start, stop = first.start, last.end
         place = self.source.place(start, stop - start)
         written = " ".join(self.source.text[start:stop].split())
         text = "the comma inside the parentheses ends the value here"
@@ -300,7 +299,7 @@ def _end_of_split(parts: list[Node], i: int, step: int) -> int | None:
         return None
     for j in range(i + 1, min(len(parts), i + 1 + step * _MOST_PIECES), step):
         piece, value = parts[j], parts[j + step - 1]
-        if not isinstance(piece, Scalar) or piece.quoted:
+        if not isinstance(piece, Scalar) or piece.style:
             return None
         if step == 2 and not (isinstance(value, Scalar) and value.empty):
             return None
@@ -311,7 +310,7 @@ def _end_of_split(parts: list[Node], i: int, step: int) -> int | None:
 
 
 def _left_open(part: Node) -> int:
-    if not isinstance(part, Scalar) or part.quoted:
+    if not isinstance(part, Scalar) or part.style:
         return 0
     return part.text.count("(") - part.text.count(")")
 
@@ -329,19 +328,12 @@ _ENTRY = (
 _ITEM = r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)"
 _NO_SPACE = r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)"
 _EQUALS = r"\s*(?P<key>\w+)\s*=\s*(?P<value>[^:=]+)$"
+# What a sign begins in YAML; those without a name of theirs cannot begin a value.
 _BEGINS = {
-    "%": "`%` cannot begin a value in YAML",
-    "@": "`@` cannot begin a value in YAML",
-    "`": "a backquote cannot begin a value in YAML",
-    "|": "`|` begins a block of text in YAML",
-    ">": "`>` begins a block of text in YAML",
-    "*": "`*` begins an alias in YAML",
-    "&": "`&` begins an anchor in YAML",
-    "!": "`!` begins a tag in YAML",
-    "-": "`- ` begins an item of a list in YAML",
-    "?": "`? ` begins a key in YAML",
-    ",": "`,` cannot begin a value in YAML",
-}
+    "|": "a block of text", ">": "a block of text", "*": "an alias", "&": "an anchor",
+    "!": "a tag", "-": "an item of a list", "?": "a key",
+    "%": "", "@": "", "`": "", ",": "",
+}  # fmt: skip
 _ONE_COLUMN = "the keys of one section begin in the same column"
 
 # Line and column, both counted from 0.
@@ -385,50 +377,52 @@ def diagnose(source: Source, error: Exception) -> Diagnosis:
 
 
 class _Case:
-    """A syntax error: the parser's own words, and where it stopped."""
+    """A syntax error: the parser's own words, and where it stopped.
+
+    Attributes
+    ----------
+    line, character : str
+        The line it stopped in, and the character before which it did.
+    indent : int
+        The blanks before the line.
+    above : int
+        The number of the line before, blank ones apart.
+    first_key : bool
+        Whether it stopped at the first colon of its line, which is not the first line.
+    entry : re.Match or None
+        The entry or item in whose value it stopped.
+    """
 
     def __init__(self, source: Source, error: Exception) -> None:
         self.source = source
         self.problem = getattr(error, "problem", None) or str(error)
         self.context = getattr(error, "context", None) or ""
-        self.at = self._inside(getattr(error, "problem_mark", None)) or (0, 0)
         self.context_at = self._inside(getattr(error, "context_mark", None))
-        self.line = source.line(self.at[0])
-        self.character = self.line[self.at[1] : self.at[1] + 1]
+        self.at = self._inside(getattr(error, "problem_mark", None)) or (0, 0)
+        number, column = self.at
+        self.line = line = source.lines[number]
+        self.character = line[column : column + 1]
+        self.indent = len(line) - len(line.lstrip())
+        self.above = self._filled(number - 1)
+        first = ":" not in line[:column] and self.character == ":" and number > 0
+        self.first_key = first and "mapping values" in self.problem
+        entry = re.match(_ENTRY, line) or re.match(_ITEM, line)
+        self.entry = entry if entry and column >= entry.start("value") else None
+
+    def _filled(self, number: int) -> int:
+        """Give the last line up to this one that has something, or the first."""
+        while number > 0 and not self.source.lines[number].strip():
+            number -= 1
+        return number
 
     def _inside(self, mark: yaml.Mark | None) -> At | None:
         """Bring a place at the very end back to the last line that has something."""
         if mark is None:
             return None
-        line, column = min(mark.line, self.source.count - 1), mark.column
-        while line > 0 and not self.source.line(line).strip():
-            line -= 1
-            column = len(self.source.line(line))
-        return line, min(column, len(self.source.line(line)))
-
-    @property
-    def first_key(self) -> bool:
-        """Whether the parser stopped at the first colon of its line, not the first."""
-        first = ":" not in self.line[: self.at[1]] and self.character == ":"
-        return first and "mapping values" in self.problem and self.at[0] > 0
-
-    @property
-    def above(self) -> int:
-        """The line before, blank ones apart."""
-        line = self.at[0] - 1
-        while line > 0 and not self.source.line(line).strip():
-            line -= 1
-        return line
-
-    @property
-    def indent(self) -> int:
-        """The blanks before the line."""
-        return len(self.line) - len(self.line.lstrip())
-
-    def entry(self) -> re.Match[str] | None:
-        """Give the entry or item in whose value the parser stopped."""
-        match = re.match(_ENTRY, self.line) or re.match(_ITEM, self.line)
-        return match if match and self.at[1] >= match.start("value") else None
+        last = min(mark.line, len(self.source.lines) - 1)
+        number = self._filled(last)
+        end = len(self.source.lines[number])
+        return number, min(mark.column, end) if number == last else end
 
     def fault(
         self,
@@ -438,35 +432,30 @@ class _Case:
         *,
         length: int = 1,
         code: str = "yaml-syntax",
-        set_aside: bool = False,
     ) -> Diagnosis:
         """Give a fault where the parser stopped, or elsewhere."""
         line, column = at or self.at
         place = self.source.place(self.source.starts[line] + column, length)
-        found = Diagnosis(Problem(code, text, place, hint), line)
-        return self._set_aside(found) if set_aside else found
+        return Diagnosis(Problem(code, text, place, hint), line)
 
-    def lines(self) -> list[str]:
-        return [self.source.line(i) for i in range(self.source.count)]
-
-    def _set_aside(self, found: Diagnosis) -> Diagnosis:
-        entry = self.entry()
+    def set_aside(self, text: str, hint: str = "", at: At | None = None) -> Diagnosis:
+        """Give the same, and the text without the value in which it stopped."""
+        found, entry = self.fault(text, hint, at), self.entry
         if entry is None:
             return found
-        lines = self.lines()
-        first, column = self.at[0], entry.start("value")
-        dropped = [lines[first][column:]]
-        lines[first] = lines[first][:column] + "_"
-        indent = len(entry["lead"])
-        for i in range(first + 1, len(lines)):
-            inside = len(lines[i]) - len(lines[i].lstrip()) > indent
+        number, column = self.at[0], entry.start("value")
+        lines = [*self.source.lines]
+        dropped = [lines[number][column:]]
+        lines[number] = lines[number][:column] + "_"
+        for i in range(number + 1, len(lines)):
+            inside = len(lines[i]) - len(lines[i].lstrip()) > len(entry["lead"])
             if lines[i].strip() and not inside:
                 break
             dropped.append(lines[i])
             lines[i] = ""
         if not _is_balanced("\n".join(dropped)):
             return found
-        return found._replace(repaired="\n".join(lines), spoilt=(first, column))
+        return found._replace(repaired="\n".join(lines), spoilt=(number, column))
 
 
 def _is_balanced(text: str) -> bool:
@@ -483,14 +472,13 @@ def _tab(case: _Case) -> Diagnosis | None:
 
 
 def _missing_space(case: _Case) -> Diagnosis | None:
-    number = case.at[0]
     if "simple key" in case.context and case.context_at:
         number = case.context_at[0]
     elif case.first_key:
         number = case.above
     else:
         return None
-    line = case.source.line(number)
+    line = case.source.lines[number]
     match = re.match(_NO_SPACE, line) or re.match(_EQUALS, line)
     if match is None:
         return None
@@ -501,7 +489,7 @@ def _missing_space(case: _Case) -> Diagnosis | None:
         text = f"a colon is missing in `{found}`"
     at, hint = (number, match.start("key")), f"write `{key}: {value}`"
     fault = case.fault(text, hint, at, length=len(found), code="missing-space")
-    lines = case.lines()
+    lines = [*case.source.lines]
     lines[number] = line[: match.end("key")] + ": _"
     spoilt = number, match.end("key") + 2
     return fault._replace(repaired="\n".join(lines), spoilt=spoilt)
@@ -512,7 +500,7 @@ def _unfinished(case: _Case) -> Diagnosis | None:
     context, at = case.context, case.context_at
     if at is None:
         return None
-    rest = case.source.line(at[0])[at[1] :]
+    rest = case.source.lines[at[0]][at[1] :]
     if "simple key" in context:
         found = rest.strip()
         text = f"expected `key: value`, found `{found[:40]}`"
@@ -521,7 +509,7 @@ def _unfinished(case: _Case) -> Diagnosis | None:
         if "end of stream" in case.problem or "document" in case.problem:
             return case.fault("this quote is never closed", at=at)
         text = "this is no escape of YAML's double quotes"
-        return case.fault(text, "use single quotes", set_aside=True)
+        return case.set_aside(text, "use single quotes")
     bracket, closed = rest[:1], at[0] == case.at[0] and _is_balanced(rest)
     if "parsing a flow" not in context or bracket not in ("{", "[") or closed:
         return None
@@ -531,15 +519,15 @@ def _unfinished(case: _Case) -> Diagnosis | None:
 
 
 def _second_colon(case: _Case) -> Diagnosis | None:
-    if case.character != ":" or case.entry() is None:
+    if case.character != ":" or case.entry is None:
         return None
     hint = "give each entry its own line or comma; a text with a colon must be quoted"
-    return case.fault("a second `:` in one entry", hint, set_aside=True)
+    return case.set_aside("a second `:` in one entry", hint)
 
 
 def _indentation(case: _Case) -> Diagnosis | None:
     if case.first_key:
-        line = case.source.line(case.above)
+        line = case.source.lines[case.above]
         above = line.strip()
         if ":" not in above:
             text = f"a colon is missing after `{above[:40]}`"
@@ -548,23 +536,26 @@ def _indentation(case: _Case) -> Diagnosis | None:
             return case.fault(text, hint, at, length=len(above))
         text = f"this line is indented as if it belonged to `{above[:40]}`, "
         text += "which has a value already"
-        return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
-    ended = ("expected key", "block end", "document start")
-    if case.at[1] <= case.indent and any(words in case.problem for words in ended):
+    else:
+        ended = ("expected key", "block end", "document start")
+        if case.at[1] > case.indent or not any(w in case.problem for w in ended):
+            return None
         text = "this line fits no section above it"
-        return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
-    return None
+    return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
 
 
 def _beginning(case: _Case) -> Diagnosis | None:
     """Name a sign that YAML takes for its own where a value begins."""
-    entry = case.entry()
-    at = case.at[1]
+    entry, at = case.entry, case.at[1]
     if entry is not None and entry["value"][0] in "|>*&!":
         at = entry.start("value")
-    text = _BEGINS.get(case.line[at : at + 1])
-    if text is None:
+    sign = case.line[at : at + 1]
+    if sign not in _BEGINS:
         return None
+    what, named = _BEGINS[sign], "a backquote" if sign == "`" else f"`{sign}`"
+    text = f"{named} cannot begin a value in YAML"
+    if what:
+        text = f"`{sign}{' ' * (sign in '-?')}` begins {what} in YAML"
     hint = "quote the value"
     if entry is not None and "{" not in entry["value"] and "#" not in entry["value"]:
         quoted = entry["value"].strip().replace('"', "'")
@@ -572,8 +563,8 @@ def _beginning(case: _Case) -> Diagnosis | None:
         if quoted[:1] == "|" and quoted.count("|") % 2 == 0:
             hint = "write " + re.sub(r"\|+([^|]+)\|+", r"abs(\1)", quoted)
         elif not _is_expression(quoted):
-            hint += f" if it is a text; an expression begins without `{case.line[at]}`"
-    return case.fault(text, hint, (case.at[0], at), set_aside=True)
+            hint += f" if it is a text; an expression begins without `{sign}`"
+    return case.set_aside(text, hint, (case.at[0], at))
 
 
 def _is_expression(text: str) -> bool:
@@ -587,29 +578,27 @@ def _is_expression(text: str) -> bool:
 
 def _ending(case: _Case) -> Diagnosis | None:
     """Name what follows where a value, or a collection in brackets, ends."""
-    entry = case.entry()
-    if entry is not None and entry["value"][0] in "'\"":
+    if case.entry is not None and case.entry["value"][0] in "'\"":
         text = "something follows the closing quote"
-        return case.fault(text, "quote the whole value", set_aside=True)
+        return case.set_aside(text, "quote the whole value")
     if case.character and case.character in "}]":
-        return case.fault(f"`{case.character}` closes nothing", set_aside=True)
+        return case.set_aside(f"`{case.character}` closes nothing")
     if "parsing a flow" not in case.context:
         return None
     closer = "]" if "sequence" in case.context else "}"
     hint = "an expression in braces is best quoted"
-    return case.fault(f"expected `,` or `{closer}`", hint, set_aside=True)
+    return case.set_aside(f"expected `,` or `{closer}`", hint)
 
 
 def unspaced(key: Node, value: Node) -> tuple[Node, Node, Problem | None]:
     """Take a key such as `theta:1` apart, where YAML needs a space after the colon."""
-    empty = isinstance(value, Scalar) and value.empty
-    if not isinstance(key, Scalar) or key.quoted or ":" not in key.text or not empty:
-        return key, value, None
-    match = re.match(_NO_SPACE, key.text)
-    if match is None:
+    match = None
+    if isinstance(key, Scalar) and isinstance(value, Scalar) and value.empty:
+        match = not key.style and re.match(_NO_SPACE, key.text)
+    if not match or not isinstance(key, Scalar):
         return key, value, None
     name, rest = match["key"], key.text[match.start("value") :]
     text = f"a space is missing after the colon in `{key.text}`"
     problem = Problem("missing-space", text, key.place, f"write `{name}: {rest}`")
     place = key.place_of(0, len(name))
-    return Scalar(name, False, place, key.span), Broken(key.place), problem
+    return key._replace(text=name, place=place), Broken(key.place), problem

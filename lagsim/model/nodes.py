@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from bisect import bisect_right
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagsim.errors import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -34,35 +34,21 @@ class Source:
         The text.
     shown
         The text whose lines the places show, where it is not `text` itself.
+
+    Attributes
+    ----------
+    lines : list of str
+        Without their ends.
+    starts : list of int
+        Where each of them begins.
     """
 
     def __init__(self, file: str, text: str, shown: Source | None = None) -> None:
         self.file = file
         self.text = text
-        breaks = list(_BREAK.finditer(text))
-        self.starts = [0, *(m.end() for m in breaks)]
-        self._ends = [*(m.start() for m in breaks), len(text)]
-        self._shown = shown or self
-        # Places of one line share its text, which may be long.
-        self._line: tuple[int, str] = -1, ""
-        self._stretches: tuple[Span | None, list[tuple[int, int]]] = None, []
-
-    @property
-    def count(self) -> int:
-        """The number of lines."""
-        return len(self.starts)
-
-    def line(self, number: int) -> str:
-        """Give line `number`, counted from 0, without its end."""
-        if self._line[0] != number:
-            self._line = number, self.text[self.starts[number] : self._ends[number]]
-        return self._line[1]
-
-    def stretches(self, span: Span, text: str) -> list[tuple[int, int]]:
-        """Give what `span.stretches(text)` does; asked again for the last, at once."""
-        if self._stretches[0] is not span:
-            self._stretches = span, span.stretches(text)
-        return self._stretches[1]
+        self.lines = _BREAK.split(text)
+        self.starts = [0, *(m.end() for m in _BREAK.finditer(text))]
+        self._shown = self.lines if shown is None else shown.lines
 
     def position(self, index: int) -> tuple[int, int]:
         """Give line and column, counted from 0, of the character at `index`."""
@@ -72,97 +58,84 @@ class Source:
     def place(self, index: int, length: int = 1) -> Place:
         """Give the place of a stretch; it ends with its first line."""
         line, column = self.position(max(0, min(index, len(self.text))))
-        room = self._ends[line] - self.starts[line] - column
-        return Place(
-            self.file,
-            line + 1,
-            column + 1,
-            max(1, min(length, room)),
-            self._shown.line(line),
-        )
+        length = max(1, min(length, len(self.lines[line]) - column))
+        return Place(self.file, line + 1, column + 1, length, self._shown[line])
 
 
-class Span(NamedTuple):
-    """Where a scalar stands in its source, and how it is written."""
+class Scalar(NamedTuple):
+    """A text; YAML's own types play no part.
 
+    From `start` to `end` it stands in its source; `style` is the sign of YAML that it
+    begins with there, `=` on a command line, or empty.
+    """
+
+    text: str
+    place: Place
     source: Source
     start: int
     end: int
     style: str = ""
 
-    def stretches(self, text: str) -> list[tuple[int, int]]:
-        """Give begin and end in the source of each character of the value, and its end.
-
-        Blanks may have been folded, so only the other characters are counted off; a
-        blank stands just after the character before it.
-        """
-        found: list[tuple[int, int]] = []
-        begin = end = self._first()
-        for c in text:
-            if c.isspace():
-                found.append((end, end + 1))
-            else:
-                begin, end = self._unit(end)
-                found.append((begin, end))
-        found.append((end, end + 1))
-        return found
-
-    def _first(self) -> int:
-        if self.style in ("'", '"'):
-            return self.start + 1
-        if self.style in ("|", ">"):
-            line, _ = self.source.position(self.start)
-            return self.source.starts[min(line + 1, self.source.count - 1)]
-        return self.start
-
-    def _unit(self, index: int) -> tuple[int, int]:
-        """Give begin and end of the next character that is not blank."""
-        raw = self.source.text
-        last = max(self.start, self.end - 1)
-        while index < last:
-            if self.style == '"' and raw[index] == "\\":
-                length, blank = self._escape(index)
-                if not blank:
-                    return index, index + length
-                index += length
-            elif self.style == "'" and raw.startswith("''", index):
-                return index, index + 2
-            elif raw[index].isspace():
-                index += 1
-            else:
-                return index, index + 1
-        return last, last + 1
-
-    def _escape(self, index: int) -> tuple[int, bool]:
-        raw = self.source.text
-        letter = raw[index + 1]
-        length = _LONG_ESCAPES.get(letter)
-        if length is None:
-            return 2, letter in _BLANK_ESCAPES
-        return length, chr(int(raw[index + 2 : index + length], 16)).isspace()
-
-
-@dataclass(frozen=True, slots=True)
-class Scalar:
-    """A text; YAML's own types play no part."""
-
-    text: str
-    quoted: bool
-    place: Place
-    span: Span = field(repr=False, compare=False)
-
     @property
     def empty(self) -> bool:
         """Whether the file gives nothing here, or YAML's null."""
-        return not self.quoted and self.text in ("", "~", "null", "Null", "NULL")
+        return not self.style and self.text in ("", "~", "null", "Null", "NULL")
 
     def place_of(self, offset: int, length: int = 1) -> Place:
         """Give the place in the file of `length` characters of the text."""
-        stretches = self.span.source.stretches(self.span, self.text)
+        stretches = _stretches(self)
         offset = max(0, min(offset, len(self.text)))
         last = max(offset, min(offset + length, len(self.text)) - 1)
         start, end = stretches[offset][0], stretches[last][1]
-        return self.span.source.place(start, end - start)
+        return self.source.place(start, end - start)
+
+
+@functools.lru_cache(maxsize=1)  # each name of a long expression may be asked for
+def _stretches(scalar: Scalar) -> list[tuple[int, int]]:
+    """Give begin and end in the source of each character of the text, and its end.
+
+    Blanks may have been folded, so only the other characters are counted off; a blank
+    stands just after the character before it.
+    """
+    source, begin = scalar.source, scalar.start
+    if scalar.style in ("'", '"'):
+        begin += 1
+    elif scalar.style in ("|", ">"):  # the text begins below its header
+        line = source.position(begin)[0] + 1
+        begin = source.starts[min(line, len(source.lines) - 1)]
+    found, end = list[tuple[int, int]](), begin
+    for c in scalar.text:
+        if c.isspace():
+            found.append((end, end + 1))
+        else:
+            begin, end = _next(scalar, end)
+            found.append((begin, end))
+    return [*found, (end, end + 1)]
+
+
+def _next(scalar: Scalar, index: int) -> tuple[int, int]:
+    """Give begin and end of the next character that is not blank."""
+    raw, style = scalar.source.text, scalar.style
+    last = max(scalar.start, scalar.end - 1)
+    while index < last:
+        length, blank = 1, raw[index].isspace()
+        if style == '"' and raw[index] == "\\":
+            length, blank = _escape(raw, index)
+        elif style == "'" and raw.startswith("''", index):
+            length = 2
+        if not blank:
+            return index, index + length
+        index += length
+    return last, last + 1
+
+
+def _escape(raw: str, index: int) -> tuple[int, bool]:
+    """Give the length of an escape of double quotes, and whether it is a blank."""
+    letter = raw[index + 1]
+    length = _LONG_ESCAPES.get(letter)
+    if length is None:
+        return 2, letter in _BLANK_ESCAPES
+    return length, chr(int(raw[index + 2 : index + length], 16)).isspace()
 
 
 class Mapping(NamedTuple):
@@ -194,21 +167,37 @@ def argument(option: str, value: str) -> Scalar:
     # Bytes that are not UTF-8 reach us as lone surrogates, which nothing can print.
     value = value.encode(errors="replace").decode()
     source = Source(option + value, option + value)
-    span = Span(source, len(option), len(source.text))
     place = source.place(len(option), max(1, len(value)))
-    return Scalar(value, quoted=True, place=place, span=span)
+    return Scalar(value, place, source, len(option), len(source.text), "=")
+
+
+def entries_of(node: Node | None) -> tuple[Entry, ...]:
+    """Give the entries of a mapping; none of anything else."""
+    return node.entries if isinstance(node, Mapping) else ()
+
+
+def items_of(node: Node | None) -> tuple[Node, ...]:
+    """Give the items of a list, or the one that stands for a list of it."""
+    if isinstance(node, Sequence):
+        return node.items
+    return () if node is None else (node,)
+
+
+def texts_of(nodes: Iterable[Node]) -> list[str]:
+    """Give the texts of those nodes that are scalars."""
+    return [node.text for node in nodes if isinstance(node, Scalar)]
 
 
 def leaves(node: Node, name: str = "") -> Iterator[tuple[str, Scalar]]:
     """Give the scalars of a node and below it, each by the keys that lead to it."""
     if isinstance(node, Scalar):
         yield name, node
-    elif isinstance(node, Mapping):
-        for key, value in node.entries:
-            yield from leaves(value, f"{name}.{key.text}")
     elif isinstance(node, Sequence):
         for k, item in enumerate(node.items, 1):
             yield from leaves(item, f"{name}.{k}")
+    else:
+        for key, value in entries_of(node):
+            yield from leaves(value, f"{name}.{key.text}")
 
 
 def words(*roots: Node) -> set[str]:

@@ -8,6 +8,9 @@ import re
 import pytest
 import yaml
 
+from lagsim.errors import UNSEEN as INVISIBLE
+from lagsim.language.functions import JOINING
+from lagsim.methods import options
 from tests.json_schema import faults
 from tests.model._files import completed
 from tests.model.test_faults import CASES
@@ -48,6 +51,17 @@ def test_the_shipped_file_is_what_the_command_prints(lagsim):
     called = lagsim("schema")
     assert (called.code, called.err) == (0, "")
     assert called.out == SHIPPED.read_text(encoding="utf-8")
+
+
+def test_the_shipped_file_names_what_is_declared_elsewhere():
+    """Letters that nobody sees, operators, and the options that methods have today."""
+    sections = SCHEMA["properties"]
+    assert sections["name"]["pattern"] == rf"^[^/\\\n\t{INVISIBLE}]+$"
+    refused = sections["definitions"]["propertyNames"]["not"]["anyOf"][0]["enum"]
+    assert {*JOINING} < {*refused}
+    keys = sections["simulation"]["properties"].items()
+    own = {k for k, form in keys if "Only for the method" in form["description"]}
+    assert own == {*options()}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)

@@ -21,7 +21,7 @@ def entries(text):
 @pytest.mark.parametrize("text", ["on", "yes", "no", "y", "010", "1e-3", "~", "0x1"])
 def test_every_plain_scalar_is_its_text(text):
     scalar = entries(f"a: {text}\n")["a"]
-    assert (scalar.text, scalar.quoted) == (text, False)
+    assert (scalar.text, bool(scalar.style)) == (text, False)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_every_plain_scalar_is_its_text(text):
 )  # fmt: skip
 def test_quoted_and_empty(text, quoted, empty):
     scalar = entries(f"a: {text}\n")["a"]
-    assert (scalar.quoted, scalar.empty) == (quoted, empty)
+    assert (bool(scalar.style), scalar.empty) == (quoted, empty)
 
 
 def test_collections_and_their_places():

@@ -455,7 +455,7 @@ def _is_nested(section: str, key: Scalar, node: Node) -> bool:
 def _put(top: dict[str, Entry], names: list[str], section: str) -> bool:
     """Move entries below a section, which may not be there; tell whether they fit."""
     first = top[names[0]][0]
-    new = Scalar(section, False, first.place, first.span), Mapping((), first.place)
+    new = first._replace(text=section, style=""), Mapping((), first.place)
     head, value = top.get(section, new)
     old = value if isinstance(value, Mapping) else new[1]
     if not is_mapping(value) or {key.text for key, _ in old.entries} & {*names}:

@@ -391,7 +391,7 @@ class Expressions:
         hint = "write a number or an expression, such as 0"
         if not isinstance(node, Scalar):
             hint = quantities.of_collection(node, beside=beside)
-        elif node.quoted or not node.empty:
+        elif node.style or not node.empty:
             return node
         text = f"{what} must be an expression, found {kind_of(node)}"
         self.faults.add("not-an-expression", text, node.place, hint)

@@ -178,7 +178,7 @@ def split_by_comma(key: Scalar) -> str:
     """Say how a number is written that a comma has cut in two, as in {l: 1,5}."""
     if not re.fullmatch(r"\d[\d.]*", key.text):
         return ""
-    text, start, end = key.span.source.text, key.span.start, key.span.end
+    text, start, end = key.source.text, key.start, key.end
     before = re.search(r"\d[\d.',\s]*,\s*$", text[max(0, start - 40) : start])
     after = re.match(r"(?:\s*,\s*\d[\d.]*(?=\s*[,}\]]))*", text[end : end + 40])
     if before is None or after is None:
