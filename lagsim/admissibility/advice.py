@@ -79,7 +79,7 @@ def _terms(
     model: Model,
     defined: Mapping[int, tuple[str, str]],
 ) -> dict[int, _Term]:
-    """Give a term in degrees of each of these sums, and of each sum below, if any.
+    """Term in degrees of each of these sums, and of each sum below, if any.
 
     A number that is added to a time or a length is none of degrees.
     """
@@ -111,13 +111,13 @@ def _terms(
 
 
 def _is_of_degrees(value: float) -> bool:
-    """Tell whether a number looks like one of degrees."""
+    """Whether a number looks like one of degrees."""
     size = abs(value)
     return _LEAST <= size <= _TURN and not all(size % whole for whole in _WHOLE)
 
 
 def _summed(g: Graph, node: int) -> Sequence[int]:
-    """Give the terms of a sum; of a multiple by a whole number what is multiplied."""
+    """Terms of a sum; of a multiple by a whole number what is multiplied."""
     op, args = g.ops[node], g.args[node]
     if op == "mul":
         factors = [g.value(a) for a in args]
@@ -127,7 +127,7 @@ def _summed(g: Graph, node: int) -> Sequence[int]:
 
 
 def _of_numbers(model: Model) -> Graph:
-    """Give a graph of the expressions of parameters and start values."""
+    """Graph of the expressions of parameters and start values."""
     g = Graph()
     for text in model.stated.numbers():
         if any(op in text for op in _OF_ANGLES):
@@ -186,7 +186,7 @@ def _guess(equations: Equations, row: Row, *, velocities: bool) -> str:
 
 
 def suggestion(model: Model, relation: str) -> str:
-    """Give the line of `initial` that would make a relation exact, where one is plain.
+    """Line of `initial` that would make a relation exact, where one is plain.
 
     That is where one side of `=` is a coordinate or a velocity, and the other can stand
     in `initial`: it uses parameters and the start values above that line.

@@ -197,7 +197,7 @@ def examine(
 
 
 def start_at(equations: Equations, state: Instant) -> Start:
-    """Give the ranks of equations at a state that satisfies their constraints.
+    """Ranks of equations at a state that satisfies their constraints.
 
     Plans are made from that.
     """
@@ -320,7 +320,7 @@ class _Examiner:
         velocities: bool,
         definitions: bool = True,
     ) -> Relations:
-        """Give what is asked of the values `free`, positions or velocities."""
+        """Return what is asked of the values `free`, positions or velocities."""
         e, g, n = self.e, self.e.graph, self.n
         # What is touched has no rate to keep: an impact decides that.
         touching = self.touching.values()
@@ -341,13 +341,13 @@ class _Examiner:
         return Relations(point, wanted, free, velocities=velocities)
 
     def _metric(self, free: Sequence[int]) -> Floats:
-        """Give the metric of least change on the values `free`: M as it was stated."""
+        """Metric of least change on the values `free`: M as it was stated."""
         k, M = len(free), self.stated.mass_entries(free)
         self.stated.g.count(k**3 / DECOMPOSED)
         return least_change_metric(M.dense(k, k))
 
     def _nearest(self, relations: Relations, *, far: bool = True) -> Found:
-        """Give the nearest values that satisfy the relations."""
+        """Nearest values that satisfy the relations."""
         free = relations.free
         if not relations.wanted:
             return Found(relations.x0, converged=True)
@@ -396,7 +396,7 @@ class _Examiner:
         return found._replace(reason=reason, least=least)
 
     def _exact_values(self, point: Point, *, velocities: bool) -> Point:
-        """Give the nearest exact state; values that are exact to rounding stay."""
+        """Nearest exact state; values that are exact to rounding stay."""
         relations = self._relations(
             point, range(self.n), velocities=velocities, definitions=False
         )
@@ -496,7 +496,7 @@ class _Examiner:
     # The state that the rest of the report is about
 
     def _inexact(self, point: Point) -> Point:
-        """Give a point with the errors of its values: as stated, or solved for."""
+        """Point with the errors of its values: as stated, or solved for."""
         here = {x: point.values[x] for x in (*self.e.q, *self.e.velocities)}
         same = {name for name, x in here.items() if x == self.initial[name].value}
         if same == here.keys():
@@ -576,7 +576,7 @@ class _Examiner:
         return bool(new)
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
-        """Give what changes by more than rounding: name -> (old, new)."""
+        """Return what changes by more than rounding: name -> (old, new)."""
         names = (*self.e.q, *self.e.velocities)
         errors = new.solved_errors((old.q, old.v))
         pairs: Mapping[str, tuple[float, float]] = {
@@ -590,7 +590,7 @@ class _Examiner:
 
 
 def _spread(relations: Relations, x: Floats) -> Floats:
-    """Give how far around a root x, found from x0, others are looked for."""
+    """How far around a root x, found from x0, others are looked for."""
     if relations.velocities:  # 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)
@@ -598,7 +598,7 @@ def _spread(relations: Relations, x: Floats) -> Floats:
 
 
 def _unwound(relations: Relations, x: Floats) -> Floats:
-    """Give a root without the whole turns of its angles that lead away from a guess.
+    """Root without the whole turns of its angles that lead away from a guess.
 
     An angle is a component whose turn changes no relation: at the root, and beside it.
     """

@@ -177,7 +177,7 @@ class _Distribution:
         return span.extend(rest, CAUTION * float(rounding / length))
 
     def _fields(self) -> list[list[int]]:
-        """Give fields that span the kernel of the forms around the point."""
+        """Fields that span the kernel of the forms around the point."""
         g = self.g
         table = [list(form) for form in self.forms]
         numbers = self.scaled.copy()
@@ -208,7 +208,7 @@ class _Distribution:
         return fields
 
     def _bracket(self, a: list[int], b: list[int]) -> list[int]:
-        """Give [a, b] = Db a - Da b."""
+        """Return [a, b] = Db a - Da b."""
         g = self.g
         along_a = dict(zip(self.variables, a, strict=True))
         along_b = dict(zip(self.variables, b, strict=True))

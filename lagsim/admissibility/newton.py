@@ -84,7 +84,7 @@ class Relations:
         return (self.point.v if self.velocities else self.point.q)[self.free]
 
     def at(self, x: Floats, errors: Floats | None = None) -> Point:
-        """Give the point with these values, which may have other errors."""
+        """Point with these values, which may have other errors."""
         state = (self.point.q.copy(), self.point.v.copy())
         state[self.velocities][self.free] = x
         if errors is None:
@@ -108,7 +108,7 @@ class Relations:
         return found
 
     def curvature(self, x: Floats, multipliers: Floats) -> Floats:
-        """Give the sum of multiplier_i d2r_i/dx dx, (k, k)."""
+        """Sum of multiplier_i d2r_i/dx dx, (k, k)."""
         found = np.zeros((len(self.free), len(self.free)))
         values = self.at(x).array([entry[3] for entry in self._second])
         for (i, j, k, _), value in zip(self._second, values, strict=True):
@@ -116,14 +116,14 @@ class Relations:
         return (found + found.T) / 2
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
-        """Give r (m,) and dr/dx (m, k)."""
+        """Return r (m,) and dr/dx (m, k)."""
         m, k = len(self.targets), len(self.free)
         self.point.g.count(m * k * min(m, k) / STEP)
         r, entries = self._with_entries(x)
         return r, entries.dense(m, k)
 
     def sparse(self, x: Floats) -> tuple[Floats, Any]:
-        """Give r (m,) and dr/dx (m, k) as a sparse matrix."""
+        """Return r (m,) and dr/dx (m, k) as a sparse matrix."""
         r, entries = self._with_entries(x)
         return r, entries.sparse(len(r), len(x))
 
@@ -136,11 +136,11 @@ class Relations:
         return found[: len(own)] - self.targets, Entries(i, j, found[len(own) :])
 
     def hold(self, x: Floats, errors: Floats) -> bool:
-        """Tell whether r is small against its terms, or rounding for these errors."""
+        """Whether r is small against its terms, or rounding for these errors."""
         return not np.any(self.violated(x, errors))
 
     def violated(self, x: Floats, errors: Floats) -> Flags:
-        """Tell of each of r whether it is more than that, (m,)."""
+        """Whether each of r is more than that, (m,)."""
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
         far = np.flatnonzero(found).tolist()
@@ -148,14 +148,14 @@ class Relations:
         return found
 
     def exact(self, x: Floats) -> bool:
-        """Tell whether r is within the rounding errors of x as it was stated."""
+        """Whether r is within the rounding errors of x as it was stated."""
         point, residual, _ = self._against_terms(x)
         return bool(np.all(residual <= self._rounding(point, range(len(residual)))))
 
     def _against_terms(
         self, x: Floats, errors: Floats | None = None
     ) -> tuple[Point, Floats, Floats]:
-        """Give the point, |r| (m,), and what of it is small against its terms, (m,)."""
+        """Point, |r| (m,), and what of it is small against its terms, (m,)."""
         point = self.at(x, errors)
         scale = np.abs(point.array([x.scale for x in self.wanted]))
         small = CONVERGED * np.maximum(scale, np.abs(self.targets))
@@ -167,7 +167,7 @@ class Relations:
 
 
 def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Relations:
-    """Give what `rows` ask of all positions, or of all velocities."""
+    """Return what `rows` ask of all positions, or of all velocities."""
     wanted = conditions(rows, velocities=velocities)
     return Relations(point, wanted, range(point.n), velocities=velocities)
 
@@ -193,7 +193,7 @@ def diverges(
     x: Floats,
     errors: Floats,
 ) -> bool:
-    """Tell whether a relation that x0 violates is satisfied at x by rounding alone.
+    """Whether a relation that x0 violates is satisfied at x by rounding alone.
 
     at : x -> r (m,) and dr/dx (m, k), dense or sparse.
     """
@@ -260,7 +260,7 @@ class Found(NamedTuple):
 
 
 def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
-    """Give the point nearest to x0 in `metric` (k, k) that satisfies `relations`.
+    """Point nearest to x0 in `metric` (k, k) that satisfies `relations`.
 
     Where none is found, the point of least |r| near there. `far`: other starts are
     tried, too, for a nearer point or where the first fails.
@@ -292,7 +292,7 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
 
 
 def nearest_sparse(relations: Relations, M: Any) -> Found | None:
-    """Give the same in the sparse metric M (n, n); None where that does not settle.
+    """Return the same in the sparse metric M (n, n); None where that does not settle.
 
     Each step goes to the nearest point that satisfies the relations to first order.
     """
@@ -328,7 +328,7 @@ def nearest_sparse(relations: Relations, M: Any) -> Found | None:
 
 
 def _by_size(x0: Floats, metric: Floats) -> Floats:
-    """Give the metric in which each value counts against its own size."""
+    """Metric in which each value counts against its own size."""
     size = np.abs(x0)
     rest = np.sqrt(_square(x0, metric) or 1.0) / np.sqrt(np.diag(metric))
     return np.diag(np.where(size > 0, size, rest) ** -2.0)
@@ -337,7 +337,7 @@ def _by_size(x0: Floats, metric: Floats) -> Floats:
 def _others(
     relations: Relations, x0: Floats, best: Floats | None, metric: Floats
 ) -> Iterator[Floats]:
-    """Give other starts around x0, as far as the point found; the same each time."""
+    """Other starts around x0, as far as the point found; the same each time."""
     random = np.random.default_rng(3)
     L = cholesky(metric)
     near = far = float(np.sqrt(_square(x0 if best is None else best - x0, metric)))
@@ -351,7 +351,7 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """Give how far away relations hold to second order; 0: not known."""
+    """How far away relations hold to second order; 0: not known."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):
@@ -442,14 +442,14 @@ def _damped(
 
 
 def _rows(J: Floats, L: Floats) -> tuple[Floats, Floats]:
-    """Give the rows of J in the metric L L^T to length 1, and their lengths or 1."""
+    """Rows of J in the metric L L^T to length 1, and their lengths or 1."""
     Y, lengths = scaled(J, L)
     lengths[lengths == 0] = 1.0
     return Y, lengths
 
 
 def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
-    """Say why the relations were not reached; give the point of least |r|."""
+    """Say why the relations were not reached; return the point of least |r|."""
     if reached.trouble in (Trouble.NOT_FINITE, Trouble.DIVERGES):
         return reached
     from scipy.optimize import least_squares  # slow to load, and only failures need it
@@ -497,7 +497,7 @@ class _Slope:
         self.steepness = float(np.linalg.norm(self.gradient))
 
     def step(self) -> Floats:
-        """Give Newton's step along the relations; one downwards where that is not."""
+        """Newton's step along the relations; one downwards where that is not."""
         # The Hessian of the Lagrange function.
         H = self.metric - self.relations.curvature(self.x, self.multipliers)
         H = H if np.all(np.isfinite(H)) else self.metric

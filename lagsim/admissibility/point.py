@@ -82,7 +82,7 @@ class Point:
         *,
         t: float | None = None,
     ) -> Point:
-        """Give the equations at another state, or with other errors, sizes kept."""
+        """Equations at another state, or with other errors, sizes kept."""
         state = Instant(
             self.t if t is None else t,
             self.q if q is None else q,
@@ -105,7 +105,7 @@ class Point:
         return values | dict(zip(self.e.velocities, map(float, self.v), strict=True))
 
     def array(self, nodes: Sequence[int]) -> Floats:
-        """Give the values of `nodes`."""
+        """Return the values of `nodes`."""
         return np.array(evaluate(self.g, nodes, self.values), dtype=float)
 
     @cached_property
@@ -120,14 +120,14 @@ class Point:
         return {name: (x, errors.get(name, 0.0)) for name, x in self.values.items()}
 
     def rounding(self, nodes: Sequence[int]) -> Floats:
-        """Give bounds of the rounding errors of `nodes`, from those of the values."""
+        """Bounds of the rounding errors of `nodes`, from those of the values."""
         found = evaluate_with_error(self.g, nodes, self._inexact)
         return np.array([error for _, error in found])
 
     def solved_errors(
         self, origin: tuple[Floats, Floats] | None = None
     ) -> dict[str, float]:
-        """Give the errors of values that were solved for.
+        """Errors of values that were solved for.
 
         Their own rounding; that of the distance that all went from `origin`; and
         what the rounding of the relations in which they stand makes of them: one that
@@ -180,7 +180,7 @@ class Point:
         return self.jacobian(self.e.rows)
 
     def _chained_mass(self, chains: Chains) -> Floats:
-        """Give M (n, n) without an expression for each entry."""
+        """M (n, n) without an expression for each entry."""
         values = dict(zip(chains.nodes, self.array(chains.nodes), strict=True))
         along = np.eye(self.n + len(chains.sums), self.n)
         for k, form in enumerate(chains.sums, self.n):
@@ -193,7 +193,7 @@ class Point:
         return np.asarray(along.T @ pushed)
 
     def mass_entries(self, among: Sequence[int] | None = None) -> Entries:
-        """Give the entries of M, or of rows and columns `among`, that are not zero."""
+        """Entries of M, or of rows and columns `among`, that are not zero."""
         chosen = range(self.n) if among is None else among
         if self.e.chains is not None:
             M = self.mass_matrix[np.ix_(chosen, chosen)]
@@ -206,14 +206,14 @@ class Point:
         )
 
     def jacobian(self, rows: Sequence[Row], *, rounded: bool = False) -> Floats:
-        """Give A (m, n) of `rows`; with `rounded` what is only rounding is zero."""
+        """Return A (m, n) of `rows`; with `rounded` what is only rounding is zero."""
         found = self.jacobian_entries(rows, rounded=rounded)
         return found.dense(len(rows), self.n)
 
     def jacobian_entries(
         self, rows: Sequence[Row], *, rounded: bool = False
     ) -> Entries:
-        """Give the entries of A that do not vanish identically."""
+        """Entries of A that do not vanish identically."""
         return self._entries([row.A.entries for row in rows], rounded=rounded)
 
     def _entries(
@@ -249,7 +249,7 @@ class Point:
         return 1.0 / largest_eigenvalue(factors.solve, self.n)[0] > SAFELY_INDEPENDENT
 
     def _is_positive_along(self, chains: Chains) -> bool:
-        """Tell it by the pivots of M, against its diagonal."""
+        """Whether M is positive by its pivots, against its diagonal."""
         from lagsim.language.sparse import Meter
 
         pivots = chains.factorisation(self.g, Meter()).pivots
@@ -292,7 +292,7 @@ class Condition(NamedTuple):
 
 
 def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
-    """Give what rows ask of velocities, or those that are holonomic of positions."""
+    """Return what rows ask of velocities, or those that are holonomic of positions."""
     if velocities:
         return [Condition(r.name, r.rate, r.A.entries, r.rate_scale) for r in rows]
     return [
@@ -303,7 +303,7 @@ def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
 
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
-    """Give the slopes of a node: index among positions, then velocities -> node."""
+    """Slopes of a node: index among positions, then velocities -> node."""
     names = (*point.e.q, *point.e.velocities)
     places = {point.g.variable(name): j for j, name in enumerate(names)}
     found = slopes(point.g, node, frozenset(places))
@@ -333,7 +333,7 @@ class _Form(NamedTuple):
         return min(self.lengths.values(), default=np.inf)
 
     def longest(self, lengths: Floats) -> float:
-        """Give the greatest slope * length of those that have one; -inf without."""
+        """Return the greatest slope * length of those that have one; -inf without."""
         slopes, own = np.abs(self.table[0]), lengths[self.columns]
         known = np.isfinite(own) & (slopes > 0.0)
         return float(np.max(slopes[known] * own[known], initial=-np.inf))
@@ -388,7 +388,7 @@ class Lengths:
         return forms
 
     def _shortest(self, least: float, most: float) -> Floats:
-        """Give the shortest lengths (n,) that are more than `least`, handed on.
+        """Shortest lengths (n,) that are more than `least`, handed on.
 
         One that is more than `most` of a form's shortest is only that of a special
         direction, as along a rod: the shortest takes its place. Affine forms hand
@@ -431,7 +431,7 @@ class Lengths:
         return np.asarray(np.where(moves, lengths / self.weights, 0.0))
 
     def scales(self) -> Floats:
-        """Give the size of each form by its lengths, (m,); inf where it has none."""
+        """Size of each form by its lengths, (m,); inf where it has none."""
         values = self.point.array([x.node for x in self.asked])
         missed = values - np.array([x.target for x in self.asked])
         pairs = zip(self.forms, missed, strict=True)
@@ -458,7 +458,7 @@ class Lengths:
         return np.inf if constant <= SURFACE_ROUNDOFF * terms else max(constant, moved)
 
     def motions(self) -> Floats:
-        """Give the size of the motion that each form sees, shape (m,); inf: not known.
+        """Size of the motion that each form sees, shape (m,); inf: not known.
 
         That is |A| in the metric of M^-1 times |v| in that of M, of the coordinates
         that stand in the form; velocities to which it is blind, here and nearby (both
@@ -480,13 +480,13 @@ class Lengths:
 
 
 def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
-    """Give the lengths of constraint rows."""
+    """Lengths of constraint rows."""
     asked = [Condition(r.name, r.residual, r.A.entries, r.residual_scale) for r in rows]
     return Lengths(point, asked)
 
 
 def _length(size: float, first: float, second: float) -> float:
-    """Give how far a gradient of this size and these derivatives stays what it is."""
+    """How far a gradient of this size and these derivatives stays what it is."""
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf
     linear = size / first if first > 0.0 else np.inf

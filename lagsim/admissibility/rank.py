@@ -81,7 +81,7 @@ class Dependence(NamedTuple):
     contradictions: dict[str, float]
 
     def __str__(self) -> str:
-        """Give the combination as text, `c3 = 2 c1 - c2`."""
+        """Return the combination as text, `c3 = 2 c1 - c2`."""
         text = ""
         for name, c in self.combination:
             size = "" if abs(abs(c) - 1) < COMPUTED_ZERO else f"{abs(c):.6g} "
@@ -207,7 +207,7 @@ def scaled_rows(
     *,
     rounded: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Give the rows (m, n) in a metric made of M and A, to length 1, and their lengths.
+    """Rows (m, n) in a metric made of M and A, to length 1, and their lengths.
 
     With `rounded`, entries that are only rounding are zero.
     """
@@ -232,7 +232,7 @@ def row_lengths(point: Point) -> Floats:
 def weakest_rows(
     point: Point, rank: int, usual: Sequence[float]
 ) -> tuple[Floats, float]:
-    """Give the combination (m,) of rows that is closest to zero, and its length.
+    """Return the combination (m,) of rows that is closest to zero, and its length.
 
     The last of `rank` singular values; rows count as not shorter than they are as a
     rule, `usual`.
@@ -250,7 +250,7 @@ def weakest_rows(
 
 
 def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
-    """Give M (n, n) and A (m, n) as sparse matrices."""
+    """M (n, n) and A (m, n) as sparse matrices."""
     rows, n = point.e.rows, point.n
     A = point.jacobian_entries(rows, rounded=rounded).sparse(len(rows), n)
     return point.mass_entries().sparse(n, n), A
@@ -259,7 +259,7 @@ def _sparse(point: Point, *, rounded: bool = False) -> tuple[Any, Any]:
 def _smallest_of_sparse(
     point: Point, usual: Sequence[float] | None = None, *, rounded: bool = False
 ) -> tuple[float, Floats]:
-    """Give the smallest singular value of sparse rows, and its combination (m,).
+    """Return the smallest singular value of sparse rows, and its combination (m,).
 
     Each row is divided by its length, or by `usual`; 0 where it is not safe to tell.
     """
@@ -277,7 +277,7 @@ def _smallest_of_sparse(
         return unknown
 
     def inverse(r: Floats) -> Floats:
-        """Give (A M^-1 A^T)^-1 r."""
+        """Return (A M^-1 A^T)^-1 r."""
         return -np.asarray(factors.solve(np.concatenate([np.zeros(n), r])))[n:]
 
     largest, weakest = largest_eigenvalue(inverse, m)
@@ -285,7 +285,7 @@ def _smallest_of_sparse(
 
 
 def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
-    """Tell of each scaled row whether the earlier ones already span it."""
+    """Whether the earlier ones span each scaled row, (m,)."""
     span = Span(Y.shape[1])
     return [not span.extend(row, cutoff) for row in Y]
 
@@ -293,7 +293,7 @@ def dependent_rows(Y: Floats, cutoff: float = DEPENDENT_ROWS) -> list[bool]:
 def _combinations(
     Y: Floats, lengths: Floats, flags: Sequence[bool]
 ) -> dict[int, dict[int, float]]:
-    """Give each dependent row as a combination of the independent rows before it."""
+    """Each dependent row as a combination of the independent rows before it."""
     independent = [i for i, flag in enumerate(flags) if not flag]
     dependent = [i for i, flag in enumerate(flags) if flag]
     K = least_squares(Y[independent].T, Y[dependent].T, None)
@@ -308,7 +308,7 @@ def _combinations(
 
 
 def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Floats]]:
-    """Give what each row asks for on each level, and what of that is none (m,)."""
+    """Return what each row asks for on each level, and what of that is none (m,)."""
     rows, zero = point.e.rows, point.g.zero
     # Not with terms that only the distance from the origin makes large.
     lengths = of_rows(point, rows)
@@ -332,7 +332,7 @@ def _demands(point: Point, levels: Sequence[str]) -> dict[str, tuple[Floats, Flo
 def _contradictions(
     demands: Mapping[str, tuple[Floats, Floats]], i: int, others: Mapping[int, float]
 ) -> dict[str, float]:
-    """Give the levels on which row i differs from the combination of others."""
+    """Levels on which row i differs from the combination of others."""
     among, weights = [i, *others], np.array([1.0, *(-c for c in others.values())])
     found = {}
     for level, (values, small) in demands.items():
@@ -381,7 +381,7 @@ class Neighbourhood:
     def varied(
         self, size: float, random: np.random.Generator, *, velocities: bool
     ) -> Floats:
-        """Give positions or velocities that are varied by a part of the spread."""
+        """Positions or velocities that are varied by a part of the spread."""
         x = self.point.v if velocities else self.point.q
         kick = np.clip(random.standard_normal(self.point.n), -1.0, 1.0)
         return np.asarray(x + size * self.spreads[velocities] * kick)
@@ -389,7 +389,7 @@ class Neighbourhood:
     def admissible(
         self, size: float, random: np.random.Generator
     ) -> tuple[Point, bool] | None:
-        """Give a state that all rows admit, and whether it is a double root.
+        """State that all rows admit, and whether it is a double root.
 
         None if it was not found.
         """
@@ -412,7 +412,7 @@ class Neighbourhood:
         return near, double
 
     def states(self, relations: Relations, count: int) -> list[Floats]:
-        """Give of `count` states around those that satisfy relations of all values."""
+        """Pick those of `count` states around that satisfy relations of all values."""
         random = np.random.default_rng(7)  # the same each time
         found = []
         for _ in range(count):
@@ -424,7 +424,7 @@ class Neighbourhood:
         return found
 
     def dimension(self, relations: Relations) -> int | None:
-        """Give the dimension of the set that relations make; None: not found."""
+        """Dimension of the set that relations make; None: not found."""
         n, k = self.point.n, relations.velocities
         if n > MOST:
             return None
@@ -447,7 +447,7 @@ class _Generic(NamedTuple):
 
 
 def _generic(point: Point, least: int, double: Floats | None) -> _Generic | None:
-    """Give what the rows are like at generic admissible states nearby.
+    """Return what the rows are like at generic admissible states nearby.
 
     least
         Their rank at the state, which is not lost around it.
@@ -589,7 +589,7 @@ def _violated(
     *,
     velocities: bool,
 ) -> list[Dependence]:
-    """Give the dependent rows that states violate which all others admit."""
+    """Dependent rows that states violate which all others admit."""
     known, point = {row.name: row for row in rows}, around.point
     suspects = [d for d in dependences if d.name in known]
     independent = [row for row in rows if row.name not in dependent]

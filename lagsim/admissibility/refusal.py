@@ -100,7 +100,7 @@ def refuse_infinite(point: Point, off: Collection[str], *, rows: bool) -> None:
 
 
 def _open(point: Point) -> set[str]:
-    """Give the contacts whose gaps are open: of them no rate is asked."""
+    """Contacts whose gaps are open: of them no rate is asked."""
     contacts = [law for law in point.e.laws if law.kind is Kind.CONTACT]
     gaps = point.array([law.row.residual for law in contacts])
     return {law.row.name for law, gap in zip(contacts, gaps, strict=True) if gap > 0.0}
@@ -115,7 +115,7 @@ class _Source(NamedTuple):
 
 
 def _sources(point: Point) -> list[_Source]:
-    """Give these, each definition and energy before what uses it."""
+    """Return these, each definition and energy before what uses it."""
     e, model = point.e, point.e.model
     energies = {
         "kinetic": model.kinetic,
@@ -160,7 +160,7 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
-    """Give values and slopes (2, k) of nodes, in a direction in which none vanishes."""
+    """Values and slopes (2, k) of nodes, in a direction in which none vanishes."""
     g = point.g
     moving = [g.variable(name) for name in (*point.e.q, *point.e.velocities)]
     along = {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
@@ -168,7 +168,7 @@ def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
 
 
 def _source(point: Point, node: int, sources: list[_Source]) -> _Source | None:
-    """Give by what of the file `node` is not finite, where that is clear."""
+    """By what of the file `node` is not finite, where that is clear."""
     if not sources:
         return None
     inside = set(point.e.graph.cone([node]))
@@ -185,7 +185,7 @@ def _problem(
     faulty: list[tuple[str, int, float]],
     home: Place | None,
 ) -> Problem:
-    """Give the fault of what the file says, and of all that is not finite by it."""
+    """Fault of what the file says, and of all that is not finite by it."""
     g, names = point.g, [name for name, _, _ in faulty]
     more = f" and {len(names) - MOST_NAMES} more" if names[MOST_NAMES:] else ""
     place = source.place if source else home
@@ -202,7 +202,7 @@ def _problem(
 
 
 def _innermost(point: Point, node: int) -> tuple[int, str]:
-    """Give the first expression of a node without a value or a slope.
+    """Return the first expression of a node without a value or a slope.
 
     And what it has instead: its arguments have both.
     """
@@ -229,7 +229,7 @@ def _hint(point: Point, node: int) -> str:
 
 
 def out_of_scale(model: Model) -> InputError:
-    """Give what tells that doubles do not hold what the start asks for.
+    """Return what tells that doubles do not hold what the start asks for.
 
     LAPACK fails for nothing else: what it is given has overflowed on the way.
     """
@@ -252,7 +252,7 @@ def out_of_scale(model: Model) -> InputError:
 
 
 def needs_constraints(point: Point) -> bool:
-    """Tell whether M is singular alone but positive where the constraints let it move.
+    """Whether M is singular alone but positive where the constraints let it move.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def needs_constraints(point: Point) -> bool:
 
 
 def admitted_inertia(point: Point, i: int) -> float:
-    """Give the inertia that a force on coordinate i acts on; inf: constraints hold it.
+    """Inertia that a force on coordinate i acts on; inf: constraints hold it.
 
     That is 1 over its acceleration by a unit force along the admissible directions.
     """
@@ -299,7 +299,7 @@ def admitted_inertia(point: Point, i: int) -> float:
 
 
 def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
-    """Give sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
+    """Sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
 
     What is only rounding in A is zero.
     """
@@ -309,7 +309,7 @@ def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
 
 
 def _admissible(rows: Floats) -> Floats:
-    """Give the directions (n, k) that rows (m, n) leave."""
+    """Directions (n, k) that rows (m, n) leave."""
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
     return null_space(rows / np.where(lengths > 0, lengths, 1.0))
 
@@ -361,7 +361,7 @@ CLEAR = 2.0 * DEPENDENT_ROWS
 
 
 def needs_no_solve(equations: Equations) -> bool:
-    """Tell whether a start is what it is stated to be, and has nothing to satisfy."""
+    """Whether a start is what it is stated to be, and has nothing to satisfy."""
     values = equations.model.initial
     return not (
         equations.rows
@@ -373,7 +373,7 @@ def needs_no_solve(equations: Equations) -> bool:
 def clear_starts(
     equations: Equations, values: Mapping[str, float | Floats], count: int
 ) -> Flags:
-    """Tell which of `count` starts are admissible, as far as that is clear (count,).
+    """Which of `count` starts are admissible, as far as that is clear (count,).
 
     Parameters
     ----------

@@ -193,7 +193,7 @@ def _of_row(row: Row, position: Residual, velocity: Residual) -> Verdict:
 
 
 def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Residual]:
-    """Give the residuals of nodes, each with the node of its scale."""
+    """Residuals of nodes, each with the node of its scale."""
     nodes = [node for node, _ in pairs]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found = (values, point.array([scale for _, scale in pairs]), rounding)
@@ -201,7 +201,7 @@ def _against_terms(point: Point, pairs: Sequence[tuple[int, int]]) -> list[Resid
 
 
 def _neighbours(point: Point, asked: Sequence[int]) -> list[int]:
-    """Give the other rows that can hand their lengths on to these."""
+    """Return the other rows that can hand their lengths on to these."""
     found = set(asked)
     columns = [set(row.A.entries) for row in point.e.rows]
     for _ in range(LINKS):
@@ -232,7 +232,7 @@ def _of_rate(residual: Residual, motion: float, body: float) -> Residual:
 
 
 def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]:
-    """Give |A| |v| of rows A, of the coordinates whose inertia each shares.
+    """Return |A| |v| of rows A, of the coordinates whose inertia each shares.
 
     To CONVERGED of that a rate is known at best.
     """
@@ -311,7 +311,7 @@ def judge_starts(point: Point) -> list[Verdict]:
 def _against_levers(
     point: Point, targets: Sequence[tuple[int, float]]
 ) -> list[Residual]:
-    """Give what nodes miss their targets by, against values and |q_i dg/dq_i|."""
+    """Return what nodes miss their targets by, against values and |q_i dg/dq_i|."""
     sizes, nodes = np.abs([*point.q, *point.v]), [node for node, _ in targets]
     values, rounding = point.array(nodes), CAUTION * point.rounding(nodes)
     found, forms = [], []
@@ -330,7 +330,7 @@ def _against_levers(
 
 
 def out_of_force(equations: Equations, time: float) -> frozenset[str]:
-    """Give the constraints that are not in force at a time."""
+    """Constraints that are not in force at a time."""
     whens = {law.constraint: x for law in equations.laws if (x := law.when) is not None}
     values = {p.name: p.value for p in equations.model.parameters} | {"t": time}
     found = evaluate(equations.graph, whens.values(), values)
@@ -338,7 +338,7 @@ def out_of_force(equations: Equations, time: float) -> frozenset[str]:
 
 
 def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
-    """Give the equations with the equalities that are in force now among the rows."""
+    """Equations with the equalities that are in force now among the rows."""
     timed = [
         law.row
         for law in equations.laws
@@ -352,7 +352,7 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
 
 
 def one_sided(equations: Equations, names: Collection[str]) -> dict[str, Row]:
-    """Give the rows of those contacts and freewheels."""
+    """Rows of those contacts and freewheels."""
     return {
         law.constraint: law.row
         for law in equations.laws
@@ -420,7 +420,7 @@ def contact_status(
 def _modes(
     point: Point, verdicts: Sequence[Verdict]
 ) -> tuple[dict[int, Mode], set[str], bool]:
-    """Give the modes of laws by number, the contacts that are struck, and a paradox."""
+    """Modes of laws by number, the contacts that are struck, and a paradox."""
     active = {v.name for v in verdicts if v.active}
     laws = point.e.laws
     chosen = [
@@ -483,7 +483,7 @@ class _Rows:
         )
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
-        """Give those without forces of these laws, the rates, and their rounding."""
+        """Those without forces of these laws, the rates, and their rounding."""
         point, e = self.point, self.point.e
         M, A, R = point.mass_matrix, point.gradients, self.R
         f, b = point.array(e.f), point.array([row.b for row in self.rows])

@@ -22,13 +22,13 @@ Gradient = dict[int, int]
 
 
 def gradient(g: Graph, node: int, variables: Sequence[int]) -> list[int]:
-    """Give d node / d variable for each of `variables`, by reverse sweeps."""
+    """Return d node / d variable for each of `variables`, by reverse sweeps."""
     found = slopes(g, node, frozenset(variables))
     return [found.get(v, g.zero) for v in variables]
 
 
 def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
-    """Give d node / d variable for those of `variables` that `node` depends on.
+    """Return d node / d variable for those of `variables` that `node` depends on.
 
     What is no leaf among them counts as independent of what it is made of.
     """
@@ -36,7 +36,7 @@ def slopes(g: Graph, node: int, variables: frozenset[int]) -> Gradient:
 
 
 def pulled(g: Graph, weights: Gradient, variables: frozenset[int]) -> Gradient:
-    """Give the slopes of the sum of nodes times `weights`, which count as constant."""
+    """Slopes of the sum of nodes times `weights`, which count as constant."""
     return _Reverse(g, weights, variables).gradient(weights)
 
 
@@ -93,7 +93,7 @@ class _Reverse:
         return result
 
     def _below(self, nodes: Iterable[int]) -> list[int]:
-        """Give the active nodes under `nodes`, last first, stopping at selections."""
+        """Active nodes under `nodes`, last first, stopping at selections."""
         seen = set(nodes)
         stack = list(seen)
         while stack:
@@ -108,7 +108,7 @@ class _Reverse:
 
 
 def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int]:
-    """Give the directional derivative of each of `nodes`.
+    """Directional derivative of each of `nodes`.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def tangent(g: Graph, nodes: Iterable[int], seed: Mapping[int, int]) -> list[int
 
 
 def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
-    """Give the rate of node `n` from the rates of its arguments (0 if absent)."""
+    """Return the rate of node `n` from the rates of its arguments (0 if absent)."""
     args = g.args[n]
     if g.ops[n] == "add":  # of long sums there are many
         one, other = (rates.get(a, g.zero) for a in args)
@@ -146,7 +146,7 @@ def rate_of(g: Graph, n: int, rates: Mapping[int, int]) -> int:
 
 
 def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
-    """Give what node `n` is differentiated by, with the slopes.
+    """Return what node `n` is differentiated by, with the slopes.
 
     That is its arguments; or, of a power of a root from the square on, those of the
     root: r^c has a slope where r = 0 though r has none. Or, of a quotient whose divisor
@@ -175,7 +175,7 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
 
 @remembered
 def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
-    """Give the slopes of log |n| without dividing infinities.
+    """Slopes of log |n| without dividing infinities.
 
     Of what exp and cosh, numbers, products and powers make, or a number added to one.
     """
@@ -212,7 +212,7 @@ def _times(
 
 
 def _quotient(g: Graph, number: int, grown: int) -> int:
-    """Give number / grown; of exp itself by the exponent: it may vanish, too."""
+    """Return number / grown; of exp itself by the exponent: it may vanish, too."""
     op, args = g.ops[grown], g.args[grown]
     if op == "exp":
         return g.call("mul", number, g.call("exp", g.call("neg", args[0])))

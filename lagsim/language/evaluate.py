@@ -33,7 +33,7 @@ VALUES_WITH_ERRORS = 1.5
 def evaluate(
     g: Graph, nodes: Iterable[int], values: Mapping[str, float]
 ) -> list[float]:
-    """Give the value of each of `nodes`, with the variables at `values`."""
+    """Return the value of each of `nodes`, with the variables at `values`."""
     nodes = list(nodes)
     found: dict[int, Any] = {}
     cone = g.cone(nodes)
@@ -52,7 +52,7 @@ def evaluate(
 def evaluate_rows(
     g: Graph, nodes: Iterable[int], values: Mapping[str, float | Floats], count: int
 ) -> Floats:
-    """Give `nodes` in each of `count` rows, (nodes, count).
+    """`nodes` in each of `count` rows, (nodes, count).
 
     For what is wanted of some thousand rows after a run, too little to be compiled.
 
@@ -92,7 +92,7 @@ def evaluate_rows(
 def evaluate_with_error(
     g: Graph, nodes: Iterable[int], values: Mapping[str, tuple[float, float]]
 ) -> list[tuple[float, float]]:
-    """Give value and rounding error bound of each of `nodes`.
+    """Value and rounding error bound of each of `nodes`.
 
     Running error analysis (Higham, Accuracy and Stability of Numerical Algorithms,
     2nd ed., section 3.3), to first order: a function's error is its greatest change
@@ -146,7 +146,7 @@ SHIFTED = 3.0
 def roundings(
     g: Graph, nodes: Iterable[int], moving: Collection[str], state: Collection[str] = ()
 ) -> list[int]:
-    """Give the bound of each of `nodes`, 0 where nothing of it is `moving`.
+    """Bound of each of `nodes`, 0 where nothing of it is `moving`.
 
     state : variables of which it is known otherwise what their own rounding does. Far
         from the origin that is all there is to what is linear in one, but for a shift,
@@ -176,7 +176,7 @@ def roundings(
 
 
 def addends(g: Graph, node: int) -> list[int]:
-    """Give what `node` is a sum of, through differences and signs."""
+    """Return what `node` is a sum of, through differences and signs."""
     stack, found = [node], set()
     while stack:
         n = stack.pop()
@@ -213,7 +213,7 @@ def _bound(g: Graph, n: int, errors: Sequence[int]) -> int:
 
 
 def _of_root(g: Graph, root: int, error: int) -> int:
-    """Give what the error of its argument does to a root: at 0 its own root."""
+    """Return what the error of its argument does to a root: at 0 its own root."""
     if error == g.zero:
         return g.zero
     linear = g.call("div", error, g.call("add", root, root))

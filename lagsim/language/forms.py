@@ -55,7 +55,7 @@ class Products(Generic[Atom]):
         self._places: dict[Atom, int] = {}
 
     def power(self, atom: Atom, exponent: int | Fraction = 1) -> int:
-        """Give a power of an atom as a product."""
+        """Power of an atom as a product."""
         place = self._places.get(atom)
         if place is None:
             place = self._places[atom] = self._bits * len(self.atoms)
@@ -63,7 +63,7 @@ class Products(Generic[Atom]):
         return int(self._parts * exponent) << place
 
     def powers(self, product: int) -> Iterator[tuple[Atom, int | Fraction]]:
-        """Give the atoms of a product, with their exponents."""
+        """Atoms of a product, with their exponents."""
         bits, parts = self._bits, self._parts
         while product:
             k = ((product & -product).bit_length() - 1) // bits
@@ -74,7 +74,7 @@ class Products(Generic[Atom]):
             product -= digits << k * bits
 
     def common(self, products: Collection[int]) -> int:
-        """Give what all products have in common, over what any has below the line."""
+        """Return what all products have in common, over what any has below the line."""
         lowest: dict[Atom, int | Fraction] = {}
         present = Counter[Atom]()
         for m in products:
@@ -90,7 +90,7 @@ class Products(Generic[Atom]):
 
     @staticmethod
     def multiplied(a: Terms, b: Terms, meter: Meter) -> Terms:
-        """Give the product of two sums, whose pairs of terms are counted."""
+        """Product of two sums, whose pairs of terms are counted."""
         total: Terms = {}
         if len(a) == 1:
             meter.add(len(b))
@@ -126,19 +126,19 @@ class Turning(Products[Atom]):
     """Products with sines and cosines among their atoms."""
 
     def turns(self, product: int) -> list[tuple[str, Any, int]]:
-        """Give the sines, then the cosines: function, angle and exponent, above 0."""
+        """Sines, then the cosines: function, angle and exponent, above 0."""
         raise NotImplementedError
 
     def turn(self, op: str, angle: Any) -> int:
-        """Give the sine or cosine of an angle as a product."""
+        """Sine or cosine of an angle as a product."""
         raise NotImplementedError
 
     def turned(self, op: str, a: Any, b: Any, sign: int) -> tuple[Any, int]:
-        """Give that of a + sign b, a number in front of it apart."""
+        """Return that of a + sign b, a number in front of it apart."""
         raise NotImplementedError
 
     def join(self, terms: Terms, count: Callable[[int], object]) -> int:
-        """Make one term of two where an identity does, in place; give how often.
+        """Make one term of two where an identity does, in place; return how often.
 
         sin^2 + cos^2 = 1 first, then the sines and cosines of sums and differences.
         """
@@ -214,7 +214,7 @@ class Origin(NamedTuple):
 
 
 def fewer_terms(g: Graph, nodes: Sequence[int], moving: Collection[str]) -> list[int]:
-    """Give equal expressions for `nodes`, which are shorter in all, or these.
+    """Equal expressions for `nodes`, which are shorter in all, or these.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ class _Expansion(Turning[int]):
             self.sums[n], self._degrees[n] = self._of(n)
 
     def _of(self, n: int) -> tuple[Terms, int]:
-        """Give the sum that node `n` is, and a bound of its exponents."""
+        """Sum that node `n` is, and a bound of its exponents."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op == CONSTANT:
@@ -286,7 +286,7 @@ class _Expansion(Turning[int]):
         return whole or ({self.power(n): 1.0}, 1)
 
     def _below(self, op: str, args: tuple[int, ...]) -> tuple[Terms, int] | None:
-        """Give the sum that an operation makes of those of its arguments."""
+        """Sum that an operation makes of those of its arguments."""
         sums = [self.sums[a] for a in args]
         degrees = [self._degrees[a] for a in args]
         if op in ("add", "sub"):
@@ -347,7 +347,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """Give how often each addend stands in a node, through differences and signs."""
+    """How often each addend stands in a node, through differences and signs."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:
@@ -380,7 +380,7 @@ class _Writer:
         self.still = written - g.dependent(written, moving)
 
     def node(self, terms: Terms) -> int:
-        """Give the node of a sum: what all terms have in common is taken out.
+        """Node of a sum: what all terms have in common is taken out.
 
         What stands still is collected in front of what moves.
         """
@@ -426,7 +426,7 @@ FACTORED = 2
 
 
 def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list[int]:
-    """Give equal expressions for `nodes`, of which those in `moving` move.
+    """Equal expressions for `nodes`, of which those in `moving` move.
 
     Equal where both are finite: a factor that is cancelled may have been zero.
     """
@@ -438,7 +438,7 @@ def normal_form(g: Graph, nodes: Iterable[int], moving: Collection[int]) -> list
 
 
 def common_factor(g: Graph, nodes: Iterable[int]) -> tuple[int, list[int]]:
-    """Give what all `nodes` but zeros are products with, and them without it."""
+    """Return what all `nodes` but zeros are products with, and them without it."""
     nodes, form = list(nodes), _Form(g)
     for n in g.cone(nodes):
         form.sums[n] = form.of(n)
@@ -455,7 +455,7 @@ class _Form:
         self.sums: dict[int, Sum] = {}
 
     def of(self, n: int) -> Sum:
-        """Give the sum that moving node `n` is, those of its arguments being known."""
+        """Sum that moving node `n` is, those of its arguments being known."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         if op in (VARIABLE, CONSTANT, TRUTH):
@@ -499,7 +499,7 @@ class _Form:
         return {_product(m, k): g.call("mul", c, d)}
 
     def single(self, a: Sum) -> tuple[Monomial, int]:
-        """Give `a` as one monomial: a sum becomes an atom, without common factors."""
+        """Return `a` as one monomial: a sum becomes an atom, without common factors."""
         if len(a) == 1:
             return next(iter(a.items()))
         common, inverse = _shared(a)
@@ -522,7 +522,7 @@ class _Form:
         return {((monomial[0][0], exponent),): g.one}
 
     def written(self, a: Sum) -> int:
-        """Give the node of a sum."""
+        """Node of a sum."""
         if not a:
             return self.g.zero
         monomial, factor = self.single(a)
@@ -555,7 +555,7 @@ class _Form:
 
 
 def _shared(monomials: Iterable[Monomial]) -> tuple[Monomial, Monomial]:
-    """Give the greatest common divisor of monomials, and its inverse."""
+    """Return the greatest common divisor of monomials, and its inverse."""
     exponents = [dict(m) for m in monomials]
     atoms = sorted(set(exponents[0]).intersection(*exponents[1:]))
     least = [(atom, min(e[atom] for e in exponents)) for atom in atoms]
@@ -591,11 +591,11 @@ class Collected:
         self._still: dict[tuple[int, ...], int] = {}
 
     def moves(self, n: int) -> bool:
-        """Tell whether `n` depends on what moves."""
+        """Whether `n` depends on what moves."""
         return self.parts(n)[1] != self.g.one
 
     def sum(self, products: Iterable[Sequence[int]]) -> int:
-        """Give the sum of products of nodes."""
+        """Sum of products of nodes."""
         g, total = self.g, self.g.zero
         alike, given = self._alike(products)
         for still, group in alike.items():
@@ -616,7 +616,7 @@ class Collected:
         return whole
 
     def _stays(self, still: int, factors: Sequence[int]) -> bool:
-        """Tell whether a product that is like no other is best as it is given.
+        """Whether a product that is like no other is best as it is given.
 
         What stands still in its factors may stand so elsewhere, and is collected only
         where there is less of it then.
@@ -634,7 +634,7 @@ class Collected:
     def _alike(
         self, products: Iterable[Sequence[int]]
     ) -> tuple[dict[int, Group], dict[Key, list[Sequence[int]]]]:
-        """Give what moves by the factor in front of it; and what was given of each."""
+        """Sort moving parts by the factor in front; keep the given form of each."""
         g = self.g
         given: dict[Key, list[Sequence[int]]] = {}
         fronts: dict[Key, int] = {}
@@ -669,7 +669,7 @@ class Collected:
         return g.call("mul", self.sum(inside), core)
 
     def tidy(self, nodes: Sequence[int]) -> list[int]:
-        """Give equal expressions, all sums in which are collected, or `nodes`.
+        """Equal expressions, all sums in which are collected, or `nodes`.
 
         Which of both takes less.
         """
@@ -695,7 +695,7 @@ class Collected:
         return min(list(nodes), found, key=lambda x: g.cost(x, self.moving))
 
     def addends(self, node: int) -> Iterator[tuple[int, int]]:
-        """Give what `node` is a sum of: signs, as nodes, and addends.
+        """Return what `node` is a sum of: signs, as nodes, and addends.
 
         A sum of no products stays whole: it may be a small difference.
         """
@@ -713,7 +713,7 @@ class Collected:
                 yield g.constant(sign), n
 
     def _sums_of_products(self, node: int) -> set[int]:
-        """Give the sums at and below `node`, through sums, that have products."""
+        """Return the sums at and below `node`, through sums, that have products."""
         g = self.g
         sums, stack = set[int](), [node]
         while stack:
@@ -728,7 +728,7 @@ class Collected:
         return found
 
     def parts(self, n: int) -> tuple[int, int]:
-        """Give what stands still, and what moves, of which `n` is the product."""
+        """Return what stands still, and what moves, of which `n` is the product."""
         known = self._parts
         if n not in known:
             near = all(a in known for a in self.g.args[n])
@@ -762,7 +762,7 @@ class Collected:
     def _common(
         self, n: int, one: tuple[int, int], other: tuple[int, int]
     ) -> tuple[int, int]:
-        """Give the parts of a sum or difference: what both terms have in common."""
+        """Parts of a sum or difference: what both terms have in common."""
         g = self.g
         op, (c, x), (d, y) = g.ops[n], one, other
         opposite = g.known("sub", g.args[n][::-1]) if op == "sub" else None
@@ -775,7 +775,7 @@ class Collected:
         return g.one, n
 
     def still(self, factors: Sequence[int]) -> int:
-        """Give the product of factors that stand still; what divides it cancels."""
+        """Product of factors that stand still; what divides it cancels."""
         g = self.g
         key = tuple(n for n in factors if n != g.one)
         if len(key) < 2:
@@ -792,7 +792,7 @@ class Collected:
         return self._still[key]
 
     def _powers(self, factors: Sequence[int]) -> tuple[float, Counter[int]]:
-        """Give the number, and the exponents of the nodes, of a product."""
+        """Return the number, and the exponents of the nodes, of a product."""
         g = self.g
         number, powers = 1.0, Counter[int]()
         waiting = [(n, 1) for n in factors]

@@ -104,7 +104,7 @@ class Function(NamedTuple):
     sign: str = ""
 
     def __call__(self, *arguments: Any) -> Any:
-        """Give the value at float `arguments`, as IEEE 754 has it."""
+        """Return the value at float `arguments`, as IEEE 754 has it."""
         try:
             return self.value(*arguments)
         except ValueError:
@@ -119,7 +119,7 @@ class Function(NamedTuple):
 
 
 def libm(name: str, arity: int = 1) -> dict[str, Any]:
-    """Give the columns of what C's library computes."""
+    """Columns of what C's library computes."""
     kinds = ", ".join(["double"] * arity)
     operands = ", ".join(f"double {{{i}}}" for i in range(arity))
     return {
@@ -129,7 +129,7 @@ def libm(name: str, arity: int = 1) -> dict[str, Any]:
 
 
 def intrinsic(name: str, arity: int = 1) -> dict[str, Any]:
-    """Give the columns of what LLVM knows itself."""
+    """Columns of what LLVM knows itself."""
     kinds = ", ".join(["double"] * arity)
     operands = ", ".join(f"double {{{i}}}" for i in range(arity))
     return {
@@ -198,7 +198,7 @@ JUMPS = (
 
 
 def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
-    """Give a choice; sympy alone would rewrite all conditions within it, each time."""
+    """Choice; sympy alone would rewrite all conditions within it, each time."""
     if condition in (s.true, s.false) or x == y:
         return x if condition != s.false else y
     return s.Piecewise((x, condition), (y, True), evaluate=False)
@@ -364,7 +364,7 @@ def _unary(
     slope: Callable[[Builder, int, int], int],
     **more: Any,
 ) -> Function:
-    """Give the row of f(x); `slope` is (graph, x, f) -> df/dx."""
+    """Row of f(x); `slope` is (graph, x, f) -> df/dx."""
     usual = {
         "sympy": lambda s, x: getattr(s, name)(x),
         "python": f"np.{name}({{0}})",

@@ -76,7 +76,7 @@ class Graph:
         return len(self.ops)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Give what is kept of it elsewhere: what was found out is found again."""
+        """Return what is kept of it elsewhere: what was found out is found again."""
         return self.__dict__ | {"remembered": {}}
 
     def kept(
@@ -85,7 +85,7 @@ class Graph:
         args: tuple[int, ...] = (),
         payload: float | str | bool | None = None,
     ) -> int:
-        """Give the node of `op` on `args` as it is, or of a leaf.
+        """Node of `op` on `args` as it is, or of a leaf.
 
         Raises
         ------
@@ -136,23 +136,23 @@ class Graph:
         self._left = math.inf
 
     def known(self, op: str, args: tuple[int, ...]) -> int | None:
-        """Give the node of `op` on `args` if there is one already."""
+        """Node of `op` on `args` if there is one already."""
         return self._known.get(op, {}).get(args)
 
     def constant(self, x: float) -> int:
-        """Give the node of the number `x`."""
+        """Node of the number `x`."""
         return self.kept(CONSTANT, payload=float(x) + 0.0)  # -0.0 becomes 0.0
 
     def truth(self, x: bool) -> int:
-        """Give the node of a truth value."""
+        """Node of a truth value."""
         return self.kept(TRUTH, payload=bool(x))
 
     def variable(self, name: str) -> int:
-        """Give the node of the variable `name`, the same one each time."""
+        """Node of the variable `name`, the same one each time."""
         return self.kept(VARIABLE, payload=name)
 
     def value(self, node: int) -> float | None:
-        """Give the number that `node` is, or None if it is not a constant."""
+        """Return the number that `node` is, or None if it is not a constant."""
         if self.ops[node] != CONSTANT:
             return None
         payload = self._payload[node]
@@ -160,11 +160,11 @@ class Graph:
         return payload
 
     def payload(self, node: int) -> float | str | bool:
-        """Give the number, the name or the truth value of a leaf."""
+        """Return the number, the name or the truth value of a leaf."""
         return self._payload[node]
 
     def call(self, op: str, *args: int) -> int:
-        """Give the node of operation `op` on `args`, folded and simplified.
+        """Node of operation `op` on `args`, folded and simplified.
 
         Folding never raises: what has no finite value stays an operation.
         """
@@ -188,18 +188,18 @@ class Graph:
         return self.constant(value) if math.isfinite(value) else None
 
     def sum(self, nodes: Iterable[int]) -> int:
-        """Give the sum of `nodes`, left to right."""
+        """Sum of `nodes`, left to right."""
         total = self.zero
         for node in nodes:
             total = self.call("add", total, node)
         return total
 
     def product_sum(self, pairs: Iterable[tuple[int, int]]) -> int:
-        """Give the sum of a * b over `pairs`."""
+        """Sum of a * b over `pairs`."""
         return self.sum(self.call("mul", a, b) for a, b in pairs)
 
     def cone(self, nodes: Iterable[int], ends: Container[int] = ()) -> list[int]:
-        """Give `nodes` and all below them as far as `ends`, in order of evaluation."""
+        """`nodes` and all below them as far as `ends`, in order of evaluation."""
         seen = set(nodes)
         stack = [n for n in seen if n not in ends]
         while stack:
@@ -212,13 +212,13 @@ class Graph:
         return sorted(seen)
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:
-        """Give the names of the variables below `nodes`."""
+        """Return the names of the variables below `nodes`."""
         return frozenset(
             str(self._payload[n]) for n in self.cone(nodes) if self.ops[n] == VARIABLE
         )
 
     def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
-        """Give those nodes of the cone of `nodes` that depend on any of `names`."""
+        """Those nodes of the cone of `nodes` that depend on any of `names`."""
         names, found = frozenset(names), set[int]()
         for n in self.cone(nodes):
             if self.ops[n] == VARIABLE:
@@ -229,12 +229,12 @@ class Graph:
         return found
 
     def cost(self, nodes: Iterable[int], names: Collection[str]) -> int:
-        """Give what `nodes` take, in additions; free is what none of `names` moves."""
+        """Cost of `nodes`, in additions; what none of `names` moves is free."""
         rows = (OPERATIONS.get(self.ops[n]) for n in self.dependent(nodes, names))
         return sum(row.cost for row in rows if row is not None)
 
     def degree(self, node: int, names: Collection[str]) -> frozenset[int] | None:
-        """Give the degrees of the terms of `node` as a polynomial in `names`.
+        """Degrees of the terms of `node` as a polynomial in `names`.
 
         An upper bound: terms that would cancel are counted, and what is beyond
         MOST_DEGREE stands there as the next two degrees, of no one degree. None where
@@ -245,7 +245,7 @@ class Graph:
     def degrees(
         self, nodes: Iterable[int], names: Collection[str]
     ) -> list[frozenset[int] | None]:
-        """Give the degrees of several, as `degree` does."""
+        """Degrees of several, as `degree` does."""
         nodes, names = list(nodes), frozenset(names)
         found: dict[int, frozenset[int] | None] = {}
         flat = frozenset((0,))
@@ -293,7 +293,7 @@ class Graph:
         return degrees
 
     def substitute(self, nodes: Iterable[int], new: Mapping[int, int]) -> list[int]:
-        """Give `nodes` with each key of `new` replaced by its value."""
+        """`nodes` with each key of `new` replaced by its value."""
         nodes = list(nodes)
         done: dict[int, int] = {}
         for n in self.cone(nodes):
@@ -313,7 +313,7 @@ def _too_many(most: int) -> InputError:
 
 
 def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
-    """Give the degrees of the terms of a product."""
+    """Degrees of the terms of a product."""
     sums = frozenset(i + j for i in one for j in other)
     if max(sums, default=0) <= MOST_DEGREE:
         return sums

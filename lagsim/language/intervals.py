@@ -79,7 +79,7 @@ class Interval:
         return np.isinf(self.lo) | np.isinf(self.hi)
 
     def __getitem__(self, where: slice) -> Interval:
-        """Give some of the elements."""
+        """Return some of the elements."""
         return Interval(
             self.lo[where], self.hi[where], self.partial[where], self.jumps[where]
         )
@@ -91,7 +91,7 @@ def interval(
     partial: Any = False,
     jumps: Any = False,
 ) -> Interval:
-    """Give an Interval of equal shapes."""
+    """Interval of equal shapes."""
     lo, hi, partial, jumps = np.broadcast_arrays(
         np.atleast_1d(np.asarray(lo, np.float64)), hi, partial, jumps
     )
@@ -99,12 +99,12 @@ def interval(
 
 
 def point(x: float) -> Interval:
-    """Give the interval of the one value `x`."""
+    """Interval of the one value `x`."""
     return interval(x, x)
 
 
 def select(which: Flags, x: Interval, y: Interval) -> Interval:
-    """Give x where `which` holds, else y."""
+    """Return x where `which` holds, else y."""
     return Interval(
         np.where(which, x.lo, y.lo),
         np.where(which, x.hi, y.hi),
@@ -128,7 +128,7 @@ def outward_but_zero(lo: Floats, hi: Floats) -> tuple[Floats, Floats]:
 
 
 def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
-    """Give a bound, moved to the next number where it is not exact."""
+    """Bound, moved to the next number where it is not exact."""
     return np.where(exact, bound, np.nextafter(bound, toward))
 
 
@@ -136,7 +136,7 @@ def exact_or_next(bound: Floats, exact: Flags, toward: float) -> Floats:
 
 
 def _error_of_sum(a: Floats, b: Floats, total: Floats) -> Floats:
-    """Give the rounding error of total = a + b exactly (Knuth's TwoSum)."""
+    """Return the rounding error of total = a + b exactly (Knuth's TwoSum)."""
     part = total - a
     return np.asarray((a - (total - part)) + (b - part))
 
@@ -176,7 +176,7 @@ def _corners(
 
 
 def _whole(x: Interval) -> Flags:
-    """Tell where both bounds are whole numbers and small enough for exact products."""
+    """Where both bounds are whole numbers and small enough for exact products."""
     whole = (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi)
     return np.asarray(whole & (np.maximum(np.abs(x.lo), np.abs(x.hi)) < 2.0**26))
 
@@ -242,7 +242,7 @@ def _whole_power(x: Interval, n: Floats) -> Interval:
 
 
 def _real_power(x: Interval, y: Interval) -> Interval:
-    """Give x^y, a real number for x >= 0 only, or where y happens to be whole."""
+    """Return x^y, a real number for x >= 0 only, or where y happens to be whole."""
     base = interval(np.maximum(x.lo, 0.0), np.maximum(x.hi, 0.0))
     lo, hi = outward(*_corners(np.power, base, y))
     lo = np.maximum(lo, 0.0)
@@ -269,7 +269,7 @@ def _comparison(
     surely: Callable[[Interval, Interval], Flags],
     never: Callable[[Interval, Interval], Flags],
 ) -> Callable[[Interval, Interval], Interval]:
-    """Give the rule of a comparison; one with nan is false."""
+    """Rule of a comparison; one with nan is false."""
 
     def rule(x: Interval, y: Interval) -> Interval:
         true = surely(x, y) & ~(x.partial | y.partial)
@@ -315,14 +315,14 @@ def choice(c: Interval, x: Interval, y: Interval) -> Interval:
 
 
 def increasing(f: Any) -> Callable[[Interval], Interval]:
-    """Give the rule of an increasing function, defined everywhere, exact zeros."""
+    """Rule of an increasing function, defined everywhere, exact zeros."""
     return lambda x: interval(*outward_but_zero(f(x.lo), f(x.hi)))
 
 
 def on(
     f: Any, least: float, most: float = math.inf, *, open_end: bool = False
 ) -> Callable[[Interval], Interval]:
-    """Give the rule of an increasing function defined from `least` to `most`."""
+    """Rule of an increasing function defined from `least` to `most`."""
 
     def rule(x: Interval) -> Interval:
         lo, hi = outward_but_zero(
@@ -352,7 +352,7 @@ def acos(x: Interval) -> Interval:
 
 
 def _meets(x: Interval, first: float, period: float) -> Flags:
-    """Tell where x may contain a point of first + k * period."""
+    """Where x may contain a point of first + k * period."""
     a, b = x.lo / period - first / period, x.hi / period - first / period
     slack = 8.0 * np.finfo(np.float64).eps
     a, b = a - slack * (np.abs(a) + 1.0), b + slack * (np.abs(b) + 1.0)
@@ -360,7 +360,7 @@ def _meets(x: Interval, first: float, period: float) -> Flags:
 
 
 def wave(f: Any, crest: float, trough: float) -> Callable[[Interval], Interval]:
-    """Give the rule of a wave between -1 and 1, with a crest and a trough there."""
+    """Rule of a wave between -1 and 1, with a crest and a trough there."""
 
     def rule(x: Interval) -> Interval:
         a, b = f(x.lo), f(x.hi)
@@ -413,7 +413,7 @@ def atan2(y: Interval, x: Interval) -> Interval:
 
 
 def step(f: Any) -> Callable[[Interval], Interval]:
-    """Give the rule of an increasing function of steps."""
+    """Rule of an increasing function of steps."""
 
     def rule(x: Interval) -> Interval:
         lo, hi = f(x.lo), f(x.hi)
@@ -423,7 +423,7 @@ def step(f: Any) -> Callable[[Interval], Interval]:
 
 
 def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
-    """Give the rule of min or max: y where it wins, and x where either is nan."""
+    """Rule of min or max: y where it wins, and x where either is nan."""
 
     def rule(x: Interval, y: Interval) -> Interval:
         lo, hi = choose(x.lo, y.lo), choose(x.hi, y.hi)
@@ -493,7 +493,7 @@ class Enclosures:
         ]
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
-        """Give the enclosure of each node over the intervals from `lo` to `hi`."""
+        """Enclosure of each node over the intervals from `lo` to `hi`."""
         found = dict(self.fixed)
         found[self.t] = interval(lo, hi)
         with np.errstate(all="ignore"):

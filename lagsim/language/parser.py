@@ -45,7 +45,7 @@ class Token(NamedTuple):
     offset: int
 
     def fault(self, text: str, hint: str = "", code: str = "syntax") -> ExpressionError:
-        """Give a fault that stands here."""
+        """Fault that stands here."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
 
@@ -94,7 +94,7 @@ _WRONG = {
 
 
 def tokens(text: str) -> Iterator[Token]:
-    """Give the tokens of `text`, then one of kind `end`."""
+    """Tokens of `text`, then one of kind `end`."""
     offset = 0
     while offset < len(text):
         match = _TOKEN.match(text, offset)
@@ -185,7 +185,7 @@ class Parsed(NamedTuple):
     names: tuple[Name, ...]
 
     def build(self, g: Graph, scope: Callable[[str], int]) -> int:
-        """Give the node in `g`; `scope` gives the node of each name."""
+        """Node in `g`; `scope` gives the node of each name."""
         stack: list[int] = []
         for kind, payload in self.postfix:
             if kind == "number":
@@ -262,7 +262,7 @@ class _Parser:
         return Parsed(self.text, tuple(self.output), tuple(self.names))
 
     def _operand(self, token: Token) -> bool:
-        """Take the beginning of an operand; give whether one is still expected."""
+        """Take the beginning of an operand; return whether one is still expected."""
         if token.kind == "number":
             self._value(token, ("number", float(token.text)))
             return False
@@ -287,7 +287,7 @@ class _Parser:
         return True
 
     def _just_named(self, token: Token) -> bool:
-        """Tell whether `token` is the parenthesis of the function just named."""
+        """Whether `token` is the parenthesis of the function just named."""
         name = self.pending[-1].token
         between = self.text[name.offset + len(name.text) : token.offset]
         return not between.strip()
@@ -319,7 +319,7 @@ class _Parser:
         self.kinds.append((False, token))
 
     def _after_operand(self, token: Token) -> bool:
-        """Take what follows an operand; give whether an operand is expected next."""
+        """Take what follows an operand; return whether an operand is expected next."""
         if token.kind == "operator" and token.text in _BINARY:
             power, op = _BINARY[token.text]
             # `^` is right-associative; `2^-1` leaves its unary minus on the stack.

@@ -102,7 +102,7 @@ class Coefficients:
         self._twins: dict[int, int | None] = {}
 
     def __call__(self, n: int) -> int:
-        """Give the coefficient of order k of node `n`."""
+        """Coefficient of order k of node `n`."""
         if not self.moves(n):
             return self.g.zero
         if n not in self._known:
@@ -110,15 +110,15 @@ class Coefficients:
         return self._known[n]
 
     def inner(self, a: int, b: int) -> int:
-        """Give the variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
+        """Variable of the sum of a_j b_(k-j), j from 1 to k - 1."""
         return self._sum(min(a, b), max(a, b), rated=False)
 
     def inner_rate(self, a: int, b: int) -> int:
-        """Give that of j a_j b_(k-j), divided by k."""
+        """Return that of j a_j b_(k-j), divided by k."""
         return self.g.call("mul", self.g.variable(OVER_K), self._sum(a, b, rated=True))
 
     def moves(self, n: int) -> bool:
-        """Tell whether `n` changes along the motion."""
+        """Whether `n` changes along the motion."""
         if n not in self._moves:
             for below in self.g.cone([n], self._moves):
                 if below not in self._moves:
@@ -127,7 +127,7 @@ class Coefficients:
         return self._moves[n]
 
     def twin(self, n: int, made: Callable[[], int | None]) -> int | None:
-        """Give an expression with the series of `n`, made once; None if it has none."""
+        """Expression with the series of `n`, made once; None if it has none."""
         if n not in self._twins:
             self._twins[n] = made()
         return self._twins[n]
@@ -139,7 +139,7 @@ class Coefficients:
                 self(n)
 
     def factors(self, variable: int) -> tuple[int, int]:
-        """Give a_k and b_k of a sum."""
+        """Return a_k and b_k of a sum."""
         a, b, rated = self.sums[variable]
         self.extend((a, b))
         k = self.g.variable(K)
@@ -156,7 +156,7 @@ class Coefficients:
         return self._variables[key]
 
     def _coefficient(self, n: int) -> int:
-        """Give the coefficient of an operation from its arguments'."""
+        """Coefficient of an operation from its arguments'."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS[op]
@@ -181,7 +181,7 @@ _CONDITIONS = frozenset(name for name, row in OPERATIONS.items() if row.conditio
 
 
 def _mul(s: Coefficients, n: int) -> int:
-    """Give the sum of x_j y_(k-j).
+    """Sum of x_j y_(k-j).
 
     The newest coefficients, those of order k, are added last: whatever does not wait
     for them is ready by then.
@@ -211,7 +211,7 @@ def _sqrt(s: Coefficients, n: int) -> int:
 
 
 def _hypot(s: Coefficients, n: int) -> int:
-    """Give the root of x^2 + y^2."""
+    """Root of x^2 + y^2."""
     g = s.g
 
     def root() -> int:
@@ -242,7 +242,7 @@ def _power(s: Coefficients, n: int) -> int:
 
 
 def _as_products(s: Coefficients, n: int) -> int | None:
-    """Give x^p as products and a root, or as an exponential; None: the recurrence."""
+    """Return x^p as products and a root, or as an exponential; None: the recurrence."""
     g = s.g
     x, p = g.args[n]
     if s.moves(p):
@@ -273,7 +273,7 @@ RECURRENCES = {
 
 
 def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurrence:
-    """Give what one order of the coefficients of the motion y' = rates takes.
+    """Return what one order of the coefficients of the motion y' = rates takes.
 
     Parameters
     ----------
@@ -299,7 +299,7 @@ def recurrence(g: Graph, state: Sequence[int], rates: Sequence[int]) -> Recurren
 def taylor_series(
     g: Graph, state: Sequence[int], rates: Sequence[int], order: int
 ) -> list[list[int]]:
-    """Give the coefficients y_0 ... y_order of the same, (order + 1, size)."""
+    """Coefficients y_0 ... y_order of the same, (order + 1, size)."""
     r, size = recurrence(g, state, rates), len(state)
     rows, made = [list(state), list(rates)], list[list[int]]()
     names = [g.variable(name) for name in ORDERS]
@@ -317,7 +317,7 @@ def taylor_series(
 
 
 def _inner(g: Graph, a: Sequence[int], b: Sequence[int], *, same: bool) -> int:
-    """Give the sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
+    """Sum of a_j b_(k-j), j from 1 to k - 1; the newest are added last."""
     k = len(a) + 1
     if not same:
         js = sorted(range(1, k), key=lambda j: (-min(j, k - j), j))

@@ -27,19 +27,19 @@ class Builder(Protocol):
     one: int
 
     def constant(self, x: float) -> int:
-        """Give the node of a number."""
+        """Node of a number."""
 
     def value(self, node: int) -> float | None:
-        """Give the number that a node is, or None."""
+        """Return the number that a node is, or None."""
 
     def payload(self, node: int) -> float | str | bool:
-        """Give the number, the name or the truth value of a leaf."""
+        """Return the number, the name or the truth value of a leaf."""
 
     def call(self, op: str, *args: int) -> int:
-        """Give the node of an operation, simplified."""
+        """Node of an operation, simplified."""
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
-        """Give the node of an operation as it is."""
+        """Node of an operation as it is."""
 
 
 # Factors are looked for so far down: shared products would be walked through again and
@@ -53,7 +53,7 @@ MOST = 200
 
 
 def direction(g: Builder, x: int, y: int) -> int | None:
-    """Give x/y where y is a size of a factor of x, or x of y, else None."""
+    """Return x/y where y is a size of a factor of x, or x of y, else None."""
     if g.ops[x] == "abs" and y in _either(g, g.args[x][0]):
         return g.call("sign", y)
     part, size, q = _size_in(g, y)
@@ -68,7 +68,7 @@ def direction(g: Builder, x: int, y: int) -> int | None:
 
 
 def directed_product(g: Builder, x: int, y: int) -> int | None:
-    """Give x y where one of them divides by a size of a factor of the other."""
+    """Return x y where one of them divides by a size of a factor of the other."""
     for a, b in ((x, y), (y, x)):
         op, args = g.ops[b], g.args[b]
         if op == "div":
@@ -88,7 +88,7 @@ def _either(g: Builder, u: int) -> tuple[int, int]:
 
 
 def _signed(g: Builder, u: int, q: float) -> int:
-    """Give u/|u|^q."""
+    """Return u/|u|^q."""
     sign = g.call("sign", u)
     if q == 1.0:
         return sign
@@ -97,7 +97,7 @@ def _signed(g: Builder, u: int, q: float) -> int:
 
 
 def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, float]:
-    """Give what else is a factor of y, u, and q where |u|^q is one."""
+    """Return what else is a factor of y, u, and q where |u|^q is one."""
     op, args = g.ops[y], g.args[y]
     if op == "mul" and depth:
         for other, a in (args, args[::-1]):
@@ -121,7 +121,7 @@ def _size_in(g: Builder, y: int, depth: int = DEEP) -> tuple[int, int | None, fl
 
 
 def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
-    """Give x/u where u is seen to be a factor of x."""
+    """Return x/u where u is seen to be a factor of x."""
     if x == u:
         return g.one
     op, args = g.ops[x], g.args[x]
@@ -140,7 +140,7 @@ def _without(g: Builder, x: int, u: int, depth: int = DEEP) -> int | None:
 
 
 def raised(g: Builder, x: int, exponent: float) -> int | None:
-    """Give x^exponent without the root that x is or has for a factor, else None."""
+    """Return x^exponent without the root that x is or has for a factor, else None."""
     op, args = g.ops[x], g.args[x]
     if exponent % 1.0 or exponent < 2.0:
         return None
@@ -161,7 +161,7 @@ def raised(g: Builder, x: int, exponent: float) -> int | None:
 
 
 def rooted_product(g: Builder, x: int, y: int) -> int | None:
-    """Give x y where one is a root that is a factor of the other, too, else None."""
+    """Return x y where one is a root that is a factor of the other, too, else None."""
     for a, b in ((x, y), (y, x)):
         if g.ops[b] not in UNDONE:
             continue
@@ -176,7 +176,7 @@ def rooted_product(g: Builder, x: int, y: int) -> int | None:
 
 
 def never_negative(g: Builder, node: int) -> bool:
-    """Tell whether a node is seen to have no value below 0."""
+    """Whether a node is seen to have no value below 0."""
     stack, left = [node], MOST
     while stack:
         n = stack.pop()
@@ -262,7 +262,7 @@ def _scaled(g: Builder, c: float, x: int, y: int) -> int | None:
 
 
 def is_normal(x: float) -> bool:
-    """Tell whether `x` has all its digits, neither overflown nor underflown."""
+    """Whether `x` has all its digits, neither overflown nor underflown."""
     return sys.float_info.min <= abs(x) <= sys.float_info.max
 
 

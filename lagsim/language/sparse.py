@@ -85,7 +85,7 @@ def minimum_degree(
     late: Container[int] = (),
     after: Mapping[int, Collection[int]] | None = None,
 ) -> list[int]:
-    """Give an order of elimination that keeps fill small; counts its operations.
+    """Order of elimination that keeps fill small; counts its operations.
 
     The row of fewest entries comes next; where there are several the first of them, and
     what is `late` after the others (A. George and J. W. H. Liu, SIAM Review 31 (1989),
@@ -123,13 +123,13 @@ def minimum_degree(
 
 
 def squares(Z: Sequence[Collection[int]]) -> int:
-    """Give how many operations the products Z^T D^-1 Z take, of where Z has entries."""
+    """How many operations the products Z^T D^-1 Z take, of where Z has entries."""
     holders = Counter(k for z in Z for k in z)
     return sum(count * (count + 1) for count in holders.values())
 
 
 def fill(Z: Sequence[Collection[int]]) -> int:
-    """Give how many operations it takes to eliminate in Z^T D^-1 Z.
+    """How many operations it takes to eliminate in Z^T D^-1 Z.
 
     From where its columns have entries; no two products of theirs cancel.
     """
@@ -149,7 +149,7 @@ class DisjointSets:
         self._leader = list(range(size))
 
     def leader(self, i: int) -> int:
-        """Give the index that represents the set of `i`."""
+        """Index that represents the set of `i`."""
         above = self._leader
         while above[i] != i:
             above[i] = above[above[i]]
@@ -162,7 +162,7 @@ class DisjointSets:
         self._leader[max(i, j)] = min(i, j)
 
     def sets(self) -> list[list[int]]:
-        """Give them, each in order, by their first indices."""
+        """Return them, each in order, by their first indices."""
         found: dict[int, list[int]] = defaultdict(list)
         for i in range(len(self._leader)):
             found[self.leader(i)].append(i)

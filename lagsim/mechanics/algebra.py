@@ -42,7 +42,7 @@ def solving_metric(M: Floats, A: Floats) -> Floats:
 
 
 def completed(M: Floats, A: Floats) -> Floats:
-    """Give M, or M + A^T W A where it is singular (n, n).
+    """M, or M + A^T W A where it is singular (n, n).
 
     W is diagonal and to the size of M (see `solve.dense`).
     """
@@ -78,7 +78,7 @@ def sizes_of(roots: Floats, A: Floats) -> Floats:
 
 
 def is_positive(M: Floats) -> bool:
-    """Tell whether M, scaled to a diagonal of 1, is positive definite."""
+    """Whether M, scaled to a diagonal of 1, is positive definite."""
     size = np.sqrt(np.abs(np.diag(M)))
     if not np.all(size > 0) or not np.all(np.isfinite(M)):
         return False
@@ -91,7 +91,7 @@ def is_positive(M: Floats) -> bool:
 def least_squares(
     A: Floats, b: Floats, cutoff: float | None = DEPENDENT_ROWS
 ) -> Floats:
-    """Give the least x of least |A x - b|, with singular values below a part left out.
+    """Return least x of least |A x - b|, with singular values below a part left out.
 
     Raises
     ------
@@ -104,12 +104,12 @@ def least_squares(
 
 
 def cholesky(metric: Floats) -> Floats:
-    """Give L with L L^T = metric."""
+    """L with L L^T = metric."""
     return np.asarray(np.linalg.cholesky(metric), dtype=float)
 
 
 def scaled(A: Floats, L: Floats) -> tuple[Floats, Floats]:
-    """Give the rows of A (m, k) in the metric of (L L^T)^-1, to length 1 or 0.
+    """Rows of A (m, k) in the metric of (L L^T)^-1, to length 1 or 0.
 
     And their lengths (m,).
     """
@@ -156,18 +156,18 @@ class Metric:
         self.inverse = back @ self._pseudo
 
     def motion(self, f: Floats, b: Floats) -> tuple[Floats, Floats]:
-        """Give q'' (n,) and lambda (m,) of M q'' = f + A^T lambda, A q'' = b."""
+        """Return q'' (n,) and lambda (m,) of M q'' = f + A^T lambda, A q'' = b."""
         q = self.inverse @ b
         q = q + self.free @ (self.free.T @ (f - self.M @ q))
         return q, self.multipliers(f - self.M @ q)
 
     def multipliers(self, f: Floats) -> Floats:
-        """Give the lambda (m,) that comes closest to f + A^T lambda = 0."""
+        """Lambda (m,) that comes closest to f + A^T lambda = 0."""
         return np.asarray(-self._pseudo.T @ np.linalg.solve(self.L, f))
 
 
 def null_space(J: Floats, cutoff: float | None = None) -> Floats:
-    """Give an orthonormal basis (k, k - rank) of what J (m, k) maps to zero.
+    """Orthonormal basis (k, k - rank) of what J (m, k) maps to zero.
 
     Singular values count as zero up to `cutoff`; by default up to DEPENDENT_ROWS times
     the largest.
@@ -191,7 +191,7 @@ class Span:
         return self._basis[: self.size]
 
     def outside(self, vector: Floats) -> Floats:
-        """Give the part of a vector that is orthogonal to the span, (n,)."""
+        """Part of a vector that is orthogonal to the span, (n,)."""
         left = vector.copy()
         for _ in range(2):  # twice is enough (Kahan)
             left -= (self.basis @ left) @ self.basis
@@ -224,13 +224,13 @@ class Entries(NamedTuple):
     values: Floats
 
     def dense(self, rows: int, columns: int) -> Floats:
-        """Give the matrix (rows, columns)."""
+        """Matrix (rows, columns)."""
         found = np.zeros((rows, columns))
         found[self.i, self.j] = self.values
         return found
 
     def sparse(self, rows: int, columns: int) -> Any:
-        """Give the matrix as scipy's, in compressed columns."""
+        """Matrix as scipy's, in compressed columns."""
         from scipy.sparse import csc_matrix
 
         places = (self.i, self.j)
@@ -238,14 +238,14 @@ class Entries(NamedTuple):
 
 
 def kkt_factors(M: Any, A: Any) -> Any:
-    """Give LU factors of [[M, A^T], [A, 0]]; None where it is singular."""
+    """LU factors of [[M, A^T], [A, 0]]; None where it is singular."""
     from scipy.sparse import bmat
 
     return factored(bmat([[M, A.T], [A, None]], format="csc"))
 
 
 def factored(A: Any, *, symmetric: bool = False) -> Any:
-    """Give LU factors, `symmetric` without pivoting; None where A is singular."""
+    """LU factors, `symmetric` without pivoting; None where A is singular."""
     from scipy.sparse.linalg import splu
 
     # With rows exchanged an order that is good for A + A^T fills the factors: of a
@@ -263,13 +263,13 @@ def factored(A: Any, *, symmetric: bool = False) -> Any:
 
 
 def is_diagonal(M: Any) -> bool:
-    """Tell whether a sparse matrix has no entries off its diagonal."""
+    """Whether a sparse matrix has no entries off its diagonal."""
     entries = M.tocoo()
     return bool(np.all(entries.row == entries.col))
 
 
 def lengths_in(M: Any, A: Any) -> Floats:
-    """Give the lengths (m,) of the rows of A in the metric of M^-1, both sparse."""
+    """Lengths (m,) of the rows of A in the metric of M^-1, both sparse."""
     if is_diagonal(M):
         return np.asarray(np.sqrt(A.multiply(A) @ (1.0 / M.diagonal())))
     factors = factored(M, symmetric=True)
@@ -284,7 +284,7 @@ def lengths_in(M: Any, A: Any) -> Floats:
 def largest_eigenvalue(
     apply: Callable[[Floats], Floats], size: int
 ) -> tuple[float, Floats]:
-    """Give the largest eigenvalue of a positive operator, and its vector (size,)."""
+    """Return the largest eigenvalue of a positive operator, and its vector (size,)."""
     x = np.random.default_rng(5).standard_normal(size)  # the same each time
     x /= np.linalg.norm(x)
     value = 0.0

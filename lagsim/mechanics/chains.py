@@ -91,7 +91,7 @@ class Chains(NamedTuple):
         return [*factors, *self.squares.values()]
 
     def factorisation(self, g: Graph, meter: Meter) -> Factorisation:
-        """Give L D L^T of M: that of articulated bodies.
+        """L D L^T of M: that of articulated bodies.
 
         Raises
         ------
@@ -101,7 +101,7 @@ class Chains(NamedTuple):
         return Factorisation(g, rows, meter, self.named)
 
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
-        """Give M x (n,): along the chains and back."""
+        """M x (n,): along the chains and back."""
         found = [*x, *(g.zero for _ in self.sums)]
         for k, form in self.named.items():
             found[k] = g.product_sum((c, found[i]) for i, c in form.items())
@@ -127,7 +127,7 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Give the coordinates that M couples, group by group, with its nodes."""
+        """Coordinates that M couples, group by group, with its nodes."""
         together = DisjointSets(self.size + len(self.sums))
         for k, form in self.named.items():
             for i in form:
@@ -202,7 +202,7 @@ def _degree(powers: frozenset[int] | None) -> int:
 def _products(
     g: Graph, cone: Sequence[int], degrees: Mapping[int, int]
 ) -> dict[tuple[int, int], int]:
-    """Give the factor of each product of two affine nodes in the last of `cone`."""
+    """Factor of each product of two affine nodes in the last of `cone`."""
     weights = {cone[-1]: g.one}
     found: dict[tuple[int, int], int] = {}
     for n in reversed(cone):
@@ -219,7 +219,7 @@ def _products(
 
 
 def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | None:
-    """Give the two affine nodes that `n` is a product of."""
+    """Two affine nodes that `n` is a product of."""
     args = g.args[n]
     if g.ops[n] == "pow" and g.value(args[1]) == 2.0:
         args = (args[0], args[0])
@@ -363,7 +363,7 @@ class ChainedMass(Sequence[SparseVector]):
 def shorter_chains(
     g: Graph, lagrangian: int, rates: Sequence[int], names: Sequence[str]
 ) -> Chains | None:
-    """Give the chains of `lagrangian` where they take fewer operations than M does."""
+    """Chains of `lagrangian` where they take fewer operations than M does."""
     found = chains(g, lagrangian, rates, names)
     if found is None or not found.sums:
         return None
@@ -387,7 +387,7 @@ def shorter_chains(
 
 
 def inertial_forces(model: Model, flow: Flow) -> list[int]:
-    """Give dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,)."""
+    """Return dL/dq - d/dt(dL/dq') at q'' = 0, shape (n,)."""
     g = model.graph
     rates = sorted(rates_of_places(model, flow))
     variables = frozenset((*rates, *flow.rates, *flow.positions))
@@ -403,7 +403,7 @@ def inertial_forces(model: Model, flow: Flow) -> list[int]:
 
 
 def rates_of_places(model: Model, flow: Flow) -> dict[int, int]:
-    """Give the rates of all positions in L, each with one; but no single velocities."""
+    """Return rates of all positions in L, each with one; but no single velocities."""
     g = model.graph
     placed = (d.node for d in model.definitions if d.level is Level.POSITION)
     cone = g.cone([*placed, model.lagrangian])

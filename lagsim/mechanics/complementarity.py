@@ -105,7 +105,7 @@ class Problem:
     pairs: Ints
 
     def part(self, rows: list[int]) -> Problem:
-        """Give the problem of some rows, of which none is coupled with another."""
+        """Problem of some rows, of which none is coupled with another."""
         place = np.full(len(self.c) + 1, -1)  # the last for those that have none
         place[rows] = np.arange(len(rows))
         return Problem(
@@ -115,16 +115,16 @@ class Problem:
         )  # fmt: skip
 
     def rows(self, role: int) -> list[int]:
-        """Give the rows of a role."""
+        """Rows of a role."""
         found: list[int] = np.flatnonzero(self.roles == role).tolist()
         return found
 
     def group(self, k: int) -> list[int]:
-        """Give row k, with the other of two slips."""
+        """Row k, with the other of two slips."""
         return [k] if self.pairs[k] < 0 else [self.pairs.item(k), k]
 
     def bounds(self, p: Floats) -> Floats:
-        """Give what the multipliers of boxed and given rows may be (r,)."""
+        """Return what the multipliers of boxed and given rows may be (r,)."""
         n = self.normals
         return self.sizes * np.where(n >= 0, np.maximum(p[n], 0.0), 1.0)
 
@@ -153,7 +153,7 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Give multipliers that obey the laws, and what each row does.
+    """Multipliers that obey the laws, and what each row does.
 
     Rows that nothing couples are problems of their own: what is rounding in one of them
     may be a rate that counts in another.
@@ -173,7 +173,7 @@ def solve(problem: Problem) -> Solution:
 
 
 def _decoupled(problem: Problem) -> list[list[int]]:
-    """Give the rows in groups that have no entry of D and no bound in common."""
+    """Rows in groups that have no entry of D and no bound in common."""
     sets = DisjointSets(len(problem.c))
     for i, j in np.argwhere(problem.D).tolist():
         sets.merge(i, j)
@@ -195,7 +195,7 @@ def _solved(problem: Problem) -> Solution:
 
 
 def _scaled(problem: Problem) -> tuple[Problem, Floats]:
-    """Give the problem with a diagonal near 1, by powers of two, and these scales."""
+    """Problem with a diagonal near 1, by powers of two, and these scales."""
     own, pairs, n = problem.D.diagonal(), problem.pairs, problem.normals
     most = np.where(pairs >= 0, np.maximum(own, own[pairs]), own)
     present = most > 0.0
@@ -219,7 +219,7 @@ _STARTS = {
 
 
 def _unsolved(problem: Problem) -> Solution:
-    """Give what there is where nothing is known: no multipliers, and no solution."""
+    """Return what there is where nothing is known: no multipliers, and no solution."""
     modes = [_STARTS[role] for role in problem.roles.tolist()]
     p, w = np.zeros(len(modes)), problem.c.copy()
     return Solution(p, w, modes, problem.ways.copy(), found=False)
@@ -232,7 +232,7 @@ def _judged(problem: Problem, p: Floats, modes: list[Mode], ways: Floats) -> Sol
 
 
 def _residual(problem: Problem, p: Floats) -> float:
-    """Give how far p (r,) is from what its law makes of p - w.
+    """How far p (r,) is from what its law makes of p - w.
 
     Relative to the largest terms of w; to be asked where the problem is scaled.
     """
@@ -253,7 +253,7 @@ def _residual(problem: Problem, p: Floats) -> float:
 def expressed(
     problem: Problem, modes: list[Mode], ways: Floats
 ) -> tuple[Floats, Floats]:
-    """Give E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
+    """E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
     for k, mode in enumerate(modes):
@@ -271,7 +271,7 @@ def expressed(
 def polished(
     problem: Problem, modes: list[Mode], ways: Floats, factor: Floats | None = None
 ) -> Floats:
-    """Give the multipliers (r,) for which the held rows hold.
+    """Multipliers (r,) for which the held rows hold.
 
     With the factor (k, r) of D, nearly dependent rows cost only the digits they must:
     B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
@@ -316,7 +316,7 @@ _CASES = {
 
 
 def _by_cases(problem: Problem) -> Solution | None:
-    """Give the solution of one or two rows, or None where that takes more."""
+    """Solution of one or two rows, or None where that takes more."""
     count, D = len(problem.c), problem.D.tolist()
     if problem.pairs.max() >= 0 or problem.D.diagonal().min() <= 0.0:
         return None
@@ -349,7 +349,7 @@ def _broken(
     case: tuple[tuple[Mode, float], ...],
     p: list[float],
 ) -> tuple[list[float], float]:
-    """Give w of a case, and by what part of its terms it breaks the laws."""
+    """Return w of a case, and by what part of its terms it breaks the laws."""
     w, broken = [], 0.0
     for k, (mode, way) in enumerate(case):
         row, role = problem.D[k].tolist(), problem.roles[k]
@@ -461,7 +461,7 @@ POLYGON = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 def _pivots(
     problem: Problem, signed: list[int], groups: list[list[int]]
 ) -> tuple[Floats, Floats, Floats]:
-    """Give M and q: of signed rows, of the directions of slips, of their sizes l.
+    """M and q: of signed rows, of the directions of slips, of their sizes l.
 
     And N: p of the signed rows and of the slips, group by group, = N a.
     """
@@ -491,7 +491,7 @@ def _pivots(
 
 
 def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
-    """Give G, h: w = G p + h of the unknown rows, what is given and free put in."""
+    """G, h: w = G p + h of the unknown rows, what is given and free put in."""
     some = np.ix_(unknown, unknown)
     if len(unknown) == len(problem.c):
         return problem.D[some], problem.c[unknown]
@@ -521,7 +521,7 @@ class _Tableau:
         self.column = {n + j: j for j in range(n + 1)}
 
     def exchange(self, row: int, entering: int) -> int:
-        """Make a variable basic in a row; give the one that leaves it."""
+        """Make a variable basic in a row; return the one that leaves it."""
         T, col = self.T, self.column.pop(entering)
         leaving = self.basic[row]
         inverse = 1.0 / T[row, col]
@@ -537,7 +537,7 @@ class _Tableau:
         return leaving
 
     def order(self, row: int, scale: float) -> list[int]:
-        """Give what decides between tied rows: that of the inverse of the basis."""
+        """Return what decides between tied rows: that of the inverse of the basis."""
         column, basic, T = self.column, self.basic[row], self.T[row].tolist()
         entries = [
             T[column[j]] if j in column else float(basic == j) for j in range(self.n)
@@ -545,7 +545,7 @@ class _Tableau:
         return [round(x / scale / SOLUTION_ROUNDOFF) for x in entries]
 
     def leaving_row(self, entering: int) -> int:
-        """Give the row that blocks first, or -1 if none does."""
+        """Row that blocks first, or -1 if none does."""
         col: list[float] = self.T[:, self.column[entering]].tolist()
         rhs: list[float] = self.T[:, -1].tolist()
         ratios = {
@@ -642,7 +642,7 @@ def _with_discs(unit: Problem) -> Solution:
 
 
 def _by_newton(problem: Problem) -> Floats:
-    """Give multipliers p (r,) of a scaled problem, the best ones found."""
+    """Multipliers p (r,) of a scaled problem, the best ones found."""
     limits = problem.sizes[(problem.normals < 0) & (problem.roles != Role.ABSENT)]
     size = max(float(np.abs(problem.c).max()), limits.max(initial=0.0)) or 1.0
     best, least = np.zeros(len(problem.c)), np.inf
@@ -657,7 +657,7 @@ def _by_newton(problem: Problem) -> Floats:
 
 
 def _from_corners(problem: Problem) -> Floats:
-    """Give multipliers (r,) where discs are polygons; 0 where there are none."""
+    """Multipliers (r,) where discs are polygons; 0 where there are none."""
     signed, boxed = problem.rows(Role.SIGNED), problem.rows(Role.BOXED)
     groups = [problem.group(k) for k in boxed if problem.pairs[k] < k]
     M, q, N = _pivots(problem, signed, groups)
@@ -707,7 +707,7 @@ def _step(J: Floats, F: Floats) -> Floats:
 
 
 def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
-    """Give F (r,), zero at solutions, and its slopes (r, r)."""
+    """F (r,), zero at solutions, and its slopes (r, r)."""
     D, r = problem.D, len(p)
     w = D @ p + problem.c
     unit_rows = np.eye(r)

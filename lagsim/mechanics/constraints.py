@@ -82,7 +82,7 @@ class Flow:
         ]
 
     def gradient(self, g: Graph, node: int, *, by_rates: bool) -> SparseVector:
-        """Give d node / d q, or d node / d q'."""
+        """Return d node / d q, or d node / d q'."""
         index = self.indices[by_rates]
         here = frozenset(v for v in g.cone([node]) if v in index)
         found = slopes(g, node, here)
@@ -127,7 +127,7 @@ def constraint_row(g: Graph, name: str, node: int, flow: Flow) -> Row:
 def scale_of(
     g: Graph, node: int, variables: Sequence[int], entries: Mapping[int, int]
 ) -> int:
-    """Give the largest of the terms of `node` and of |variable * slope|."""
+    """Return the largest of the terms of `node` and of |variable * slope|."""
     sizes = [g.call("abs", term) for term in addends(g, node)]
     sizes += [
         g.call("abs", g.call("mul", variables[j], slope))
@@ -183,7 +183,7 @@ class Law(NamedTuple):
     when: int | None = None
 
     def bouncing(self, restitution: float) -> Law:
-        """Give the same with another restitution, where it is a contact's."""
+        """Return the same with another restitution, where it is a contact's."""
         bounces = self.kind in (Kind.CONTACT, Kind.FREEWHEEL)
         return self._replace(restitution=restitution) if bounces else self
 

@@ -93,7 +93,7 @@ class Closed:
 
 @lru_cache(maxsize=64)
 def _indices(numbers: tuple[int, ...]) -> Ints:
-    """Give an array of row numbers, or of roles; it is not to be written to."""
+    """Array of row numbers, or of roles; it is not to be written to."""
     return np.array(numbers, dtype=np.intp)
 
 
@@ -129,7 +129,7 @@ class Delassus(NamedTuple):
 
 
 def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
-    """Give the Delassus matrix of rows (r, n) beside equalities A (e, n).
+    """Delassus matrix of rows (r, n) beside equalities A (e, n).
 
     M (n, n) has to be positive in all directions that A lets through; coordinates
     without mass, and equalities that others imply, do no harm. A row on which nothing
@@ -174,7 +174,7 @@ class Impact:
 
 
 def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
-    """Give the impulses at rates (r,); what is smaller than noise (r,) counts as 0.
+    """Impulses at rates (r,); what is smaller than noise (r,) counts as 0.
 
     Newton's targets of contacts that are locked into each other may contradict; such
     an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
@@ -200,7 +200,7 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
 
 
 def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
-    """Give the impact of one contact by itself."""
+    """Impact of one contact by itself."""
     own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
     before = 0.0 if abs(rate) <= noise else rate
     bounces = closed.kinds[0] is Kind.CONTACT and before < 0.0
@@ -214,7 +214,7 @@ def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
 
 
 def _impulses(closed: Closed, c: Floats) -> Solution:
-    """Give the impulses for rates c (r,) that are to become 0.
+    """Impulses for rates c (r,) that are to become 0.
 
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
@@ -242,7 +242,7 @@ def _impulses(closed: Closed, c: Floats) -> Solution:
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
-    """Tell whether the order of impacts counts.
+    """Whether the order of impacts counts.
 
     It does where one changes the rate of another that is struck as well. Inelastic ones
     without friction that push each other's rates down end in one state all the same.
@@ -356,7 +356,7 @@ def _at_rates(
 
 
 def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
-    """Give how well the accelerations of rows are known (r,).
+    """How well the accelerations of rows are known (r,).
 
     Against all that could push: what rests without a force has its friction's scale.
     """
@@ -367,7 +367,7 @@ def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
 
 
 def _is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
-    """Tell that of one or two rows, which are independent, none is near an edge."""
+    """Whether, of one or two independent rows, none is near an edge."""
     for k, mode in enumerate(solution.modes):
         p, own, n = solution.p.item(k), problem.D.item(k, k), problem.normals.item(k)
         held, role = mode is Mode.HELD, problem.roles.item(k)
@@ -387,7 +387,7 @@ def _is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
-    """Tell which rows begin to slide with another bound than that of sliding (r,)."""
+    """Which rows begin to slide with another bound than that of sliding (r,)."""
     driven = np.array([mode is Mode.DRIVEN for mode in modes], dtype=bool)
     begin: Flags = (
         driven & (problem.roles == Role.BOXED) & (closed.bounds != problem.sizes)
@@ -398,7 +398,7 @@ def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
 def _on_edges(
     closed: Closed, problem: Problem, solution: Solution, quiet: Floats, lean: Floats
 ) -> tuple[list[Mode], Floats]:
-    """Give the modes and ways where ties are decided and held rows are independent.
+    """Modes and ways where ties are decided and held rows are independent.
 
     quiet : (r,), accelerations that are rounding.
     """
@@ -464,7 +464,7 @@ def _imply(
 
 
 def _columns(closed: Closed) -> Floats:
-    """Give Y (k, r): D = Y^T Y."""
+    """Y (k, r): D = Y^T Y."""
     if closed.factor is not None:
         return closed.factor
     sizes, V = np.linalg.eigh(closed.D)
@@ -486,14 +486,14 @@ class _Rows(Span):
         return self.extend(self.units[row], self.least)
 
     def has(self, row: int) -> bool:
-        """Tell whether a row is spanned."""
+        """Whether a row is spanned."""
         return float(np.linalg.norm(self.outside(self.units[row]))) <= self.least
 
 
 def _supported(
     closed: Closed, problem: Problem, solution: Solution, quiet: Floats
 ) -> Solution:
-    """Give a solution in which the contacts that bear are independent, if there is one.
+    """Solution in which the contacts that bear are independent, if there is one.
 
     All rows keep their accelerations within quiet (r,).
     """
@@ -511,7 +511,7 @@ def _supported(
 
 
 def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
-    """Give the contacts that end first where forces change along a dependence."""
+    """Contacts that end first where forces change along a dependence."""
     p = solution.p
     bear = [k for k in problem.rows(Role.SIGNED) if p[k] > 0.0]
     span = _Rows(closed)
@@ -544,7 +544,7 @@ def _decided(
 
 
 def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> bool:
-    """Tell whether a contact that holds and slides has no positive effective mass.
+    """Whether a contact that holds and slides has no positive effective mass.
 
     Pressing on it then does not push it away: each alone, and those that hold together.
     What need not press may part; that is no paradox.

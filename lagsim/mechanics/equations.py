@@ -92,7 +92,7 @@ def in_fewer_terms(
     convective: Sequence[int],
     Q: Sequence[int],
 ) -> tuple[tuple[SparseVector, ...], list[int]]:
-    """Give M and f with inertia as textbooks write it, where that is shorter.
+    """M and f with inertia as textbooks write it, where that is shorter.
 
     What potentials and forces give stays as it is: differences that are small stand
     there, and nothing may be multiplied out of them.
@@ -214,7 +214,7 @@ class Equations:
     laws: tuple[Law, ...] = ()
 
     def of(self, model: Model) -> Equations:
-        """Give the same equations of the model bound to other values."""
+        """Return the same equations of the model bound to other values."""
         given = {c.name: c.law.restitution for c in model.constraints if c.law}
         laws = self.laws
         if any(law.restitution != given.get(law.constraint, 0.0) for law in laws):
@@ -282,7 +282,7 @@ class Equations:
         return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
 
     def row(self, name: str) -> Row:
-        """Give the row of a constraint."""
+        """Row of a constraint."""
         rows = (*self.rows, *(law.row for law in self.laws))
         return next(row for row in rows if row.name == name)
 
@@ -322,7 +322,7 @@ class Equations:
         return [([*x.values()], [i, *x]) for i, x in enumerate(rows)]
 
     def mass_times(self, x: Sequence[int]) -> list[int]:
-        """Give M x (n,)."""
+        """M x (n,)."""
         if (chains := self.chains) is not None:
             return chains.product(self.graph, x)
         return [
@@ -331,7 +331,7 @@ class Equations:
         ]
 
     def constraint_forces(self) -> list[int]:
-        """Give Qc = A^T lambda, with the multipliers as variables."""
+        """Qc = A^T lambda, with the multipliers as variables."""
         g = self.graph
         forces = [g.zero] * len(self.q)
         for A, name in zip(self.slopes, self.multipliers, strict=True):
@@ -341,7 +341,7 @@ class Equations:
         return forces
 
     def motion_residuals(self) -> list[int]:
-        """Give M q'' - f - A^T lambda (n,) and A q'' - b (m,).
+        """M q'' - f - A^T lambda (n,) and A q'' - b (m,).
 
         With q'' and lambda as variables.
         """
@@ -436,7 +436,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
 
 
 def _turns(g: Graph, model: Model) -> bool:
-    """Tell whether sines and cosines stand in the kinetic energy."""
+    """Whether sines and cosines stand in the kinetic energy."""
     cone = [] if model.kinetic is None else g.cone([model.kinetic])
     return any(g.ops[node] in ("sin", "cos") for node in cone)
 
@@ -448,7 +448,7 @@ def _action(g: Graph, model: Model) -> tuple[Quadrature, ...]:
 
 
 def generalized_forces(g: Graph, model: Model, flow: Flow) -> list[int]:
-    """Give Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
+    """Q_j: virtual work of the forces, and -dF/dq' of the dissipation."""
     Q = [g.zero] * len(flow.rates)
     for force in model.forces:
         by_rates = force.level is not Level.POSITION
@@ -480,7 +480,7 @@ def _energy(
 
 
 def pushes(e: Equations) -> list[int]:
-    """Give how large the terms are that each force, and each other rate, sums."""
+    """How large the terms are that each force, and each other rate, sums."""
     g = e.graph
     rates = (*e.f, *e.quadrature_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
@@ -491,7 +491,7 @@ def pushes(e: Equations) -> list[int]:
 
 
 def reactions(e: Equations) -> dict[str, int]:
-    """Give R_x of each definition that `output.reactions` names.
+    """R_x of each definition that `output.reactions` names.
 
     Each with nothing but itself separated, as nodes of the state, q'' and lambda.
     """
@@ -542,7 +542,7 @@ NOBODY, SEVERAL = -1, -2
 
 @remembered_by_motion
 def groups(e: Equations) -> list[list[int]]:
-    """Give the decoupled groups of coordinates.
+    """Decoupled groups of coordinates.
 
     Two are coupled where one stands in an entry of M, a force, a constraint or a law of
     the other. So each group on which forces, dissipation, moving constraints, laws or
@@ -586,7 +586,7 @@ def groups(e: Equations) -> list[list[int]]:
 
 
 def coordinates_of(e: Equations) -> dict[str, int]:
-    """Give the coordinate that each variable of the state belongs to."""
+    """Coordinate that each variable of the state belongs to."""
     return {name: j for names in (e.q, e.velocities) for j, name in enumerate(names)}
 
 
@@ -623,7 +623,7 @@ def shared(
 
 
 def _owners(g: Graph, cone: Iterable[int], names: Mapping[str, int]) -> dict[int, int]:
-    """Give the group that each node depends on, or NOBODY or SEVERAL."""
+    """Group that each node depends on, or NOBODY or SEVERAL."""
     found: dict[int, int] = {}
     for n in cone:
         if g.ops[n] == VARIABLE:
@@ -653,7 +653,7 @@ def _addends(
 
 
 def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
-    """Give the works of equations that have none yet, for the generalized forces Q."""
+    """Works of equations that have none yet, for the generalized forces Q."""
     g, model = e.graph, e.model
     acts = bool(model.forces) or model.dissipation is not None or dL_dt != g.zero
     acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
@@ -672,7 +672,7 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
 
 
 def may_strike(g: Graph, row: Row) -> bool:
-    """Tell whether a constraint's rate may jump: an impact takes energy."""
+    """Whether a constraint's rate may jump: an impact takes energy."""
     cone = g.cone([row.rate])
     return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
 
@@ -680,7 +680,7 @@ def may_strike(g: Graph, row: Row) -> bool:
 def _of_groups(
     e: Equations, Q: Sequence[int], timed: bool, found: Sequence[list[int]]
 ) -> tuple[Work, ...]:
-    """Give the work of each group that has some; nothing where L is no sum."""
+    """Work of each group that has some; nothing where L is no sum."""
     g = e.graph
     energies, _ = shared(e, found, e.energy)
     rates, left = [g.zero] * len(found), g.zero
@@ -707,7 +707,7 @@ def _of_groups(
 
 
 def _is_met(e: Equations, group: Sequence[int]) -> bool:
-    """Tell whether impacts may do work on a group."""
+    """Whether impacts may do work on a group."""
     rows = [law.row for law in e.laws]
     rows += [row for row in e.rows if may_strike(e.graph, row)]
     return any(row.A.entries.keys() & {*group} for row in rows)

@@ -70,7 +70,7 @@ class Mode(NamedTuple):
 
 
 def modes(linear: Linear) -> tuple[Mode, ...]:
-    """Give the modes by rising frequency; neutral directions are left out."""
+    """Modes by rising frequency; neutral directions are left out."""
     moving = eigenmodes(linear.R, lambda x: x > HALF_OF_DIGITS * np.max(x, initial=0.0))
     found = []
     k = linear.Zh.shape[1]
@@ -124,7 +124,7 @@ class _Search:
         return q, linear
 
     def step(self, linear: Linear, *, downhill: bool) -> Floats:
-        """Give the change of a."""
+        """Change of a."""
         K, force = linear.stiffness, linear.force
         if not downhill:
             found = np.linalg.lstsq(K, force, rcond=COMPUTED_ZERO)[0]
@@ -174,7 +174,7 @@ class _Search:
         return new, there
 
     def at_rest(self, linear: Linear) -> bool:
-        """Tell whether a step would be nothing, in neutral directions too."""
+        """Whether a step would be nothing, in neutral directions too."""
         if not len(linear.force):
             return True
         K, force = linear.stiffness, linear.force
@@ -214,5 +214,5 @@ def find_equilibrium(
 
 
 def named(names: Sequence[str], values: Floats) -> dict[str, float]:
-    """Give values by the names of the coordinates."""
+    """Values by the names of the coordinates."""
     return dict(zip(names, map(float, values), strict=True))

@@ -28,7 +28,7 @@ def add_to(g: Graph, x: Vector, i: int, term: int) -> None:
 
 
 def symmetric(size: int, entries: Mapping[tuple[int, int], int]) -> list[Vector]:
-    """Give the rows of a symmetric matrix by the entries of at least one triangle."""
+    """Rows of a symmetric matrix by the entries of at least one triangle."""
     rows = [Vector() for _ in range(size)]
     for (i, j), node in entries.items():
         rows[i][j] = rows[j][i] = node
@@ -107,7 +107,7 @@ class Factorisation:
         return 0, len(self.rows[k]), k in self.late, k
 
     def _taken(self, k: int) -> tuple[int, Vector]:
-        """Give the diagonal entry of k, and the others, and take k out of the rows."""
+        """Diagonal entry of k, and the others, and take k out of the rows."""
         row = dict(self.rows[k])
         own = row.pop(k, self.g.zero)
         self.rows[k].clear()
@@ -153,7 +153,7 @@ class Factorisation:
         return others
 
     def forward(self, right: Mapping[int, int]) -> Vector:
-        """Give L^-1 right, with what unknowns that are sums bear handed on."""
+        """L^-1 right, with what unknowns that are sums bear handed on."""
         z = {i: node for i, node in right.items() if node != self.g.zero}
         for k, column in self.columns.items():
             if column and k in z:
@@ -171,7 +171,7 @@ class Factorisation:
         return self.g.call("mul", node, self.inverse.get(k, self.g.zero))
 
     def upward(self, scaled: Mapping[int, int], given: Vector | None = None) -> Vector:
-        """Give L^-T scaled."""
+        """L^-T scaled."""
         g, x = self.g, dict(given or {})
         for k, column in reversed(self.columns.items()):
             value, op = scaled.get(k, g.zero), "add" if k in self.sums else "sub"
@@ -183,5 +183,5 @@ class Factorisation:
         return x
 
     def solve(self, right: Mapping[int, int]) -> Vector:
-        """Give the solution for `right`."""
+        """Solution for `right`."""
         return self.backward(self.forward(right))

@@ -51,7 +51,7 @@ class Scaled(NamedTuple):
 
 
 def without_content(x: Collected, row: Row) -> Scaled:
-    """Give a row over the number that most of its entries are multiples of."""
+    """Row over the number that most of its entries are multiples of."""
     g, found = x.g, Counter[float]()
     for node in row.A.entries.values():
         still, core = x.parts(node)
@@ -83,12 +83,12 @@ WORTH = 4
 
 
 def affordable(n: int, m: int) -> int:
-    """Give how many multiplications an elimination may take before loops win."""
+    """How many multiplications an elimination may take before loops win."""
     return max(BUDGET, dense_operations(n, m) // WORTH)
 
 
 def dense_operations(n: int, m: int) -> int:
-    """Give about how many multiplications `dense` makes: M factored, the rows, QR."""
+    """Return about how many multiplications `dense` makes: M factored, the rows, QR."""
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
 
 
@@ -103,7 +103,7 @@ def collected_along(e: Equations) -> Collected:
 
 
 def factored_mass(equations: Equations, meter: Meter) -> Factorisation:
-    """Give L D L^T of M: along its chains, or entry by entry."""
+    """L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
         return equations.chains.factorisation(g, meter)
@@ -168,7 +168,7 @@ class Elimination:
         return Counter(met).most_common(1)[0][0]
 
     def _inverse(self, k: int) -> int:
-        """Give unit / D_k."""
+        """Return unit / D_k."""
         g, inverse = self.g, self.mass.inverse[k]
         if self.unit == g.one:
             return inverse
@@ -176,7 +176,7 @@ class Elimination:
         return self.collected.still([self.unit, g.call("div", g.one, pivot)])
 
     def _schur(self) -> dict[tuple[int, int], int]:
-        """Give Z^T D^-1 Z, in the unit of mass."""
+        """Z^T D^-1 Z, in the unit of mass."""
         self.meter.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
@@ -189,7 +189,7 @@ class Elimination:
         return entries
 
     def _weighted(self, z: Mapping[int, int], other: Mapping[int, int]) -> int:
-        """Give unit z^T D^-1 other over the entries both have."""
+        """Return unit z^T D^-1 other over the entries both have."""
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):
             self.meter.add(2)
@@ -201,7 +201,7 @@ class Elimination:
         return self.collected.sum(terms)
 
     def _along_links(self, equations: Equations) -> list[int]:
-        """Give q'' by the forces in massless links, where that is shorter."""
+        """Return q'' by the forces in massless links, where that is shorter."""
         g, before = self.g, self._motion[0]
         below = g.cone([equations.model.lagrangian])
         if not any(g.ops[node] in ("sin", "cos") for node in below):
@@ -212,16 +212,16 @@ class Elimination:
         return found  # `operations` stays that of L D L^T: tapes pay as early as before
 
     def motion(self) -> tuple[list[int], list[int]]:
-        """Give q'' (n,) and lambda (m,)."""
+        """Return q'' (n,) and lambda (m,)."""
         return self._motion
 
     def response(self, forces: Sequence[int]) -> list[int]:
-        """Give the accelerations (n,) that forces alone would make, with b = 0."""
+        """Accelerations (n,) that forces alone would make, with b = 0."""
         moved = self.mass.forward(dict(enumerate(forces)))
         return self._solve(moved, [self.g.zero] * self.m)[0]
 
     def reactions(self) -> list[int]:
-        """Give for each row the square of its force in the metric of M, A M^-1 A^T."""
+        """Square of the force of each row in the metric of M, A M^-1 A^T."""
         g = self.g
         return [
             g.call("mul", g.call("mul", lam, lam), self.square(k))
@@ -229,13 +229,13 @@ class Elimination:
         ]
 
     def square(self, k: int) -> int:
-        """Give the diagonal entry of A M^-1 A^T of a row as it was given."""
+        """Diagonal entry of A M^-1 A^T of a row as it was given."""
         g, (whole, weight) = self.g, (self.schur.pivots[k][1], self.rows[k].weight)
         divisor = self.collected.still([self.unit, g.constant(weight**2)])
         return self.collected.sum([(whole, g.call("div", g.one, divisor))])
 
     def _solve(self, f: Vector, b: Sequence[int]) -> tuple[list[int], list[int]]:
-        """Give q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
+        """Return q'' and lambda of f, as `Factorisation.forward` gives it, and b."""
         g = self.g
         right = {i: self._missing(b[i], z, f) for i, z in enumerate(self.Z)}
         found = self.schur.solve(right)
@@ -249,7 +249,7 @@ class Elimination:
         return [q.get(j, g.zero) for j in range(self.n)], lam
 
     def _missing(self, b: int, z: Mapping[int, int], f: Mapping[int, int]) -> int:
-        """Give b - z^T D^-1 f."""
+        """Return b - z^T D^-1 f."""
         g, x = self.g, self.collected
         minus = g.constant(-1.0)
         terms: list[tuple[int, ...]] = list(x.addends(b))
@@ -263,7 +263,7 @@ class Elimination:
         return x.sum(terms)
 
     def _accelerations(self, f: Mapping[int, int], lam: Mapping[int, int]) -> Vector:
-        """Give M^-1 (f + A^T lam), lam in the unit of mass."""
+        """M^-1 (f + A^T lam), lam in the unit of mass."""
         g, x, mass = self.g, self.collected, self.mass
         terms: dict[int, list[tuple[int, ...]]] = {}
         for i, multiplier in sorted(lam.items()):
@@ -288,7 +288,7 @@ class Elimination:
         return mass.upward(scaled)
 
     def correction(self, residuals: Sequence[int]) -> list[int]:
-        """Give the least change, in the metric of M, that removes `residuals`.
+        """Return the least change, in the metric of M, that removes `residuals`.
 
         -M^-1 A^T S^-1 residuals, to first order; shape (n,).
         """
@@ -301,7 +301,7 @@ class Elimination:
         return [change.get(j, g.zero) for j in range(self.n)]
 
     def smallest_singular_value(self) -> int:
-        """Give the root of the smallest ratio of a pivot of S to its diagonal entry.
+        """Root of the smallest ratio of a pivot of S to its diagonal entry.
 
         It goes to 0 as the smallest singular value of the scaled rows does. A row
         counts as not shorter than the variable `length.<name>`, so that one that

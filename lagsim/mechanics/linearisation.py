@@ -56,13 +56,13 @@ class Eigenmodes(NamedTuple):
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
 
     def swing(self, part: float) -> Flags:
-        """Tell which decay by less than `part` of their rate (k,)."""
+        """Which decay by less than `part` of their rate (k,)."""
         flags: Flags = -self.values.real < part * np.abs(self.values)
         return flags
 
 
 def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
-    """Give the modes of `matrix` whose rates |eigenvalue| are `kept`."""
+    """Modes of `matrix` whose rates |eigenvalue| are `kept`."""
     values, right = np.linalg.eig(matrix)
     others, left = np.linalg.eig(matrix.T)
     chosen = kept(np.abs(values))
@@ -70,7 +70,7 @@ def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
 
 
 def weighted(moved: Complexes, masses: Floats) -> Floats:
-    """Give shapes (n, k) by the roots of masses (n,), each at most 1."""
+    """Shapes (n, k) by the roots of masses (n,), each at most 1."""
     shapes: Floats = np.abs(moved) * np.sqrt(masses)[:, None]
     shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), TINY)
     return shapes
@@ -108,13 +108,13 @@ class Linear(NamedTuple):
     rates: Floats
 
     def eigenvalues(self) -> Complexes:
-        """Give them, by falling size."""
+        """Return them, by falling size."""
         found = np.linalg.eigvals(self.R).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
 
     @property
     def stiffness(self) -> Floats:
-        """Give d(force)/da (d, k), with its sign turned."""
+        """Return d(force)/da (d, k), with its sign turned."""
         k = self.Zh.shape[1]
         return -self.R[k:, :k]
 

@@ -58,7 +58,7 @@ NODES = {
 
 
 def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
-    """Give the same equations with variables replaced in every expression."""
+    """Return the same equations with variables replaced in every expression."""
     nodes: list[int] = []
 
     def noted(node: int) -> int:
@@ -71,7 +71,7 @@ def substituted(e: Equations, new: Mapping[int, int]) -> Equations:
 
 
 def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
-    """Give the equations with f of each node in its place."""
+    """Equations with f of each node in its place."""
 
     def vector_of(x: SparseVector) -> SparseVector:
         entries = {j: f(node) for j, node in x.entries.items()}
@@ -108,7 +108,7 @@ def of_those_left(
     f: Sequence[int],
     momenta: Sequence[int],
 ) -> Equations:
-    """Give the equations of the coordinates left."""
+    """Equations of the coordinates left."""
     rows: dict[int, dict[int, int]] = {i: {} for i in left}
     for (i, j), node in M.items():
         if i in rows:
@@ -124,19 +124,19 @@ def of_those_left(
 
 
 def vector(g: Graph, left: Sequence[int], entries: Mapping[int, int]) -> SparseVector:
-    """Give a vector over the coordinates left; `entries` has their old numbers."""
+    """Vector over the coordinates left; `entries` has their old numbers."""
     place = {j: i for i, j in enumerate(left)}
     kept = {place[j]: node for j, node in entries.items() if j in place}
     return SparseVector(g, len(left), kept)
 
 
 def plus(g: Graph, node: int, x: int, y: int) -> int:
-    """Give node + x y."""
+    """Return node + x y."""
     return g.call("add", node, g.call("mul", x, y))
 
 
 def minus(g: Graph, node: int, x: int, y: int) -> int:
-    """Give node - x y."""
+    """Return node - x y."""
     return g.call("sub", node, g.call("mul", x, y))
 
 
@@ -179,7 +179,7 @@ def eliminable(
 
 
 def usable(g: Graph, row: Row) -> bool:
-    """Tell whether a row may give a coordinate: it is holonomic, without switches.
+    """Whether a row may give a coordinate: it is holonomic, without switches.
 
     Where the rate of a relation jumps, all velocities do: that is an impact.
     """
@@ -257,12 +257,12 @@ MOMENTUM = "momentum."
 
 
 def momentum_of(coordinate: str) -> str:
-    """Give the name of the parameter that the momentum of a coordinate becomes."""
+    """Return the name of the parameter that the momentum of a coordinate becomes."""
     return MOMENTUM + coordinate
 
 
 def conserved(equations: Equations) -> list[int]:
-    """Give the coordinates whose momentum is kept, as far as the graph shows it."""
+    """Coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
     nodes = [*e.mass_nodes, *e.f, e.energy, *e.momenta]
     nodes += e.powers
@@ -284,7 +284,7 @@ def conserved(equations: Equations) -> list[int]:
 
 
 def ignorable(equations: Equations) -> list[int]:
-    """Give the coordinates that the motion of the others can do without.
+    """Coordinates that the motion of the others can do without.
 
     At least one other coordinate is left. None where the action is integrated, which
     needs all velocities.
@@ -407,7 +407,7 @@ class Reduction(NamedTuple):
         return reduction._replace(equations=replace(equations, model=model))
 
     def kept(self, full: Floats) -> Floats:
-        """Give the values (n,) of the coordinates left, or of their rates."""
+        """Return the values (n,) of the coordinates left, or of their rates."""
         if len(full) == len(self.equations.q):
             return full
         names = (c.name for c in self.equations.model.coordinates)
@@ -415,7 +415,7 @@ class Reduction(NamedTuple):
         return full[[places[name] for name in self.equations.q]]
 
     def constants(self, start: Instant) -> dict[str, float]:
-        """Give the values of the momenta at a full start."""
+        """Return the values of the momenta at a full start."""
         if not self.momenta:
             return {}
         model = self.equations.model
@@ -427,7 +427,7 @@ class Reduction(NamedTuple):
         return dict(zip(self.momenta, found, strict=True))
 
     def state(self, start: Instant, size: int) -> Floats:
-        """Give y (size,) at a full start: q, q', the quadratures; all else from 0."""
+        """State y (size,) at a full start: q, q', the quadratures; all else from 0."""
         e, n = self.equations, len(self.equations.q)
         y = np.zeros(size)
         y[:n], y[n : 2 * n] = self.kept(start.q), self.kept(start.v)

@@ -41,7 +41,7 @@ class Surface(NamedTuple):
 
 
 def joined_conditions(g: Graph, discrete: int) -> list[int]:
-    """Give the `and`, `or`, `not` that make up a condition, in order of evaluation."""
+    """`and`, `or`, `not` that make up a condition, in order of evaluation."""
     found: set[int] = set()
     stack = [discrete]
     while stack:
@@ -94,7 +94,7 @@ class Side(NamedTuple):
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
-    """Give an expression that vanishes with the surface's, and their common sign.
+    """Expression that vanishes with the surface's, and their common sign.
 
     The same for expressions that differ by a sign or a constant factor.
     """
@@ -114,7 +114,7 @@ def oriented(g: Graph, surface: Surface) -> tuple[int, int]:
 
 
 def stepped(g: Graph, op: str, side: int, sign: int) -> int:
-    """Give the value of a step, or a condition's truth, from its mode variable.
+    """Return the value of a step, or a condition's truth, from its mode variable.
 
     Where the expression keeps its level on a whole stretch the variable is 0, or half
     a step below a whole number, and the value is that of the level itself.
@@ -132,7 +132,7 @@ def stepped(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def between(g: Graph, op: str, side: int, sign: int) -> int:
-    """Give the value of a step while its mode variable lies between its two sides."""
+    """Return the value of a step while its mode variable lies between its two sides."""
     if op == "floor":
         return side
     if op == "ceil":
@@ -143,7 +143,7 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def share(g: Graph, op: str, side: int, sign: int) -> int:
-    """Give how far a condition holds, from 0 to 1, while its mode variable is between.
+    """How far a condition holds, from 0 to 1, while its mode variable is between.
 
     Filippov's combination of the two sides.
     """
@@ -152,12 +152,12 @@ def share(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def expression_text(g: Graph, *nodes: int, depth: int = 6) -> str:
-    """Give expressions for a message, roughly as written; `...` where they are deep."""
+    """Expressions for a message, roughly as written; `...` where they are deep."""
     return ", ".join(_text(g, n, depth)[1] for n in nodes)
 
 
 def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
-    """Give the binding power and the text; `depth` bounds the recursion."""
+    """Binding power and the text; `depth` bounds the recursion."""
     op, args = g.ops[n], g.args[n]
     if op in (VARIABLE, TRUTH):
         return 9, str(g.payload(n))

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 
 def _has_value(g: Graph, branch: int, decides: frozenset[str]) -> int | None:
-    """Give the condition that all roots and logarithms of a branch have a value.
+    """Condition that all roots and logarithms of a branch have a value.
 
     Of those that hang on what decides the branch; nested branches look after their own.
     """
@@ -111,7 +111,7 @@ class Roots(NamedTuple):
         return cls(g, {n: name for n, name in names.items() if name in used})
 
     def told(self, sides: Sequence[Side]) -> tuple[Side, ...]:
-        """Give the sides with their floors."""
+        """Sides with their floors."""
         return tuple(s._replace(floor=self.floors.get(s.node, "")) for s in sides)
 
     def _of(self, n: int) -> str:
@@ -119,7 +119,7 @@ class Roots(NamedTuple):
         return found[0] if found else ""
 
     def floor(self, n: int) -> tuple[str, float] | None:
-        """Give the floor of a root or power, and by what it is to be multiplied."""
+        """Floor of a root or power, and by what it is to be multiplied."""
         g = self.graph
         if not self.floors or g.ops[n] not in ROOTS or self._smooth(n):
             return None
@@ -127,13 +127,13 @@ class Roots(NamedTuple):
         return (self.floors[node], factor) if node in self.floors else None
 
     def _smooth(self, n: int) -> bool:
-        """Tell whether a power is no root, nor the slope of one."""
+        """Whether a power is no root, nor the slope of one."""
         g = self.graph
         exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
         return exponent is not None and (exponent > 1.0 or exponent % 1.0 == 0.0)
 
     def _inside(self, n: int) -> tuple[int, float]:
-        """Give what decides whether a root is at 0, and its factor."""
+        """Return what decides whether a root is at 0, and its factor."""
         g, factor = self.graph, 1.0
         while n not in self.floors:
             op, args = g.ops[n], g.args[n]
@@ -152,7 +152,7 @@ class Roots(NamedTuple):
         return n, factor
 
     def floored(self, n: int, x: int) -> int:
-        """Give what root or power `n` is taken of: x, not less than its floor."""
+        """Return what root or power `n` is taken of: x, not less than its floor."""
         g = self.graph
         found = self.floor(n)
         if found is None or g.value(x) is not None:
@@ -165,7 +165,7 @@ class Roots(NamedTuple):
 
 
 def mixed(g: Graph, part: int, low: int, high: int) -> int:
-    """Give low + part (high - low)."""
+    """Return low + part (high - low)."""
     return g.call("add", low, g.call("mul", part, g.call("sub", high, low)))
 
 
@@ -196,7 +196,7 @@ class Shown:
         self.on: dict[int, frozenset[int]] = {}  # the sides that each node goes with
 
     def nodes(self, nodes: list[int]) -> list[int]:
-        """Give `nodes` as shown."""
+        """`nodes` as shown."""
         g = self.g
         if not self.slides:
             return nodes
@@ -262,7 +262,7 @@ class Shown:
         return g.call("if", self.slides[v], mixed(g, part, low, high), n)
 
     def _root(self, n: int, args: tuple[int, ...]) -> int:
-        """Give a root with its floor, which is 0 unless the motion slides."""
+        """Root with its floor, which is 0 unless the motion slides."""
         g, op, inner = self.g, self.g.ops[n], self.g.args[n][0]
         if g.ops[inner] in CHOOSING:
             return self._apart(n, inner, args)
@@ -276,7 +276,7 @@ class Shown:
         return g.call("mul", kept, g.call("cbrt", size))
 
     def _apart(self, n: int, inner: int, args: tuple[int, ...]) -> int:
-        """Give a root of what has two branches, as the combination of their roots."""
+        """Root of what has two branches, as the combination of their roots."""
         g, op = self.g, self.g.ops[inner]
         condition, *branches = g.args[inner]
         if op != "if":
@@ -333,7 +333,7 @@ class StateSwitch(NamedTuple):
     text: str
 
     def __str__(self) -> str:
-        """Give the switch as it may have been written."""
+        """Switch as it may have been written."""
         shown = self.text
         if self.function == "if":
             shown += ", ..."
@@ -363,7 +363,7 @@ class Switches:
     _roots: Roots
 
     def freeze(self, nodes: Iterable[int]) -> list[int]:
-        """Give `nodes` with each switch decided by its mode variable.
+        """`nodes` with each switch decided by its mode variable.
 
         For time switches, `nodes` must be among those that they were found in.
         """
@@ -383,7 +383,7 @@ class Switches:
         return [done[n] for n in nodes]
 
     def moving(self, discrete: Sequence[int], names: Collection[str]) -> list[int]:
-        """Give those whose surface moves, each side being fixed.
+        """Those whose surface moves, each side being fixed.
 
         The others, `sign(sign(x))`, step with another switch and need no side.
         """
@@ -404,7 +404,7 @@ class Switches:
     def _on_a_side(
         self, n: int, args: tuple[int, ...], variable: int, sign: int
     ) -> int:
-        """Give switch `n` on the frozen `args`, decided by its side."""
+        """Switch `n` on the frozen `args`, decided by its side."""
         g, op = self.graph, self.graph.ops[n]
         value = stepped(g, OPERATIONS[op].decided_by or op, variable, sign)
         if op == "abs":
@@ -415,7 +415,7 @@ class Switches:
         return g.call("if", value, *args) if op in ("min", "max") else value
 
     def _rebuilt(self, n: int, args: tuple[int, ...]) -> int:
-        """Give node `n` on the frozen `args`.
+        """Return node `n` on the frozen `args`.
 
         Of a root or power of what is a number on one side, the number is taken there,
         which has derivatives where the root of 0 has none.
@@ -436,11 +436,11 @@ class Switches:
         return self._inside(n, args, args[0])
 
     def _as_written(self, n: int) -> int:
-        """Give node `n` frozen by time alone."""
+        """Return node `n` frozen by time alone."""
         return replace(self, _sides_of={}).freeze([n])[0]
 
     def _with_values(self, n: int, args: tuple[int, ...]) -> int:
-        """Give `if` n on frozen `args`; as written where the branch has no value."""
+        """`if` n on frozen `args`; as written where the branch has no value."""
         g, (condition, *branches) = self.graph, args
         decides = g.depends([g.args[n][0]])
         inside = [_has_value(g, branch, decides) for branch in branches]
@@ -456,7 +456,7 @@ class Switches:
         return g.call("if", condition, *apart)
 
     def _product(self, op: str, first: int, second: int) -> int:
-        """Give a product or quotient of frozen arguments.
+        """Product or quotient of frozen arguments.
 
         What is 0 on one side makes it 0 there, whatever the other one does: a slope of
         a root has no bound where the root has ended.
@@ -471,7 +471,7 @@ class Switches:
         return g.call(op, first, second)
 
     def _inside(self, n: int, args: tuple[int, ...], frozen: int) -> int:
-        """Give node `n` on frozen `args` where these have a value.
+        """Return node `n` on frozen `args` where these have a value.
 
         A stage past the surface would take a root of something negative where there is
         none as written: there the argument counts as written. `frozen` is the whole
@@ -490,7 +490,7 @@ class Switches:
         return g.call(op, g.call("if", inside, args[0], plain), *args[1:])
 
     def shown(self, nodes: Iterable[int]) -> list[int]:
-        """Give `nodes` as rows show them: as written, but for sliding.
+        """`nodes` as rows show them: as written, but for sliding.
 
         While the motion slides along a surface, what steps there has the value that
         keeps it there: between those of the two sides.
@@ -501,7 +501,7 @@ class Switches:
     def mode_values(
         self, start: float, end: float, values: Mapping[str, float]
     ) -> list[float]:
-        """Give the mode variables on an arc without breaks, `values` the parameters."""
+        """Mode variables on an arc without breaks, `values` the parameters."""
         if not self.modes:
             return []
         discrete = [mode.discrete for mode in self.modes]
@@ -513,7 +513,7 @@ class Switches:
 def prevailing(
     value: Callable[[float], Sequence[float]], start: float, end: float
 ) -> list[float]:
-    """Give the values that step functions without a break have in (start, end).
+    """Return the values that step functions without a break have in (start, end).
 
     A value that is taken at one instant only, like sign(0), is outvoted.
     """
@@ -588,7 +588,7 @@ def find_switches(
 def _sides(
     g: Graph, switches: Sequence[StateSwitch]
 ) -> tuple[tuple[Side, ...], dict[int, tuple[int, int]]]:
-    """Give the sides of `switches`, one for all that step together."""
+    """Sides of `switches`, one for all that step together."""
     sides: dict[tuple[int, bool], Side] = {}
     sides_of = {}
     for switch in switches:
@@ -631,7 +631,7 @@ class _Finder:
                     stack.append(a)
 
     def _below(self, n: int) -> tuple[int, ...]:
-        """Record `n` if it is a switch; give where to go on."""
+        """Record `n` if it is a switch; return where to go on."""
         g = self.g
         op, args = g.ops[n], g.args[n]
         row = OPERATIONS.get(op)
@@ -655,7 +655,7 @@ class _Finder:
 
 
 def _is_guard(g: Graph, n: int) -> bool:
-    """Tell whether `n` is x^y log(x), with its limit 0 where x^y is 0.
+    """Whether `n` is x^y log(x), with its limit 0 where x^y is 0.
 
     Differentiation makes these. The condition mends a single point; nothing switches.
     """

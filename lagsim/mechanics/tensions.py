@@ -71,7 +71,7 @@ class Newton(NamedTuple):
 
 
 def newton(e: Equations) -> Newton | None:
-    """Give the laws; None where masses move, couple, or are of no positions."""
+    """Laws; None where masses move, couple, or are of no positions."""
     g, model = e.graph, e.model
     if e.q != tuple(c.name for c in model.coordinates):
         return None  # reduced
@@ -116,7 +116,7 @@ def newton(e: Equations) -> Newton | None:
 def _masses(
     g: Graph, momenta: Vector, rates: Vector, variables: frozenset[int]
 ) -> Vector | None:
-    """Give the constant by which each momentum is its rate; None for others."""
+    """Constant by which each momentum is its rate; None for others."""
     masses, moving = Vector(), g.depends(variables)
     for u, momentum in momenta.items():
         mass = slopes(g, momentum, variables)
@@ -129,7 +129,7 @@ def _masses(
 def _places(
     g: Graph, model: Model, flow: Flow, found: Chains
 ) -> dict[int, tuple[int, int]]:
-    """Give what each sum is the rate of, if it is known: a node, and 1 or -1 times."""
+    """Return the integral of each sum, if it is known: a node, and its sign."""
     known, minus = rates_of_places(model, flow), g.constant(-1.0)
     places = {}
     for k, rate in enumerate(found.rates, found.size):
@@ -144,7 +144,7 @@ def _places(
 
 
 def _drifts(g: Graph, flow: Flow, sums: dict[int, int]) -> Vector:
-    """Give the rate of each sum where velocities, and the sums in it, keep theirs."""
+    """Return the rate of each sum where velocities, and the sums in it, keep theirs."""
     of = {node: k for k, node in sums.items()}
     moving = dict(flow.forward)
     drifts: Vector = {}
@@ -194,7 +194,7 @@ class Joints(NamedTuple):
 def joints(
     g: Graph, held: Newton, free: Collection[int], moving: frozenset[str]
 ) -> Joints | None:
-    """Give the joints; None where there are others than of KINDS."""
+    """Joints; None where there are others than of KINDS."""
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
     found, places = Joints([], [], {}), {u: j for j, u in enumerate(free)}
     sets = DisjointSets(len(places))
@@ -301,7 +301,7 @@ class Group(NamedTuple):
         return [*self.norms.values(), *self.dots.values(), *areas]
 
     def written(self, new: Mapping[int, int]) -> Group:
-        """Give the same with other nodes."""
+        """Return the same with other nodes."""
         return Group(
             {i: new[n] for i, n in self.norms.items()},
             {key: new[n] for key, n in self.dots.items()},
@@ -310,7 +310,7 @@ class Group(NamedTuple):
 
 
 def groups(g: Graph, parts: Mapping[int, Vector], weights: Vector) -> list[Group]:
-    """Give the groups of p, t -> u -> p_tu, and w, u -> w_u."""
+    """Return the groups of p, t -> u -> p_tu, and w, u -> w_u."""
     members: dict[int, list[int]] = {}
     for t in sorted(parts):
         for u in parts[t]:
@@ -419,7 +419,7 @@ class Squares(Factorisation):
 
 
 def accelerations(e: Equations) -> list[int] | None:
-    """Give q'' (n,); None where not all is masses on massless links."""
+    """Return q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
     laws = None if e.rows or e.laws else newton(e)
     if laws is None or not _heavy(e, laws):
@@ -440,7 +440,7 @@ def accelerations(e: Equations) -> list[int] | None:
 
 
 def _heavy(e: Equations, laws: Newton) -> bool:
-    """Tell whether all masses are positive at the values of the parameters."""
+    """Whether all masses are positive at the values of the parameters."""
     values = {p.name: p.value for p in e.model.parameters}
     return all(m > 0.0 for m in evaluate(e.graph, [*laws.masses.values()], values))
 
@@ -519,7 +519,7 @@ class _Motion:
         return dict(zip(tops, found, strict=True))
 
     def _back(self, parts: Vector) -> Vector:
-        """Give C^T of forces on sums."""
+        """C^T of forces on sums."""
         g, masses, total = self.g, self.held.masses, dict(parts)
         for k, part in parts.items():
             for i, c in self.held.sums[k].items():

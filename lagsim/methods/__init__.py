@@ -73,13 +73,13 @@ class Structure(NamedTuple):
 
 
 def unrestricted(_scene: Structure) -> str:
-    """Give "": the refusal of a method that handles every scene."""
+    """No refusal, "": the method handles every scene."""
     return ""
 
 
 @cache
 def names() -> tuple[str, ...]:
-    """Give the names of all methods, in alphabetical order."""
+    """Return the names of all methods, in alphabetical order."""
     modules = (m.name for m in pkgutil.iter_modules(__path__) if not m.ispkg)
     return tuple(
         sorted(name.replace("_", "-") for name in modules if not name.startswith("_"))
@@ -88,7 +88,7 @@ def names() -> tuple[str, ...]:
 
 @cache
 def method(name: str) -> ModuleType:
-    """Give the module of a method.
+    """Return the module of a method.
 
     It has
 
@@ -113,14 +113,14 @@ def method(name: str) -> ModuleType:
 
 
 def options_of(name: str) -> dict[str, Option]:
-    """Give the options of a method, by the keys of `simulation`."""
+    """Options of a method, by the keys of `simulation`."""
     fields = method(name).STATE.fields.items()
     return {key: field for key, field in fields if isinstance(field, Option)}
 
 
 @cache
 def options() -> dict[str, tuple[str, Option]]:
-    """Give the options of all methods, each with the name of the method."""
+    """Options of all methods, each with the name of the method."""
     return {
         key: (name, found)
         for name in names()
@@ -129,7 +129,7 @@ def options() -> dict[str, tuple[str, Option]]:
 
 
 def page(name: str) -> str:
-    """Give the page on a method: its docstring, and its options."""
+    """Page on a method: its docstring, and its options."""
     parts = [inspect.cleandoc(method(name).__doc__ or "")]
     for key, x in options_of(name).items():
         text = (
@@ -153,7 +153,7 @@ _ELSEWHERE = {
 def method_problems(
     asked: str, place: Place | None = None, *, auto: bool = True
 ) -> list[Problem]:
-    """Give the fault of a method that does not exist; `auto` may leave the choice."""
+    """Fault of a method that does not exist; `auto` may leave the choice."""
     known = [*(["auto"] if auto else []), *names()]
     if asked in known:
         return []

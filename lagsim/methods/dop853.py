@@ -112,7 +112,7 @@ def start(s: Dop853, p: Parameters) -> None:
 
 
 def step(s: Dop853, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0."""
+    """Make one accepted step, or return a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -276,7 +276,7 @@ def prepare_dense(s: Dop853, p: Parameters) -> None:
 
 
 def interpolate(s: Dop853, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step (II.6, (6.7))."""
+    """State y (size,) at the fraction x of the last step (II.6, (6.7))."""
     u = 1.0 - x
     for i in apart(s.size):
         value = 0.0
@@ -286,7 +286,7 @@ def interpolate(s: Dop853, x: float, out: Floats) -> None:
 
 
 def interpolate_rates(s: Dop853, x: float, out: Floats) -> None:
-    """Give the slope of that, from the velocities on."""
+    """Slope of that, from the velocities on."""
     u = 1.0 - x
     for i in range(s.n, s.size):
         value = 0.0

@@ -46,5 +46,5 @@ def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
 
 
 def interpolate(s: Fixed, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: on the chord."""
+    """State y (size,) at the fraction x of the last step: on the chord."""
     out[: s.size] = s.old + x * (s.y - s.old)

@@ -78,22 +78,22 @@ def refusal(scene: Structure) -> str:
 
 
 def amplification(z: complex) -> float:
-    """Give |exp(z)|."""
+    """|exp(z)|."""
     return abs(cmath.exp(z))
 
 
 def square(s: Exponential) -> int:
-    """Give the entries of a matrix for z."""
+    """Entries of a matrix for z."""
     return (2 * s.n + 1) ** 2
 
 
 def works(s: Exponential) -> int:
-    """Give the number of works."""
+    """Return the number of works."""
     return s.size - 2 * s.n
 
 
 def squares(s: Exponential) -> int:
-    """Give the entries of a matrix for z for each work."""
+    """Entries of a matrix for z for each work."""
     return works(s) * square(s)
 
 
@@ -145,7 +145,7 @@ def start(s: Exponential, p: Parameters) -> None:
 
 
 def fill(m: int, given: Floats, matrix: Floats) -> int:
-    """Set entries given as their number, then i, j, value; give how much was read."""
+    """Set entries given as their number, then i, j, value; return how much was read."""
     count = int(given[0])
     for k in range(count):
         i = int(given[1 + 3 * k])
@@ -217,7 +217,7 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
 
 
 def interpolate(s: Exponential, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: the series, in short parts.
+    """State y (size,) at the fraction x of the last step: the series, in short parts.
 
     N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
     """
@@ -241,7 +241,7 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
-    """Give z_k = (A tau)^k z_0 / k! from z_0 on."""
+    """Return z_k = (A tau)^k z_0 / k! from z_0 on."""
     for k in range(1, TERMS + 1):
         before = terms[(k - 1) * m :]
         for i in range(m):
@@ -253,7 +253,7 @@ def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
 
 
 def sum_terms(m: int, order: int, x: float, terms: Floats, out: Floats) -> None:
-    """Give the sum of z_k x^k."""
+    """Sum of z_k x^k."""
     for i in range(m):
         value = terms[order * m + i]
         for back in range(1, order + 1):
@@ -262,7 +262,7 @@ def sum_terms(m: int, order: int, x: float, terms: Floats, out: Floats) -> None:
 
 
 def value_of(m: int, form: Floats, z: Floats) -> float:
-    """Give z^T P z."""
+    """Return z^T P z."""
     value = 0.0
     for i in range(m):
         for j in range(m):
@@ -275,7 +275,7 @@ def value_of(m: int, form: Floats, z: Floats) -> float:
 
 
 def norm(m: int, columns: int, a: Floats) -> float:
-    """Give the largest sum of sizes in the first `columns` columns."""
+    """Return the largest sum of sizes in the first `columns` columns."""
     largest = 0.0
     for j in range(columns):
         column = 0.0
@@ -348,7 +348,7 @@ def coupled_norm(m: int, a: Floats) -> float:
 
 
 def off_diagonal(m: int, a: Floats, i: int, by_row: int, by_column: int) -> float:
-    """Give the sum of sizes of row i (m, 1) or column i (1, m) without the diagonal."""
+    """Sum of sizes of row i (m, 1) or column i (1, m) without the diagonal."""
     total = 0.0
     for j in range(m - 1):
         if j != i:
@@ -357,7 +357,7 @@ def off_diagonal(m: int, a: Floats, i: int, by_row: int, by_column: int) -> floa
 
 
 def balancing(m: int, a: Floats, i: int) -> float:
-    """Give the power of two that column i is to be multiplied by, row i divided."""
+    """Power of two that column i is to be multiplied by, row i divided."""
     column = off_diagonal(m, a, i, 1, m)
     row = off_diagonal(m, a, i, m, 1)
     if column == 0.0 or row == 0.0 or not column + row < OVERFLOW:
@@ -414,7 +414,7 @@ def double_form(m: int, F: Floats, Q: Floats, x: Floats, y: Floats) -> None:
 
 
 def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
-    """Give the product of two matrices (m, m)."""
+    """Product of two matrices (m, m)."""
     for i in range(m):
         row = out[i * m :]
         row[:m] = 0.0
@@ -425,7 +425,7 @@ def multiply(m: int, a: Floats, b: Floats, out: Floats) -> None:
 
 
 def times_columns(m: int, a: Floats, z: Floats, out: Floats) -> None:
-    """Give the product with a matrix that is stored by columns."""
+    """Product with a matrix that is stored by columns."""
     out[:m] = 0.0
     for j in range(m):
         column = a[j * m :]

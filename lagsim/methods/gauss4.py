@@ -114,7 +114,7 @@ class Gauss(Fixed):
 
 
 def refusal(scene: Structure) -> str:
-    """Say why momenta do not tell the motion, or give ""."""
+    """Say why momenta do not tell the motion, or return ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "
@@ -174,7 +174,7 @@ def predict(s: Gauss) -> None:
 
 
 def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
-    """Solve for the stages' velocities; give 0 where Newton's method fails."""
+    """Solve for the stages' velocities; return 0 where Newton's method fails."""
     n = s.n
     unknowns = s.stages * n
     right = s.right
@@ -224,7 +224,7 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
-    """Give the state (Q, V) of a stage."""
+    """State (Q, V) of a stage."""
     n = s.n
     for i in range(n):
         moved = 0.0
@@ -236,7 +236,7 @@ def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
-    """Factor the Newton matrix at the present stages; give 0 where it is singular."""
+    """Factor the Newton matrix at the present stages; return 0 where it is singular."""
     n, stages = s.n, s.stages
     unknowns = stages * n
     block = 4 * n * n
@@ -258,7 +258,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
-    """Give d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one of its entries."""
+    """Return d(dL/dq'(Q_i, V_i) - h sum a_ij F_j)/dV_k, one of its entries."""
     square = s.n * s.n
     stages, slopes, a = s.stages, s.slopes, s.coefficients
     value = h * a[stages * i + k] * slopes[i * 4 * square + rc]
@@ -273,7 +273,7 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 
 def conclude(s: Gauss, h: float) -> None:
-    """Give the new positions, momenta and work; the velocities go on for a start."""
+    """Return the new positions, momenta and work; the velocities go on for a start."""
     n, new, compensation = s.n, s.new, s.compensation
     stages = s.stages
     s.new[:] = s.y
@@ -287,7 +287,7 @@ def conclude(s: Gauss, h: float) -> None:
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
-    """Solve dL/dq' = p for the velocities; give 0 where Newton's method fails."""
+    """Solve dL/dq' = p for the velocities; return 0 where Newton's method fails."""
     n, new, M, change = s.n, s.new, s.M, s.change
     previous = 0.0
     renewing = RENEW

@@ -75,7 +75,7 @@ RESOLVED = 0.5
 
 
 def amplification(z: complex, radius: float = RADIUS) -> float:
-    """Give the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
+    """Spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1.
 
     Of the matrix (3, 3) that takes (q, q', a) on (Chung and Hulbert, section 3).
     """
@@ -98,17 +98,17 @@ def amplification(z: complex, radius: float = RADIUS) -> float:
 
 
 def share(radius: float) -> float:
-    """Give alpha_m, the share of the old acceleration in the balance (eq. 25)."""
+    """Alpha_m, the share of the old acceleration in the balance (eq. 25)."""
     return (2.0 * radius - 1.0) / (radius + 1.0)
 
 
 def weight(radius: float) -> float:
-    """Give gamma, the weight of the new acceleration in the velocity (eq. 17)."""
+    """Return gamma, the weight of the new acceleration in the velocity (eq. 17)."""
     return 0.5 - share(radius) + radius / (radius + 1.0)
 
 
 def displacement(radius: float) -> float:
-    """Give beta, its weight in the displacement (eq. 20)."""
+    """Return beta, its weight in the displacement (eq. 20)."""
     half = 0.5 * (1.0 - share(radius) + radius / (radius + 1.0))
     return half * half
 
@@ -217,7 +217,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
-    """Give the new positions and velocities that belong to the new acceleration."""
+    """Return the new positions and velocities that belong to the new acceleration."""
     n, y = s.n, s.y
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)

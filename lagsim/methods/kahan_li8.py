@@ -1,4 +1,4 @@
-"""Kahan-Li 8: seventeen Verlet steps, five of them backwards, give order 8.
+"""Kahan-Li 8: seventeen Verlet steps, five of them backwards, return order 8.
 
 The same construction as `kahan-li6`, two orders higher. It is the method for keeping an
 energy to rounding over many thousands of periods, as of planets: with compensated
@@ -108,7 +108,7 @@ class Composition(Symplectic):
 
 
 def step(s: Composition, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
+    """Make one step, or return a code other than 0."""
     code = compose(s, p)
     if code == DONE:
         make_dense(s, p)
@@ -187,7 +187,7 @@ def correct(s: Composition, first: int, end: int) -> None:
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
-    """Give how steep the cubic of component i is, times the step."""
+    """How steep the cubic of component i is, times the step."""
     h = s.step_h
     u = 1.0 - x
     change = s.y[i] - s.old[i]
@@ -197,7 +197,7 @@ def steepness(s: Composition, i: int, x: float) -> float:
 
 
 def interpolate(s: Composition, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step."""
+    """State y (size,) at the fraction x of the last step."""
     n, h = s.n, s.step_h
     w = x * (1.0 - x)
     hermite(s, x, out)
@@ -210,7 +210,7 @@ def interpolate(s: Composition, x: float, out: Floats) -> None:
 
 
 def polynomial(s: Composition, i: int, x: float) -> float:
-    """Give r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
+    """Return r0 + r1 c + r2 c^2 + r3 c^3 of component i, c = x - 1/2."""
     size, r = s.size, s.r
     c = x - 0.5
     more = r[size + i] + c * (r[2 * size + i] + c * r[3 * size + i])

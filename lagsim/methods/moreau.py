@@ -127,7 +127,7 @@ PARAMETERS = Impulses
 
 
 def amplification(z: complex) -> float:
-    """Give the spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
+    """Spectral radius of a step on q'' = 2 Re(z) q' - |z|^2 q, h = 1."""
     import numpy as np
 
     square, damping = abs(z) ** 2, 2.0 * z.real
@@ -155,7 +155,7 @@ def make(s: Moreau, p: Impulses, after: float, h: float) -> int:  # noqa: ARG001
 
 
 def attempt(s: Moreau, p: Impulses, h: float) -> int:
-    """Leave the state after a step h; give 0 if the impulses are not quite right."""
+    """Leave the state after a step h; return 0 if the impulses are not quite right."""
     n, y, z, w = s.n, s.y, s.z, s.w
     middle = s.t + 0.5 * h
     s.z[:] = y
@@ -208,7 +208,7 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
 
 
 def interpolate(s: Moreau, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: on the chord.
+    """State y (size,) at the fraction x of the last step: on the chord.
 
     Multipliers are those of the step.
     """
@@ -245,7 +245,7 @@ NEAR = 1e-3
 
 
 def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
-    """Give the columns of a row: q'' is that of the forces and the mean multipliers.
+    """Columns of a row: q'' is that of the forces and the mean multipliers.
 
     y ends with these.
     """
@@ -310,7 +310,7 @@ def respond(p: Impulses, x: Floats) -> None:
 
 
 def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
-    """List the active rows with their aims and responses; give their number.
+    """List the active rows with their aims and responses; return their number.
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
     """
@@ -340,7 +340,7 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
 
 def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
-    """Note M^-1 A^T of row k, and its own part; give 0 where nothing answers."""
+    """Note M^-1 A^T of row k, and its own part; return 0 where nothing answers."""
     starts = p.slope_starts
     room[: p.n] = 0.0
     for e in range(int(starts[k]), int(starts[k + 1])):
@@ -363,7 +363,7 @@ def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
 
 
 def rate(p: Impulses, k: int, v: Floats) -> float:
-    """Give the rate of row k at velocities v (n,)."""
+    """Return the rate of row k at velocities v (n,)."""
     found = float(p.met_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         found += p.met_slopes[e] * v[int(p.slope_columns[e])]
@@ -371,7 +371,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """Give how large the rate of row k is at velocities v, and at w."""
+    """How large the rate of row k is at velocities v, and at w."""
     found = abs(p.met_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])
@@ -456,7 +456,7 @@ def meet_two(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
 
 
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
-    """Give the largest impulse of row k: another while it rests, if that is enough."""
+    """Return largest impulse of row k: another while it rests, if that is enough."""
     normal = int(p.met_normal[k])
     factor_of = h
     if normal >= 0:

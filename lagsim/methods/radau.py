@@ -108,7 +108,7 @@ def start(s: Radau, p: SparseNewton) -> None:
 
 
 def step(s: Radau, p: SparseNewton) -> int:
-    """Make one accepted step, or give a code other than 0."""
+    """Make one accepted step, or return a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -147,7 +147,7 @@ def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
 
 
 def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
-    """Tell whether the step is one over or from a loss of rank, or fails before it.
+    """Whether the step is one over or from a loss of rank, or fails before it.
 
     The accelerations off the constraints, and their derivatives, grow with the inverse
     of sigma: Newton's method for the stages finds a false solution, or
@@ -179,13 +179,13 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
 
 
 def change(s: Radau, error: float) -> float:
-    """Give by how much the step should shrink: IV.8 (8.21), less after long Newton."""
+    """By how much the step should shrink: IV.8 (8.21), less after long Newton."""
     safety = SAFETY * (2.0 * MOST + 1.0) / (2.0 * MOST + s.iterations)
     return float(max(1.0 / GROW, min(SHRINK, error**0.25 / safety)))
 
 
 def predict(s: Radau, h: float, error: float) -> float:
-    """Give the same after an accepted step, with the last one: IV.8 (8.25)."""
+    """Return the same after an accepted step, with the last one: IV.8 (8.25)."""
     quotient = change(s, error)
     if s.previous_h > 0.0:
         ahead = (error * error / s.previous_error) ** 0.25 / SAFETY
@@ -222,7 +222,7 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
 
 
 def estimate(s: Radau, p: SparseNewton, h: float) -> float:
-    """Give the error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
+    """Error of the step: IV.8 (8.19), (8.20) for a first or repeated step."""
     size, errors, F = s.size, s.errors, s.F
     for i in range(size):
         F[i] = total(ERROR[k] * s.Z[k * size + i] for k in unrolled(3)) / h
@@ -282,7 +282,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
-    """Give the slope of that, from the velocities on."""
+    """Slope of that, from the velocities on."""
     for i in range(s.n, s.size):
         slope = 0.0
         for m in unrolled(4):
@@ -344,7 +344,7 @@ PARAMETERS = SparseNewton
 
 
 def renew(s: Radau, p: SparseNewton, h: float) -> int:
-    """Evaluate the Jacobian and factor where that is due; give 0 where singular."""
+    """Evaluate the Jacobian and factor where that is due; return 0 where singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
         take_finite(s.entries if SPARSE else (s.size - s.n) * 2 * s.n, s.J)
@@ -364,7 +364,7 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
 
 
 def factor(width: Static, s: Radau, p: SparseNewton) -> int:
-    """Factor the real matrix, or the complex one; give 0 where it is singular."""
+    """Factor the real matrix, or the complex one; return 0 where it is singular."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     square(width, g)
@@ -385,7 +385,7 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
 
 
 def converge(s: Radau, p: SparseNewton, h: float) -> int:
-    """Solve for the stages by simplified Newton iterations; give 0 where that fails.
+    """Solve for the stages by simplified Newton iterations; return 0 where that fails.
 
     Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
     """
@@ -490,7 +490,7 @@ def apply_step(s: Radau) -> None:
 
 
 def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
-    """Give the mean size (root of the mean square) of x against the tolerances."""
+    """Mean size (root of the mean square) of x against the tolerances."""
     square = 0.0
     controlled = 0
     for i in range(size):
@@ -504,7 +504,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
 
 
 def interpolate(s: Radau, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step, or beyond it."""
+    """State y (size,) at the fraction x of the last step, or beyond it."""
     for i in range(s.size):
         value = 0.0
         for m in unrolled(4):

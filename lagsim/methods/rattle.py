@@ -77,7 +77,7 @@ STATE = Rattle
 
 
 def refusal(scene: Structure) -> str:
-    """Say why it cannot handle the scene, or give ""."""
+    """Say why it cannot handle the scene, or return ""."""
     if scene.constraints not in ("none", "holonomic"):
         return (
             "it has constraints between velocities that hold no positions (`dop853` "

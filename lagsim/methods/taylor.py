@@ -95,14 +95,14 @@ SHORTEST = 0.2
 
 
 def order_for(rtol: float) -> int:
-    """Give the order for a tolerance (Jorba and Zou, (3-5))."""
+    """Order for a tolerance (Jorba and Zou, (3-5))."""
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
     most = TIGHT_ORDER if rtol < TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
 
 
 def amplification(z: complex) -> float:
-    """Give the size of the sum of z^k / k! up to ORDER."""
+    """Size of the sum of z^k / k! up to ORDER."""
     return abs(sum(z**k / math.factorial(k) for k in range(ORDER + 1)))
 
 
@@ -133,7 +133,7 @@ def start(s: Taylor, p: Parameters) -> None:
 
 
 def step(s: Taylor, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0."""
+    """Make one accepted step, or return a code other than 0."""
     rejected = False
     trouble = STEP_TOO_SMALL
     while True:
@@ -175,7 +175,7 @@ def shorten(s: Taylor, h: float, error: float) -> int:
 
 
 def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
-    """Give the state after a step of length h; 0 where it is not finite."""
+    """State after a step of length h; 0 where it is not finite."""
     size = s.size
     c = s.series[buffer(size, s.which) :]
     if s.rtol < TIGHT and not rejected:
@@ -187,7 +187,7 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
-    """Give the error in units of the tolerance, from the series at the end of the step.
+    """Error in units of the tolerance, from the series at the end of the step.
 
     What the series' rate differs by there from y' is (K + 1) y_(K+1) h^K and what
     follows; the next step's series has y'.
@@ -237,13 +237,13 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
 
 
 def interpolate(s: Taylor, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step: the series there."""
+    """State y (size,) at the fraction x of the last step: the series there."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     reach(s, before, s.carried, x * s.step_h, out)
 
 
 def interpolate_rates(s: Taylor, x: float, out: Floats) -> None:
-    """Give the slope of that, from the velocities on."""
+    """Slope of that, from the velocities on."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     sum_rates(s.size, s.n, before, x * s.step_h, out)
 
@@ -282,7 +282,7 @@ STATE = Taylor
 
 
 def buffer(size: int, which: float) -> int:
-    """Give where one of the two series lies; of both, how long they are."""
+    """Where one of the two series lies; of both, how long they are."""
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 
@@ -310,7 +310,7 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
 
 
 def chosen_step(s: State, c: Floats, t: float) -> float:
-    """Give the step from t at which the terms after the last are within the tolerance.
+    """Step from t at which the terms after the last are within the tolerance.
 
     If each of the last four terms is within its bound, and they shrink by e^2 from
     one to the next, so is the first that is left out. Not longer than the arc.
@@ -352,7 +352,7 @@ def bound(term: float, shrink: float, k: int) -> float:
 
 
 def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
+    """Sum of y_k h^k from k = 2, even and odd powers apart: they overlap."""
     order = int(c[0])
     square = h * h
     for i in range(size):
@@ -371,7 +371,7 @@ def sum_bend(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
-    """Give the sum of k y_k h^(k - 1) in the same way, from component `first` on."""
+    """Sum of k y_k h^(k - 1) in the same way, from component `first` on."""
     order = int(c[0])
     square = h * h
     for i in range(first, size):
@@ -391,7 +391,7 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """Give how far off (size,) the terms of a series may lead in a step."""
+    """How far off (size,) the terms of a series may lead in a step."""
     order = int(c[0])
     for i in range(size):
         far = 0.0
@@ -401,7 +401,7 @@ def lead(size: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def misfit(s: State, order: float, slope: Floats, rates: Floats, h: float) -> float:
-    """Give the error of a step, from y' (size,) at its end and the series' own there.
+    """Error of a step, from y' (size,) at its end and the series' own there.
 
     One that is finite has a finite square.
     """

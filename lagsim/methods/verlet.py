@@ -81,7 +81,7 @@ STATE = Symplectic
 
 
 def refusal(scene: Structure) -> str:
-    """Say why positions and velocities cannot be moved in turn, or give ""."""
+    """Say why positions and velocities cannot be moved in turn, or return ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is Verlet's method for holonomic ones, "
@@ -93,7 +93,7 @@ def refusal(scene: Structure) -> str:
 
 
 def inseparable(scene: Structure) -> str:
-    """Say why the motion does not split into kicks and drifts, or give ""."""
+    """Say why the motion does not split into kicks and drifts, or return ""."""
     instead = (
         "(`midpoint` and `gauss4` are symplectic for any Lagrangian, `dop853` follows "
         "any motion closely)"
@@ -109,7 +109,7 @@ def inseparable(scene: Structure) -> str:
 
 
 def composed_amplification(weights: Sequence[float], z: complex) -> float:
-    """Give the spectral radius of a composition of Verlet steps of `weights`.
+    """Spectral radius of a composition of Verlet steps of `weights`.
 
     For q'' = 2 Re(z) q' - |z|^2 q and a step of 1. Damping, which a run refuses, is
     taken as explicit: by the velocity before each half kick.

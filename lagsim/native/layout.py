@@ -97,7 +97,7 @@ class Option(Field):
 
 
 def address(flat: Floats) -> int:
-    """Give where an array begins: three times as fast as `flat.ctypes.data`."""
+    """Where an array begins: three times as fast as `flat.ctypes.data`."""
     return addressof(c_char.from_buffer(flat.data))
 
 
@@ -159,7 +159,7 @@ class Memory:
         self.address = address(flat)
 
     def __init_subclass__(cls) -> None:
-        """Give each name that is annotated its word."""
+        """Assign each annotated name its word."""
         cls.fields = dict(cls.fields)
         for name, kind in inspect.get_annotations(cls).items():
             given = cls.__dict__.get(name, 0.0)
@@ -211,22 +211,22 @@ class Memory:
         return memory
 
     def place(self, name: str) -> int:
-        """Give where an array begins in the flat one."""
+        """Where an array begins in the flat one."""
         return int(self.numbers[self.fields[name].word])
 
     def place_after(self, name: str) -> int:
-        """Give where an array ends in the flat one."""
+        """Where an array ends in the flat one."""
         word = self.fields[name].word
         return int(self.numbers[word] + self.numbers[word + 1])
 
     def size_of(self, length: Length) -> int:
-        """Give the length that an array is declared with; that of "" is 0."""
+        """Length that an array is declared with; that of "" is 0."""
         if callable(length):
             return length(self)
         return int(getattr(self, length)) if length else 0
 
     def copy(self) -> Self:
-        """Give another memory with the same content."""
+        """Return another memory with the same content."""
         return type(self)(self.flat.copy())
 
     def take(self, other: Memory) -> None:

@@ -113,7 +113,7 @@ def formulate(
 
 
 def formulations() -> list[str]:
-    """Give the names that a formulation may be asked for by."""
+    """Return the names that a formulation may be asked for by."""
     return [
         "auto", "full", "apart", "none", "projection", "velocity projection",
         "elimination", "baumgarte", "drift", "ignorable",
@@ -121,7 +121,7 @@ def formulations() -> list[str]:
 
 
 def formulation_problems(asked: str, place: Place | None = None) -> list[Problem]:
-    """Give the fault of a formulation that does not exist."""
+    """Fault of a formulation that does not exist."""
     known = formulations()
     if asked in known:
         return []
@@ -143,7 +143,7 @@ def _whole(
     projected: bool = False,
     gain: float = 0.0,
 ) -> Formulation:
-    """Give a formulation with the equations as they are."""
+    """Formulation with the equations as they are."""
     choices = (Choice(f"formulation: {name}", reason),)
     return Formulation(name, Reduction(equations), start, projected, gain, choices)
 
@@ -167,7 +167,7 @@ def _projection(equations: Equations, start: Start) -> Formulation:
 
 
 def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formulation:
-    """Give a formulation by its name.
+    """Formulation by its name.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _asked(name: str, equations: Equations, start: Start, gain: float) -> Formul
 
 
 def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulation:
-    """Give a formulation of a model with constraints that always hold."""
+    """Formulation of a model with constraints that always hold."""
     if name == "elimination":
         reduction, why = _eliminated(e, start)
         if not reduction.eliminated:
@@ -237,7 +237,7 @@ def _full(equations: Equations, start: Start) -> Formulation:
 def _chosen(
     equations: Equations, start: Start, suits: Callable[[Equations], bool]
 ) -> Formulation:
-    """Give the least costly of the formulations that the method can handle."""
+    """Return the least costly of the formulations that the method can handle."""
     whole = _full(equations, start)
     candidates = _candidates(equations, start)
     if not candidates:
@@ -275,7 +275,7 @@ def _candidates(equations: Equations, start: Start) -> list[tuple[Reduction, flo
 
 
 def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
-    """Give the formulation of a reduction, with its start and its choices."""
+    """Formulation of a reduction, with its start and its choices."""
     rows = reduction.equations.rows
     choices, name = [], "none"
     if reduction.eliminated:

@@ -48,7 +48,7 @@ NEARBY = 0.1
 
 
 def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
-    """Give the length of each row at the start, or around it where it vanishes."""
+    """Length of each row at the start, or around it where it vanishes."""
     if not equations.rows:
         return ()
     point = Point(equations, start)
@@ -182,7 +182,7 @@ def refuse(name: str, why: str, settings: Settings, hint: str = INSTEAD) -> None
 
 
 def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
-    """Say why a method cannot handle equations, or give ""."""
+    """Say why a method cannot handle equations, or return ""."""
     chosen = method(name)
     if equations.quadratures and not getattr(chosen, "QUADRATURES", False):
         if equations.model.output.action:
@@ -195,12 +195,12 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 
 def locates(name: str) -> bool:
-    """Tell whether a method stops at switches and contacts; `auto` chooses such."""
+    """Whether a method stops at switches and contacts; `auto` chooses such."""
     return name == "auto" or bool(getattr(method(name), "EVENTS", True))
 
 
 def suits(asked: str, equations: Equations) -> bool:
-    """Tell whether the method that is asked for can handle `equations`."""
+    """Whether the method that is asked for can handle `equations`."""
     if asked == "auto":
         return True
     return not method_refusal(asked, equations, structure(equations))
@@ -289,7 +289,7 @@ def eliminate(
 
 
 def from_tape(equations: Equations, elimination: Elimination | None) -> bool:
-    """Tell whether compiled code would be too long."""
+    """Whether compiled code would be too long."""
     if elimination is not None:
         return elimination.operations > BUDGET
     if equations.chains is not None:  # whose M is full, and made where it is read
@@ -304,7 +304,7 @@ def many_slopes(
     elimination: Elimination | None,
     choices: list[Choice],
 ) -> bool:
-    """Tell whether the slopes that a method needs would compile for long."""
+    """Whether the slopes that a method needs would compile for long."""
     n, m = len(equations.q), len(equations.rows)
     sparse = None if elimination is None else newton_of(name, equations)
     slopes = 2 * n * (n + m)
@@ -324,7 +324,7 @@ def singular_value_of(
     lengths: Sequence[float],
     elimination: Elimination,
 ) -> float:
-    """Give how independent the rows are at the start by the pivots of `elimination`."""
+    """How independent the rows are at the start by the pivots of `elimination`."""
     values = {**Point(equations, start).values}
     for row, length in zip(equations.rows, lengths, strict=True):
         values[f"length.{row.name}"] = length
@@ -334,7 +334,7 @@ def singular_value_of(
 
 
 def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
-    """Tell which rows others imply everywhere, shape (m,)."""
+    """Which rows others imply everywhere, shape (m,)."""
     implied = {d.name for d in start.ranks.dependences if d.everywhere is not False}
     return tuple(row.name in implied for row in equations.rows)
 
@@ -423,7 +423,7 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
 
 
 def _parts(equations: Equations, start: Start, settings: Settings) -> tuple[Part, ...]:
-    """Give the subsystems to be integrated apart, if there are any and it pays."""
+    """Subsystems to be integrated apart, if there are any and it pays."""
     asked = settings.formulation
     if asked != "apart" and (asked != "auto" or len(equations.q) > LARGEST):
         return ()
@@ -454,7 +454,7 @@ def _apart(parts: tuple[Part, ...]) -> Choice:
 
 
 def by_loops(plan: Plan) -> Plan:
-    """Give the same plan with the equations solved by loops.
+    """Return the same plan with the equations solved by loops.
 
     Nobody can be asked on the way: for a method that needs y' as nodes another goes on.
     """

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def newton_of(name: str, equations: Equations) -> Newton | None:
-    """Give Newton's matrix of a method where its few entries are made use of."""
+    """Newton's matrix of a method where its few entries are made use of."""
     if not hasattr(method(name), "SPARSE"):
         return None
     return newton(equations)

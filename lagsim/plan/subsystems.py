@@ -51,18 +51,18 @@ class Subsystem(NamedTuple):
     start: Start
 
     def at(self, whole: Instant) -> Instant:
-        """Give the subsystem's part of a state of the whole."""
+        """Subsystem's part of a state of the whole."""
         return part_of(whole, self.coordinates)
 
 
 def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
-    """Give the state of some of the coordinates."""
+    """State of some of the coordinates."""
     chosen = list(coordinates)
     return Instant(whole.t, whole.q[chosen], whole.v[chosen])
 
 
 def refusal(equations: Equations) -> str:
-    """Say why subsystems cannot be integrated apart, or give ""."""
+    """Say why subsystems cannot be integrated apart, or return ""."""
     if equations.works or equations.quadratures:
         return "work and action depend on all of them"
     if equations.model.until:
@@ -73,7 +73,7 @@ def refusal(equations: Equations) -> str:
 
 
 def subsystems(equations: Equations, start: Instant) -> list[Subsystem]:
-    """Give the subsystems of equations that `refusal` does not refuse."""
+    """Subsystems of equations that `refusal` does not refuse."""
     found = groups(equations)
     energies, _ = shared(equations, found, equations.energy)
     forms, _ = shared(equations, found, equations.kinetic_form)
@@ -146,7 +146,7 @@ def _model(
 
 
 def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) -> float:
-    """Give about how many operations it saves to integrate the parts apart."""
+    """Return about how many operations it saves to integrate the parts apart."""
     steps = duration / RADIANS
     paces = [pace(part) for part in parts]
     apart = sum(
@@ -158,7 +158,7 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
 
 
 def pace(part: Subsystem) -> float:
-    """Give the largest rate of the motion near its start, in radians per unit time.
+    """Return the largest rate of the motion near its start, in radians per unit time.
 
     0 where there is none, or it overflows.
     """

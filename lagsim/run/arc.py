@@ -49,7 +49,7 @@ ERRED = 1e4
 
 
 def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
-    """Give how far a change goes, against the reach of what it moves.
+    """How far a change goes, against the reach of what it moves.
 
     As `methods.parts.driver.pulled`: each coordinate counts by the push that it gets.
     """
@@ -62,14 +62,14 @@ def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> floa
 
 
 def most_pulled(rtol: float | None) -> float:
-    """Give how far a state may be pulled, against the motion, before it jumps."""
+    """How far a state may be pulled, against the motion, before it jumps."""
     if rtol is None:
         return MOST_PULLED
     return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
 
 
 def empty_state(runner: Runner, options: Options = ()) -> State:
-    """Give a state of a method that nothing but its own options has been put into."""
+    """State of a method that nothing but its own options has been put into."""
     state = runner.empty.copy()
     for name, value in options:
         if name in state.fields:
@@ -78,7 +78,7 @@ def empty_state(runner: Runner, options: Options = ()) -> State:
 
 
 def taken_over(state: State, runner: Runner, options: Options = ()) -> State:
-    """Give a state as that of another method or system, at the start of an arc."""
+    """State as that of another method or system, at the start of an arc."""
     new = empty_state(runner, options)
     own = (new.kinds, new.powers, new.joined, new.linked)
     kept = [values.copy() for values in own]
@@ -175,22 +175,22 @@ class Arc(NamedTuple):
         return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
-        """Give how far each component has moved, also to y."""
+        """How far each component has moved, also to y."""
         state = self.state
         return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
     def row(self, y: Floats | None = None) -> Floats:
-        """Give time and state (1, 1 + size), the one reached or y."""
+        """Time and state (1, 1 + size), the one reached or y."""
         row = np.empty((1, 1 + self.system.size))
         row[0, 0], row[0, 1:] = self.t, self.y if y is None else y
         return row
 
     def observed(self, y: Floats | None = None) -> Floats:
-        """Give the columns of the state reached, or of y."""
+        """Columns of the state reached, or of y."""
         return np.asarray(self.runner.tabulate(self.row(y))[0])
 
     def energies(self, y: Floats, shown: Floats | None = None) -> Floats:
-        """Give the energies (works,) of what each work is done on, at this time.
+        """Energies (works,) of what each work is done on, at this time.
 
         shown : the columns of y, where they are known.
         """
@@ -201,7 +201,7 @@ class Arc(NamedTuple):
         return columns[first : first + self.system.works]
 
     def row_time(self, k: int) -> float:
-        """Give the time of the next row (k = 0), or of one before or after it."""
+        """Time of the next row (k = 0), or of one before or after it."""
         state = self.state
         return float(state.row_start + (state.row + k) * state.row_step)
 
@@ -214,7 +214,7 @@ class Arc(NamedTuple):
             self.state.t = near
 
     def advance(self, rows: int, budget: int) -> int:
-        """Integrate on, by one call of the kernel; give what it says."""
+        """Integrate on, by one call of the kernel; return what it says."""
         if self.settings.moments and self.state.extras:
             self.state.extra = self._moment
         return self.runner.advance(self.state, rows, budget)
@@ -245,7 +245,7 @@ class Arc(NamedTuple):
             setattr(self.state, name, number)
 
     def next(self, end: float, ahead: float) -> Arc:
-        """Give the arc that begins at the state reached.
+        """Arc that begins at the state reached.
 
         And is looked at again at the time `ahead`, if that comes before its end.
         """
@@ -269,7 +269,7 @@ class Arc(NamedTuple):
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
-        """Give the same arc by another method or another system, with its own state."""
+        """Return same arc by another method or another system, with its own state."""
         runner = system.link(plan.method)
         if system is not self.system:
             system.begin(self.start)
@@ -289,7 +289,7 @@ def first_arc(
     settings: Settings,
     longest_step: float = 0.0,
 ) -> Arc:
-    """Give the state at a start, on no way yet."""
+    """State at a start, on no way yet."""
     runner = system.link(plan.method)
     y = system.begin(start)
     state = empty_state(runner, settings.options)

@@ -94,7 +94,7 @@ def unless_overflow(
 
 
 def finite_rows(rows: Floats, columns: int) -> int:
-    """Give how many rows there are before one with a value that is not finite.
+    """How many rows there are before one with a value that is not finite.
 
     Only the first columns are looked at, of which there are so many.
     """
@@ -274,7 +274,7 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Tell whether somebody wants an end, and the run has not come to its own."""
+        """Whether somebody wants an end, and the run has not come to its own."""
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
@@ -327,7 +327,7 @@ class Run:
         return self._seen() if meets else None
 
     def _seen(self) -> Floats:
-        """Give the columns at the state reached, and at those a little aside (3, k)."""
+        """Columns at the state reached, and at those a little aside (3, k)."""
         arc = self.arc
         states = np.repeat(arc.row(), 3, 0)
         ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
@@ -414,7 +414,7 @@ class Run:
         self.recorder.hand_on(self.arc.runner.tabulate(self.arc.row()))
 
     def show_last(self) -> None:
-        """Give the row at the time reached, unless it has been given."""
+        """Row at the time reached, unless it has been given."""
         if self.cut is not None:
             return
         if not self.recorder.last >= self.t:  # also where there is none
@@ -455,7 +455,7 @@ class Run:
 
 
 def _sources(arc: Arc) -> Iterator[Source]:
-    """Give what may pause or end the arcs of a run; the first has the first word."""
+    """Return what may pause or end the arcs of a run; the first has the first word."""
     if arc.system.m:
         yield Unmet()
     yield Fallback()

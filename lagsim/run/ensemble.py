@@ -41,7 +41,7 @@ class Ends(NamedTuple):
 
 
 def refusal(session: Session) -> str:
-    """Say why a run takes more than calls of the kernel, or give ""."""
+    """Say why a run takes more than calls of the kernel, or return ""."""
     plan, system = session.plan, session.system
     if plan.parts:
         return "subsystems are integrated apart"

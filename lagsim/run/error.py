@@ -102,7 +102,7 @@ class ErrorBar(NamedTuple):
         return [(float(self.times[k]), float(reached[k])) for k in told]
 
     def lost_by(self, errors: Floats) -> Floats:
-        """Give errors (n,) or (k, n) as parts of what can be lost."""
+        """Errors (n,) or (k, n) as parts of what can be lost."""
         still = 0.0 if self.still is None else self.still
         return _parts(errors, np.fmax(self.scales, still))
 

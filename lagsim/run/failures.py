@@ -156,7 +156,7 @@ class Unmet(Source):
         self._looks = 0
 
     def ask_at(self, arc: Arc) -> int:
-        """Give when it looks next."""
+        """Return when it looks next."""
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -177,7 +177,7 @@ class Unmet(Source):
 
 
 def unsettled(arc: Arc) -> tuple[Caution, ...]:
-    """Tell of steps whose impulses were not found to the end."""
+    """Report steps whose impulses did not converge."""
     count = int(getattr(arc.state, "unsettled", 0))
     if not count:
         return ()

@@ -46,7 +46,7 @@ def could_push(
     step: float,
     reactions: Floats | None = None,
 ) -> Held:
-    """Give what forces could do along a motion to coordinates that they do not move.
+    """Return what forces could do along a motion to coordinates that they do not move.
 
     By the terms of the forces, and all that is rounded where they are computed. In the
     whole of the motion; where a force grows with the place, in the time in which that
@@ -94,7 +94,7 @@ def could_push(
 
 
 def _most(sizes: Floats, inertias: Floats) -> Floats:
-    """Give the largest quotient of each row; what is not finite does not count."""
+    """Return the largest quotient of each row; what is not finite does not count."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         found = sizes / inertias
     return np.asarray(

@@ -70,7 +70,7 @@ class Horizon:
         self._times: list[float] = []
 
     def before(self, end: float, t: float, steps: int, most: int) -> float | None:
-        """Give the time before `end` that `most` steps will not pass, if there is one.
+        """Time before `end` that `most` steps will not pass, if there is one.
 
         Parameters
         ----------
@@ -177,7 +177,7 @@ class Interrupt:
             self._raises = before
 
     def cut(self, work: Callable[[], object]) -> bool:
-        """Do what a noted signal may end without loss; tell whether it was done."""
+        """Do what a noted signal may end without loss; return whether it was done."""
         try:
             with self.raised():
                 work()
@@ -197,15 +197,15 @@ class Interrupt:
 
 
 def noting() -> bool:
-    """Tell whether signals are noted: there is something to be kept."""
+    """Whether signals are noted: there is something to be kept."""
     return bool(_noting)
 
 
 def exception_of(number: int | None) -> BaseException:
-    """Give what a signal raises."""
+    """Return what a signal raises."""
     return Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
 
 
 def ignored(kind: signal.Signals) -> bool:
-    """Tell whether whoever started this program has it ignore a signal."""
+    """Whether whoever started this program has it ignore a signal."""
     return signal.getsignal(kind) is signal.SIG_IGN

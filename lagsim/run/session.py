@@ -47,7 +47,7 @@ class Clock:
         self._last = now
 
     def rounded(self) -> dict[str, float]:
-        """Give them as documents do, to microseconds."""
+        """Return them as documents do, to microseconds."""
         return {name: round(seconds, 6) for name, seconds in self.timings.items()}
 
 
@@ -86,7 +86,7 @@ class Case(NamedTuple):
         return self.examined.start
 
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
-        """Give the case with other values of parameters, derived no more.
+        """Case with other values of parameters, derived no more.
 
         Raises
         ------
@@ -96,11 +96,11 @@ class Case(NamedTuple):
         return examined(self.equations, model, model.settings())
 
     def asking(self, **other: Any) -> Case:
-        """Give the case with other settings."""
+        """Case with other settings."""
         return self._replace(settings=self.settings._replace(**other))
 
     def at(self, state: Instant) -> Case:
-        """Give the case with another start, as admissible as its own."""
+        """Case with another start, as admissible as its own."""
         return self._replace(examined=self.examined._replace(state=state))
 
     def plan(self) -> Plan:
@@ -161,7 +161,7 @@ class Session(NamedTuple):
         return bool(self.case.equations.laws or self.plan.switches.sides)
 
     def bound(self, case: Case) -> Session | None:
-        """Give the session of the same equations with other values, compiled no more.
+        """Session of the same equations with other values, compiled no more.
 
         None where these values need other functions.
         """
@@ -172,15 +172,15 @@ class Session(NamedTuple):
         return self._replace(case=case, plan=plan, system=system)
 
     def by(self, plan: Plan) -> Session:
-        """Give the same system integrated otherwise: at other tolerances, say."""
+        """Return the same system integrated otherwise: at other tolerances, say."""
         return self._replace(plan=plan)
 
     def asking(self, **other: Any) -> Session:
-        """Give the same with settings that change neither plan nor system."""
+        """Return the same with settings that change neither plan nor system."""
         return self._replace(case=self.case.asking(**other))
 
     def first_arc(self) -> Arc:
-        """Give the state at the start, on no way yet."""
+        """State at the start, on no way yet."""
         from lagsim.run.arc import first_arc
 
         case = self.case
@@ -264,7 +264,7 @@ def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
 
 
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
-    """Give the case of equations with the values of another binding of their model.
+    """Case of equations with the values of another binding of their model.
 
     Raises
     ------
@@ -301,7 +301,7 @@ def wanted(
     options: Mapping[str, float | str] | None = None,
     hint: str = "add it",
 ) -> Settings:
-    """Give how the file wants to be run; refuse what this version cannot run.
+    """How the file wants to be run; refuse what this version cannot run.
 
     Parameters
     ----------
@@ -327,7 +327,7 @@ def wanted(
 
 
 def unknown_names(settings: Settings) -> list[Problem]:
-    """Give the faults of a method, and a formulation, that do not exist."""
+    """Faults of a method, and a formulation, that do not exist."""
     from lagsim.methods import method_problems
     from lagsim.plan.formulation import formulation_problems
 

@@ -87,7 +87,7 @@ class Stiffness(Source):
         self._reviewed = arc.state
 
     def ask_at(self, arc: Arc) -> int:
-        """Give when it is asked next whether to go on with the method."""
+        """Return when it is asked next whether to go on with the method."""
         another = arc.plan.method in (SERIES, STIFF)
         return self._review_at if another else MOST_STEPS
 
@@ -200,7 +200,7 @@ class Stiffness(Source):
 
 
 def _turns_on_disc(arc: Arc) -> bool:
-    """Tell whether something slips in two directions.
+    """Whether something slips in two directions.
 
     Where that begins its friction turns it fast: steps are short for a while, and
     nothing can be done about it.
@@ -210,7 +210,7 @@ def _turns_on_disc(arc: Arc) -> bool:
 
 
 def _compiled_for(arc: Arc, name: str) -> Arc:
-    """Give the arc by another method, which has functions of its own."""
+    """Arc by another method, which has functions of its own."""
     plan = replace(arc.plan, method=name)
     return arc.by(plan, System(arc.equations, plan))
 
@@ -237,7 +237,7 @@ def _fastest(arc: Arc) -> Fast | None:
 
 
 def _jacobian(arc: Arc) -> Floats:
-    """Give dq''/d(q, q') (n, 2 n)."""
+    """Return dq''/d(q, q') (n, 2 n)."""
     n, sparse = arc.system.n, arc.system.newton
     length = (n + 1) * 2 * n if sparse is None else len(sparse.entries)
     found = arc.runner.function("jacobian", length)(arc.t, arc.y)
@@ -249,7 +249,7 @@ def _jacobian(arc: Arc) -> Floats:
 def _is_excited(
     arc: Arc, fast: Floats, masses: Floats, J: Floats, speed: float
 ) -> bool:
-    """Tell whether fast motion has energy, twice that of each coordinate in `fast`.
+    """Whether fast motion has energy, twice that of each coordinate in `fast`.
 
     Against the whole of the bodies that depend on each other, as far as they do: that
     of others, and the speed of all of them together, says nothing about it.
@@ -272,13 +272,13 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Tell which rates are large: all of them where none moves."""
+    """Which rates are large: all of them where none moves."""
     fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
     return fast
 
 
 def _trial(arc: Arc) -> tuple[State, State]:
-    """Give the state before and after some steps of another arc.
+    """State before and after some steps of another arc.
 
     On a copy; its beginning counts only if that is all.
     """
@@ -292,7 +292,7 @@ def _trial(arc: Arc) -> tuple[State, State]:
 
 
 def _cost(arc: Arc, before: State, after: State) -> float:
-    """Give how many operations a unit of time took."""
+    """How many operations a unit of time took."""
     n = arc.system.n
     passed = after.t - before.t
     if passed == 0.0:
@@ -308,7 +308,7 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 
 
 def _gain(arc: Arc, stiff: Arc) -> float:
-    """Give how many times larger the stiff method's step is; 0 where it costs more."""
+    """How many times larger the stiff method's step is; 0 where it costs more."""
     before, after = _trial(stiff)
     h = arc.state.step_h
     if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:

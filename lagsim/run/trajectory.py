@@ -173,15 +173,15 @@ class Source:
         return GO_ON
 
     def limit(self, arc: Arc) -> float:  # noqa: ARG002
-        """Give the time at which an arc that begins ends at the latest."""
+        """Time at which an arc that begins ends at the latest."""
         return inf
 
     def set_out(self, arc: Arc) -> Decision:  # noqa: ARG002
-        """Tell what an arc that begins has to know."""
+        """Prepare an arc that begins."""
         return GO_ON
 
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002
-        """Give the number of steps after which it wants to be asked."""
+        """Return the number of steps after which it wants to be asked."""
         return MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:  # noqa: ARG002

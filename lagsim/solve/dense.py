@@ -68,7 +68,7 @@ def cholesky(n: int, L: Floats) -> None:
 
 
 def row_weight(n: int, M: Floats, row: Floats) -> float:
-    """Give the weight that brings row^T row to the size of M where the row is.
+    """Weight that brings row^T row to the size of M where the row is.
 
     That of other bodies would drown in it what M has there.
     """
@@ -109,7 +109,7 @@ def forward(n: int, L: Floats, x: Floats) -> None:
 
 
 def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
-    """Give L^-T x; x is used up."""
+    """L^-T x; x is used up."""
     for k in range(n):
         i = n - 1 - k
         value = x[i] / L[i * n + i]
@@ -145,7 +145,7 @@ def keep_lengths(p: Parameters) -> None:
 
 
 def reflect(p: Parameters) -> int:
-    """Triangularise Y^T by reflections with pivoting; give the rank.
+    """Triangularise Y^T by reflections with pivoting; return the rank.
 
     A pivoted column counts as zero past the rank that the rows have in general: away
     from the constraints, at the stages of a step, dependent rows are not quite so.
@@ -213,7 +213,7 @@ def note_directions(p: Parameters, end: int) -> None:
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
-    """Give the row among k, ..., end - 1 that is longest from column k on."""
+    """Row among k, ..., end - 1 that is longest from column k on."""
     best = k
     longest = -1.0
     for i in range(k, end):
@@ -225,7 +225,7 @@ def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
 
 
 def set_aside(p: Parameters) -> int:
-    """Put the rows that are marked in `aside` (m,) last; give how many are not."""
+    """Put the rows that are marked in `aside` (m,) last; return how many are not."""
     m = p.m
     kept = m
     for back in range(m):
@@ -243,7 +243,7 @@ def set_aside(p: Parameters) -> int:
 
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
-    """Give the square of the length of a row from column k on."""
+    """Square of the length of a row from column k on."""
     return product(n - k, row[k:], row[k:])
 
 
@@ -258,7 +258,7 @@ def swap(p: Parameters, k: int, i: int) -> None:
 
 
 def largest_entry(n: int, k: int, row: Floats) -> int:
-    """Give where a row is largest, from column k on."""
+    """Where a row is largest, from column k on."""
     best = k
     for j in range(k + 1, n):
         if abs(row[j]) > abs(row[best]):
@@ -296,7 +296,7 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
 
 
 def impress(p: Parameters, rank: int) -> None:
-    """Give u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
+    """Return u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
     n, u, w, diagonal = p.n, p.u, p.w, p.diagonal
     for k in range(rank):
         for j in range(k):
@@ -362,7 +362,7 @@ def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
 
 
 def product(length: int, a: Floats, b: Floats) -> float:
-    """Give the inner product."""
+    """Inner product."""
     value = 0.0
     for i in range(length):
         value += a[i] * b[i]
@@ -375,7 +375,7 @@ REFLECTED = 4.0
 
 @external
 def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), f (n,), b (m,).
+    """M (n, n), A (m, n), f (n,), b (m,).
 
     Then of each law its speed, and its bounds while it slides and sticks (3 laws,).
     """
@@ -383,17 +383,17 @@ def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rates of what follows the velocities, from q'' and lambda in p."""
+    """Return the rates of what follows the velocities, from q'' and lambda in p."""
 
 
 @external
 def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,)."""
+    """M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,)."""
 
 
 @external
 def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what Newton steps leave; y holds them in the place of the velocities.
+    """Return what Newton steps leave; y holds them in the place of the velocities.
 
     Of the residuals (m,) and of the rates (m,), against their scales.
     """
@@ -401,28 +401,28 @@ def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def loads(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the rounding of the forces (n,), and of the rates that follow."""
+    """Return the rounding of the forces (n,), and of the rates that follow."""
 
 
 @external
 def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the columns of a row, from q'' and lambda in p."""
+    """Columns of a row, from q'' and lambda in p."""
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,)."""
+    """Rates y' (size,)."""
     solve_motion(t, y, p)
     rates(t, y, p, out)
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) and lambda (m,)."""
+    """Rates y' (size,) and lambda (m,)."""
     derivative(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) of the motion that was solved for."""
+    """Rates y' (size,) of the motion that was solved for."""
     n = p.n
     out[:n] = y[n : 2 * n]
     out[n : 2 * n] = p.motion[:n]
@@ -431,7 +431,7 @@ def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the columns of a row, without what pulls the state to the constraints."""
+    """Columns of a row, without what pulls the state to the constraints."""
     gain = p.gain
     p.gain = 0.0
     solve_motion(t, y, p)
@@ -440,7 +440,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what rounding does to q'' (n,), and that of other rates.
+    """Return what rounding does to q'' (n,), and that of other rates.
 
     In units of the unit roundoff: that of the forces, each with its sign, and that of
     the constraint forces. In the metric of M reflections leave it anywhere among the
@@ -458,7 +458,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def gather(p: Parameters, out: Floats) -> None:
-    """Give what constraint forces could do to each coordinate (n,), as accelerations.
+    """Return what constraint forces could do to each coordinate (n,), as accelerations.
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts.
@@ -490,7 +490,7 @@ def gather(p: Parameters, out: Floats) -> None:
 
 
 def join(n: int, m: int, terms: Floats, label: Floats) -> None:
-    """Give each coordinate the first one that rows, or M, join it with: (n,)."""
+    """Find for each coordinate the first one that rows, or M, join it with: (n,)."""
     for i in range(n):
         label[i] = i
     for _ in range(n):
@@ -511,7 +511,7 @@ def join(n: int, m: int, terms: Floats, label: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the least change (n,) in the metric of M that removes the residuals.
+    """Return the least change (n,) in the metric of M that removes the residuals.
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
@@ -522,7 +522,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the same for the velocities and the rates, with sigma instead of 0."""
+    """Return the same for the velocities and the rates, with sigma instead of 0."""
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = p.sigma
@@ -534,7 +534,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def left_over(
     first: int, count: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
-    """Give what a Newton step leaves at most of the first rows in the order.
+    """Return what a Newton step leaves at most of the first rows in the order.
 
     Of their residuals (first = 0), or of their rates (first = m).
     """
@@ -549,7 +549,7 @@ def left_over(
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
-    """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
+    """-M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
     factor_rows(p)
     largest = 0.0
     for k in range(p.m):
@@ -604,7 +604,7 @@ def free_motion(p: Parameters) -> None:
 
 
 def missing(p: Parameters, i: int) -> float:
-    """Give what the motion lacks of the acceleration that row i asks for."""
+    """Return what the motion lacks of the acceleration that row i asks for."""
     A = p.A[i * p.n :]
     value = p.b[i]
     for j in range(p.n):
@@ -614,7 +614,7 @@ def missing(p: Parameters, i: int) -> float:
 
 @external
 def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
+    """Return dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
 
     y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
     zero identically is not written: the room for it holds zeros from the start.
@@ -622,7 +622,7 @@ def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
+    """Return dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
@@ -648,7 +648,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
-    """Give q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
+    """Return q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
 
     With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
     R^T w = b, and R lambda = w - Q^T L^-1 f.

@@ -171,7 +171,7 @@ def products(p: Parameters) -> int:
 
 
 def share_among(p: Parameters, count: int) -> int:
-    """Solve for y among those in G; give the law that would pull most, or -1."""
+    """Solve for y among those in G; return the law that would pull most, or -1."""
     forces = p.diagonal
     p.w[:count] = forces[:count]
     for i in range(count):
@@ -190,7 +190,7 @@ def share_among(p: Parameters, count: int) -> int:
 
 
 def shared(p: Parameters, count: int, k: int) -> float:
-    """Give the multiplier of law k."""
+    """Multiplier of law k."""
     found = 0.0
     for i in range(count):
         found += p.w[i] * p.free[i * p.laws + k]
@@ -213,7 +213,7 @@ def weigh(p: Parameters) -> None:
 
 
 def inner(p: Parameters, a: Floats, b: Floats) -> float:
-    """Give the product of two rows (n,)."""
+    """Product of two rows (n,)."""
     found = 0.0
     for j in range(p.n):
         found += p.u[j] * a[j] * b[j]
@@ -221,7 +221,7 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 
 
 def touches(p: Parameters, k: int) -> bool:
-    """Tell whether a law is a contact without friction that touches and holds."""
+    """Whether a law is a contact without friction that touches and holds."""
     if p.law_kind[k] != CONTACT or not (
         p.law_mode[k] == HELD or p.law_mode[k] == IMPLIED
     ):
@@ -244,11 +244,11 @@ TURNED = 0.5
 
 @external
 def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give of each law (L,) the gap, or the speed of what has none."""
+    """Return of each law (L,) the gap, or the speed of what has none."""
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) and lambda (m,)."""
+    """Rates y' (size,) and lambda (m,)."""
     solve_motion(t, y, p)
     rates(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
@@ -257,7 +257,7 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give what rounding does to q'' (n,), and that of other rates; see `dense`."""
+    """Return what rounding does to q'' (n,), and that of other rates; see `dense`."""
     n = p.n
     first = p.m - p.laws
     reaction = out[p.size :]
@@ -275,7 +275,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the least change (n,) in the metric of M that removes the residuals.
+    """Return the least change (n,) in the metric of M that removes the residuals.
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
@@ -286,7 +286,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the same for the velocities and the rates, with 1 instead of 0."""
+    """Return the same for the velocities and the rates, with 1 instead of 0."""
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = 1.0
@@ -294,7 +294,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
-    """Give -M^-1 A^T S^-1 residuals (n,), and the largest against its scale (1,)."""
+    """-M^-1 A^T S^-1 residuals (n,), and the largest against its scale (1,)."""
     hold(p)
     largest = 0.0
     count = int(p.ranked)
@@ -376,7 +376,7 @@ def respond(p: Parameters) -> None:
 
 
 def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how far each law is from the end of its mode (L,): below 0 it is over."""
+    """How far each law is from the end of its mode (L,): below 0 it is over."""
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
@@ -391,13 +391,13 @@ def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def is_one_sided(p: Parameters, k: int) -> bool:
-    """Tell whether a law's multiplier pushes and does not pull."""
+    """Whether a law's multiplier pushes and does not pull."""
     # These two are the first kinds.
     return float(p.law_kind[k]) <= FREEWHEEL
 
 
 def hold_left(p: Parameters, k: int) -> float:
-    """Give how much less, or more, a row that holds could bear."""
+    """How much less, or more, a row that holds could bear."""
     lam = p.multipliers
     i = p.m - p.laws + k
     if is_one_sided(p, k):
@@ -408,7 +408,7 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(p: Parameters, k: int, speed: float) -> float:
-    """Give how fast something slides; two slips together, of which one tells.
+    """How fast something slides; two slips together, of which one tells.
 
     Until their way has turned, and has to be noted anew. Of those that begin, how much
     they are below what they begin with, and forward.
@@ -431,7 +431,7 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Give how much more a slip that sticks could bear; of two the first one tells."""
+    """How much more a slip that sticks could bear; of two the first one tells."""
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])

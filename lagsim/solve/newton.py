@@ -88,7 +88,7 @@ class Newton(NamedTuple):
 
     @property
     def sizes_of_factors(self) -> dict[str, int]:
-        """Give the sizes of what a method keeps."""
+        """Sizes of what a method keeps."""
         return {
             "unknowns": len(self.places),
             "entries": len(self.entries),
@@ -97,7 +97,7 @@ class Newton(NamedTuple):
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Give the sizes of the pattern in `SparseNewton`."""
+        """Sizes of the pattern in `SparseNewton`."""
         still, moving, _ = self.counts
         return {**self.sizes_of_factors, "still": still, "damped": still + moving}
 
@@ -117,7 +117,7 @@ class Newton(NamedTuple):
         p.newton_columns[:] = self.columns
 
     def nodes(self, equations: Equations, elimination: Elimination) -> list[int]:
-        """Give the entries, with q'' and lambda as `elimination` solves for them."""
+        """Entries, with q'' and lambda as `elimination` solves for them."""
         g = equations.graph
         motion = (*equations.accelerations, *equations.multipliers)
         found = (node for part in elimination.motion() for node in part)
@@ -125,7 +125,7 @@ class Newton(NamedTuple):
         return g.substitute([entry.node for entry in self.entries], new)
 
     def jacobian(self, n: int, values: Floats) -> Floats:
-        """Give dq''/d(q, q') (n, 2 n) of the entries' values."""
+        """Return dq''/d(q, q') (n, 2 n) of the entries' values."""
         N = len(self.places)
         C = np.zeros((3, N, N))
         for (power, row, column, _), value in zip(self.entries, values, strict=True):
@@ -138,7 +138,7 @@ class Newton(NamedTuple):
 
 
 def full_operations(n: int, m: int) -> int:
-    """Give the multiplications of both factorisations (2 n: complex), and of J."""
+    """Multiplications of both factorisations (2 n: complex), and of J."""
     return n**3 // 3 + (2 * n) ** 3 // 3 + 2 * n**3 + dense_operations(n, m)
 
 
@@ -210,7 +210,7 @@ def factored(
 
 
 def _filled(rows: Sequence[set[int]]) -> list[list[int]]:
-    """Give the columns right of the diagonal that each row has in the factors."""
+    """Columns right of the diagonal that each row has in the factors."""
     upper = [{j for j in row if j > i} for i, row in enumerate(rows)]
     for row in upper:
         if row:
@@ -245,7 +245,7 @@ def _laid_out(
 
 
 def _entries(equations: Equations, most: int) -> Iterator[Entry]:
-    """Give the entries; of more than `most` only some."""
+    """Entries; of more than `most` only some."""
     e, g = equations, equations.graph
     n, m = len(e.q), len(e.rows)
     columns: dict[int, tuple[int, int]] = {}

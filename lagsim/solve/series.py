@@ -41,7 +41,7 @@ PER_TERM = 0.3
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Give y' = (q', q'', the power of each work, other quadratures)."""
+    """Return y' = (q', q'', the power of each work, other quadratures)."""
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
@@ -71,7 +71,7 @@ def series_cost(equations: Equations, elimination: Elimination, rtol: float) -> 
 def motion_series(
     equations: Equations, rates: Sequence[int], rtol: float, *, loop: bool = True
 ) -> list[int] | Loop:
-    """Give the order for a tolerance, then the coefficients (order + 1, size).
+    """Order for a tolerance, then the coefficients (order + 1, size).
 
     As nodes, or as a loop over the order where that takes less, if `loop`; tapes run
     none. `rates` is y' with its branches frozen: a series made before would not know
@@ -101,7 +101,7 @@ def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) 
 
 
 def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
-    """Give the operations of an order, and its sums of products; of squares half."""
+    """Operations of an order, and its sums of products; of squares half."""
     names = [str(g.payload(n)) for n in loop.variables]
     squares = sum(a == b for a, b in loop.factors)
     body = len(g.dependent(loop.made, (*ORDERS, *names)))
@@ -123,7 +123,7 @@ def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Rec
 def _shorter(
     g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
 ) -> tuple[int, ...]:
-    """Give `rates`, or their normal form where its series is shorter."""
+    """`rates`, or their normal form where its series is shorter."""
     names = [str(g.payload(v)) for v in state]
     moving = g.dependent(rates, [*names, "t"])
     forms = rates, tuple(normal_form(g, rates, moving))
@@ -139,7 +139,7 @@ Entry = tuple[int, int, int]  # row, column, node
 
 
 def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
-    """Give A of z' = A z and P of each power = z^T P z, where z = (q, q', 1).
+    """Return A of z' = A z and P of each power = z^T P z, where z = (q, q', 1).
 
     Of each: how many entries are not zero, then i, j and the value of each of them.
     For scenes whose `Structure` is linear and time-invariant.
@@ -169,7 +169,7 @@ def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
 
 
 def _affine(equations: Equations, node: int, state: Sequence[int]) -> list[int]:
-    """Give the slopes of an affine expression, and its value at zero."""
+    """Slopes of an affine expression, and its value at zero."""
     g = equations.graph
     at_zero = g.substitute([node], dict.fromkeys(state, g.zero))
     return [*gradient(g, node, state), *at_zero]

@@ -28,17 +28,17 @@ LAWS = True
 
 @external
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,) and lambda (m,) with each surface on its side."""
+    """Rates y' (size,) and lambda (m,) with each surface on its side."""
 
 
 @external
 def surfaces(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the expressions (K,) of the surfaces."""
+    """Expressions (K,) of the surfaces."""
 
 
 @external
 def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
+    """Residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
 
     A surface in velocities has no residual on the level of positions. J (K, n) is given
     row by row, without what vanishes; where its elements belong is kept before them.
@@ -47,22 +47,22 @@ def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how far each law is from the end of its mode (L,)."""
+    """How far each law is from the end of its mode (L,)."""
 
 
 @external
 def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the columns of a row, from q'' and lambda in p."""
+    """Columns of a row, from q'' and lambda in p."""
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give y' (size,)."""
+    """Rates y' (size,)."""
     combine(t, y, p)
     out[: p.size] = p.side_fields[: p.size]
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give the columns of a row, without what pulls the state to the constraints."""
+    """Columns of a row, without what pulls the state to the constraints."""
     n = p.n
     slides, low = p.slides, p.low
     gain = p.gain
@@ -89,7 +89,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Give how far the state is from the end of each mode: below 0 it is over.
+    """How far the state is from the end of each mode: below 0 it is over.
 
     Of the surfaces (K,), then of the laws (L,).
     """
@@ -141,7 +141,7 @@ def weigh(p: Parameters) -> None:
 
 
 def distance(p: Parameters) -> float:
-    """Give how far the state is from the surfaces that it slides along."""
+    """How far the state is from the surfaces that it slides along."""
     far = 0.0
     for k in range(p.surfaces):
         if p.B[k] > 0.0:
@@ -204,7 +204,7 @@ def share_out(sliding: int, p: Parameters) -> None:
 
 
 def even_out(row: Floats, count: int, right: Floats) -> None:
-    """Give a row the size of the others: surfaces need not have the same units."""
+    """Scale a row to the size of the others: surfaces need not have the same units."""
     size = 0.0
     for j in range(count):
         size = max(size, abs(row[j]))
@@ -214,7 +214,7 @@ def even_out(row: Floats, count: int, right: Floats) -> None:
 
 
 def above(x: float, noise: float) -> float:
-    """Give x, or 0 where it is noise."""
+    """Return x, or 0 where it is noise."""
     return 0.0 if abs(x) <= noise else x
 
 
@@ -242,7 +242,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
 
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
-    """Give the size of the terms of row k of J times a (n,)."""
+    """Size of the terms of row k of J times a (n,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += abs(p.J[e] * a[int(p.row_columns[e])])
@@ -250,7 +250,7 @@ def extent(k: int, p: Parameters, a: Floats) -> float:
 
 
 def product(k: int, p: Parameters, a: Floats) -> float:
-    """Give row k of J times a (n,)."""
+    """Row k of J times a (n,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += p.J[e] * a[int(p.row_columns[e])]
@@ -289,7 +289,7 @@ def solve(size: int, B: Floats, right: Floats) -> None:
 
 
 def begins(size: int, row: int, B: Floats) -> int:
-    """Give the first column of a row that is not 0."""
+    """Return the first column of a row that is not 0."""
     k = 0
     while k < size - 1 and B[row * size + k] == 0.0:
         k += 1
@@ -297,7 +297,7 @@ def begins(size: int, row: int, B: Floats) -> int:
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
-    """Bring the largest element of column k below to `row`; give 0 if it is none."""
+    """Bring the largest element of column k below to `row`; return 0 if it is none."""
     if row >= size:
         return 0
     largest = row

@@ -52,7 +52,7 @@ class Rank(Control):
 
 
 def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
-    """Project the state that a step h has led to; give 0 where that fails."""
+    """Project the state that a step h has led to; return 0 where that fails."""
     if project(s, p, t, h, new, s.work) == 0:
         return 0
     record_sigma(s, s.work[s.n + 1], h)
@@ -60,7 +60,7 @@ def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) ->
 
 
 def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats) -> int:
-    """Project y in place; give 1 where Newton's method converged, else 0.
+    """Project y in place; return 1 where Newton's method converged, else 0.
 
     h is the step that led to y. work : (n + 3,), where work[n + 1] is left as
     `velocity_step` gives it.
@@ -142,7 +142,7 @@ def is_small(level: int, s: Rank, h: float, x: Floats, step: Floats) -> int:
 
 
 def is_finite(n: int, x: Floats) -> bool:
-    """Tell whether all components of x (n,) are finite."""
+    """Whether all components of x (n,) are finite."""
     largest = 0.0
     for i in range(n):
         if not abs(x[i]) < OVERFLOW:
@@ -151,7 +151,7 @@ def is_finite(n: int, x: Floats) -> bool:
 
 
 def largest_part(level: int, s: Rank, h: float, x: Floats, step: Floats) -> float:
-    """Give the largest part of its own size by which a step (n,) changes a component.
+    """Return the largest part of its own size by which a step (n,) changes a component.
 
     Of the positions (level 0) or the velocities x. No other body enters, however heavy
     or far. What the forces could do in the time h counts as size; what has none changes
@@ -242,7 +242,7 @@ def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
 
 
 def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
-    """Give a step that keeps its distance from a loss of rank: about h, or less.
+    """Step that keeps its distance from a loss of rank: about h, or less.
 
     There, rounding is divided by sigma at each stage, and by its
     square at the end. A step that passes has the loss where no method has a stage; one
@@ -278,7 +278,7 @@ def clear_of_loss(s: Rank, p: Parameters, h: float, rest: float) -> float:
 
 
 def needs_loops(s: Rank) -> bool:
-    """Tell whether a step that failed is one for the QR decomposition.
+    """Whether a step that failed is one for the QR decomposition.
 
     It was to pass a loss of rank, and straight-line code squares the rows' condition.
     """
@@ -286,7 +286,7 @@ def needs_loops(s: Rank) -> bool:
 
 
 def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
-    """Give the time until rank is lost, or nearly so; 0 where it seems that it is not.
+    """Time until rank is lost, or nearly so; 0 where it seems that it is not.
 
     By secants through the sigma along a parabola from the state reached.
 
@@ -316,7 +316,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
 
 
 def leave_loss(s: Rank, p: Parameters, h: float) -> float:
-    """Give a first step that leaves the neighbourhood of a loss of rank: h, or more.
+    """Return a first step that leaves the neighbourhood of a loss of rank: h, or more.
 
     Or the one that is to pass it, where only the equations are solved otherwise now.
     """
@@ -332,7 +332,7 @@ def leave_loss(s: Rank, p: Parameters, h: float) -> float:
 
 
 def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
-    """Give sigma a time h ahead, along the velocities."""
+    """Return sigma a time h ahead, along the velocities."""
     n, z = s.n, s.work
     z[: s.size] = s.y
     z[:n] += h * s.y[n : 2 * n]
@@ -341,7 +341,7 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
 
 
 def watch(s: Rank, p: Parameters) -> int:
-    """Look for a loss of rank within the last step; give 1 where there is one.
+    """Look for a loss of rank within the last step; return 1 where there is one.
 
     The state where it is found is left in the working memory.
     """
@@ -368,7 +368,7 @@ def watch(s: Rank, p: Parameters) -> int:
 
 
 def lowest_part(s: Rank, p: Parameters) -> float:
-    """Give where in the last step the rows are least independent.
+    """Where in the last step the rows are least independent.
 
     0 where it is somewhere in it, and below 0 where it is at an end. What the sigma is
     told as jumps a little where rows change their order: close to an end that hides
@@ -388,14 +388,14 @@ def lowest_part(s: Rank, p: Parameters) -> float:
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
-    """Give how independent the rows are at the fraction x of the last step."""
+    """How independent the rows are at the fraction x of the last step."""
     interpolate(s, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])
 
 
 def passable(s: Rank, error: float) -> float:
-    """Give the error of a step, in tolerances; below 1 where it passes well enough.
+    """Error of a step, in tolerances; below 1 where it passes well enough.
 
     The method errs less in shorter steps and rounding more: past the least of both a
     shorter step loses everything.
@@ -469,7 +469,7 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
 
 
 def bent(s: Rank, removed: float, left: float) -> float:
-    """Give the error of a step, of which `left` is left by projection.
+    """Error of a step, of which `left` is left by projection.
 
     The constraints are bent: of what is removed its square is left, against the speed.
     """

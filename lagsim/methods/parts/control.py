@@ -205,7 +205,7 @@ def share_tolerances(s: Control) -> None:
 
 
 def against(error: float, tolerance: float) -> float:
-    """Give an error in units of the tolerance; one that is finite has a finite square.
+    """Error in units of the tolerance; one that is finite has a finite square.
 
     It may be rounding, though much more than a component that rests should have.
     """
@@ -301,7 +301,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
 
 
 def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
-    """Give a first step: one explicit Euler step tells how fast the rates change.
+    """Return a first step: one explicit Euler step tells how fast the rates change.
 
     k : (size,) is y' at the start. An error that falls with this power of the step,
     against that change, is within the tolerance.
@@ -327,7 +327,7 @@ def first_step(s: Control, p: Parameters, order: int, k: Floats) -> float:
 
 
 def time_of_change(s: Control, h: float, k: Floats, slopes: Floats) -> float:
-    """Give the time in which a rate changes by its own size: from k to `slopes` in h.
+    """Time in which a rate changes by its own size: from k to `slopes` in h.
 
     Rates that begin at 0 do not count, nor do changes within the tolerances.
     """
@@ -378,7 +378,7 @@ LARGER = 2.0**26
 
 
 def hardly_moves(s: Control, p: Parameters, h: float, k: Floats) -> bool:
-    """Tell whether a step moves a position by few of its last places.
+    """Whether a step moves a position by few of its last places.
 
     What rests counts where there are switches: another body may set it in motion by a
     force that begins at one.
@@ -467,7 +467,7 @@ def bound_roundoff(
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
-    """Give y with a relative change.
+    """Return y with a relative change.
 
     Components change by different parts, or a change of the whole scene's size or
     place would hide what cancels.

@@ -152,7 +152,7 @@ def arrived(s: State, p: Parameters) -> int:
 
 
 def has_missed(s: State, p: Parameters) -> int:
-    """Take the last step back where it missed something; tell whether it did."""
+    """Take the last step back where it missed something; return whether it did."""
     x = 0.0
     if LOCALIZED and s.feature_possible > 0.0:
         x = missed_feature(s, p)
@@ -222,7 +222,7 @@ def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
 
 
 def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
-    """Give how far positions (first = 0) or velocities (first = n) were pulled.
+    """How far positions (first = 0) or velocities (first = n) were pulled.
 
     Against how far those have moved that were pulled, and what their forces' terms do
     in a step, which may cancel. Each counts by the push that it got: bodies that the
@@ -260,7 +260,7 @@ def begin(s: State, p: Parameters) -> None:
 
 
 def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
-    """Write the rows up to the time reached; give 0 where the block is full first."""
+    """Write the rows up to the time reached; return 0 where the block is full first."""
     first = int(s.emitted)
     complete = fill(s, out, rows)
     end = int(s.emitted)
@@ -306,7 +306,7 @@ def fill(s: State, out: Floats, rows: int) -> int:
 
 
 def has_extra(s: State) -> bool:
-    """Tell whether a state beside the rows is due; at an end it is the next arc's."""
+    """Whether a state beside the rows is due; at an end it is the next arc's."""
     at_hand = s.extra == s.t and s.cut == 0.0 and s.t < s.end
     return s.extras > 0.0 and (s.extra < s.t or at_hand)
 
@@ -322,7 +322,7 @@ def orient(s: State, value: float) -> None:
 def tabulate(
     states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Give the columns (rows, width) of states (rows, 1 + size)."""
+    """Columns (rows, width) of states (rows, 1 + size)."""
     for i in range(rows):
         row = states[i * (1 + size) :]
         observe(row[0], row[1:], p, out[i * width :])
@@ -353,7 +353,7 @@ FREE_STEPS = 6.0
 
 
 def usable_step(s: State, p: Parameters) -> float:
-    """Give the step to try, with t + h exact; 0 where it would be too small."""
+    """Step to try, with t + h exact; 0 where it would be too small."""
     t, h = s.t, s.h
     if s.most_step > 0.0:
         h = min(h, s.most_step)
@@ -455,7 +455,7 @@ NARROW = 1e-8
 
 
 def watched(p: Parameters) -> int:
-    """Give how many margins there are (C); that of `until` is the last one."""
+    """How many margins there are (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
         count = p.surfaces + p.laws
@@ -483,7 +483,7 @@ def find_end(s: State, p: Parameters) -> None:
 
 
 def end_of_truth(s: State, p: Parameters) -> float:
-    """Give where in the last step `until` becomes false, which it was not.
+    """Where in the last step `until` becomes false, which it was not.
 
     From then on it counts. -1 where it does not, or where a switch comes first.
     """
@@ -548,7 +548,7 @@ def search(s: State, p: Parameters, low: float) -> None:
 
 
 def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
-    """Tell whether no signal comes closer inside a stretch than at its ends.
+    """Whether no signal comes closer inside a stretch than at its ends.
 
     A margin that is made of one would be flat at every point.
     """
@@ -580,7 +580,7 @@ def events_at(s: State, p: Parameters, x: float) -> None:
 
 
 def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
-    """Give margins and slopes (2 C,) at the fraction x of the last step."""
+    """Margins and slopes (2 C,) at the fraction x of the last step."""
     count = watched(p)
     now = s.margins
     events_at(s, p, x + beside)
@@ -624,7 +624,7 @@ def rounding_of(p: Parameters, k: int) -> float:
 
 
 def is_nothing(p: Parameters, k: int, margin: float) -> bool:
-    """Tell whether the margin of a law is rounding: slopes of that say nothing."""
+    """Whether the margin of a law is rounding: slopes of that say nothing."""
     if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
         return margin <= -least_allowed(p, k)
     return False
@@ -638,7 +638,7 @@ def least_allowed(p: Parameters, k: int) -> float:
 
 
 def over(p: Parameters, k: int, margin: float) -> bool:
-    """Tell whether margin k says that the mode is over."""
+    """Whether margin k says that the mode is over."""
     if UNTIL and k == watched(p) - 1:
         return not margin > 0.0
     return not margin >= least_allowed(p, k)
@@ -647,7 +647,7 @@ def over(p: Parameters, k: int, margin: float) -> bool:
 def first_end(
     s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
-    """Give a point in (low, x] where something ends, or 0.
+    """Point in (low, x] where something ends, or 0.
 
     No later than any least margin that is negative: what has ended is so there still.
     before, after : (2 C,), margins and slopes there.
@@ -673,13 +673,13 @@ def first_end(
 
 
 def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
-    """Give one margin at the fraction x of the last step."""
+    """Return one margin at the fraction x of the last step."""
     events_at(s, p, x)
     return float(s.margins[k])
 
 
 def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
-    """Tell whether a margin could be negative between a and b.
+    """Whether a margin could be negative between a and b.
 
     It falls at the start and rises at the end; a convex one stays above its tangents.
     """
@@ -690,7 +690,7 @@ def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
 
 
 def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> float:
-    """Give where a margin is least, by golden section."""
+    """Where a margin is least, by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = margin_at(s, p, k, left)
@@ -741,7 +741,7 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
 def end_of(
     s: State, p: Parameters, k: int, least: float, low: float, high: float
 ) -> float:
-    """Give the first point in (low, high] at which margin k is below `least`."""
+    """Return the first point in (low, high] at which margin k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
         margin = margin_at(s, p, k, middle)

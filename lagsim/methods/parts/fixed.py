@@ -39,7 +39,7 @@ class Fixed(State):
 
 @external
 def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Leave the state after a step h as `new`, and y' there; or give another code.
+    """Leave the state after a step h as `new`, and y' there; or return another code.
 
     after : the time there, h later but for rounding.
     """
@@ -55,7 +55,7 @@ def start(s: Fixed, p: Parameters) -> None:
 
 
 def step(s: Fixed, p: Parameters) -> int:
-    """Make one step, or give a code other than 0."""
+    """Make one step, or return a code other than 0."""
     after = next_time(s)
     code = make(s, p, after, step_length(s, after))
     if code == DONE:
@@ -64,7 +64,7 @@ def step(s: Fixed, p: Parameters) -> int:
 
 
 def next_time(s: State) -> float:
-    """Give the end of the step: a whole number of steps into the arc, or its end."""
+    """End of the step: a whole number of steps into the arc, or its end."""
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
     if after + SAME_STEP * s.fixed_step >= s.end:
@@ -73,7 +73,7 @@ def next_time(s: State) -> float:
 
 
 def step_length(s: State, after: float) -> float:
-    """Give the step that ends at `after`.
+    """Step that ends at `after`.
 
     Full steps are the same to the last bit, which after - t is not: a symplectic
     method conserves an energy that depends on the step.
@@ -116,7 +116,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
-    """Project the new state and evaluate there; or give another code."""
+    """Project the new state and evaluate there; or return another code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     if CONSTRAINED and meet_constraints(s, p, after, h, s.new) == 0:
@@ -144,7 +144,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
 
 
 def interpolate(s: Fixed, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step by the cubic through its ends.
+    """State y (size,) at the fraction x of the last step by the cubic through its ends.
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.
     """
@@ -190,7 +190,7 @@ class Tableau:
                 raise ValueError(f"B fails the quadrature condition of order {k}")
 
     def amplification(self, z: complex) -> float:
-        """Give |R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
+        """|R(z)|, R(z) = 1 + z B^T (1 - z A)^-1 1, for y' = (z/h) y.
 
         Hairer, Norsett and Wanner, Solving ODEs II, (IV.3.2).
         """

@@ -141,7 +141,7 @@ def check_features(
 
 
 def may_approach(s: Signals, k: int, h: float) -> bool:
-    """Tell whether the distance of signal k may be less inside a step than at its ends.
+    """Whether the distance of signal k may be less inside a step than at its ends.
 
     Or is not known from its ends.
     """
@@ -161,7 +161,7 @@ def may_approach(s: Signals, k: int, h: float) -> bool:
 
 
 def goes_one_way(s: Signals, k: int, h: float) -> bool:
-    """Tell whether signal k only rises or only falls in a step, and is never 0.
+    """Whether signal k only rises or only falls in a step, and is never 0.
 
     Then its distance is least at an end. From its polygons: a cubic between two points
     turns no oftener than a, a + A/3, b - B/3, b do.
@@ -183,7 +183,7 @@ def goes_one_way(s: Signals, k: int, h: float) -> bool:
 
 
 def distance(kind: float, power: float, u: float) -> float:
-    """Give the distance of a signal u: powers of e by which its term is below one."""
+    """Distance of a signal u: powers of e by which its term is below one."""
     if kind == LARGEST:
         return -power * u
     if kind == NEAR_ZERO:
@@ -194,12 +194,12 @@ def distance(kind: float, power: float, u: float) -> float:
 
 
 def away(s: Signals, k: int, at_point: Floats) -> float:
-    """Give the distance of signal k, from the signals (2 K,) at a point."""
+    """Distance of signal k, from the signals (2 K,) at a point."""
     return distance(s.kinds[k], s.powers[k], at_point[k])
 
 
 def known(s: Signals, k: int, width: float) -> bool:
-    """Tell whether values and rates at both ends give the value in the middle."""
+    """Whether values and rates at both ends give the value in the middle."""
     kind = s.kinds[k]
     power = s.powers[k]
     a = s.signals_first[k]
@@ -226,7 +226,7 @@ def known(s: Signals, k: int, width: float) -> bool:
 
 
 def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> float:
-    """Give the least distance of signal k on the cubic between two points."""
+    """Return the least distance of signal k on the cubic between two points."""
     kind = s.kinds[k]
     power = s.powers[k]
     a = left[k]
@@ -256,7 +256,7 @@ def closest(s: Signals, k: int, left: Floats, right: Floats, width: float) -> fl
 
 
 def missed_feature(s: Signals, p: Parameters) -> float:
-    """Give a fraction of the last step at which the dense output misses a feature.
+    """Fraction of the last step at which the dense output misses a feature.
 
     Or 0 where there is none. A step that cannot be searched by MOST_POINTS counts too.
     """
@@ -291,7 +291,7 @@ def missed_feature(s: Signals, p: Parameters) -> float:
 
 
 def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
-    """Give the signals and their rates (2 K,) at the fraction x of the last step."""
+    """Signals and their rates (2 K,) at the fraction x of the last step."""
     slopes(s, x)
     interpolate(s, x, s.point)
     signals(s.step_t + x * s.step_h, s.point, p, out)
@@ -362,7 +362,7 @@ def search_approach(
 
 
 def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> float:
-    """Give where signal k is closest in [low, high], by golden section."""
+    """Where signal k is closest in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = apart(s, p, k, left)
@@ -384,14 +384,14 @@ def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> floa
 
 
 def apart(s: Signals, p: Parameters, k: int, x: float) -> float:
-    """Give the distance of one signal at the fraction x of the last step."""
+    """Distance of one signal at the fraction x of the last step."""
     interpolate(s, x, s.point)
     signals(s.step_t + x * s.step_h, s.point, p, s.signals_middle)
     return away(s, k, s.signals_middle)
 
 
 def is_missed(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether the last step has missed a feature at its fraction x."""
+    """Whether the last step has missed a feature at its fraction x."""
     s.evaluations += 1.0
     return differs(s, p, x, PASSED) and not is_rounding(s, p, x, PASSED)
 
@@ -418,7 +418,7 @@ EXPECTED = 1e-2
 
 
 def find_defect(s: Signals, p: Parameters) -> float:
-    """Give a row with a defect, as a fraction of the last step, or 0."""
+    """Row with a defect, as a fraction of the last step, or 0."""
     # A step over a loss of rank has the length that it needs.
     if s.passes > 0.0:
         return 0.0
@@ -454,24 +454,24 @@ def expect(s: Signals) -> None:
 
 
 def time_of(s: Signals, k: float) -> float:
-    """Give the time of row k."""
+    """Time of row k."""
     return float(s.row_start + k * s.row_step)
 
 
 def place(s: Signals, k: float) -> float:
-    """Give where row k is, as a fraction of the last step."""
+    """Where row k is, as a fraction of the last step."""
     return (time_of(s, k) - s.step_t) / s.step_h
 
 
 def is_off(s: Signals, p: Parameters, x: float) -> bool:
-    """Tell whether there is a defect beyond rounding and tolerances."""
+    """Whether there is a defect beyond rounding and tolerances."""
     if not differs(s, p, x, LEFT) or is_rounding(s, p, x, LEFT):
         return False
     return is_beyond(s, p, x)
 
 
 def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
-    """Tell whether the defect that `differs` has left is the state's rounding alone.
+    """Whether the defect that `differs` has left is the state's rounding alone.
 
     Beside a root no slope tells what that does. most : as there; rounding itself leaves
     no more than it does.
@@ -488,7 +488,7 @@ def is_rounding(s: Signals, p: Parameters, x: float, most: float) -> bool:
 
 
 def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
-    """Tell whether signal k varies by rounding and tolerances alone at three points.
+    """Whether signal k varies by rounding and tolerances alone at three points.
 
     That is, than rounding the state does, or moving it by its tolerances, to one side,
     at the last, at x. What a push hands on along a chain at rest goes with ever higher
@@ -545,7 +545,7 @@ def move_within(s: Signals, tolerances: float, z: Floats) -> None:
 
 
 def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
-    """Tell whether the defect exceeds `most`, in tolerances; leave both rates.
+    """Whether the defect exceeds `most`, in tolerances; leave both rates.
 
     most : in tolerances.
     """

@@ -66,7 +66,7 @@ def take(width: Static, z: Floats, out: Floats) -> None:
 
 
 def magnitude(width: Static, z: Floats) -> float:
-    """Give |z|, or of a complex z the sum of the sizes of both parts."""
+    """|z|, or of a complex z the sum of the sizes of both parts."""
     return total(abs(z[k]) for k in unrolled(width))
 
 
@@ -114,7 +114,7 @@ LARGEST = 300
 
 
 def too_large(scene: Structure) -> str:
-    """Say why a scene has too many unknowns for dense matrices, or give ""."""
+    """Say why a scene has too many unknowns for dense matrices, or return ""."""
     if scene.unknowns <= LARGEST:
         return ""
     return (
@@ -125,7 +125,7 @@ def too_large(scene: Structure) -> str:
 
 
 def decompose(width: Static, n: int, A: Floats, pivots: Floats) -> int:
-    """Replace A (n, n) by its factors; give 0 where it is singular or not finite.
+    """Replace A (n, n) by its factors; return 0 where it is singular or not finite.
 
     Each pivot is the largest against the size of its row, so that units of rows do
     not matter. pivots : (n,).
@@ -163,7 +163,7 @@ def eliminate(width: Static, n: int, k: int, A: Floats) -> None:
 
 
 def largest_in_column(width: Static, n: int, k: int, A: Floats, sizes: Floats) -> int:
-    """Give the row from k on whose entry in column k is largest for its row."""
+    """Row from k on whose entry in column k is largest for its row."""
     best = k
     largest = 0.0
     for i in range(k, n):
@@ -207,7 +207,7 @@ def square(width: Static, g: Floats) -> None:
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Give s + g r (n,)."""
+    """Return s + g r (n,)."""
     for i in range(n):
         own = out[width * i :]
         take(width, r[width * (n + i) :], own)
@@ -226,7 +226,7 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 def decompose_newton(
     width: Static, n: int, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
-    """Factor g^2 - g Jv - Jq into K (n, n); give 0 where it is singular."""
+    """Factor g^2 - g Jv - Jq into K (n, n); return 0 where it is singular."""
     K[: width * n * n] = 0.0
     for i in range(n):
         for j in range(n):
@@ -289,7 +289,7 @@ class SparseNewton(Parameters):
 
 
 def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) -> None:
-    """Give C0 + g C1 + g^2 C2 of their entries J, where the factors will be."""
+    """C0 + g C1 + g^2 C2 of their entries J, where the factors will be."""
     slots = p.newton_slots
     K[: width * p.filled] = 0.0
     for e in range(p.still):
@@ -303,7 +303,7 @@ def assemble(width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats) ->
 def decompose_sparse(
     width: Static, p: SparseNewton, g: Floats, J: Floats, K: Floats, x: Floats
 ) -> int:
-    """Factor that into K; give 0 where a pivot vanishes. x : (N,), room to work in.
+    """Factor that into K; return 0 where a pivot vanishes. x : (N,), room to work in.
 
     K has the inverses of the pivots.
     """

@@ -54,7 +54,7 @@ def each_watched(p: Parameters) -> int:
 
 
 def columns(p: Parameters) -> int:
-    """Give the length of dr/dy, ds/dy and dpower/dy in `slopes`."""
+    """Length of dr/dy, ds/dy and dpower/dy in `slopes`."""
     return (p.n + p.m + p.works) * 2 * p.n
 
 

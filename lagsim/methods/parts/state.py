@@ -95,7 +95,7 @@ def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
     """
 
     def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-        """Give what the declaration says."""
+        """Return what the declaration says."""
 
     function.__name__ = function.__qualname__ = name
     return external(function)
@@ -165,15 +165,15 @@ def start(s: Clock, p: Parameters) -> None:
 
 @external
 def step(s: Clock, p: Parameters) -> int:
-    """Make one accepted step, or give a code other than 0."""
+    """Make one accepted step, or return a code other than 0."""
     raise NotImplementedError
 
 
 @external
 def interpolate(s: Clock, x: float, out: Floats) -> None:
-    """Give y (size,) at the fraction x of the last step."""
+    """State y (size,) at the fraction x of the last step."""
 
 
 @external
 def interpolate_rates(s: Clock, x: float, out: Floats) -> None:
-    """Give its slope (size,), from the velocities on, by methods that choose steps."""
+    """Slope (size,) of that, from the velocities on, by methods that choose steps."""

@@ -55,7 +55,7 @@ Functions = Mapping[str, Sequence[int] | Loop]
 
 
 def nodes_of(functions: Functions) -> dict[str, list[int]]:
-    """Give the nodes that each is made from, of a loop's before and within it."""
+    """Nodes that each is made from, of a loop's before and within it."""
     found: dict[str, list[int]] = {}
     for name, made in functions.items():
         if isinstance(made, Loop):
@@ -66,7 +66,7 @@ def nodes_of(functions: Functions) -> dict[str, list[int]]:
 
 
 def fingerprint(g: Graph, functions: Functions, layout: Layout, *manner: object) -> str:
-    """Give a digest of all that the code of `functions` is made from.
+    """Digest of all that the code of `functions` is made from.
 
     Numbers of nodes say nothing but which comes first. manner : what else is told to
     those who write the code.

@@ -67,12 +67,12 @@ _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 
 
 def exponent_of(g: Graph, n: int) -> float | None:
-    """Give the exponent of a power where it is a number; None for all else."""
+    """Exponent of a power where it is a number; None for all else."""
     return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
 
 
 def number(x: float) -> str:
-    """Give the LLVM literal of a float, bit for bit."""
+    """LLVM literal of a float, bit for bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"
 
 
@@ -133,7 +133,7 @@ class Lines:
         return result
 
     def line(self, text: str) -> str:
-        """Write an instruction; give the name of its value."""
+        """Write an instruction; return the name of its value."""
         name = self._name()
         if self.contract and text.startswith(("fadd double", "fsub double", "fmul d")):
             text = text.replace(" double", " contract double", 1)
@@ -183,13 +183,13 @@ class _Vectors(Lines):
 
 
 def spread(x: float) -> str:
-    """Give the literal of a vector of equal numbers."""
+    """Literal of a vector of equal numbers."""
     return "<" + ", ".join([f"double {number(x)}"] * LANES) + ">"
 
 
 @functools.cache
 def sincos_function() -> str:
-    """Give the function of LANES angles that gives their sines and their cosines."""
+    """Return the function of LANES angles that gives their sines and their cosines."""
     b = _Vectors()
     rounded = b.add(b.mul("%x", spread(2.0 / math.pi)), spread(ROUNDER))
     n = b.sub(rounded, spread(ROUNDER))

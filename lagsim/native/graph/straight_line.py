@@ -38,7 +38,7 @@ Place = tuple[str, int]
 
 
 def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
-    """Give the operations without `moving` variables that others, or roots, use."""
+    """Operations without `moving` variables that others, or roots, use."""
     used, varying = set(roots), set[int]()
     for n in g.cone(roots):
         if n in moving or any(a in varying for a in g.args[n]):
@@ -50,7 +50,7 @@ def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
 def ordered(
     g: Graph, roots: Collection[int], places: Mapping[int, object]
 ) -> list[int]:
-    """Give what must be evaluated, stopping at what `prepare` has computed.
+    """Return what must be evaluated, stopping at what `prepare` has computed.
 
     Sines and cosines come early and side by side: first those of angles that wait
     for none, then those that wait for these.
@@ -146,7 +146,7 @@ class Writer(Lines):
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
     ) -> dict[int, int]:
-        """Give the index in p of operations that a later piece uses."""
+        """Index in p of operations that a later piece uses."""
         home = {n: i for i, piece in enumerate(pieces) for n in piece}
         passed: dict[int, int] = {}
         for i, piece in enumerate(pieces):
@@ -392,7 +392,7 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
 
 
 def _sums(w: Writer, padded: int) -> str:
-    """Give the calls that make the sums of an order, and declare what they call."""
+    """Return the calls that make the sums of an order, and declare what they call."""
     calls, start = [], 0
     while start < padded:
         width = next(x for x in WIDTHS if x <= padded - start)
@@ -419,7 +419,7 @@ def _sums(w: Writer, padded: int) -> str:
 def _with_edges(
     g: Graph, r: Recurrence, edges: Sequence[int]
 ) -> tuple[list[int], list[int]]:
-    """Give what an order makes where the ends of its sums were made before.
+    """Return what an order makes where the ends of its sums were made before.
 
     The variables `edges` hold a_1 b_(k-1) + a_(k-1) b_1; what follows as the last of
     what is made are those of the next order. With the variables of a_1, b_1 of each.
@@ -456,7 +456,7 @@ def generate(
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
 ) -> Code:
-    """Give the code of `functions`.
+    """Code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
@@ -488,7 +488,7 @@ def generate(
 def fixed_nodes(
     g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
 ) -> list[int]:
-    """Give the operations that are done once, by `prepare`."""
+    """Operations that are done once, by `prepare`."""
     roots = sorted({node for nodes in functions.values() for node in nodes})
     moving = {
         n

@@ -89,7 +89,7 @@ def generate(
     layout: Layout,
     sparse: Collection[str] = (),
 ) -> Code:
-    """Give the code of `functions`: name -> the nodes written to out[0], out[1], ...
+    """Code of `functions`: name -> the nodes written to out[0], out[1], ...
 
     Those named in `sparse` do not write what is zero identically: they find zeros.
     """
@@ -122,7 +122,7 @@ def _copied(array: str, first: int, count: int) -> str:
 
 
 def _function(name: str, tape: Sequence[int], before: str) -> list[str]:
-    """Give a function that runs `tape`."""
+    """Return a function that runs `tape`."""
     data = np.array(tape, dtype=np.int32).tobytes()
     text = "\\" + data.hex("\\")
     return [
@@ -179,7 +179,7 @@ class _Tapes:
         known: Mapping[int, int],
         pinned: Mapping[int, int],
     ) -> list[int]:
-        """Give a tape.
+        """Tape.
 
         Parameters
         ----------
@@ -214,7 +214,7 @@ class _Tapes:
         results: Mapping[int, Sequence[int]],
         index: Mapping[int, int],
     ) -> list[int]:
-        """Give the instruction that writes results out, if there are any."""
+        """Instruction that writes results out, if there are any."""
         code: list[int] = []
         if nodes:
             fields = [[index[n], k] for n in nodes for k in results[n]]
@@ -222,7 +222,7 @@ class _Tapes:
         return code
 
     def _tasks(self, roots: Collection[int], known: Mapping[int, int]) -> list[Task]:
-        """Give the evaluations of what is not known."""
+        """Return the evaluations of what is not known."""
         g = self.g
         order = [n for n in g.cone(roots, known) if n not in known]
         uses = Counter(chain.from_iterable(g.args[n] for n in order))
@@ -258,7 +258,7 @@ class _Tapes:
         uses: Counter[int],
         pinned: Mapping[int, int],
     ) -> list[list[int]]:
-        """Give the fields of evaluations of one kind, in this order."""
+        """Fields of evaluations of one kind, in this order."""
         fields = []
         together = LANES if kind == SINCOS else 1
         for k in range(0, len(group), together):
@@ -277,7 +277,7 @@ class _Tapes:
         return fields
 
     def _place(self, n: int, index: dict[int, int], pinned: Mapping[int, int]) -> int:
-        """Give the index of a value to come."""
+        """Index of a value to come."""
         if n in pinned:
             index[n] = pinned[n]
         elif self.free:
@@ -320,7 +320,7 @@ class _Interpreter(Lines):
             ]
 
     def _evaluation(self, kind: Kind, at: str) -> int:
-        """Write the evaluation of a kind; give how many fields it has."""
+        """Write the evaluation of a kind; return how many fields it has."""
         if kind == STORE:
             self._store(self._load("p", at, 0), "out", at, 1)
             return 2
@@ -348,7 +348,7 @@ class _Interpreter(Lines):
         return fields
 
     def _address(self, array: str, at: str, k: int) -> str:
-        """Give the address in `array` that field k from `at` on tells."""
+        """Address in `array` that field k from `at` on tells."""
         field = self.line(f"getelementptr inbounds i32, ptr {at}, i64 {k}")
         index = self.line(f"load i32, ptr {field}")
         return self.line(f"getelementptr inbounds double, ptr %{array}, i32 {index}")
@@ -360,7 +360,7 @@ class _Interpreter(Lines):
         self.lines.append(f"store double {value}, ptr {self._address(array, at, k)}")
 
     def text(self) -> str:
-        """Give the whole function."""
+        """Whole function."""
         codes = self.opcodes.values()
         ends = "".join(f", [%after{k}, %loop{k}]" for k in codes)
         cases = " ".join(f"i32 {k}, label %op{k}" for k in codes)

@@ -29,7 +29,7 @@ class KernelError(Exception):
 def fingerprint(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> str:
-    """Give a digest of all that `translate` makes its text of, without translating.
+    """Digest of all that `translate` makes its text of, without translating.
 
     It covers the files of the translator and of the modules of all kernels reached,
     and the values of the static globals they use, which other files may have a part in.
@@ -64,7 +64,7 @@ def fingerprint(
 
 @functools.cache
 def text_beside(file: str) -> str:
-    """Give a digest of the text of a folder's modules, which write code."""
+    """Digest of the text of a folder's modules, which write code."""
     digest = hashlib.sha256()
     for module in sorted(Path(file).parent.glob("*.py")):
         digest.update(module.read_bytes())
@@ -82,19 +82,19 @@ def _globals(function: FunctionType) -> Iterator[tuple[str, object]]:
 
 
 def is_own(value: object) -> TypeGuard[FunctionType]:
-    """Tell whether a global is a function, and none of the words."""
+    """Whether a global is a function, and none of the words."""
     return isinstance(value, FunctionType) and value.__module__ != words.__name__
 
 
 def as_kernel(function: Callable[..., Any]) -> FunctionType:
-    """Give a kernel as what it is, if it is one."""
+    """Kernel as what it is, if it is one."""
     if not isinstance(function, FunctionType):
         raise KernelError(f"{function!r}: a kernel is a function made by `def`")
     return function
 
 
 def names_in(code: CodeType) -> list[str]:
-    """Give the names used in a function, those in its generator expressions too."""
+    """Return the names used in a function, those in its generator expressions too."""
     found = list(code.co_names)
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
@@ -103,7 +103,7 @@ def names_in(code: CodeType) -> list[str]:
 
 
 def memories(function: FunctionType) -> dict[str, type[Memory]]:
-    """Give the classes of the parameters of a kernel that are a `Memory`."""
+    """Classes of the parameters of a kernel that are a `Memory`."""
     plain = inspect.unwrap(function)
     found = {}
     for name, annotation in plain.__annotations__.items():
@@ -114,7 +114,7 @@ def memories(function: FunctionType) -> dict[str, type[Memory]]:
 
 
 def is_static(value: object) -> TypeGuard[Static]:
-    """Tell whether a global is a number, a condition or a table of them."""
+    """Whether a global is a number, a condition or a table of them."""
     if isinstance(value, tuple):
         return all(map(is_static, value))
     return type(value) in (bool, int, float)

@@ -28,12 +28,12 @@ KINDS: Final = ("int", "float", "bool", "Floats", "None")
 
 
 def parameters(function: FunctionType) -> list[str]:
-    """Give the names of the parameters of a kernel."""
+    """Return the names of the parameters of a kernel."""
     return [*inspect.signature(function).parameters]
 
 
 def static_parameters(function: FunctionType) -> list[str]:
-    """Give the parameters of a kernel that are known at translation."""
+    """Parameters of a kernel that are known at translation."""
     kinds = inspect.unwrap(function).__annotations__.items()
     return [name for name, kind in kinds if kind == "Static"]
 
@@ -98,12 +98,12 @@ class Source:
         self.variables = frozenset(code.co_varnames + code.co_cellvars) - {*names}
 
     def error(self, node: ast.AST, text: str) -> KernelError:
-        """Give the error that names file and line of `node`."""
+        """Error that names file and line of `node`."""
         line = getattr(node, "lineno", 1)
         return KernelError(f"{self.file}:{line}: in `{self.name}`: {text}")
 
     def field(self, node: ast.expr) -> tuple[str, Field] | None:
-        """Give the parameter and the field of its memory that `s.t` denotes."""
+        """Parameter and the field of its memory that `s.t` denotes."""
         if not isinstance(node, ast.Attribute) or not isinstance(node.value, ast.Name):
             return None
         memory = self.memories.get(node.value.id)
@@ -114,7 +114,7 @@ class Source:
         return node.value.id, memory.fields[node.attr]
 
     def meaning(self, node: ast.expr) -> object:
-        """Give what a global name, or an attribute of a module, denotes."""
+        """Return what a global name, or an attribute of a module, denotes."""
         if isinstance(node, ast.Attribute):
             return getattr(self.meaning(node.value), node.attr, None)
         name = getattr(node, "id", "")
@@ -145,12 +145,12 @@ class Folding:
         self._compiled: dict[ast.expr, CodeType] = {}
 
     def error(self, node: ast.AST, text: str = "is not of the subset") -> KernelError:
-        """Give the error that shows `node`."""
+        """Error that shows `node`."""
         first = ast.unparse(node).partition("\n")[0]
         return self.source.error(node, f"`{first}` {text}")
 
     def fold(self, node: ast.expr) -> Static | None:
-        """Give the value of a static expression, None where it is not static."""
+        """Return the value of a static expression, None where it is not static."""
         if isinstance(node, ast.Constant):
             return node.value if is_static(node.value) else None
         if isinstance(node, ast.BoolOp):
@@ -176,7 +176,7 @@ class Folding:
         return value if is_static(value) else None
 
     def _known(self, node: ast.Name) -> object | None:
-        """Give what a name denotes that may stand in a static expression."""
+        """Return what a name denotes that may stand in a static expression."""
         name = node.id
         if name in self.unrolled:
             return self.unrolled[name]
@@ -190,7 +190,7 @@ class Folding:
         return self._globals[name]
 
     def _decided(self, node: ast.BoolOp) -> bool | None:
-        """Give what `and` or `or` is, where operands before that do nothing."""
+        """Return what `and` or `or` is, where operands before that do nothing."""
         decisive = isinstance(node.op, ast.Or)
         values = []
         for operand in node.values:
@@ -205,14 +205,14 @@ class Folding:
         return None if None in values else not decisive
 
     def integer(self, node: ast.expr) -> int:
-        """Give the value of an expression that must be a static integer."""
+        """Return the value of an expression that must be a static integer."""
         value = self.fold(node)
         if not isinstance(value, int):
             raise self.error(node, "is not known at translation")
         return value
 
     def vanishes(self, node: ast.expr) -> bool:
-        """Tell whether a term has a static factor of zero."""
+        """Whether a term has a static factor of zero."""
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             return self.vanishes(node.left) or self.vanishes(node.right)
         return self.fold(node) == 0
@@ -231,7 +231,7 @@ class Folding:
         self.unrolled = before
 
     def goes_over(self, node: ast.expr, *functions: object) -> bool:
-        """Tell whether an iterable is a call of one of `functions`."""
+        """Whether an iterable is a call of one of `functions`."""
         return isinstance(node, ast.Call) and (
             self.source.meaning(node.func) in functions
         )

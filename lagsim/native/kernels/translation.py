@@ -133,7 +133,7 @@ _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 
 
 
 def is_stretch(node: ast.expr) -> TypeGuard[ast.Subscript]:
-    """Tell whether an expression is a stretch of an array: `a[i:j]`."""
+    """Whether an expression is a stretch of an array: `a[i:j]`."""
     return isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
 
 
@@ -180,7 +180,7 @@ class _Function(Folding, ast.NodeVisitor):
         }
 
     def text(self, symbol: str, linkage: str) -> str:
-        """Give the text of the function."""
+        """Text of the function."""
         source = self.source
         for name, kind in source.parameters.items():
             self._store_name(source.node, name, Value(f'%"{name}"', kind))
@@ -208,7 +208,7 @@ class _Function(Folding, ast.NodeVisitor):
         return Value(name, kind)
 
     def _allocate(self, stem: str, kind: str) -> str:
-        """Give a new variable its place on the stack."""
+        """Allocate a new variable on the stack."""
         place = self._name(stem)
         self.allocated.append(f"  {place} = alloca {LLVM[kind]}")
         return place
@@ -292,18 +292,18 @@ class _Function(Folding, ast.NodeVisitor):
         return value
 
     def _single(self, value: Value) -> Value:
-        """Give the element of an array that is meant, where a stretch is assigned."""
+        """Element of an array that is meant, where a stretch is assigned."""
         if value.kind == "Floats" and self.element:
             return self._get("float", self._address(value.text, self.element))
         return value
 
     def _common(self, node: ast.AST, *values: Value) -> tuple[list[Value], str]:
-        """Give numbers the kind they have in common."""
+        """Numbers the kind they have in common."""
         kind = "float" if any(v.kind == "float" for v in values) else "int"
         return [self._cast(v, kind, node) for v in values], kind
 
     def _element(self, node: ast.Subscript) -> str:
-        """Give the address of an element of an array, or of the first of a stretch."""
+        """Address of an element of an array, or of the first of a stretch."""
         base = self._converted(node.value, "Floats")
         index = node.slice
         if isinstance(index, ast.Slice):
@@ -323,7 +323,7 @@ class _Function(Folding, ast.NodeVisitor):
         return self._get("float", place)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
-        """Give the address of a memory, of one of its words, and the field."""
+        """Address of a memory, of one of its words, and the field."""
         found = self.source.field(node)
         if found is None:
             raise self.error(node)
@@ -619,7 +619,7 @@ class _Function(Folding, ast.NodeVisitor):
         self._counted(Value("0", "int"), count, store)
 
     def _place(self, target: ast.expr) -> str:
-        """Give the address of an element, or of a number of a memory."""
+        """Address of an element, or of a number of a memory."""
         if isinstance(target, ast.Subscript):
             return self._element(target)
         found = self.source.field(target)
@@ -798,7 +798,7 @@ class _Translation:
         return "\n".join([*self.declared, *defined])
 
     def callee(self, function: FunctionType, *known: int) -> tuple[str, Source]:
-        """Give symbol and signature; see that the function will be there.
+        """Symbol and signature; see that the function will be there.
 
         known : the values of its static parameters.
         """
@@ -811,7 +811,7 @@ class _Translation:
         self.declared[line] = None
 
     def parallel(self) -> int:
-        """Give the number of a new mark of a loop whose accesses are apart."""
+        """Return the number of a new mark of a loop whose accesses are apart."""
         self.declare("!0 = distinct !{}")
         self.loops += 1
         properties = '!{!"llvm.loop.parallel_accesses", !0}, '

@@ -25,7 +25,7 @@ _EXTERNAL = "lagsim_external"
 
 
 def unrolled(*bounds: int) -> range:
-    """Give `range(*bounds)`; the translator writes the loop over it out.
+    """Return `range(*bounds)`; the translator writes the loop over it out.
 
     The bounds are known at translation, and so is the loop variable: a table indexed
     by it becomes a number, an `if` on it is decided.
@@ -34,7 +34,7 @@ def unrolled(*bounds: int) -> range:
 
 
 def apart(count: int) -> range:
-    """Give `range(count)` for a loop whose passes do not touch each other's elements.
+    """Return `range(count)` for a loop whose passes do not touch each other's elements.
 
     The translator has them made several at once, with the same bits. For arrays of some
     length: it takes code, and time to compile.
@@ -58,7 +58,7 @@ def total(terms: Iterable[float]) -> float:
 
 
 def fused(a: float, b: float, c: float) -> float:
-    """Give a*b + c, rounded once (IEEE 754: fusedMultiplyAdd).
+    """Return a*b + c, rounded once (IEEE 754: fusedMultiplyAdd).
 
     Where a sum waits for each of its terms: it takes half the time of two operations.
     """
@@ -95,5 +95,5 @@ def external(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def is_external(function: object) -> bool:
-    """Tell whether `function` was marked by `external`."""
+    """Whether `function` was marked by `external`."""
     return getattr(function, _EXTERNAL, False) is True

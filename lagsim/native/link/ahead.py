@@ -42,13 +42,13 @@ def helped() -> Iterator[None]:
 
 
 def is_possible() -> bool:
-    """Tell whether there is a second core, and a system on which to fork is safe."""
+    """Whether there is a second core, and a system on which to fork is safe."""
     # Elsewhere what a system loads may not like it.
     return sys.platform == "linux" and len(os.sched_getaffinity(0)) > 1
 
 
 def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
-    """Have something made, if others may be sent; give what waits and gives it."""
+    """Have something made, if others may be sent; return what waits and gives it."""
     if not _helpers:
         return make
     helper = Helper(lambda: None, lambda _: iter([make()]))
@@ -102,7 +102,7 @@ class Helper:
         self.done = False
 
     def give(self, order: bytes) -> Iterator[bytes]:
-        """Tell it what to work on; give what it makes, as far as it comes."""
+        """Tell it what to work on; return what it makes, as far as it comes."""
         with (
             contextlib.suppress(BrokenPipeError),
             os.fdopen(self._orders, "wb") as line,
@@ -140,7 +140,7 @@ def _put(line: BinaryIO, content: bytes) -> None:
 
 
 def _next(line: BinaryIO) -> bytes | None:
-    """Give the next content that comes whole."""
+    """Next content that comes whole."""
     said = line.read(_LENGTH.size)
     if len(said) < _LENGTH.size:
         return None
@@ -150,7 +150,7 @@ def _next(line: BinaryIO) -> bytes | None:
 
 
 def _fork(work: Callable[[], None]) -> int:
-    """Have another process do it, which ends then; give its number."""
+    """Have another process do it, which ends then; return its number."""
     if number := os.fork():
         return number
     try:

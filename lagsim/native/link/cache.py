@@ -48,7 +48,7 @@ _coming: dict[str, Callable[[], bytes]] = {}
 
 
 def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, int]:
-    """Give the object code of a graph, and the length of p that it needs.
+    """Object code of a graph, and the length of p that it needs.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def kernel_object(
     functions: Sequence[Callable[..., Any]],
     statics: Mapping[str, object] | None = None,
 ) -> bytes:
-    """Give the object code of kernels; translates only what is not in the cache.
+    """Object code of kernels; translates only what is not in the cache.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def _translated(
 
 
 def folder(name: str = "objects") -> Path | None:
-    """Give a folder of the cache, made if need be; None if there is none to trust.
+    """Folder of the cache, made if need be; None if there is none to trust.
 
     It is in $LAGSIM_CACHE, or in the platform's folder for caches. It belongs to this
     user, and nobody else may write into it, or rename a folder on the way to it.
@@ -145,7 +145,7 @@ def _is_own(found: os.stat_result) -> bool:
 
 
 def _is_kept(above: Path) -> bool:
-    """Tell whether what is in a folder stays there, whoever else may write into it.
+    """Whether what is in a folder stays there, whoever else may write into it.
 
     A group may be this user's alone; everybody is not.
     """
@@ -168,7 +168,7 @@ def _base() -> Path | None:
 
 
 def _place(made_from: Sequence[str]) -> tuple[str, Path | None]:
-    """Give the key of what is made from that, on this machine, and where it is kept.
+    """Key of what is made from that, on this machine, and where it is kept.
 
     None where nothing can be.
     """
@@ -198,7 +198,7 @@ def _digest(parts: Iterable[str]) -> str:
 
 
 def _seal(key: str, code: bytes) -> bytes:
-    """Give what stands before an object: it is whole, and that of its key."""
+    """Return what stands before an object: it is whole, and that of its key."""
     return _MAGIC + hashlib.sha256(key.encode() + code).digest()
 
 

@@ -63,7 +63,7 @@ class Target(NamedTuple):
 
 @functools.cache
 def _binding() -> Any:
-    """Give llvmlite's binding, ready to compile for this machine."""
+    """Llvmlite's binding, ready to compile for this machine."""
     import llvmlite.binding as llvm
 
     llvm.initialize_native_target()
@@ -72,7 +72,7 @@ def _binding() -> Any:
 
 
 def target() -> Target:
-    """Give the target of `compile_object`: this machine, or what LAGSIM_CPU names."""
+    """Target of `compile_object`: this machine, or what LAGSIM_CPU names."""
     return _target(os.environ.get(CPU_VARIABLE) or "host")
 
 
@@ -213,7 +213,7 @@ class Engine:
             raise NativeError(f"native code needs {names}, which nothing defines")
 
     def address(self, name: str) -> int:
-        """Give the address of a symbol; it is valid while this engine lives.
+        """Address of a symbol; it is valid while this engine lives.
 
         Raises
         ------
@@ -232,7 +232,7 @@ class Engine:
     def function(
         self, name: str, restype: Any, argtypes: Sequence[Any]
     ) -> Callable[..., Any]:
-        """Give a symbol as a ctypes callable.
+        """Symbol as a ctypes callable.
 
         Parameters
         ----------
@@ -249,7 +249,7 @@ class Engine:
 
 
 def _open_symbols(objects: Sequence[bytes]) -> list[str]:
-    """Give the symbols that neither an object nor `_RUNTIME` has (ELF only)."""
+    """Symbols that neither an object nor `_RUNTIME` has (ELF only)."""
     defined, needed = set(_RUNTIME.split()), {""}
     for code in objects:
         # No function of llvmlite tells the symbols of an object.

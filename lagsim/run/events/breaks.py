@@ -81,7 +81,7 @@ class Values:
         ]
 
     def __call__(self, t: float) -> list[float]:
-        """Give the values at `t`."""
+        """Return the values at `t`."""
         found = self.found
         found[self.time] = t
         for n, row, args in self.program:
@@ -90,7 +90,7 @@ class Values:
 
 
 def first_change(discrete: Values, lo: float, hi: float) -> float:
-    """Give the first double after `lo` at which `discrete` is not what it is there."""
+    """Return first double after `lo` at which `discrete` is not what it is there."""
     old = repr(discrete(lo))  # nan equals nan
     while lo < (t := lo + 0.5 * (hi - lo)) < hi:
         lo, hi = (t, hi) if repr(discrete(t)) == old else (lo, t)
@@ -146,7 +146,7 @@ class Division:
         self.joined = [(n, RULES[g.ops[n]], g.args[n]) for n in joined if n in timed]
 
     def times(self) -> Iterator[tuple[float, bool]]:
-        """Give times at which it may change, and whether each is a pause."""
+        """Return times at which it may change, and whether each is a pause."""
         last = self.start
         for cell in self._cells():
             states: Sequence[int | None] = cell.states or [None] * len(self.locators)
@@ -164,7 +164,7 @@ class Division:
             yield max(last, time), False
 
     def _cells(self) -> Iterator[Cell]:
-        """Give the cells in which the function may change, in order."""
+        """Cells in which the function may change, in order."""
         states = ("states", np.int8, (len(self.surfaces),))
         whole = np.zeros(1, [("lo", float), ("hi", float), ("task", np.int8), states])
         whole["lo"], whole["hi"] = self.start, self.end
@@ -239,7 +239,7 @@ class Division:
 
 
 def finest(start: float, end: float) -> float:
-    """Give the width of cells that are not divided further near t = 0."""
+    """Width of cells that are not divided further near t = 0."""
     return 2.0**-106 * max(abs(start), abs(end))
 
 
@@ -264,7 +264,7 @@ def _next(t: Floats, most: Floats) -> Floats:
 def _seen(
     op: str, s: Interval, slope: Interval, lo: Floats, hi: Floats, middle: Floats
 ) -> tuple[Interval, Any]:
-    """Give the discrete values of a surface over cells (n,), and what it does in each.
+    """Discrete values of a surface over cells (n,), and what it does in each.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def _seen(
 
 
 def _steps(op: str, s: Interval) -> Interval:
-    """Give the values of the discrete function `op` of a surface."""
+    """Return the values of the discrete function `op` of a surface."""
     return RULES[op](s) if op in STEPS else RULES[op](s, interval(0.0, 0.0))
 
 
@@ -323,7 +323,7 @@ def break_times(
     start: float,
     end: float,
 ) -> Iterator[float]:
-    """Give the times at which any of `discrete` changes, in order, one at a time.
+    """Return the times at which any of `discrete` changes, in order, one at a time.
 
     Parameters
     ----------
@@ -357,7 +357,7 @@ class _Cluster(NamedTuple):
 def _clusters(
     times: Iterable[tuple[float, bool]], start: float, end: float
 ) -> Iterator[_Cluster]:
-    """Give the start, the clusters inside, and the end."""
+    """Start, the clusters inside, and the end."""
 
     def near(t: float) -> float:
         return max(NEIGHBOURS * math.ulp(t), finest(start, end))
@@ -385,7 +385,7 @@ class _Locator:
         self.doubtful: tuple[float, float, int] | None = None
 
     def times(self, cell: Cell, state: int | None) -> list[float]:
-        """Give the steps known by the end of `cell`; `state` is that of the surface."""
+        """Return steps known by the end of `cell`; `state` is that of the surface."""
         lo, hi, _ = cell
         if state is None and self.doubtful and self.doubtful[1] == lo:
             return []
@@ -398,7 +398,7 @@ class _Locator:
         return [*found, *self._change(lo, hi)] if state == CROSSED else found
 
     def flush(self) -> list[float]:
-        """Give the steps of the doubtful stretch, which has ended."""
+        """Return the steps of the doubtful stretch, which has ended."""
         if self.doubtful is None:
             return []
         lo, hi, _ = self.doubtful

@@ -74,14 +74,14 @@ def at_start(arc: Arc) -> Before:
 
 
 def _off(arc: Arc) -> Floats:
-    """Give by how much velocities (n,) are off the constraints and may be."""
+    """By how much velocities (n,) are off the constraints and may be."""
     if arc.plan.projected:
         return np.zeros(arc.system.n)
     return _newton_step(arc, "velocity")
 
 
 def _newton_step(arc: Arc, level: str) -> Floats:
-    """Give the Newton step (n,) onto the constraints, of positions or velocities."""
+    """Newton step (n,) onto the constraints, of positions or velocities."""
     return arc.runner.function(f"{level}_step")(arc.t, arc.y)[: arc.system.n]
 
 
@@ -113,7 +113,7 @@ def impact(arc: Arc, before: Before) -> Decision:
 
 
 def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
-    """Tell whether velocities jump by more than the rounding of the state explains."""
+    """Whether velocities jump by more than the rounding of the state explains."""
     n, size = arc.system.n, arc.system.size
     seen = arc.seen
     steps = arc.runner.function("velocity_step")
@@ -129,7 +129,7 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
 
 
 def _is_far(arc: Arc) -> bool:
-    """Tell whether the constraints ask for another position.
+    """Whether the constraints ask for another position.
 
     Against the motion so far of what they move: at one place all terms of a residual
     may vanish. What the jump of a rate does within the rounding of the time is no way.
@@ -169,7 +169,7 @@ def singularity_caution(arc: Arc) -> list[Caution]:
 
 
 def _is_held(arc: Arc, k: int) -> bool:
-    """Tell whether the constraints hold the coordinate where its inertia is smallest.
+    """Whether the constraints hold the coordinate where its inertia is smallest.
 
     A component of a quaternion has none along the quaternion itself, whose length is
     one: a force on the coordinate then meets the inertia of what it can move.
@@ -223,7 +223,7 @@ class RankLosses(Source):
         self._usual: tuple[float, ...] | None = None  # lengths of all constraint rows
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Tell of a loss of rank on the way, with the constraints in it."""
+        """Report a loss of rank, with the constraints in it."""
         if code != at.RANK_LOST:
             return None
         time = arc.state.lost_at

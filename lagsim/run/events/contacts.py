@@ -202,7 +202,7 @@ class Contacts(Source):
         return found
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
-        """Tell whether a law that is in force now is off by more than it was located.
+        """Whether a law that is in force now is off by more than it was located.
 
         Its function jumps there, or it has been closed in flight: no motion goes on,
         and no energy of other bodies hides that.
@@ -214,7 +214,7 @@ class Contacts(Source):
         return kind in (Kind.TIMED, Kind.CONTACT) and here.is_off(k, SATISFIED)
 
     def _ends(self, here: Kinematics, closed: list[bool]) -> dict[int, float]:
-        """Give which series of bounces end with an impact, and when each would.
+        """Which series of bounces end with an impact, and when each would.
 
         Each contact is judged by its own flights. All that end do so together, as one
         accumulation.
@@ -316,7 +316,7 @@ class Contacts(Source):
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
-    """Give the contacts in flight that turn back at their ground -> the depth.
+    """Contacts in flight that turn back at their ground -> the depth.
 
     A depth within the errors of a gap is no impact: its speed, the root of that, would
     be a jump a thousand times the tolerance. However loose that is, the rows satisfy
@@ -340,7 +340,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
 
 
 def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
-    """Give the multipliers that take gaps (d,) away, of the rows `deep` of D."""
+    """Multipliers that take gaps (d,) away, of the rows `deep` of D."""
     if len(deep) == 1:
         own = D[deep[0], deep[0]]
         return gaps / own if own > 0.0 else np.zeros(1)
@@ -396,7 +396,7 @@ def select_modes(
 
 
 def _idle(here: Kinematics, found: Chosen) -> list[int]:
-    """Give what holds without a force, and so might as well part."""
+    """Return what holds without a force, and so might as well part."""
     if not found.some:
         return []
     pushes = np.abs(found.multipliers) * found.D
@@ -410,7 +410,7 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
 
 
 def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
-    """Give the state (size,) a moment later, in the modes found, to second order."""
+    """State (size,) a moment later, in the modes found, to second order."""
     arc, p, n = here.arc, here.arc.system.p, here.arc.system.n
     before = p.law_mode.copy(), p.law_way.copy()
     p.law_mode[:], p.law_way[:] = found.mode, found.way
@@ -495,7 +495,7 @@ def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
 
 
 def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> float:
-    """Give the time in which the forces on a slip change by as much as its friction.
+    """Time in which the forces on a slip change by as much as its friction.
 
     Looked for at ever later moments: a force may begin to change at a rate of 0.
     """
@@ -539,7 +539,7 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
 
 
 def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
-    """Tell what holds now and did not, and the other way round."""
+    """Report the constraints that hold now and did not, and the opposite."""
     t, now = here.arc.t, here.arc.system.p.law_mode
     if (now == before).all():
         return

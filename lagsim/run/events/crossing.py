@@ -152,7 +152,7 @@ def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
-    """Give the largest size of the expression of each surface so far (K,).
+    """Return the largest size of the expression of each surface so far (K,).
 
     pushed : (K,), how large it would become between two rows.
     """
@@ -169,7 +169,7 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
 
 
 def _pushes(modes: Modes) -> Floats:
-    """Give the rates (LOOKS, K) of the surfaces by the forces at times to come."""
+    """Return the rates (LOOKS, K) of the surfaces by the forces at times to come."""
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
     first = min(arc.state.row_step, left)
@@ -179,7 +179,7 @@ def _pushes(modes: Modes) -> Floats:
 
 
 def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
-    """Give the velocity at which the root is as large as the largest force."""
+    """Velocity at which the root is as large as the largest force."""
     small = _jump(modes, k)
     modes.tell(floor=FARTHER * floors, least_root=FARTHER * floors)
     large = _jump(modes, k)
@@ -192,7 +192,7 @@ def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
 
 
 def _jump(modes: Modes, k: int) -> float:
-    """Give half of what the sides of a surface differ in its rate."""
+    """Return half of what the sides of a surface differ in its rate."""
     value, found = modes.value[k], []
     for side in (-1.0, 1.0):
         modes.value[k] = side
@@ -263,7 +263,7 @@ class Crossing:
             self.open.append(k)
 
     def _rate(self, rows: Rows, k: int) -> float:
-        """Give the rate of a surface in positions; 0 where it is rounding."""
+        """Return the rate of a surface in positions; 0 where it is rounding."""
         modes, n = self.modes, self.modes.arc.system.n
         if modes.of_velocities[k] or k in self.at_rest:
             return 0.0
@@ -274,7 +274,7 @@ class Crossing:
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
     def _follows(self, k: int) -> bool:
-        """Tell whether a surface's side is known on each side of the open ones."""
+        """Whether a surface's side is known on each side of the open ones."""
         modes = self.modes
         for way in (BELOW, ABOVE):
             self._settle((way,) * len(self.open))
@@ -284,7 +284,7 @@ class Crossing:
         return True
 
     def _parallel(self, rows: Rows, k: int) -> tuple[int, float] | None:
-        """Give an open surface that k steps together with, and their common sign."""
+        """Open surface that k steps together with, and their common sign."""
         J, b = rows.J, rows.b
         for j in self.open:
             if self.modes.of_velocities[j] != self.modes.of_velocities[k]:
@@ -381,7 +381,7 @@ class Crossing:
         return resting
 
     def _stays(self, k: int, tolerance: float) -> bool:
-        """Tell whether the motion stays on surface k in the mode there is.
+        """Whether the motion stays on surface k in the mode there is.
 
         A short step tells, whatever the order in which it would leave.
         """
@@ -391,7 +391,7 @@ class Crossing:
         return self._leads([k], np.ones(1)) is None
 
     def _leads(self, some: Sequence[int], sides: Floats) -> bool | None:
-        """Tell by short steps whether the motion leaves surfaces to sides, -1 or 1.
+        """Try by short steps whether the motion leaves surfaces to sides, -1 or 1.
 
         None where it leaves none to the wrong side, nor all to the right one.
         """
@@ -436,14 +436,14 @@ class Crossing:
             modes.put(self.open[i], self.levels[self.open[i]], SLIDING)
 
     def _corners(self) -> list[tuple[int, ...]]:
-        """Give corners to look at for scales: all of few."""
+        """Corners to look at for scales: all of few."""
         count = len(self.open)
         if count <= FEW_CORNERS:
             return list(product((BELOW, ABOVE), repeat=count))
         return [(BELOW,) * count, (ABOVE,) * count]
 
     def _cone(self, held: dict[int, int]) -> FilippovCone:
-        """Give what the forces do with each of the surfaces below or above."""
+        """Return what the forces do with each of the surfaces below or above."""
         modes, arc = self.modes, self.modes.arc
 
         def terms(corner: Sequence[int], y: Floats) -> tuple[Floats, Floats, Floats]:

@@ -108,12 +108,12 @@ class FilippovCone:
         return next(resting, None)
 
     def attraction(self, k: int) -> float:
-        """Give by how much the upper side of surface k adds to its rate, all below."""
+        """By how much the upper side of surface k adds to its rate, all below."""
         low = (BELOW,) * self.count
         return float(self.rates(_above(low, k))[k] - self.rates(low)[k])
 
     def is_fork(self, way: Sequence[int]) -> bool:
-        """Tell whether the other side of some surface would do as well."""
+        """Whether the other side of some surface would do as well."""
         for i, k in enumerate(way):
             if k == SLIDING or i in self.held:
                 continue
@@ -123,7 +123,7 @@ class FilippovCone:
         return False
 
     def _leads_off(self, way: Sequence[int]) -> bool:
-        """Tell whether the motion stays on these sides though no rate says so."""
+        """Whether the motion stays on these sides though no rate says so."""
         if self.count > FEW or SLIDING in way or not self.holds(way, -self.tolerance):
             return False
         return self.stays(tuple(way)) is True
@@ -137,7 +137,7 @@ class FilippovCone:
         yield from sorted(every, key=lambda way: way.count(SLIDING))
 
     def _solved(self, way: Sequence[int]) -> tuple[Floats, Floats, Floats]:
-        """Give the shares that keep sliding surfaces, rates, and attractions (count,).
+        """Shares that keep sliding surfaces, rates, and attractions (count,).
 
         The attraction of a surface is what its own upper side adds to its rate: below 0
         where the sides push onto the surface.
@@ -164,7 +164,7 @@ class FilippovCone:
         return w, rho, own
 
     def holds(self, way: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
-        """Tell whether a selection meets the conditions, at rates of `least` or more.
+        """Whether a selection meets the conditions, at rates of `least` or more.
 
         And whether each sliding surface attracts alone.
         """
@@ -208,7 +208,7 @@ def _above(corner: Corner, j: int) -> Corner:
 
 
 def _affine(rates: Rates, count: int) -> Rates:
-    """Give rates that are affine in the shares, from those of count + 1 corners."""
+    """Rates that are affine in the shares, from those of count + 1 corners."""
     low = (BELOW,) * count
     base = rates(low)
     effects = np.array([rates(_above(low, j)) - base for j in range(count)])
@@ -277,7 +277,7 @@ class Modes:
         self.watched: list[int] = []  # a mode ends where the motion leaves their level
 
     def _ordered(self) -> list[int]:
-        """Give the surfaces, those that others depend on first."""
+        """Surfaces, those that others depend on first."""
         found: list[int] = []
         left = list(range(self.count))
         while left:
@@ -344,11 +344,11 @@ class Modes:
         self.carried[k] = leader, high
 
     def level(self, k: int, value: float) -> float:
-        """Give the level of surface k that is closest to a value."""
+        """Level of surface k that is closest to a value."""
         return float(np.round(value)) if self.whole[k] else 0.0
 
     def write(self) -> None:
-        """Tell the compiled functions the mode."""
+        """Store the mode where the compiled functions read it."""
         p, slides, value, whole = self.p, self.slides, self.value, self.whole
         p.sliding = float(np.count_nonzero(slides))
         p.side[:] = value
@@ -372,7 +372,7 @@ class Modes:
         p.most[:] = most
 
     def rows(self, y: Floats | None = None) -> Rows:
-        """Give what the surfaces do at the state reached, or at y."""
+        """Return what the surfaces do at the state reached, or at y."""
         arc, K = self.arc, self.count
         y = arc.y if y is None else y
         starts, columns = arc.system.pattern
@@ -383,7 +383,7 @@ class Modes:
         return Rows(residuals, rates, b, scales, J)
 
     def keeps(self, k: int) -> bool:
-        """Tell whether an expression is constant hereabouts, not only level here."""
+        """Whether an expression is constant hereabouts, not only level here."""
         seen, reach = self.arc.seen, self.arc.ranges
         reach = np.where(
             reach > 0.0, np.maximum(reach, RESIDUAL_ROUNDOFF**0.5 * seen), seen
@@ -405,26 +405,26 @@ class Modes:
         )
 
     def values(self, t: float, y: Floats) -> Floats:
-        """Give the expressions of the surfaces (K,)."""
+        """Expressions of the surfaces (K,)."""
         return self.arc.runner.function("surfaces", self.count)(t, y)
 
     def rates(self, t: float, y: Floats) -> Floats:
-        """Give y' with the sides as written."""
+        """Return y' with the sides as written."""
         system = self.arc.system
         length = system.size + system.m
         return self.arc.runner.function("field", length)(t, y)[: system.size]
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
-        """Give q'' (n,) at y and t (by default now), with the sides as written."""
+        """Return q'' (n,) at y and t (by default now), with the sides as written."""
         n = self.arc.system.n
         return self.rates(self.arc.t if t is None else t, y)[n : 2 * n]
 
     def forced(self, rows: Rows) -> Floats:
-        """Give J q'' - b (K,) of the surfaces at the state reached."""
+        """J q'' - b (K,) of the surfaces at the state reached."""
         return np.asarray(rows.J @ self.accelerations(self.arc.y) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
-        """Give the magnitude of the terms of each surface (K,), at sizes seen so far.
+        """Magnitude of the terms of each surface (K,), at sizes seen so far.
 
         Or what the rounding of such a state does: slopes may vanish there.
         """
@@ -442,7 +442,7 @@ class Modes:
         return np.asarray(found)
 
     def asides(self, reach: Floats | float = 0.0) -> Iterator[Floats]:
-        """Give states that differ from the one reached by rounding.
+        """States that differ from the one reached by rounding.
 
         And that are no farther than `reach` (size,) besides.
         """

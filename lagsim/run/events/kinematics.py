@@ -157,7 +157,7 @@ class Kinematics:
             self.moves = np.abs(self.shape.reply.response) @ most
 
     def _most(self, closed: list[bool]) -> Floats:
-        """Give about how much each closed law could push with (L,)."""
+        """About how much each closed law could push with (L,)."""
         # Laws are few: numpy would take twice as long.
         own, statics = self.shape.reply.D.diagonal().tolist(), self.statics.tolist()
         most = [0.0] * self.count
@@ -192,7 +192,7 @@ class Kinematics:
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
-        """Give the sizes (size,) by which a state is rounded: also those of its rows.
+        """Sizes (size,) by which a state is rounded: also those of its rows.
 
         Rows that hold do so within the rounding of their own terms.
         """
@@ -206,7 +206,7 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Give q'' without any law, b of the laws, and their bounds and statics."""
+        """Return q'' without any law, b of the laws, and their bounds and statics."""
         arc, p = self.arc, self.arc.system.p
         n, m, L = arc.system.n, arc.system.m, self.count
         mode = p.law_mode.copy()
@@ -218,7 +218,7 @@ class Kinematics:
         return field[n : 2 * n], b.copy(), bounds.copy(), statics.copy()
 
     def accelerations_at(self, t: float, y: Floats) -> Floats:
-        """Give the accelerations (L,) without any law at another time and state."""
+        """Accelerations (L,) without any law at another time and state."""
         n, m = self.arc.system.n, self.arc.system.m
         numbers = self.arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
         rows = numbers[(n + m - self.count) * n : (n + m) * n].reshape(-1, n)
@@ -226,7 +226,7 @@ class Kinematics:
         return np.asarray(rows @ a - b)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
-        """Tell which laws could act: a slip with its contact.
+        """Which laws could act: a slip with its contact.
 
         also : those that are closed whatever their gaps are.
         """
@@ -244,21 +244,21 @@ class Kinematics:
         return closed
 
     def strikes(self, k: int) -> bool:
-        """Tell whether a closed law's rate must change at once."""
+        """Whether a closed law's rate must change at once."""
         kind, rate = self.laws[k].kind, self.rates[k]
         if kind is Kind.TIMED:
             return bool(abs(rate) > self.still[k])
         return kind is not Kind.SLIP and bool(rate < -self.still[k])
 
     def is_off(self, k: int, part: float) -> bool:
-        """Tell whether a residual is off by more than a part of how it has moved."""
+        """Whether a residual is off by more than a part of how it has moved."""
         # Within its last step a place is rounded as what forces did in all of it.
         rounded = SUM_ROUNDOFF * self.forces[k] * self.arc.state.step_h**2
         least = part * self.reach[0][k] + self.slack[k] + rounded
         return bool(abs(self.residuals[k]) > least)
 
     def depth(self, k: int) -> float:
-        """Give how far below 0 the gap of a contact in flight gets; inf elsewhere."""
+        """How far below 0 the gap of a contact in flight gets; inf elsewhere."""
         flies = self.arc.system.p.law_mode[k] == kept.OFF
         back = self.present[k]
         if self.laws[k].kind is not Kind.CONTACT or not (flies and back > 0.0):
@@ -266,7 +266,7 @@ class Kinematics:
         return float(self.rates[k] ** 2 / (2.0 * back) + max(0.0, -self.gaps[k]))
 
     def rest(self, k: int, restitution: float) -> float | None:
-        """Give the time for which a contact goes on to bounce if that is no motion.
+        """Time for which a contact goes on to bounce if that is no motion.
 
         Its next flight is no higher than the tolerance of how far it has moved, or than
         rounding.
@@ -280,7 +280,7 @@ class Kinematics:
         return float(left / (1.0 - restitution)) if restitution < 1.0 else 0.0
 
     def least(self, k: int, part: float | None = None) -> float:
-        """Give the height of a flight that is none: of the tolerance, or rounding.
+        """Height of a flight that is none: of the tolerance, or rounding.
 
         Another `part` of how far the contact has moved may stand for the tolerance. The
         rounding of the time is in it: a place is known no better.
@@ -290,7 +290,7 @@ class Kinematics:
         return float(max(told, CLEAR_OF_ROUNDING * rounded))
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
-        """Tell whether impulses of other laws change the rate of law k."""
+        """Whether impulses of other laws change the rate of law k."""
         D, some = self.shape.reply.D, sorted(others)
         sizes = np.sqrt(np.diag(D))
         return bool(
@@ -300,7 +300,7 @@ class Kinematics:
     def problem(
         self, some: Sequence[int], restitutions: Floats
     ) -> tuple[Closed, Floats]:
-        """Give the rows of some laws as a problem, and what they do (n, r)."""
+        """Rows of some laws as a problem, and what they do (n, r)."""
         laws, reply = [self.laws[k] for k in some], self.shape.reply
         places = {k: i for i, k in enumerate(some)}
         # All of them, as is usual, need no copies.
@@ -320,7 +320,7 @@ class Kinematics:
 
 @lru_cache(maxsize=16)
 def _aside(size: int) -> Floats:
-    """Give by what parts a state is moved.
+    """By what parts a state is moved.
 
     Each component by another, or what cancels would stay hidden.
     """

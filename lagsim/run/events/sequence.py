@@ -50,23 +50,23 @@ class Sequence:
         self.recent.append((time, surface))
 
     def lately(self) -> list[int]:
-        """Give the surfaces of the last switches."""
+        """Surfaces of the last switches."""
         return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
 
     def ratio(self) -> float:
-        """Give how much faster the last switches came than those before; else inf."""
+        """How much faster the last switches came than those before; else inf."""
         if len(self.recent) <= 2 * self.window:
             return math.inf
         last, former = self._stretch(0), self._stretch(1)
         return last / former if former > 0.0 else math.inf
 
     def _stretch(self, k: int) -> float:
-        """Give how long one stretch of switches took, k stretches ago."""
+        """How long one stretch of switches took, k stretches ago."""
         first = -1 - k * self.window
         return self.recent[first][0] - self.recent[first - self.window][0]
 
     def limit(self) -> float | None:
-        """Give the time at which switches accumulate, if they do so right now."""
+        """Time at which switches accumulate, if they do so right now."""
         end = self.end()
         if end is None:
             return None
@@ -77,14 +77,14 @@ class Sequence:
         return end
 
     def end(self) -> float | None:
-        """Give the limit that the last switches would have if they went on so."""
+        """Limit that the last switches would have if they went on so."""
         ratio = self.ratio()
         if ratio >= 1.0 or ratio == 0.0:
             return None
         return self.recent[-1][0] + self._stretch(0) * ratio / (1.0 - ratio)
 
     def _since(self, ratio: float) -> float:
-        """Give the longest stretch since they come ever faster, at about one ratio."""
+        """Longest stretch since they come ever faster, at about one ratio."""
         longest = self._stretch(0)
         for k in range(1, (len(self.recent) - 1) // self.window):
             former = self._stretch(k)
@@ -94,7 +94,7 @@ class Sequence:
         return longest
 
     def is_stuck(self) -> bool:
-        """Tell whether the last switches took no time."""
+        """Whether the last switches took no time."""
         if len(self.recent) < STUCK:
             return False
         took = self.recent[-1][0] - self.recent[-STUCK][0]
@@ -113,12 +113,12 @@ class Flights:
         self.strikes.append((time, speed))
 
     def is_restless(self, span: float) -> bool:
-        """Tell whether it comes to rest again and again, and gets nowhere."""
+        """Whether it comes to rest again and again, and gets nowhere."""
         full = len(self.rests) == RESTS
         return full and self.rests[-1] - self.rests[0] < NO_PART * span
 
     def end(self, time: float, speed: float, least: float) -> float | None:
-        """Give when it will have bounced, if what is left is no motion; else None.
+        """Return when it will have bounced, if what is left is no motion; else None.
 
         Either its flights get shorter at a ratio, and all ways that are left, up and
         down, are together no longer than `least`; or none of the last was (contacts

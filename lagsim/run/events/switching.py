@@ -67,7 +67,7 @@ class Switching(Source):
         return self.modes.slides
 
     def ask_at(self, arc: Arc) -> int:
-        """Give when it is asked next whether steps lead to a surface."""
+        """Return when it is asked next whether steps lead to a surface."""
         return (arc.steps // NEAR + 1) * NEAR
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -136,7 +136,7 @@ class Switching(Source):
         )
 
     def _pulled(self, *, resting: bool) -> Floats | None:
-        """Give the state on the surfaces that it follows; note if that is a jump."""
+        """State on the surfaces that it follows; note if that is a jump."""
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
         arc.runner.pull(arc.t, y)
@@ -152,7 +152,7 @@ class Switching(Source):
         return y
 
     def _find_sides(self, on: set[int]) -> tuple[dict[int, float], Rows, Floats]:
-        """Set the sides of surfaces that the state is off; give levels of the others.
+        """Set the sides of surfaces that the state is off; return levels of the others.
 
         And the rows and the sizes of the terms. A surface may depend on others' sides.
         """
@@ -204,7 +204,7 @@ class Switching(Source):
         modes.tell(slack=slack, band=np.where(slides, 0.0, noise))
 
     def _reach(self, y: Floats) -> Floats:
-        """Give the ranges of positions and velocities (2 n,) so far, also to y.
+        """Ranges of positions and velocities (2 n,) so far, also to y.
 
         And what each term of their forces alone would add in a step.
         """
@@ -219,7 +219,7 @@ class Switching(Source):
         return ranges
 
     def _noise(self, rows: Rows) -> Floats:
-        """Give the change of each surface (K,) by errors within the tolerance.
+        """Change of each surface (K,) by errors within the tolerance.
 
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
         see `methods._controller`.
@@ -280,7 +280,7 @@ class Switching(Source):
         return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Give a time ahead of the next surface, and its number if it is met already.
+        """Time ahead of the next surface, and its number if it is met already.
 
         None where no surface is near.
         """
@@ -310,7 +310,7 @@ class Switching(Source):
         return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
-        """Give the surface that is met next, at the rates there are, and how soon."""
+        """Surface that is met next, at the rates there are, and how soon."""
         modes = self.modes
         rows = modes.rows()
         speeds = np.where(self.of_velocities, modes.forced(rows), rows.rates)
@@ -323,7 +323,7 @@ class Switching(Source):
         return k, float(ahead[k])
 
     def _is_on(self, arc: Arc, k: int) -> bool:
-        """Tell whether rounding alone keeps the state from a surface's end."""
+        """Whether rounding alone keeps the state from a surface's end."""
         modes = self.modes
         value = modes.values(arc.t, arc.y)[k]
         off = min(abs(modes.p.least[k] - value), abs(modes.p.most[k] - value))

@@ -62,7 +62,7 @@ class _Ahead(Source):
         raise NotImplementedError
 
     def _following(self, last: Any) -> Any:
-        """Give the next of it; `last` after all of it."""
+        """Next of it; `last` after all of it."""
         if self._coming is None:
             self._coming = self._all()
             if self._taken:  # what it told of these is told
@@ -97,7 +97,7 @@ class TimeBreaks(_Ahead):
         return GO_ON
 
     def limit(self, arc: Arc) -> float:  # noqa: ARG002
-        """Give the next break."""
+        """Next break."""
         return self._next
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
@@ -159,13 +159,13 @@ class Features(_Ahead):
         return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
     def set_out(self, arc: Arc) -> Decision:
-        """Tell the kernel what comes first after the time reached."""
+        """Store the next feature after the time reached for the kernel."""
         found = self._first(arc)._replace(cautions=tuple(self._cautions))
         self._cautions.clear()
         return found
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """Tell what comes after what is over."""
+        """Store the feature that comes after one that is over."""
         return self.set_out(arc) if code == at.FEATURE_PASSED else None
 
     def _first(self, arc: Arc) -> Decision:
@@ -187,7 +187,7 @@ class Features(_Ahead):
         return Decision(numbers=numbers, sizes=sizes)
 
     def _ends(self, now: Feature) -> float:
-        """Give when it is over, or when the next begins."""
+        """Return when it is over, or when the next begins."""
         over = now.time + now.reach
         if self._next is not None:
             over = min(over, max(now.time, self._next.time - self._next.reach))
@@ -195,7 +195,7 @@ class Features(_Ahead):
 
 
 def _expected(arc: Arc, now: Feature, part: float) -> Floats:
-    """Give sizes of the motion (size,) with what is about to happen.
+    """Sizes of the motion (size,) with what is about to happen.
 
     Or the first traces of a pulse would be controlled against a body at rest, as
     finely as rounding lets them be.
@@ -234,7 +234,7 @@ class _Line:
         self.shallow = self._shallow(lo, hi)
 
     def _shallow(self, lo: float, hi: float) -> bool:
-        """Tell whether an argument between these bounds hides nothing."""
+        """Whether an argument between these bounds hides nothing."""
         kind, power = self.indicator.kind, self.indicator.power
         if kind == LARGEST:
             return power * (hi - lo) < SHALLOW
@@ -246,7 +246,7 @@ class _Line:
         return power * (math.log(large) - math.log(small)) < SHALLOW
 
     def features(self) -> Iterator[Feature]:
-        """Give them in order."""
+        """Return them in order."""
         g, node = self.g, self.indicator.node
         discrete = g.call("sign", node)
         if self.indicator.kind != NEAR_ZERO:
@@ -274,17 +274,17 @@ class _Line:
         return Caution("short-times", text)
 
     def _distance(self, t: float) -> float:
-        """Give how far from waking it is, see `methods.parts.missed`."""
+        """How far from waking it is, see `methods.parts.missed`."""
         (u,) = self.argument(t)
         kind, power = self.indicator.kind, self.indicator.power
         return math.inf if math.isnan(u) else distance(kind, power, u)
 
     def _beside(self, time: float, width: float) -> list[float]:
-        """Give the distances so long before a time, and after it."""
+        """Distances so long before a time, and after it."""
         return [self._distance(time - width), self._distance(time + width)]
 
     def _at(self, time: float) -> Feature | None:
-        """Give what happens at a time, or None if nothing short does."""
+        """Return what happens at a time, or None if nothing short does."""
         least = self._distance(time)
         beside = max(8.0 * math.ulp(time), self.finest)
         width = None
@@ -305,7 +305,7 @@ class _Line:
         return Feature(time, width, self._reach(time, least + GONE, beside))
 
     def _reach(self, time: float, gone: float, far: float) -> float:
-        """Give how far from `time`, at most `far`, it has faded on both sides."""
+        """How far from `time`, at most `far`, it has faded on both sides."""
         near = 0.5 * far
         for _ in range(REFINED):
             middle = 0.5 * (near + far)

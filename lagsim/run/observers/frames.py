@@ -71,7 +71,7 @@ class Frames:
         self._keep(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Tell which rows are kept for their impact."""
+        """Which rows are kept for their impact."""
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found

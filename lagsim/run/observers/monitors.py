@@ -22,7 +22,7 @@ MOST_ROWS = 4096
 
 
 def numbers(t: Floats, start: float, step: float) -> Floats:
-    """Give the numbers of times on the grid of output times, -1 between (k,)."""
+    """Numbers of times on the grid of output times, -1 between (k,)."""
     places = np.rint((t - start) / step)
     off = np.abs(t - (start + places * step))
     near = SAME_STEP * step + TERM_ROUNDOFF * np.abs(t)
@@ -113,7 +113,7 @@ WRONG = 0.3
 
 
 def gained(balance: Floats) -> float:
-    """Give how much energy - work (k,) has grown; 0 where that is only part of a swing.
+    """How much energy - work (k,) has grown; 0 where that is only part of a swing.
 
     By the medians of the first and the last tenth, where one of them varies by less;
     from the first value where nothing comes near it again; to the last one where all of
@@ -137,7 +137,7 @@ def gained(balance: Floats) -> float:
 
 
 def _balance(rows: Floats, energy: int, work: int | None) -> Floats:
-    """Give energy - work (k,) from their columns; inf - inf is not known."""
+    """Energy - work (k,) from their columns; inf - inf is not known."""
     if work is None:
         return rows[:, energy]
     with np.errstate(invalid="ignore"):
@@ -192,7 +192,7 @@ class EnergyMonitor:
         self._seen = seen
 
     def _parts_of(self, rows: Floats) -> Floats:
-        """Give energy - work, the kinetic energy, t, q, q', q'', works of each row."""
+        """Energy - work, the kinetic energy, t, q, q', q'', works of each row."""
         balance = _balance(rows, self._energy, self._work)
         moving = rows[:, self._parts.get("kinetic", self._energy)]
         state, works = rows[:, : 1 + 3 * self.count], rows[:, self._works]
@@ -278,7 +278,7 @@ class EnergyMonitor:
         return float(np.max(found, initial=0.0))
 
     def states(self, most: int) -> Iterator[tuple[float, Floats, Floats, Floats]]:
-        """Give t, q, q', q'' of at most so many rows, the first among them.
+        """Return t, q, q', q'' of at most so many rows, the first among them.
 
         None from where the energy is wrong by a large part of what has been in play: a
         motion that has blown up says nothing of the scene.
@@ -333,12 +333,12 @@ class Growth:
                 self._next = GROWN * float(top[k])
 
     def since(self, bound: float) -> float | None:
-        """Give the first time noted at which the value exceeds `bound`."""
+        """Return the first time noted at which the value exceeds `bound`."""
         return next((t for t, size in self._noted if size > bound), None)
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Give where each constraint's residual, or what it falls short of, is; its scale.
+    """Where each constraint's residual, or what it falls short of, is; its scale.
 
     What holds at times has none.
     """
@@ -411,11 +411,11 @@ class ResidualMonitor:
         return float(worst[0]) - self._start
 
     def drift_since(self, bound: float) -> float | None:
-        """Give the first time at which energy - work is off by more than `bound`."""
+        """Return the first time at which energy - work is off by more than `bound`."""
         return self._drift.since(bound)
 
     def constraint_since(self, name: str, part: float) -> float | None:
-        """Give when a residual first exceeds a part of its scale so far."""
+        """Return when a residual first exceeds a part of its scale so far."""
         return self._residuals[name].since(part)
 
     @property
@@ -424,7 +424,7 @@ class ResidualMonitor:
         return float(np.max(list(self._parts().values()), initial=0.0))
 
     def constraints_off(self, part: float) -> list[tuple[str, float, float, Floats]]:
-        """Give the constraints with a residual of more than a part of its scale.
+        """Constraints with a residual of more than a part of its scale.
 
         Of each the name, the residual, that part, and its row; the worst first.
         """
@@ -436,7 +436,7 @@ class ResidualMonitor:
         return sorted(found, key=lambda row: -row[2])
 
     def _parts(self) -> dict[str, float]:
-        """Give each residual as a part of its scale; 0 where that is 0."""
+        """Each residual as a part of its scale; 0 where that is 0."""
         return {
             name: 0.0 if self.scales[name] <= 0.0 else worst.size / self.scales[name]
             for name, worst in self._residuals.items()

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 def kernels(system: System) -> Iterator[bytes]:
-    """Give the object code of what a method calls besides the model's functions."""
+    """Object code of what a method calls besides the model's functions."""
     called: list[Callable[..., Any]]
     if system.met is not None:
         yield kernel_object([moreau.observe])
@@ -222,7 +222,7 @@ class System:
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
-        """Tell whether the functions are those of a plan for other values, too."""
+        """Whether the functions are those of a plan for other values, too."""
         equations = plan.reduction.equations
         if plan.form != self.plan.form:
             return False
@@ -231,7 +231,7 @@ class System:
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
     def bound(self, model: Model, plan: Plan) -> System:
-        """Give the same functions with other values, and a plan that `fits`."""
+        """Return the same functions with other values, and a plan that `fits`."""
         new = copy(self)
         new.take_values(model, plan)
         return new
@@ -261,7 +261,7 @@ class System:
         return evaluation_cost(self.equations, nodes_of[name], loops=loops)
 
     def _fixed(self) -> list[str]:
-        """Give what stays in an arc: parameters, modes, lengths of rows."""
+        """Return what stays in an arc: parameters, modes, lengths of rows."""
         names = [p.name for p in self.equations.model.parameters]
         names += [mode.variable for mode in self.switches.modes]
         return names + [f"length.{row.name}" for row in self.equations.rows]
@@ -303,7 +303,7 @@ class System:
         return cast("Parameters", p)
 
     def _filled(self, p: Parameters) -> Parameters:
-        """Give the memory with the values of this binding."""
+        """Memory with the values of this binding."""
         # Behind what is declared lies what the code keeps for itself.
         more = np.zeros(self._p_size - len(p.flat))
         whole = type(p)(np.concatenate([p.flat, more]))
@@ -343,7 +343,7 @@ class System:
         )
 
     def place(self, name: str) -> int:
-        """Give where in p a parameter is."""
+        """Where in p a parameter is."""
         return self._layout_of[name]
 
     def link(self, name: str) -> Runner:
@@ -353,7 +353,7 @@ class System:
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:
-        """Give y at a start; sets what it determines for the whole run."""
+        """Return y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
             self.p.flat[self._layout_of[name]] = value
         return self.plan.reduction.state(start, self.size)

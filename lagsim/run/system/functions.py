@@ -45,13 +45,13 @@ if TYPE_CHECKING:
 
 
 def coupled(e: Equations) -> list[int]:
-    """Give for each coordinate the first that M and all rows join it with."""
+    """Return for each coordinate the first that M and all rows join it with."""
     slopes = (row.entries for row in e.slopes)
     return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
 
 
 def held_together(system: System) -> list[int]:
-    """Give for each coordinate the first that the rows in force join it with."""
+    """Return for each coordinate the first that the rows in force join it with."""
     e, known = system.equations, system.together
     on = system.p.law_mode != OFF
     key = on.tobytes()
@@ -62,7 +62,7 @@ def held_together(system: System) -> list[int]:
 
 
 def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
-    """Give for each of n coordinates the first one that `rows` join it with."""
+    """Return for each of n coordinates the first one that `rows` join it with."""
     sets = DisjointSets(n)
     for row in rows:
         for i, j in pairwise(row):
@@ -71,7 +71,7 @@ def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
 
 
 def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
-    """Give `largest_beside` in each group of coordinates with one label."""
+    """`largest_beside` in each group of coordinates with one label."""
     whole = np.array(found)
     for label in sorted({k for i, k in enumerate(labels) if k != i}):
         group = np.array(labels) == label
@@ -80,7 +80,7 @@ def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
 
 
 def largest_beside(roots: Floats, found: Floats) -> Floats:
-    """Give the largest of range_j min(1, root_j/root_i): by size, without n^2."""
+    """Return the largest of range_j min(1, root_j/root_i): by size, without n^2."""
     finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
     lightest = np.argsort(roots)
     whole = np.zeros(len(found))
@@ -154,7 +154,7 @@ class Columns:
 
 
 def _in_order(equations: Equations) -> dict[str, Row]:
-    """Give the rows of the constraints by name, in the order of the file."""
+    """Rows of the constraints by name, in the order of the file."""
     rows = {row.name: row for row in equations.rows}
     rows |= {x.row.name: x.row for x in equations.laws if x.kind is not Kind.SLIP}
     names = [c.name for c in equations.model.constraints]
@@ -162,7 +162,7 @@ def _in_order(equations: Equations) -> dict[str, Row]:
 
 
 def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
-    """Give the scale of what each constraint must not miss, and that of one side."""
+    """Scale of what each constraint must not miss, and that of one side."""
     g = equations.graph
     free = {x.constraint: x for x in equations.laws if x.kind is not Kind.SLIP}
     nodes: dict[str, int] = {}
@@ -180,7 +180,7 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
 
 
 def _optional(equations: Equations) -> dict[str, int]:
-    """Give the columns of contacts, and what keys of `output` ask for."""
+    """Columns of contacts, and what keys of `output` ask for."""
     e, g = equations, equations.graph
     nodes: dict[str, int] = {}
     for law in e.laws:
@@ -215,22 +215,22 @@ CODES = {
 
 
 def _rows(e: Equations) -> list[Row]:
-    """Give the rows that always hold, then those of laws."""
+    """Rows that always hold, then those of laws."""
     return [*e.rows, *(law.row for law in e.laws)]
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Give what rows hold on the level of positions: velocities' have nothing there."""
+    """Residuals of rows on the level of positions; rows of velocities have none."""
     return [row.residual if row.holonomic else g.zero for row in rows]
 
 
 def _conditions(e: Equations) -> list[int]:
-    """Give whether each law is in force."""
+    """Whether each law is in force."""
     return [e.graph.one if law.when is None else law.when for law in e.laws]
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Give what the loops of `solve.dense` and `solve.laws` begin with."""
+    """Return what the loops of `solve.dense` and `solve.laws` begin with."""
     g, rows = e.graph, _rows(e)
     found = {
         "dynamics": _dynamics(e),
@@ -258,7 +258,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
 
 
 def _dynamics(e: Equations) -> list[int]:
-    """Give M, A, f, b; then the rates of laws, their bounds and static ones."""
+    """M, A, f, b; then the rates of laws, their bounds and static ones."""
     rows = _rows(e)
     return [
         *(node for row in e.M for node in row),
@@ -271,12 +271,12 @@ def _dynamics(e: Equations) -> list[int]:
 
 
 def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
-    """Give 1 for rows whose rates a Newton step may leave anything of, else 0."""
+    """1 for rows whose rates a Newton step may leave anything of, else 0."""
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
 def _bend(e: Equations, row: Row) -> int:
-    """Give what a Newton step leaves of a residual, against its scale.
+    """Return what a Newton step leaves of a residual, against its scale.
 
     The step stands in the place of the velocities: the residual and its first two
     derivatives, of which the first cancels it where the rows are independent.
@@ -293,7 +293,7 @@ def _bend(e: Equations, row: Row) -> int:
 
 
 def _against(g: Graph, value: int, scale: int) -> int:
-    """Give the size of a value against its scale; 0 where that is 0."""
+    """Size of a value against its scale; 0 where that is 0."""
     part = g.call("div", g.call("abs", value), scale)
     return g.call("if", g.call("gt", scale, g.zero), part, g.zero)
 
@@ -325,7 +325,7 @@ def pattern(e: Equations) -> Pattern:
 
 
 def fill(p: Impulses, e: Equations, found: Pattern) -> None:
-    """Tell the kernels what rows there are."""
+    """Store the pattern of the rows for the kernels."""
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
@@ -341,7 +341,7 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
 def stepping_functions(
     e: Equations, columns: Columns, found: Pattern
 ) -> dict[str, list[int]]:
-    """Give `balance`, `effort`, and the columns of rows, in which nothing strikes."""
+    """`balance`, `effort`, and the columns of rows, in which nothing strikes."""
     g, rows = e.graph, _rows(e)
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
@@ -368,7 +368,7 @@ def stepping_functions(
 
 
 def _offset(e: Equations, row: Row) -> int:
-    """Give the rate less A q'."""
+    """Return the rate less A q'."""
     g = e.graph
     if row.holonomic:
         return g.call("neg", row.transport)
@@ -380,7 +380,7 @@ def _offset(e: Equations, row: Row) -> int:
 
 
 def on_velocities(equations: Equations, side: Side) -> bool:
-    """Tell whether a surface depends on velocities."""
+    """Whether a surface depends on velocities."""
     names = equations.graph.depends([side.node])
     return bool(names & frozenset(equations.velocities))
 
@@ -388,7 +388,7 @@ def on_velocities(equations: Equations, side: Side) -> bool:
 def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
-    """Give `surfaces` and `surface_rows`, see `solve.sliding`; and the pattern of J.
+    """`surfaces` and `surface_rows`, see `solve.sliding`; and the pattern of J.
 
     That is where among its elements each row begins, and the column of each.
     """
@@ -437,7 +437,7 @@ def functions(
     *,
     switching: bool = False,
 ) -> dict[str, list[int]]:
-    """Give all functions of a system for a method that `needs` more than y'.
+    """All functions of a system for a method that `needs` more than y'.
 
     With `switching`, y' and the rows come from what `solve.sliding` makes of `field`.
     """
@@ -468,7 +468,7 @@ def functions(
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
-    """Give the inertias that vary with positions, as coordinate -> node.
+    """Inertias that vary with positions, as coordinate -> node.
 
     They are the pivots of M where those are few operations, which see that a
     coordinate can be replaced by others (Euler angles at theta = 0); else its diagonal.
@@ -489,7 +489,7 @@ def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:
 def _solved(
     equations: Equations, plan: Plan, columns: Columns, *, switching: bool
 ) -> dict[str, list[int]]:
-    """Give the equations solved on the graph."""
+    """Equations solved on the graph."""
     e, g, elimination = equations, equations.graph, plan.elimination
     assert elimination is not None
     accelerations, multipliers = elimination.motion()
@@ -515,7 +515,7 @@ def _solved(
 
 
 def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
-    """Give the Newton steps onto the constraints, of positions and of velocities.
+    """Newton steps onto the constraints, of positions and of velocities.
 
     Relations between velocities have no residual on the level of positions.
     """
@@ -537,7 +537,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
 
 
 def _loads(e: Equations) -> list[int]:
-    """Give the rounding of the forces, each with a sign and by a part of its own.
+    """Return the rounding of the forces, each with a sign and by a part of its own.
 
     All together they do something to every acceleration that any of them reaches: what
     would cancel if they were alike does not.
@@ -553,7 +553,7 @@ def _loads(e: Equations) -> list[int]:
 
 
 def _inertial(e: Equations, elimination: Elimination) -> list[int]:
-    """Give the rounding of M q'', where M varies and is no diagonal (n,).
+    """Return the rounding of M q'', where M varies and is no diagonal (n,).
 
     Where M is close to singular (angles near gimbal lock) it is all that there is.
     Signs are those of `_loads`.
@@ -576,7 +576,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
-    """Give the rounding of each force its sign, and a part."""
+    """Assign the rounding of each force its sign, and a part."""
     parts = (
         (1.0 + GOLDEN * k % 1.0) * (1.0 - 2.0 * (k % 2)) for k in range(len(sizes))
     )
@@ -586,7 +586,7 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
-    """Give what rounding does to the accelerations, as `solve.dense.rounding` does."""
+    """Bounds of the rounding of accelerations, as `solve.dense.rounding` gives them."""
     g, n = e.graph, len(e.q)
     loads = _loads(e)
     pairs = zip(loads, _inertial(e, elimination), strict=False)
@@ -606,7 +606,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:
-    """Give the largest of sizes, which are not negative."""
+    """Return the largest of sizes, which are not negative."""
     largest = g.zero
     for size in sizes:
         largest = g.call("max", size, largest)
@@ -614,7 +614,7 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Give what `solve.dense` begins with; or the entries of Newton's matrix."""
+    """Return what `solve.dense` begins with; or the entries of Newton's matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}
@@ -627,7 +627,7 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
 
 
 def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
-    """Give momenta, dL/dq + Q and powers; their slopes; and the slopes M alone."""
+    """Momenta, dL/dq + Q and powers; their slopes; and the slopes M alone."""
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
@@ -650,7 +650,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
 
 
 def _linear(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Give the matrices of a linear scene."""
+    """Matrices of a linear scene."""
     assert plan.elimination is not None
     return {"linear": linear_form(equations, plan.elimination)}
 

@@ -47,7 +47,7 @@ class Indicator(NamedTuple):
 
 
 def motion_nodes(equations: Equations) -> list[int]:
-    """Give all that the motion depends on."""
+    """All that the motion depends on."""
     e = equations
     nodes = [*e.mass_nodes, *e.f, *e.quadrature_rates]
     for row in (*e.rows, *(law.row for law in e.laws)):
@@ -60,7 +60,7 @@ def motion_nodes(equations: Equations) -> list[int]:
 def indicators(
     equations: Equations, nodes: Sequence[int], ends: Sequence[int]
 ) -> list[Indicator]:
-    """Give the indicators that steps are searched for.
+    """Return the indicators that steps are searched for.
 
     Of what the motion depends on, `nodes` as they are in an arc, those that depend on
     the state; of what ends an arc, `ends`, those that depend on t alone too.
@@ -76,7 +76,7 @@ def indicators(
 
 
 def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
-    """Give the indicators that depend on t and on nothing that moves."""
+    """Return the indicators that depend on t and on nothing that moves."""
     e, g = equations, equations.graph
     if "t" not in g.depends(nodes):
         return []
@@ -87,7 +87,7 @@ def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indic
 
 
 def is_localized_in_time(equations: Equations) -> bool:
-    """Tell whether a term of the motion that depends on t alone is localized."""
+    """Whether a term of the motion that depends on t alone is localized."""
     nodes = motion_nodes(equations)
     key = is_localized_in_time, *_key(equations, tuple(nodes))
     found = once(equations.graph, key, lambda: indicators_in_time(equations, nodes))
@@ -95,27 +95,27 @@ def is_localized_in_time(equations: Equations) -> bool:
 
 
 def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
-    """Give what the indicators of `nodes` depend on: they, and values of exponents."""
+    """Key of the indicators of `nodes`: the nodes, and values of exponents."""
     exponents = _exponents(equations.graph, *nodes)
     values = {p.name: p.value for p in equations.model.parameters} if exponents else {}
     return equations.q, nodes, tuple(values.get(name) for name in exponents)
 
 
 def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
-    """Give the names on whose values it depends what is localized."""
+    """Return the names on whose values it depends what is localized."""
     nodes = tuple(motion_nodes(equations))
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
 
 
 @remembered
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
-    """Give the names in exponents."""
+    """Return the names in exponents."""
     powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]
     return sorted(g.depends(g.args[n][1] for n in powers))
 
 
 def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
-    """Give the arguments, then their rates along the motion, with q'' as `slope` says.
+    """Arguments, then their rates along the motion, with q'' as `slope` says.
 
     One number each, with the names of `slope` for q''.
     """
@@ -130,7 +130,7 @@ def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
 
 
 def slope(velocity: str) -> str:
-    """Give the name that the rate of a velocity has where arguments are watched."""
+    """Return the name that the rate of a velocity has where arguments are watched."""
     return f"{velocity}'"
 
 
@@ -148,7 +148,7 @@ class _Search:
         self.values = {p.name: p.value for p in equations.model.parameters}
 
     def among(self, those: set[int]) -> list[Indicator]:
-        """Give the indicators of nodes of `those`, with arguments among them too."""
+        """Return the indicators of nodes of `those`, with arguments among them too."""
         found: dict[Indicator, None] = {}
         for n in self.cone if self.ops & MAY_BE_LOCALIZED else ():
             if n in those:
@@ -156,7 +156,7 @@ class _Search:
         return list(found)
 
     def _of(self, n: int, those: set[int]) -> list[Indicator]:
-        """Give the indicators of one node."""
+        """Return the indicators of one node."""
         g, op, args = self.g, self.g.ops[n], self.g.args[n]
         if op in ("mul", "div"):
             found = self._product(n) if self.ops & {"exp", "pow"} else []
@@ -186,14 +186,14 @@ class _Search:
         return [Indicator(base, LARGE, power)] if power >= TALL else []
 
     def _value(self, n: int) -> float:
-        """Give the value of a node that does not move; 0 where it is not known."""
+        """Return the value of a node that does not move; 0 where it is not known."""
         if not self.g.depends([n]) <= self.values.keys():
             return 0.0
         (found,) = evaluate(self.g, [n], self.values)
         return float(found) if math.isfinite(found) else 0.0
 
     def _product(self, n: int) -> list[Indicator]:
-        """Give the sum of the exponents of a product's factors: they act together."""
+        """Sum of the exponents of a product's factors: they act together."""
         g, below = self.g, [(n, False)]
         terms: list[int] = []
         for _ in range(MOST_FACTORS):
@@ -220,7 +220,7 @@ class _Search:
         return []
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
-        """Give where two exponentials, or one and a constant, are of one size."""
+        """Where two exponentials, or one and a constant, are of one size."""
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:
             return []
@@ -230,7 +230,7 @@ class _Search:
         return [Indicator(difference, NEAR_ZERO)]
 
     def _logarithm(self, n: int) -> int | None:
-        """Give the logarithm of the size of a product of exponentials and constants."""
+        """Logarithm of the size of a product of exponentials and constants."""
         g = self.g
         if n not in self.moving:
             return g.call("log", g.call("abs", n)) if n != g.zero else None
@@ -248,7 +248,7 @@ class _Search:
 
 
 def _never_small(g: Graph, n: int) -> bool:
-    """Tell whether a node is a positive number at least, made larger by exp or cosh."""
+    """Whether a node is a positive number at least, made larger by exp or cosh."""
     op, args = g.ops[n], g.args[n]
     value = g.value(n)
     if value is not None:

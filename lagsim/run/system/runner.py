@@ -100,7 +100,7 @@ class Runner:
         return state
 
     def over(self, system: System) -> Runner:
-        """Give the same code over the memory of a system bound to other values."""
+        """Return the same code over the memory of a system bound to other values."""
         new = copy(self)
         new.__dict__ |= {"system": system, "_functions": {}}
         return new
@@ -108,7 +108,7 @@ class Runner:
     def function(
         self, name: str, length: int | None = None
     ) -> Callable[[float, Floats], Floats]:
-        """Give one of the model's functions as (t, y) -> out (length,)."""
+        """Return one of the model's functions as (t, y) -> out (length,)."""
         known = self._functions.get((name, length))
         if known is not None:
             return known
@@ -125,7 +125,7 @@ class Runner:
         return evaluate
 
     def margins(self, t: float, y: Floats) -> Floats:
-        """Give how far the state is from leaving each mode: of surfaces, then laws."""
+        """How far the state is from leaving each mode: of surfaces, then laws."""
         return self.function("margins", self.system.watched)(t, y)
 
     def pull(self, t: float, y: Floats) -> None:
@@ -157,11 +157,11 @@ class Runner:
         return code
 
     def shown(self, count: int) -> Floats:
-        """Give the columns (count, columns) of the first rows of the block."""
+        """Columns (count, columns) of the first rows of the block."""
         return self._columns_of(self._rows, count, self._width - 1)
 
     def tabulate(self, states: Floats) -> Floats:
-        """Give the columns (rows, columns) of `states` (rows, 1 + size)."""
+        """Columns (rows, columns) of `states` (rows, 1 + size)."""
         states = np.ascontiguousarray(states)
         count, width = states.shape
         return self._columns_of(states.ctypes.data, count, width - 1)
@@ -178,7 +178,7 @@ class Runner:
 def of_method(
     system: System, name: str
 ) -> tuple[list[Callable[..., Any]], dict[str, object]]:
-    """Give the kernels of a method, and what is known of the system they work on."""
+    """Kernels of a method, and what is known of the system they work on."""
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]
     # What a method must make ready for `until` it must for switches.
