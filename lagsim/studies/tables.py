@@ -1,15 +1,17 @@
 """Reading a table of results, whatever its format; the one reader that there is.
 
-CSV is read by NumPy, line by line, so that large ones fit, with or without a line of
-units below the header. Where NumPy finds fault with it, or passes over a line, it is
-read again cell by cell, and the first cell that is no number is named.
+CSV is read in blocks of lines, so that large ones fit, with or without a line of units
+below the header. Where a block is no table of numbers, or a line is passed over, the
+file is read again cell by cell, and the first cell that is no number is named.
 """
 
 from __future__ import annotations
 
 import contextlib
 import csv
+import io
 import os
+import re
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field, replace
@@ -35,6 +37,11 @@ if TYPE_CHECKING:
 
 # Bytes of a line at most: beyond, the file is something else.
 LONGEST_LINE = 1 << 24
+# Bytes read at once.
+BLOCK = 1 << 19
+# What JSON reads as float does: no words, and no whole number that is zero with a sign.
+DECIMALS = b"-+.,eE0123456789\r\n"
+SIGNED_ZERO = re.compile(rb"-0(?=[,\s]|\Z)")
 # Rows that are thinned at once.
 ROWS = 1 << 16
 # What time is in, in a line of units: a row that begins with words is none.
@@ -164,17 +171,43 @@ def _read(file: BinaryIO) -> Table:
     if units:
         body, line = body + len(second), 3
     file.seek(body)
-    lines = _Lines(file, line)
-    rows = None
-    with contextlib.suppress(ValueError), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a table without rows
-        rows = np.loadtxt(iter(lines), delimiter=",", comments=None, ndmin=2)
-    if rows is None or rows.shape != (lines.read, len(columns)):
+    rows = _numbers(file, len(columns))
+    if rows is None:
         file.seek(body)
         rows = _cells(_Lines(file, line), columns)
     if not len(rows):
         raise _FaultError("there are no rows after the header")
     return Table("", columns, rows.T, units)
+
+
+def _numbers(file: BinaryIO, count: int) -> Floats | None:
+    """Read the rest of a file (rows, count); None where a line is no row of numbers."""
+    found, rows, last = bytearray(), 0, b"\n"
+    with contextlib.suppress(ValueError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a block of blank lines
+        while block := file.read(BLOCK) + file.readline(LONGEST_LINE):
+            found += _block(block).reshape(-1, count).tobytes()
+            rows, last = rows + block.count(b"\n"), block[-1:]
+        data = np.frombuffer(found).reshape(-1, count)
+        return data if len(data) == rows + (last != b"\n") else None
+    return None
+
+
+def _block(lines: bytes) -> Floats:
+    """Read whole lines of numbers (lines, cells).
+
+    Raises
+    ------
+    ValueError
+        Where they are no such lines.
+    """
+    # Decimals as lagsim writes them are JSON, which is read in a third of the time.
+    if not lines.translate(None, DECIMALS) and not SIGNED_ZERO.search(lines):
+        with contextlib.suppress(ValueError):
+            cells = lines.rstrip().replace(b"\n", b"],[")
+            return np.array(orjson.loads(b"[[%b]]" % cells), float)
+    text = io.StringIO(lines.decode())
+    return np.loadtxt(text, delimiter=",", comments=None, ndmin=2)
 
 
 class _Lines:

@@ -110,6 +110,7 @@ def test_a_parquet_table_has_the_size_of_what_is_in_it(lagsim, tmp_path, monkeyp
 def test_a_line_of_a_table_has_a_size(lagsim, tmp_path, monkeypatch):
     from lagsim.studies import tables as reading
 
+    monkeypatch.setattr(reading, "BLOCK", 500)
     monkeypatch.setattr(reading, "LONGEST_LINE", 2000)
     (tmp_path / "long.csv").write_text("t,x\n1,2\n3," + "4" * 5000)
     refused(lagsim("compare", "long.csv", "long.csv"), "a line has more than 1.95 KiB")

@@ -41,13 +41,20 @@ def test_numbers_are_read_to_the_bit(tmp_path):
     lines = [f"{k},{text}\r\n" for k, text in enumerate(texts)]
     found = table_of(tmp_path, "t,a\n" + "".join(lines))
     assert bits(found["a"]) == bits([float(text) for text in texts])
+    for text in FORMS.split():
+        for k, end in enumerate(("\n", "\r\n", "")):  # each alone in its file
+            folder = tmp_path / f"{text}{k}"
+            folder.mkdir()
+            for row in (f"1,{text}", f"{text},1"):
+                found = table_of(folder, f"t,a\n{row}{end}")
+                assert bits(found.data) == bits([[float(x)] for x in row.split(",")])
 
 
 @pytest.mark.parametrize(
     "cell",
     [
         "1.2.3", "1-2", "1e", "e5", "1e5e5", "--1", "1e-5.2", "1e-5e3", "abc", "#1",
-        "0x1", "1_0", "'1'", "1 2", "1j",
+        "0x1", "1_0", "'1'", "1 2", "1j", "null", "true", "[1]",
     ],
 )  # fmt: skip
 def test_what_is_no_number_is_named(tmp_path, cell):
