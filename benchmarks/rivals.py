@@ -119,8 +119,7 @@ class Scene:
 
         from lagsim.model.reader import read_file
         from lagsim.run.session import open_case
-        from lagsim.studies.bench.solving import Own, Patience
-        from lagsim.studies.bench.work_precision import state_sizes
+        from lagsim.studies.bench.solving import Own, Patience, state_sizes
 
         self.case, self.method, self.patience = case, method, Patience(60.0)
         model = read_file(str(MODELS / f"{case.model}.yaml"), options=case.options)

@@ -142,9 +142,11 @@ def _pale(pen: Pen) -> Pen:
     return {k: LOST if k in ("color", "markerfacecolor") else v for k, v in pen.items()}
 
 
-def point(axes: Axes, x: float, y: float, pen: Pen) -> None:
-    """Draw one mark above the curves, whole at the edge too."""
-    line(axes, [x], [y], pen, zorder=2.5, clip_on=False)
+def point(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen) -> None:
+    """Draw a mark, or some, above the curves, whole at the edge too."""
+    x, y = np.atleast_1d(x, y)
+    if len(x):  # without any it had no place, and no layout were found
+        line(axes, x, y, {"zorder": 2.5, **pen}, clip_on=False)
 
 
 def shade(axes: Axes, horizon: float) -> None:

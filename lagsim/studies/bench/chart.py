@@ -32,6 +32,7 @@ from lagsim.outputs.figure import (
     SMALL,
     WIDTH,
     Column,
+    Entry,
     Pen,
     Picture,
     content,
@@ -210,12 +211,9 @@ def cost_panel(
         curve(axes, *front, FRONT)
     for c in costs:
         curve(axes, c.errors, c.costs, c.look.line)
-        for x, y in zip(c.errors, c.costs, strict=True):
-            if across.low <= x <= across.high:
-                point(axes, x, y, c.look.mark)
-        for x, y, ringed in zip(c.errors, c.costs, c.ringed, strict=False):
-            if ringed:
-                point(axes, x, y, CHOSEN)
+        point(axes, c.errors, c.costs, c.look.mark)
+        ringed = np.flatnonzero(c.ringed)
+        point(axes, c.errors[ringed], c.costs[ringed], CHOSEN)
     # Numbers keep away from the corner where both axes begin.
     axes.annotate(
         "↙ better", (0.0, 0.0), (-15.0, -12.0), "axes fraction", "offset points",
@@ -265,14 +263,11 @@ def _costs(found: Shown, of: str) -> list[Cost]:
     keys = [*found.curves, *found.left_out]
     return [
         Cost(
-            _name(key, keys),
-            look_of(*key),
-            seen(row["error"] for row in rows),
-            seen(row[of] for row in rows),
-            [row["chosen"] for row in rows],
+            _name(key, keys), look_of(*key), seen(row["error"] for row in rows),
+            seen(row[of] for row in rows), [row["chosen"] for row in rows],
         )
         for key, rows in found.curves.items()
-    ]
+    ]  # fmt: skip
 
 
 def _name(key: Key, keys: Iterable[Key]) -> str:
@@ -289,7 +284,8 @@ def _about_costs(document: Document, found: Shown) -> list[str]:
         lines.append(f"No result: {'; '.join(gaps)}.")
     if found.left_out:
         text = ", ".join(
-            f"{_name(key, rows)} ({_rounded(times)})"
+            f"{_name(key, rows)} "
+            + (f"({float(f'{times:.2g}'):g})" if times < math.inf else "(no digits)")
             for key, times in found.left_out.items()
         )
         lines.append(f"Not drawn (time relative to the fastest): {text}.")
@@ -304,26 +300,20 @@ def _about_costs(document: Document, found: Shown) -> list[str]:
     return lines
 
 
-def _rounded(times: float) -> str:
-    return f"{float(f'{times:.2g}'):g}" if np.isfinite(times) else "no digits"
-
-
 def _gaps(rows: Mapping[Key, Sequence[Row]], found: Shown) -> Iterator[str]:
     """Return settings without an answer, with reasons, those next to each other joined.
 
     Of the curves that are shown, and of those that would have nothing to show.
     """
     for key in (x for x in rows if x not in found.left_out):
-        for outcome, group in groupby(rows[key], _without_answer):
+        for outcome, group in groupby(
+            rows[key], lambda x: x["outcome"] if x["error"] is None else None
+        ):
             if outcome is not None:
                 gap = list(group)
                 values = dict.fromkeys(f"{x['value']:.3g}" for x in (gap[0], gap[-1]))
                 where = f"{_name(key, rows)} at {gap[0]['setting']}"
                 yield f"{where} {' to '.join(values)}: {outcome}"
-
-
-def _without_answer(row: Row) -> str | None:
-    return str(row["outcome"]) if row["error"] is None else None
 
 
 # Maps of stability
@@ -348,11 +338,12 @@ VERDICT_COLOURS = {
 }
 FOUND: Pen = {"color": INK, "linewidth": 1.8}
 # Predicted borders: of which states, and how they are drawn.
-PREDICTED: dict[str, tuple[str, Pen]] = {
-    "predicted_at_start": ("start", mark("D", 4.6, fill="white")),
-    "predicted_along": ("motion", mark("v", 5.0, fill="#0072B2")),
+PREDICTED: dict[str, Entry] = {
+    "predicted_at_start": ("predicted: start", mark("D", 4.6, fill="white")),
+    "predicted_along": ("predicted: motion", mark("v", 5.0, fill="#0072B2")),
 }
 PREDICTED_LINE: Pen = {"color": "#0072B2", "dashes": (3.0, 1.5), "linewidth": 1.4}
+PREDICTED_MAP: dict[str, Entry] = {"predicted": ("predicted", PREDICTED_LINE)}
 AT_START = mark("o", 3.6)
 ALONG = mark(".", 3.0, "#D55E00")
 ON_AXIS: Pen = {"color": "#0072B2", "linewidth": 2.4}
@@ -369,16 +360,14 @@ COVERED = 0.01
 def stability(document: Document, form: str = "png") -> bytes:
     """Draw the content of stability.json; as PNG, SVG or PDF."""
     vary, (fixed, adaptive) = document["vary"], document["methods"].values()
-    regions = [Region(document, name) for name in fixed]
-    at_start = any(len(region.at_start) for region in regions)
-    along = any(region.along for region in regions)
+    regions = [region(document, name) for name in fixed]
     parts: list[tuple[float, Callable[[SubFigure], object]]] = []
-    panels: list[Axes] = []
+    planes: list[Axes] = []
     if fixed:
         each = MAP * -(-len(fixed) // MAPS) if vary else STRIP * len(fixed)
         cells = partial(_maps if vary else _strips, document=document)
         high = (LARGE if len(fixed) <= MAPS else REGION) * -(-len(fixed) // REGIONS)
-        below = partial(_regions, regions=regions, panels=panels)
+        below = partial(_regions, regions=regions, panels=planes)
         parts += [(each + BELOW, cells), (BELOW / 2 + high, below)]
     if adaptive:
         parts.append((3 * WORK + BELOW, partial(_work, document=document)))
@@ -386,8 +375,7 @@ def stability(document: Document, form: str = "png") -> bytes:
     drawing = Picture(
         sum(heights), document["model"]["name"],
         "where methods hold and where they fail",
-        legend=_legend(document, at_start=at_start, along=along),
-        notes=_about_maps(document, eigenvalues=at_start or along),
+        legend=_legend(document, regions), notes=_about_maps(document, regions),
         layout="constrained",
     )  # fmt: skip
     places = drawing.add_gridspec(len(heights), 1, height_ratios=heights)
@@ -397,7 +385,7 @@ def stability(document: Document, form: str = "png") -> bytes:
     assert engine is not None
     for _ in range(LAYOUTS):
         engine.execute(drawing)
-        for axes in panels:  # as long across as up
+        for axes in planes:  # as long across as up
             low, high = axes.get_ylim()
             width, height = axes.get_window_extent().size
             across = (high - low) * width / height / (REAL[1] - REAL[0])
@@ -418,28 +406,22 @@ def borders_of(document: Document, method: str) -> list[dict[str, Any]]:
     return [found] if isinstance(found, dict) else list(found)
 
 
-def _legend(
-    document: Document, *, at_start: bool, along: bool
-) -> list[tuple[str, Pen]]:
-    """Name colours and marks."""
+def _legend(document: Document, regions: Sequence[Region]) -> list[Entry]:
+    """Name colours and marks, of what is there."""
     seen = {cell["verdict"] for cell in document["cells"]}
     bar = {"linewidth": 8.0, "solid_capstyle": "butt"}
-    bars = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
-    fixed = document["methods"]["fixed"]
-    borders = [border for name in fixed for border in borders_of(document, name)]
-    found = any(border["found"] is not None for border in borders)
-    shown: list[tuple[str, Pen, bool]] = [("border found", FOUND, found)]
-    if document["vary"]:
-        there = any(border["predicted"] for border in borders)
-        shown.append(("predicted", PREDICTED_LINE, there))
-    elif fixed:
-        across, _ = spread(document["steps"])
-        shown += [
-            (f"predicted: {where}", pen, any(_within(b[key], across) for b in borders))
-            for key, (where, pen) in PREDICTED.items()
-        ]
-    shown += [("h·λ: start", AT_START, at_start), ("h·λ: motion", ALONG, along)]
-    return [*bars, *((name, pen) for name, pen, there in shown if there)]
+    shown = [(v, bar | {"color": VERDICT_COLOURS[v]}) for v in VERDICTS if v in seen]
+    if not regions:
+        return shown
+    across, _ = spread(document["steps"])
+    marks = {"found": ("border found", FOUND)}
+    marks |= PREDICTED_MAP if document["vary"] else PREDICTED
+    for key, entry in marks.items():
+        borders = (b for x in regions for b in borders_of(document, x.name))
+        shown += [entry] if any(_within(b[key], across) for b in borders) else []
+    shown += [("h·λ: start", AT_START)] if any(len(x.at_start) for x in regions) else []
+    shown += [("h·λ: motion", ALONG)] if any(len(x.along) for x in regions) else []
+    return shown
 
 
 def _within(step: float | None, across: Scale) -> bool:
@@ -522,7 +504,7 @@ def _maps(part: SubFigure, document: Document) -> None:
         axes.set_xlabel(varied.within(WIDTH / MAPS))
 
 
-class Region:
+class Region(NamedTuple):
     """The plane of z = h λ of a method, as a panel shows it.
 
     Attributes
@@ -531,35 +513,40 @@ class Region:
         The step at which eigenvalues are shown, and what it is.
     size : float
         How much of the plane is shown.
-    at_start, motion : ndarray of complex
-        The z in it, at the start and along the motion.
-    along : bool
-        Some of the motion are not covered by those of the start.
+    at_start, along : ndarray of complex
+        The z in it, at the start; and along the motion, where those do not cover them.
     """
 
-    def __init__(self, document: Document, name: str) -> None:
-        self.name, self.method = name, method_named(name)
-        self.step, self.meaning = _step_shown(document, name)
-        found = document["eigenvalues"]
-        at_start, motion = (
-            np.array(found[key], float).reshape(-1, 2) @ [1.0, 1j]
-            for key in ("at_start", "along")
-        )
-        # A bounded region fills its panel; of an unbounded one eigenvalues decide.
-        self.size = 1.0
-        if not math.isfinite(self.method.IMAGINARY_LIMIT):
-            largest = float(np.max(np.abs(at_start), initial=0.0))
-            self.size = max(1.0, 1.2 * self.step * largest / IMAGINARY[1])
-        self.at_start, self.motion = self._inside(at_start), self._inside(motion)
-        near = COVERED * self.size * IMAGINARY[1]
-        self.along = any(
-            np.min(abs(self.at_start - z), initial=np.inf) > near for z in self.motion
-        )
+    name: str
+    step: float
+    meaning: str
+    size: float
+    at_start: Complexes
+    along: Complexes
 
-    def _inside(self, values: Complexes) -> Complexes:
-        z = self.step * values[values.imag >= 0.0]
-        z = z[(z.real >= self.size * REAL[0]) & (z.real <= self.size * REAL[1])]
-        return np.asarray(z[z.imag <= self.size * IMAGINARY[1]])
+
+def region(document: Document, name: str) -> Region:
+    """Give what is shown of the plane for a method."""
+    step, meaning = _step_shown(document, name)
+    start, motion = (
+        np.array([step * complex(*pair) for pair in document["eigenvalues"][key]])
+        for key in ("at_start", "along")
+    )
+    # A bounded region fills its panel; of an unbounded one eigenvalues decide.
+    size, largest = 1.0, float(np.max(np.abs(start), initial=0.0))
+    if not math.isfinite(method_named(name).IMAGINARY_LIMIT):
+        size = max(1.0, 1.2 * largest / IMAGINARY[1])
+    (low, high), top = REAL, size * IMAGINARY[1]
+    at_start, along = (
+        z[
+            (z.imag >= 0.0)
+            & (z.imag <= top)
+            & (np.clip(z.real, size * low, size * high) == z.real)
+        ]
+        for z in (start, motion)
+    )
+    covers = np.abs(along[:, None] - at_start) <= COVERED * top
+    return Region(name, step, meaning, size, at_start, along[~covers.any(axis=1)])
 
 
 def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> None:
@@ -568,7 +555,7 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
     part.suptitle(text, x=EDGE / WIDTH, ha="left", size=SMALL, color=DIM)
     panels += _grid(part, len(regions), REGIONS, "Im z")
     for axes, region in zip(panels, regions, strict=True):
-        method = region.method
+        method = method_named(region.name)
         across, up = (
             (region.size * low, region.size * high) for low, high in (REAL, IMAGINARY)
         )
@@ -587,9 +574,8 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
         axes.axvline(0.0, color="#999999", linewidth=0.6)
         if method.IMAGINARY_LIMIT > 0.0:
             axes.plot([0.0, 0.0], [0.0, min(method.IMAGINARY_LIMIT, up[1])], **ON_AXIS)
-        for z, pen in ((region.motion, ALONG), (region.at_start, AT_START)):
-            if len(z):  # without any it had no place, and no layout were found
-                axes.plot(z.real, z.imag, **pen, zorder=2.6, clip_on=False)
+        for z, pen in ((region.along, ALONG), (region.at_start, AT_START)):
+            point(axes, z.real, z.imag, pen | {"zorder": 2.6})
         axes.set(xlim=across, ylim=up)
         axes.set_title(region.name, weight="bold")
         label = f"h = {region.step:.3g} s ({region.meaning})"
@@ -659,10 +645,9 @@ def _share(count: float | None, cell: Document) -> float | None:
     return count / cell["duration"] if count and cell["duration"] else None
 
 
-def _about_maps(document: Document, *, eigenvalues: bool) -> list[str]:
-    lines = []
-    runs, fixed = document["runs"], document["methods"]["fixed"]
-    if fixed:
+def _about_maps(document: Document, regions: Sequence[Region]) -> list[str]:
+    lines, runs = [], document["runs"]
+    if regions:
         least = min(steps["least"] for steps in runs["steps"].values())
         most = max(steps["most"] for steps in runs["steps"].values())
         lines.append(
@@ -672,20 +657,19 @@ def _about_maps(document: Document, *, eigenvalues: bool) -> list[str]:
             "every mode is excited. A run grows or decays if energy − work changes by "
             "more than 1 % of the energy of the motion."
         )
-        if eigenvalues:
+        if any(len(x.at_start) or len(x.along) for x in regions):
             lines.append(
                 "λ: eigenvalues of the linearised equations, at the start and at "
                 "states along the motion. A method is predicted to be stable where "
                 "h·λ lies in its blue region."
             )
     missing: dict[str, list[str]] = {}
-    never = []
-    for name in fixed:
-        borders = borders_of(document, name)
-        for border in borders:
+    never = dict[str, None]()
+    for name in (x.name for x in regions):
+        for border in borders_of(document, name):
             missing.setdefault(border["note"], []).append(name)
-        if any(border[key] == 0.0 for border in borders for key in PREDICTED):
-            never.append(name)
+            if 0.0 in (border[key] for key in PREDICTED):
+                never[name] = None
     missed = [f"{', '.join(x)}: {note}" for note, x in missing.items() if note]
     if missed and not document["vary"]:
         lines.append(f"No border found: {'; '.join(missed)}.")

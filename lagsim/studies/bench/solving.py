@@ -208,6 +208,19 @@ LEAST_RTOL = 3e-14
 LOOK = 64
 
 
+def index_one(case: Case) -> Own:
+    """Give what has the right-hand side with lambda solved away, and nothing else."""
+    return Own(case, "dop853", DRIFT if case.equations.rows else "full")
+
+
+def state_sizes(own: Own, rows: Floats) -> Floats:
+    """Give the largest size of each component of y in rows, none of them 0."""
+    wanted = [*own.case.equations.q, *own.case.equations.velocities]
+    wanted += [x.name for x in own.system.equations.works]
+    sizes = np.max(np.abs(rows[:, [own.names.index(x) for x in wanted]]), axis=0)
+    return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
+
+
 def scipy_refusal(own: Own) -> str:
     """Give the reason why scipy's solvers cannot handle a model; "" if they can."""
     switches = own.system.switches
@@ -227,20 +240,18 @@ class Scipy:
     ----------
     own
         Gives the right-hand side, and makes columns of states.
-    times : (k,)
-        Of the rows.
-    sizes : (size,)
-        Of the components of y: atol is rtol times these, as in lagsim.
+    rows : (k, columns)
+        Of the motion as it is known: their times are solved for, and atol is rtol times
+        the sizes of the components of y, as in lagsim.
     """
 
     setting = "rtol"
     compile_seconds = 0.0
 
-    def __init__(self, own: Own, method: str, times: Floats, sizes: Floats) -> None:
-        self.own, self.times, self.sizes = own, times, sizes
-        self.method = method
-        self.formulation = "drift" if own.system.m else "none"
-        self.names = own.names
+    def __init__(self, own: Own, method: str, rows: Floats) -> None:
+        self.own, self.method, self.names = own, method, own.names
+        self.times, self.sizes = rows[:, 0], state_sizes(own, rows)
+        self.formulation = DRIFT if own.system.m else "none"
 
     def _derivative(
         self, look: Callable[[], None]

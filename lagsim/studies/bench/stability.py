@@ -435,8 +435,8 @@ class _Map:
         Of the parameter.
     lengths : dict
         By method, the least and the largest number of steps of a run.
-    cells, borders : list of dict
-        As in stability.json; each border has its method besides.
+    cells, borders : dict of list of dict
+        As in stability.json, by method.
     """
 
     def __init__(
@@ -455,8 +455,8 @@ class _Map:
         count = len(self.values) * each
         self.lengths = {name: self._lengths(name, count) for name in self.fixed}
         self.rest = _equilibrium(self.subject)  # before an end may be asked for
-        self.cells: list[dict[str, Any]] = []
-        self.borders: list[dict[str, Any]] = []
+        self.cells = {name: list[Any]() for name in (*self.fixed, *self.adaptive)}
+        self.borders = {name: list[Any]() for name in self.fixed}
         self.total = max(1, len(self.values) * (each + len(self.adaptive)))
         self.done = 0.0
 
@@ -495,30 +495,28 @@ class _Map:
         """Run every method at every value of the parameter."""
         for value in self.values:
             varied = {} if value is None else {str(self.wish.name): value}
-            subject, fault = self.subject, ""
+            subject: Subject | str = self.subject
             if value is not None:
                 try:
                     subject = Subject(self.case_at(value), self.interrupt)
                 except LagsimError as error:
-                    fault = _reason(error)
-            for name in (*self.fixed, *self.adaptive):
+                    subject = _reason(error)
+            for name, cells in self.cells.items():
                 steps = self.steps if name in self.fixed else [None]
                 strip: dict[Any, Trial] = {
-                    h: self._trial(subject, name, fault, h) for h in steps
+                    h: self._trial(subject, name, h) for h in steps
                 }
-                self.cells += [
+                cells += [
                     {"method": name, "step": h, **varied, **found._asdict()}
                     for h, found in strip.items()
                 ]
                 if name in self.fixed:
-                    border = self._border(subject, name, strip, fault)
-                    self.borders.append({"method": name, **varied, **border})
+                    border = self._border(subject, name, strip)
+                    self.borders[name].append(varied | border)
 
-    def _trial(
-        self, subject: Subject, name: str, fault: str, step: float | None
-    ) -> Trial:
-        if fault:
-            return Trial(FAILS, reason=fault)
+    def _trial(self, subject: Subject | str, name: str, step: float | None) -> Trial:
+        if isinstance(subject, str):
+            return Trial(FAILS, reason=subject)
         steps = 0 if step is None else self.length(name, step)
         try:
             found = subject.run(name, step, steps)
@@ -535,18 +533,20 @@ class _Map:
             pass  # raises where an end is asked for
 
     def _border(
-        self, subject: Subject, name: str, strip: Mapping[float, Trial], fault: str
+        self, subject: Subject | str, name: str, strip: Mapping[float, Trial]
     ) -> dict[str, Any]:
         """Return where a method ceases to hold: as found, and from the eigenvalues."""
         top, counted = self.steps[-1], self.done
         span = top * self.length(name, top)
-        predictions = [
-            None if fault else predicted(method_named(name).amplification, x, span)
-            for x in (subject.at_start, subject.along)
-        ]
-        found, note = None, fault
-        if not fault:
-            trial = partial(self._trial, subject, name, fault)
+        predictions: list[float | None] = [None, None]
+        if isinstance(subject, str):
+            found, note = None, subject
+        else:
+            predictions = [
+                predicted(method_named(name).amplification, x, span)
+                for x in (subject.at_start, subject.along)
+            ]
+            trial = partial(self._trial, subject, name)
             found, note = _found(strip, trial, predictions)
         self._count(max(0, counted + SEARCH - self.done))
         known = [x for x in predictions if x is not None]
@@ -561,16 +561,9 @@ class _Map:
     def document(self, *, complete: bool) -> dict[str, Any]:
         """Return the content of stability.json."""
         subject, name = self.subject, self.wish.name
-        model, order = subject.equations.model, [*self.fixed, *self.adaptive]
+        model = subject.equations.model
         units = {p.name: p.unit for p in model.parameters}
         vary = name and {"name": name, "unit": units[name], "values": self.values}
-        borders: dict[str, Any] = {}
-        for border in sorted(self.borders, key=lambda x: order.index(x["method"])):
-            method = border.pop("method")
-            if name is None:
-                borders[method] = border
-            else:
-                borders.setdefault(method, []).append(border)
         return {
             **head(model),
             "complete": complete,
@@ -590,7 +583,7 @@ class _Map:
                 },
                 "energy": subject.energy,
             },
-            "borders": borders,
+            "borders": {m: x if name else x[0] for m, x in self.borders.items() if x},
             "eigenvalues": {
                 "at_start": _pairs(subject.at_start),
                 "along": _pairs(subject.along),
@@ -599,7 +592,7 @@ class _Map:
             },
             **self.rest,
             "refused": self.refused,
-            "cells": sorted(self.cells, key=lambda x: order.index(x["method"])),
+            "cells": [cell for own in self.cells.values() for cell in own],
         }
 
 

@@ -40,6 +40,7 @@ from lagsim.studies.bench.solving import (
     Scipy,
     asking,
     formulations,
+    index_one,
     least,
     machine,
     scipy_refusal,
@@ -138,8 +139,7 @@ def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solutio
     found = _by_own(case, (x for x in SECOND if x != first.method), patience)
     own = index_one(case)
     if not scipy_refusal(own):
-        sizes = state_sizes(own, first.rows)
-        solver = Scipy(own, f"{PREFIX}DOP853", first.rows[:, 0], sizes)
+        solver = Scipy(own, f"{PREFIX}DOP853", first.rows)
         found = itertools.chain(found, _solved(solver, (LEAST_RTOL,), patience))
     looser = [x for x in TIGHT if x > first.value]
     best = next(found, None)
@@ -147,19 +147,6 @@ def _others(case: Case, first: Solution, patience: Patience) -> Iterator[Solutio
         yield from _solved(Own(case, first.method), looser, patience)
     else:
         yield from (best, *found)
-
-
-def index_one(case: Case) -> Own:
-    """Return what has the right-hand side with lambda solved away, and nothing else."""
-    return Own(case, "dop853", "drift" if case.equations.rows else "full")
-
-
-def state_sizes(own: Own, rows: Floats) -> Floats:
-    """Return the largest size of each component of y, none of them 0."""
-    wanted = [*own.case.equations.q, *own.case.equations.velocities]
-    wanted += [x.name for x in own.system.equations.works]
-    sizes = np.max(np.abs(rows[:, [own.names.index(x) for x in wanted]]), axis=0)
-    return np.where(sizes > 0.0, sizes, np.max(sizes) or 1.0)
 
 
 @dataclass(frozen=True)
@@ -550,14 +537,13 @@ def _curves(
     wanted = list(filter(wish.wants, SCIPY))
     if not wanted:
         return
-    own, rows = index_one(case), reference.rows
+    own = index_one(case)
     refusal = scipy_refusal(own)
     for name in wanted:
         if refusal:
             refused.append({"method": name, "formulation": "auto", "reason": refusal})
         else:
-            solver = Scipy(own, name, rows[:, 0], state_sizes(own, rows))
-            yield Curve(solver, tolerances, [], reference)
+            yield Curve(Scipy(own, name, reference.rows), tolerances, [], reference)
 
 
 @dataclass

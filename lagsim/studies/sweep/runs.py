@@ -26,7 +26,7 @@ import re
 import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -283,9 +283,9 @@ class Work(NamedTuple):
     options: tuple[tuple[str, str], ...]
     grid: Grid
     error_bars: ErrorBars
-    kept: str | None
-    plots: bool
-    ends: bool
+    kept: str | None = None
+    plots: bool = False
+    ends: bool = False
 
 
 class Row(NamedTuple):
@@ -343,16 +343,14 @@ class Found:
         grid: Grid,
         options: Mapping[str, object],
         error_bars: ErrorBars,
-        *,
-        kept: str | None = None,
-        plots: bool = False,
-        ends: bool = False,
+        **more: Any,
     ) -> Found:
         """Give a sweep of which nothing is known yet; see `Work`."""
         texts = tuple((name, str(x)) for name, x in options.items())
-        bars = ErrorBars.NEVER if ends else error_bars
-        packed = pickle.dumps(model)
-        return cls(model, Work(packed, texts, grid, bars, kept, plots, ends))
+        work = Work(pickle.dumps(model), texts, grid, error_bars, **more)
+        return cls(
+            model, work._replace(error_bars=ErrorBars.NEVER) if work.ends else work
+        )
 
     @property
     def grid(self) -> Grid:

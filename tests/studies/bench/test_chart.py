@@ -210,8 +210,9 @@ def test_what_is_better_and_what_it_was_measured_on_is_said():
 
 def test_what_auto_takes_has_rings(crowded):
     for panel in crowded.panels:
-        rings = [line for line in panel.lines if line.marker == "o" and line.dots]
-        assert len([r for r in rings if r.colour == "#000000"]) == 11
+        [rings] = [line for line in panel.of_colour("#000000") if line.marker == "o"]
+        assert rings.dots
+        assert len(rings.x) == 11
 
 
 def test_errors_below_the_floor_are_shaded():
