@@ -9,7 +9,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 228
-LINES = 65_100
+LINES = 64_900
 LINES_OF_TESTS = 50_300
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import decimal
 import math
-from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,6 @@ from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import Meter, TooLongError
 from lagsim.model.model import Level
-from lagsim.show.content import Conserved
 from lagsim.show.tidy import MOST_PRODUCTS, Sums
 from lagsim.tolerances import COMPUTED_ZERO
 
@@ -32,9 +30,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.forms import Terms
-    from lagsim.show.content import Condition, Line
     from lagsim.show.symbols import Translation
 
+    Part = dict[str, Any]  # of a document
     Generator = tuple[int, ...]  # a coordinate that is shifted, or two that are turned
 
 
@@ -51,9 +49,9 @@ def conserved_quantities(
     lagrangian: Any,
     dL_dt: Any,
     dL_dq: Sequence[int],
-    lines: Sequence[Line],
-    constraints: Sequence[Condition],
-) -> list[Conserved]:
+    lines: Sequence[Part],
+    constraints: Sequence[Part],
+) -> list[Part]:
     """Give what is seen to be conserved; the slopes dL/dq (n,) are nodes."""
     found = _energy(x, lagrangian, dL_dt, lines)
     single = [
@@ -64,47 +62,47 @@ def conserved_quantities(
     shifts = [(j,) for j, c in enumerate(single) if c is None]
     generators = [*shifts, *combinations(range(len(lines)), 2)]
     if len(lines) > 1 and len(generators) <= MOST_GENERATORS and not x.equations.laws:
-        momenta = [line.momentum for line in lines]
+        momenta = [line["momentum"] for line in lines]
         functions = [
             (x.sympy(dL_dq), momenta),
-            *((c.A, ()) for c in constraints),
-            ([line.terms["Q"] for line in lines], ()),
+            *((k["A"], ()) for k in constraints),
+            ([line["Q"] for line in lines], ()),
         ]
         found += _symmetries(x, generators, functions, momenta)
     return _named(x, found)
 
 
 def _energy(
-    x: Translation, lagrangian: Any, dL_dt: Any, lines: Sequence[Line]
-) -> list[Conserved]:
+    x: Translation, lagrangian: Any, dL_dt: Any, lines: Sequence[Part]
+) -> list[Part]:
     e, g = x.equations, x.g
     if any(row.transport != g.zero for row in e.rows) or e.laws:
         return []
-    worked = (line.terms["Q"] * v for line, v in zip(lines, x.v, strict=True))
+    worked = (line["Q"] * v for line, v in zip(lines, x.v, strict=True))
     if not x.tidy.is_zero(sp.Add(-dL_dt, *worked)):
         return []
     if e.energy_is_sum:
         total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential], written=True))
-        return [Conserved("energy", (), x.tidy(total, written=True))]
-    moved = (v * line.momentum for v, line in zip(x.v, lines, strict=True))
+        return [_part("energy", (), x.tidy(total, written=True))]
+    moved = (v * line["momentum"] for v, line in zip(x.v, lines, strict=True))
     value = x.tidy(sp.Add(-lagrangian, *moved))
-    return [Conserved("energy function", (), value)]
+    return [_part("energy function", (), value)]
 
 
 def _momentum(
     x: Translation,
     dL_dq: int,
     j: int,
-    line: Line,
-    constraints: Sequence[Condition],
-) -> Conserved | None:
+    line: Part,
+    constraints: Sequence[Part],
+) -> Part | None:
     """Give the momentum of coordinate j where it is conserved.
 
     Where dL/dq is the rate of a linear function of the positions, as in a magnetic
     field, that function is taken off.
     """
-    held = any(c.A[j] != 0 or _slips(c, x.v[j]) for c in constraints)
-    if held or line.terms["Q"] != 0:
+    held = any(k["A"][j] != 0 or _slips(k, x.v[j]) for k in constraints)
+    if held or line["Q"] != 0:
         return None
     (slope,) = x.sympy([dL_dq])
     if x.free(slope) & {*x.q, x.t}:
@@ -118,13 +116,17 @@ def _momentum(
         return None
     name = x.q[j].name
     if slope == 0:
-        return Conserved("momentum", (name,), line.momentum)
+        return _part("momentum", (name,), line["momentum"])
     shift = sp.Add(*(c * q for c, q in zip(coefficients, x.q, strict=True)))
-    return Conserved("shifted momentum", (name,), x.tidy(line.momentum - shift))
+    return _part("shifted momentum", (name,), x.tidy(line["momentum"] - shift))
 
 
-def _slips(c: Condition, v: Any) -> bool:
-    return any(v in s.free_symbols for s in c.law.get("slip", ()))
+def _slips(k: Part, v: Any) -> bool:
+    return any(v in s.free_symbols for s in k["slip"])
+
+
+def _part(kind: str, of: Sequence[str], value: Any) -> Part:
+    return {"kind": kind, "of": of, "expression": value, "definition": None}
 
 
 def _symmetries(
@@ -132,7 +134,7 @@ def _symmetries(
     generators: Sequence[Generator],
     functions: Sequence[tuple[Sequence[Any], Sequence[Any]]],
     momenta: Sequence[Any],
-) -> list[Conserved]:
+) -> list[Part]:
     """Give the momenta of what changes none of the functions.
 
     Parameters
@@ -164,7 +166,7 @@ def _symmetries(
         turned = any(g[1:] for g in chosen)
         kind = "angular momentum" if turned else "total momentum"
         of = tuple(x.q[j].name for j in sorted({j for g in chosen for j in g}))
-        found.append(Conserved(kind, of, x.tidy(value)))
+        found.append(_part(kind, of, x.tidy(value)))
     return found
 
 
@@ -251,7 +253,7 @@ def _rounded(x: int | Fraction) -> Any:
     return sp.QQ(x.numerator, x.denominator)
 
 
-def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
+def _named(x: Translation, found: list[Part]) -> list[Part]:
     """Say which definitions of the file they are, by the values at random states.
 
     Parameters are random too. All are near 1, so that roots and logarithms exist.
@@ -259,8 +261,8 @@ def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
     model, random = x.equations.model, np.random.default_rng(7)
     defined = [d for d in model.definitions if d.level is not Level.OUTPUT]
     if not (found and defined):
-        return list(found)
-    nodes = [x.node(c.value, x.g.zero) for c in found]
+        return found
+    nodes = [x.node(c["expression"], x.g.zero) for c in found]
     nodes += [d.node for d in defined]
     state = ("t", *x.equations.q, *x.equations.velocities)
     rows = []
@@ -270,7 +272,6 @@ def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
             at[p.name] = math.copysign(random.uniform(0.5, 2.0), p.value)
         rows.append(evaluate(x.g, nodes, at))
     values = np.array(rows).T
-    named = []
     for c, value in zip(found, values, strict=False):
         finite = np.isfinite(value)
         names = (
@@ -279,5 +280,5 @@ def _named(x: Translation, found: Sequence[Conserved]) -> list[Conserved]:
             if any(finite)
             and np.allclose(other[finite], value[finite], rtol=COMPUTED_ZERO, atol=0.0)
         )
-        named.append(replace(c, definition=next(names, "")))
-    return named
+        c["definition"] = next(names, None)
+    return found

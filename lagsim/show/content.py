@@ -1,13 +1,12 @@
-"""What a derivation gives, as sympy expressions: the same for every format.
+"""A derivation as sympy expressions, and the conditions of constraints in signs.
 
-With what the law of a constraint asks of its gap, rate and multiplier, in signs: the
-same statements in every style, which says how gap and rate are called there.
+The conditions are the same statements in every style, which says how gap and rate are
+called there.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -17,135 +16,20 @@ if TYPE_CHECKING:
     from lagsim.show.symbols import Translation
 
 
-@dataclass(frozen=True)
-class Force:
-    """A force and what it gives: Q_j by virtual work.
-
-    `velocity` tells that it works on a rate, Q_j = p ds/dq_j'; `shares` has (n,).
-    """
-
-    on: str
-    force: Any
-    direction: Any
-    velocity: bool
-    shares: tuple[Any, ...]
-
-
-@dataclass(frozen=True)
-class Line:
-    """The equation of a coordinate, term by term.
+class Content(NamedTuple):
+    """A derivation.
 
     Attributes
     ----------
-    momentum
-        dL/dq'.
-    terms
-        What is worked out, by key: `ddt_dT_dqdot`, `dT_dq`, `ddt_dV_dqdot`, `dV_dq`
-        (or `ddt_dL_dqdot`, `dL_dq` where the file gives a Lagrangian), `Q`.
-    left, right
-        The equation.
+    translation
+        The model, and how its symbols are shown.
+    document
+        What JSON gives, by the keys of docs/derive.md, with sympy expressions in place
+        of texts; `gauss.a` is a tuple (n,). The `conditions` are left to each format.
     """
-
-    coordinate: str
-    momentum: Any
-    terms: dict[str, Any]
-    left: Any
-    right: Any
-
-
-@dataclass(frozen=True)
-class Condition:
-    """A constraint, its derivatives, its row of A and its b.
-
-    Attributes
-    ----------
-    kind
-        `holonomic`, `nonholonomic` or `one-sided`.
-    function
-        g, or phi.
-    rate
-        What vanishes on the level of velocities.
-    acceleration
-        The rate of that: A q'' - b.
-    law
-        What the file gives of `restitution`, `friction` (while it slides), `static`,
-        `slip`, `limit` and `when`; nothing of an equality that always holds.
-    """
-
-    name: str
-    kind: str
-    function: Any
-    rate: Any
-    acceleration: Any
-    A: tuple[Any, ...]
-    b: Any
-    law: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def moving(self) -> bool:
-        """Whether it is between velocities: what vanishes is the function itself."""
-        return self.rate is self.function
-
-
-@dataclass(frozen=True)
-class Conserved:
-    """A quantity that does not change; `definition` is the file's name for it."""
-
-    kind: str
-    of: tuple[str, ...]
-    value: Any
-    definition: str = ""
-
-
-@dataclass(frozen=True)
-class Solution:
-    """Accelerations and multipliers in closed form.
-
-    Accelerations may hold multipliers; these hold neither. `steps` come first, in
-    order, where the elimination is written step by step.
-    """
-
-    accelerations: tuple[Any, ...]
-    multipliers: tuple[Any, ...]
-    steps: tuple[tuple[Any, Any], ...] = ()
-
-
-@dataclass(frozen=True)
-class Gauss:
-    """Gauss's principle: G = (q'' - a)^T M (q'' - a)/2 is least, subject to A q'' = b.
-
-    a : (n,), K : (n, m), Qc : (n,); Qc = K (A a - b). None where it is too long.
-    """
-
-    a: tuple[Any, ...] | None
-    G: Any
-    K: tuple[tuple[Any, ...], ...] | None
-    Qc: tuple[Any, ...] | None
-
-
-@dataclass(frozen=True)
-class Content:
-    """A derivation. M : (n, n), f : (n,)."""
 
     translation: Translation
-    kinetic: Any
-    potential: Any
-    lagrangian: Any
-    dissipation: Any
-    forces: tuple[Force, ...]
-    lines: tuple[Line, ...]
-    M: tuple[tuple[Any, ...], ...]
-    f: tuple[Any, ...]
-    constraints: tuple[Condition, ...]
-    conserved: tuple[Conserved, ...]
-    solution: Solution | None
-    gauss: Gauss | None
-    notes: tuple[str, ...]
-
-    @property
-    def has_forces(self) -> bool:
-        """The file has forces, or dissipation."""
-        return bool(self.forces) or self.dissipation is not None
+    document: dict[str, Any]
 
 
 UNICODE = {
@@ -183,78 +67,83 @@ LATEX = {
     r"\text{{ against the slip}}",
     "when": r"{lam} = 0 \text{{ unless }} {when}",
 }
-# What a statement is about, where that is not its key.
-ABOUT = {"inelastic": "impact", "sticking": "friction"}
-
-
-# How the module in Python calls what it does not write out.
+# The key of a statement, where that is another.
+_KEYS = {"inelastic": "impact", "sticking": "friction"}
+# How the module in Python names what it does not write out.
 _WORDS = {
     "g": "g", "rate": "g'", "lam": "lambda", "bound": "mu lambda",
     "most": "mu_s lambda", "limit": "F", "when": "its condition holds",
 }  # fmt: skip
+_LAW = ("restitution", "friction", "static_friction", "limit", "when")
+
+
+def always(k: Mapping[str, Any]) -> bool:
+    """Tell whether a constraint of the document is an equality that always holds."""
+    return all(k[key] is None for key in _LAW)
+
+
+def on_velocities(k: Mapping[str, Any]) -> bool:
+    """Tell whether a constraint is one between velocities: its function is its rate."""
+    return k["rate"] is k["function"]
 
 
 def conditions(
-    k: Condition,
+    k: Mapping[str, Any],
     write: Printer,
     multiplier: Any,
     called: tuple[str, str],
     signs: Mapping[str, str],
 ) -> dict[str, str]:
-    """Give what the law asks: what a statement is about -> the statement.
+    """Give the conditions on a constraint of the document: key -> statement.
 
     Parameters
     ----------
     multiplier
         Its symbol.
     called
-        How the gap and its rate are.
+        The names of the gap and its rate.
     signs
         Those of the style, above.
     """
-    law, words = k.law, {"lam": write(multiplier)}
-    words["g"], words["rate"] = called
-    for word, key in (("bound", "friction"), ("most", "static")):
-        if key in law:
-            words[word] = write(law[key] * multiplier)
-    if "limit" in law:
-        words["limit"] = write(law["limit"])
-    if "when" in law:
-        words["when"] = when(law["when"], write)
-    return _written(law, words, signs)
+    parts = {
+        "lam": multiplier, "limit": k["limit"], "when": k["when"],
+        "bound": _times(k["friction"], multiplier),
+        "most": _times(k["static_friction"], multiplier),
+    }  # fmt: skip
+    words = {word: write(e) for word, e in parts.items() if e is not None}
+    return _written(k, {"g": called[0], "rate": called[1], **words}, signs)
 
 
 def in_words(constraint: Constraint) -> tuple[str, ...]:
     """Give the same with letters for what has an expression of its own."""
-    law = constraint.law
-    given: dict[str, Any] = {"limit": constraint.limit, "when": constraint.when}
-    if law is not None:
-        given |= {"friction": law.friction, "static": law.static}
-    given = {key: node for key, node in given.items() if node is not None}
-    if law is not None:
-        given["restitution"] = law.restitution
+    given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
     return tuple(_written(given, _WORDS, ASCII).values())
 
 
-def when(choice: Any, write: Printer) -> str:
-    """Give the condition that `if(condition, 1, 0)` asks for."""
-    return write(choice.args[0][1] if choice.is_Piecewise else choice)
+def law_of(constraint: Constraint) -> dict[str, Any]:
+    """Give restitution and the nodes of friction; None where there is none."""
+    law = constraint.law
+    found = (law.restitution, law.friction, law.static) if law else (None,) * 3
+    return dict(zip(_LAW, found, strict=False))
+
+
+def _times(e: Any, multiplier: Any) -> Any:
+    return None if e is None else e * multiplier
 
 
 def _written(
     law: Mapping[str, Any], words: Mapping[str, str], signs: Mapping[str, str]
 ) -> dict[str, str]:
-    e = f"{law.get('restitution', 0.0):g}"
-    found = _statements(law)
-    return {ABOUT.get(s, s): signs[s].format(e=e, **words) for s in found}
+    e = f"{law['restitution'] or 0.0:g}"
+    return {_KEYS.get(s, s): signs[s].format(e=e, **words) for s in _statements(law)}
 
 
 def _statements(law: Mapping[str, Any]) -> Iterator[str]:
-    if "restitution" in law:
+    if law["restitution"] is not None:
         yield "complementarity"
         yield "impact" if law["restitution"] else "inelastic"
-    if "friction" in law:
-        yield "sticking" if "static" in law else "friction"
+    if law["friction"] is not None:
+        yield "friction" if law["static_friction"] is None else "sticking"
     for key in ("limit", "when"):
-        if key in law:
+        if law[key] is not None:
             yield key

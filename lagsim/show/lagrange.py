@@ -31,21 +31,22 @@ from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
-from lagsim.show.content import Condition, Content, Force, Gauss, Line, Solution
+from lagsim.show.content import Content, always, law_of
 from lagsim.show.names import Name
 from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
 from lagsim.show.tidy import cost
 from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Constraint
-    from lagsim.model.model import Force as ModelForce
+    from lagsim.model.model import Constraint, Force
 
 
 Matrix = list[list[Any]]
+Part = dict[str, Any]
+"""Of the document."""
 Inverse = list[tuple[list[int], Matrix, Any]]
 """Blocks: their indices, adjugates and determinants."""
 
@@ -60,6 +61,8 @@ class _Solver:
 
     Parameters
     ----------
+    constraints
+        Those of the document.
     notes
         What is left out is added.
     """
@@ -69,12 +72,12 @@ class _Solver:
         x: Translation,
         M: Matrix,
         f: list[Any],
-        constraints: Sequence[Condition],
+        constraints: Sequence[Part],
         notes: list[str],
     ) -> None:
         self.x, self.M, self.f, self.notes = x, M, f, notes
         self.constraints = constraints
-        self.held = [c for c in constraints if not c.law]
+        self.held = [k for k in constraints if always(k)]
         self.come_and_go = len(self.held) < len(constraints)
 
     @cached_property
@@ -88,18 +91,26 @@ class _Solver:
         x, inverse = self.x, self.inverse
         if inverse is None or len(self.held) > LARGEST_BLOCK:
             return None
-        moved = [_solved(x, inverse, c.A) for c in self.held]
+        rows = [k["A"] for k in self.held]
+        moved = [_solved(x, inverse, row) for row in rows]
         return _inverted(
-            x, [[x.tidy(_dot(c.A, z), factored=True) for z in moved] for c in self.held]
+            x, [[x.tidy(_dot(row, z), factored=True) for z in moved] for row in rows]
         )
 
-    def solution(self, *, insist: bool) -> Solution | None:
+    def solution(self, *, insist: bool) -> Part | None:
         """Give accelerations and multipliers, or None where they are too long."""
         found = self._closed()
-        if found and _readable((*found.accelerations, *found.multipliers)):
+        if found and _readable((*found["q_ddot"], *found["lambda"])):
             return found
-        why = self._no_steps(insist=insist)
-        if not why:
+        if without_inertia(self.x.equations) is not None:
+            why = "M is not positive definite: it is not solved for the accelerations"
+        elif self.come_and_go:
+            contact = any(k["kind"] == "one-sided" for k in self.constraints)
+            what = "contacts" if contact else "constraints"
+            why = f"the accelerations are left out: {what} come and go"
+        elif not insist:
+            why = "the accelerations are too long to be read; `--solve` gives them"
+        else:
             try:
                 return self._stepwise()
             except TooLongError:
@@ -110,53 +121,42 @@ class _Solver:
         self.notes.append(why)
         return None
 
-    def _no_steps(self, *, insist: bool) -> str:
-        """Give why the elimination is not written step by step; nothing where it is."""
-        if without_inertia(self.x.equations) is not None:
-            return "M is not positive definite: it is not solved for the accelerations"
-        if self.come_and_go:
-            contact = any(c.kind == "one-sided" for c in self.constraints)
-            what = "contacts" if contact else "constraints"
-            return f"the accelerations are left out: {what} come and go"
-        if not insist:
-            return "the accelerations are too long to be read; `--solve` gives them"
-        return ""
-
-    def _closed(self) -> Solution | None:
+    def _closed(self) -> Part | None:
         # Each multiplier is in some acceleration, or is eliminated with the others.
         most = READABLE * len(self.f) if self.come_and_go else LARGEST_BLOCK
         if len(self.constraints) > most or self.inverse is None:
             return None
         right = [
-            fj + _dot([c.A[j] for c in self.constraints], self.x.multipliers)
+            fj + _dot([k["A"][j] for k in self.constraints], self.x.multipliers)
             for j, fj in enumerate(self.f)
         ]
-        accelerations = tuple(_solved(self.x, self.inverse, right))
-        if self.come_and_go or not self.held:
-            return Solution(accelerations, ())
-        if self.gram is None:
-            return None
-        free = _solved(self.x, self.inverse, self.f)
-        missed = (c.b - _dot(c.A, free) for c in self.held)
-        right = [self.x.tidy(e, factored=True) for e in missed]
-        return Solution(accelerations, tuple(_solved(self.x, self.gram, right)))
+        accelerations = _solved(self.x, self.inverse, right)
+        multipliers: list[Any] = []
+        if self.held and not self.come_and_go:
+            if self.gram is None:
+                return None
+            free = _solved(self.x, self.inverse, self.f)
+            missed = (k["b"] - _dot(k["A"], free) for k in self.held)
+            right = [self.x.tidy(e, factored=True) for e in missed]
+            multipliers = _solved(self.x, self.gram, right)
+        return {"steps": {}, "q_ddot": accelerations, "lambda": multipliers}
 
-    def _stepwise(self) -> Solution:
+    def _stepwise(self) -> Part:
         """Give the elimination step by step: what is used twice has a name."""
         x, e, g = self.x, self.x.equations, self.x.g
         elimination = Elimination(e)
         known = dict(x.known)
         for entries, values in zip((*e.M, e.f), (*self.M, self.f), strict=True):
             known |= dict(zip(entries, values, strict=True))
-        for row, c in zip(e.rows, self.constraints, strict=True):
-            known |= dict(zip(row.A, c.A, strict=True)) | {row.b: c.b}
+        for row, k in zip(e.rows, self.constraints, strict=True):
+            known |= dict(zip(row.A, k["A"], strict=True)) | {row.b: k["b"]}
         known |= {g.constant(v): number(v) for v in (0.0, 1.0)}
         found = elimination.motion()
         steps = _steps(x, known, [n for nodes in found for n in nodes])
-        accelerations, multipliers = (tuple(known[n] for n in nodes) for nodes in found)
-        return Solution(accelerations, multipliers, tuple(steps))
+        q_ddot, multipliers = ([known[n] for n in nodes] for nodes in found)
+        return {"steps": steps, "q_ddot": q_ddot, "lambda": multipliers}
 
-    def gauss(self) -> Gauss:
+    def gauss(self) -> Part:
         """Give Gauss's principle.
 
         Raises
@@ -187,18 +187,18 @@ class _Solver:
         if long:
             text = f"left out, for it is too long to be read: {' and '.join(long)}"
             self.notes.append(text)
-        return Gauss(tuple(a) if a else None, G, K, Qc)
+        return {"a": a, "G": G, "K": K, "Qc": Qc}
 
     def _gain(self, free: list[Any]) -> tuple[Any, Any]:
         """Give K and Qc = K (A a - b), or None twice."""
         assert self.gram is not None
         x, held = self.x, self.held
-        columns = ([c.A[j] for c in held] for j in range(len(x.q)))
+        columns = ([k["A"][j] for k in held] for j in range(len(x.q)))
         gains = (_solved(x, self.gram, column) for column in columns)
         K = tuple(tuple(-e for e in row) for row in gains)
         if not all(map(_readable, K)):
             return None, None
-        missed = [x.tidy(_dot(c.A, free) - c.b) for c in held]
+        missed = [x.tidy(_dot(k["A"], free) - k["b"]) for k in held]
         return K, tuple(x.tidy(_dot(row, missed)) for row in K)
 
 
@@ -246,9 +246,7 @@ def _readable(parts: Sequence[Any]) -> bool:
     return all(cost(e) <= READABLE for e in parts)
 
 
-def _steps(
-    x: Translation, known: dict[int, Any], wanted: list[int]
-) -> list[tuple[Any, Any]]:
+def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
     """Name what is used more than once; leave the value of each node in `known`."""
     g = x.g
     seen, uses = set(wanted), dict.fromkeys(wanted, 1)
@@ -261,7 +259,7 @@ def _steps(
                 seen.add(a)
                 stack.append(a)
     prefix = _free_letter(x)
-    steps: list[tuple[Any, Any]] = []
+    steps: dict[str, Any] = {}
     for n in sorted(seen):
         if n not in known:
             known[n] = to_sympy(g, [n], known=known)[0]
@@ -269,7 +267,7 @@ def _steps(
             s = symbol(f"{prefix}{len(steps) + 1}")
             x.names[s] = Name(s.name)
             x.rank[s] = 1, len(x.rank)
-            steps.append((s, known[n]))
+            steps[s.name] = known[n]
             known[n] = s
     return steps
 
@@ -402,8 +400,7 @@ class _Derivation:
         self.momenta = self._tidied(self.slope[:n])
         self.drifts = tangent(g, self.momenta, flow.forward)
         self.Q = generalized_forces(g, model, flow)
-        self.forces = [self._force(force) for force in model.forces]
-        self.constraints = [self._condition(c) for c in model.constraints]
+        self.constraints = [self._constraint(c) for c in model.constraints]
         Q = x.sympy(self.Q)
         self.lines = [self._line(j, Q[j]) for j in range(n)]
 
@@ -413,52 +410,57 @@ class _Derivation:
         return [self.x.node(e, n) for e, n in zip(tidy, nodes, strict=True)]
 
     def content(self, *, solve: bool, with_gauss: bool) -> Content:
-        x, n = self.x, len(self.lines)
+        x, n, model = self.x, len(self.lines), self.x.equations.model
         entries = mass_matrix(x.g, self.momenta, self.flow.rates)
         lower = [x.sympy(row[: i + 1]) for i, row in enumerate(entries)]
         M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
         sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
         f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
         (dL_dt,) = x.sympy(self.slope[-1:])
+        constraints = self.constraints
         conserved = conserved_quantities(
-            x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, self.constraints
+            x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, constraints
         )
-        notes = _on_contacts(self.constraints)
-        solver = _Solver(x, M, f, self.constraints, notes)
-        solved = solver.solution(insist=solve)
-        principle = solver.gauss() if with_gauss else None
+        notes = _on_contacts(constraints)
+        solver = _Solver(x, M, f, constraints, notes)
+        document = {
+            "definitions": {s.name: e for s, e in x.kept.items()},
+            "kinetic": self.kinetic,
+            "potential": self.potential,
+            "lagrangian": x.tidy(self.lagrangian, written=True),
+            "dissipation": self.dissipation,
+            "forces": [self._force(force) for force in model.forces],
+            "equations": self.lines,
+            "M": M,
+            "f": f,
+            "constraints": constraints,
+            "accelerations": solver.solution(insist=solve),
+            "conserved": conserved,
+            "gauss": solver.gauss() if with_gauss else None,
+            "notes": notes,
+        }
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "
                 f"cut after {x.tidy.most:,} products of terms in one, or "
                 f"{limits.TIDYING_PRODUCTS:,} in all"
             )
-        return Content(
-            translation=x,
-            kinetic=self.kinetic,
-            potential=self.potential,
-            lagrangian=x.tidy(self.lagrangian, written=True),
-            dissipation=self.dissipation,
-            forces=tuple(self.forces),
-            lines=tuple(self.lines),
-            M=tuple(map(tuple, M)),
-            f=tuple(f),
-            constraints=tuple(self.constraints),
-            conserved=tuple(conserved),
-            solution=solved,
-            gauss=principle,
-            notes=tuple(notes),
-        )
+        return Content(x, document)
 
-    def _force(self, force: ModelForce) -> Force:
+    def _force(self, force: Force) -> Part:
         x, g = self.x, self.x.g
         p, direction = x.sympy([force.node, force.direction], written=True)
         velocity = force.level is not Level.POSITION
         levers = self.flow.gradient(g, force.direction, by_rates=velocity)
-        shares = x.sympy(g.call("mul", force.node, lever) for lever in levers)
-        return Force(force.on, p, direction, velocity, tuple(shares))
+        return {
+            "on": force.on,
+            "force": p,
+            "direction": direction,
+            "level": "velocity" if velocity else "position",
+            "Q": x.sympy(g.call("mul", force.node, lever) for lever in levers),
+        }
 
-    def _line(self, j: int, Q: Any) -> Line:
+    def _line(self, j: int, Q: Any) -> Part:
         """Work out the equation of coordinate j, with its generalized force."""
         x, n = self.x, len(self.x.q)
         terms: dict[str, Any] = {}
@@ -473,15 +475,15 @@ class _Derivation:
         terms["Q"] = Q
         driving, rest = self._driving(Q)
         holding = (
-            c.A[j] * s for c, s in zip(self.constraints, x.multipliers, strict=True)
+            k["A"][j] * s for k, s in zip(self.constraints, x.multipliers, strict=True)
         )
-        return Line(
-            coordinate=x.q[j].name,
-            momentum=x.sympy([self.momenta[j]])[0],
-            terms=terms,
-            left=x.tidy(sp.Add(*left, -rest)),
-            right=x.tidy(driving + sp.Add(*holding)),
-        )
+        return {
+            "coordinate": x.q[j].name,
+            "momentum": x.sympy([self.momenta[j]])[0],
+            **terms,
+            "left": x.tidy(sp.Add(*left, -rest)),
+            "right": x.tidy(driving + sp.Add(*holding)),
+        }
 
     def _driving(self, Q: Any) -> tuple[Any, Any]:
         """Part Q into what stands right, given in time, and what stands left."""
@@ -490,50 +492,47 @@ class _Derivation:
         driving = [p for p in parts if not self.x.free(p) & state]
         return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))
 
-    def _condition(self, constraint: Constraint) -> Condition:
-        x, g = self.x, self.x.g
+    def _constraint(self, constraint: Constraint) -> Part:
+        x, g, law = self.x, self.x.g, constraint.law
         node = constraint.relation.node
         (function,) = x.sympy([node], written=True)
         tidy = x.node(function, node)
         row = constraint_row(g, constraint.name, tidy, self.flow)
-        A = tuple(x.tidy(entry, factored=True) for entry in x.sympy(row.A))
+        A = [x.tidy(entry, factored=True) for entry in x.sympy(row.A)]
         (rate,) = x.sympy([row.rate])
         tidy = x.node(rate, row.rate)
         (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
         moved = sp.Add(*(entry * a for entry, a in zip(A, x.a, strict=True)))
         kind = "holonomic" if row.holonomic else "nonholonomic"
-        return Condition(
-            name=constraint.name,
-            kind=kind if constraint.law is None else "one-sided",
-            function=function,
-            rate=rate if row.holonomic else function,
-            acceleration=x.tidy(moved + drift),
-            A=A,
-            b=x.tidy(-drift),
-            law=self._law(constraint),
-        )
-
-    def _law(self, constraint: Constraint) -> dict[str, Any]:
-        law = constraint.law
-        found = {"limit": constraint.limit, "when": constraint.when}
-        if law is None:
-            return self._given(found)
-        slips = {"slip": tuple(self.x.sympy(law.slips, written=True))}
-        found = {"friction": law.friction, "static": law.static, **found}
-        given = {"restitution": law.restitution, **self._given(found)}
-        return {**given, **slips} if law.slips else given
-
-    def _given(self, nodes: Mapping[str, int | None]) -> dict[str, Any]:
-        found = zip(nodes, self.x.sympy(nodes.values(), written=True), strict=True)
-        return {key: e for key, e in found if e is not None}
+        given = law_of(constraint)
+        nodes = [given["friction"], given["static_friction"], constraint.limit]
+        nodes += [constraint.when, *(law.slips if law else ())]
+        friction, static, limit, when, *slip = x.sympy(nodes, written=True)
+        if when is not None and when.is_Piecewise:  # if(condition, 1, 0)
+            when = when.args[0][1]
+        return {
+            "name": constraint.name,
+            "kind": kind if law is None else "one-sided",
+            "function": function,
+            "rate": rate if row.holonomic else function,
+            "acceleration": x.tidy(moved + drift),
+            "A": A,
+            "b": x.tidy(-drift),
+            "restitution": given["restitution"],
+            "friction": friction,
+            "static_friction": static,
+            "slip": slip,
+            "limit": limit,
+            "when": when,
+        }
 
 
-def _on_contacts(constraints: Sequence[Condition]) -> list[str]:
+def _on_contacts(constraints: Sequence[Part]) -> list[str]:
     """Say what the equations of a model with contacts do not show."""
     notes = []
-    if any(c.kind == "one-sided" for c in constraints):
+    if any(k["kind"] == "one-sided" for k in constraints):
         notes.append("the multiplier of a contact is 0 while it is open")
-    if any("friction" in c.law for c in constraints):
+    if any(k["friction"] is not None for k in constraints):
         notes.append(
             "friction is not in these equations: it acts along the slopes of the slip "
             "with respect to the velocities, against the slip, with at most the "

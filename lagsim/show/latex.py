@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 
-from lagsim.show.content import LATEX
+from lagsim.show.content import LATEX, on_velocities
 from lagsim.show.names import LatexNames, Name, plain_latex, upright_latex
 from lagsim.show.printers import FormulaPrinter, signed
 from lagsim.show.text import Outline
@@ -18,8 +18,8 @@ from lagsim.show.text import Outline
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.show.content import Condition, Content, Line
-    from lagsim.show.text import Row, Rows
+    from lagsim.show.content import Content
+    from lagsim.show.text import Part, Row, Rows
 
     Pieces = list[tuple[str, str]]  # what is between two places to break, with signs
     Typeset = tuple[str, Pieces, str]  # the left of a row, its terms, what follows
@@ -69,21 +69,20 @@ _SIGNS = {
 
 def as_latex(content: Content) -> str:
     """Give a derivation as a LaTeX document."""
-    plain = content.translation.own_names
+    x, found = content
+    plain = x.own_names
     names = LatexNames(plain)
     shown = {names.show(Name(n)) for n in plain}
     # The letters of mechanics give way to the file's names.
     letters = {k: rf"\mathcal{{{k}}}" if k in shown else k for k in "TVFGh"}
     signs = {k: text.replace("LETTER", letters["G"]) for k, text in _SIGNS.items()}
     signs["energy function"] = letters["h"]
-    model = content.translation.equations.model
+    model = x.equations.model
     lines = [_PREAMBLE, rf"\section*{{{plain_latex(model.name)}}}"]
     if model.description:
         lines.append(plain_latex(" ".join(model.description.split())))
-    lines += _Latex(
-        content, FormulaPrinter(content.translation, names), signs | letters
-    ).document()
-    lines += [_note(note) for note in content.notes]
+    lines += _Latex(content, FormulaPrinter(x, names), signs | letters).document()
+    lines += [_note(note) for note in found["notes"]]
     return "\n".join([*lines, r"\end{document}"]) + "\n"
 
 
@@ -111,6 +110,7 @@ class _Latex(Outline):
     write: FormulaPrinter
     room, between = LONGEST_LINE, 2
     statements = LATEX
+    width = staticmethod(_width)
 
     def _label(self, name: str) -> str:
         return upright_latex(name)
@@ -120,9 +120,6 @@ class _Latex(Outline):
 
     def _plain(self, name: str) -> str:
         return rf"\texttt{{{plain_latex(name)}}}"
-
-    def _width(self, text: str) -> int:
-        return _width(text)
 
     def _say(self, text: str) -> None:
         text = text.strip()
@@ -197,10 +194,10 @@ class _Latex(Outline):
 
     # Sections
 
-    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
+    def _equations(self, lines: Sequence[tuple[Part, list[Row]]]) -> None:
         self._title("Lagrange's equations")
         for line, terms in lines:
-            self.lines.append(f"For ${self.show(line.coordinate)}$:")
+            self.lines.append(f"For ${self.show(line['coordinate'])}$:")
             self._rows(terms)
         self.lines.append("The equations of motion are")
         self.align(self._motion())
@@ -208,9 +205,9 @@ class _Latex(Outline):
     def _motion(self) -> list[Typeset]:
         """Give the equations, one = under the other where there is room."""
         found = []
-        for line in self.c.lines:
-            right = self.pieces(line.right, LONGEST_LINE)
-            found.append((self.write(line.left), line.left, right))
+        for line in self.c["equations"]:
+            left, right = line["left"], self.pieces(line["right"], LONGEST_LINE)
+            found.append((self.write(left), left, right))
         widths = [
             (_width(left), sum(_width(text) + 3 for _, text in right))
             for left, _, right in found
@@ -229,10 +226,10 @@ class _Latex(Outline):
             "\\end{bmatrix} \\]"
         )
 
-    def _derivatives(self, k: Condition) -> list[str]:
-        letter, last = (r"\varphi", 2) if k.moving else ("g", 3)
+    def _derivatives(self, k: Part) -> list[str]:
+        letter, last = (r"\varphi", 2) if on_velocities(k) else ("g", 3)
         over = (letter, rf"\dot{{{letter}}}", rf"\ddot{{{letter}}}")[:last]
-        return [f"{x}_{{{upright_latex(k.name)}}}" for x in over]
+        return [f"{x}_{{{upright_latex(k['name'])}}}" for x in over]
 
     def _given(self, given: Sequence[str]) -> None:
         if given:

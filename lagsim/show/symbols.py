@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial, reduce
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -196,15 +195,6 @@ _PARTS_OF_PI = 12
 _ROOTS = frozenset(FUNCTIONS) - {"if", "abs", "sign", "min", "max", "floor", "ceil"}
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A definition that keeps its name."""
-
-    name: str
-    symbol: Any
-    value: Any
-
-
 class Translation:
     """A model's expressions in sympy.
 
@@ -223,8 +213,9 @@ class Translation:
         The parameters are numbers.
     known : dict
         Expressions of nodes of the graph: names of definitions, numbers.
-    kept : list of Kept
-        In an order in which each needs earlier ones only.
+    kept : dict
+        Definitions that keep their names, symbol -> expression, in an order in which
+        each needs earlier ones only.
     names : dict
         What each symbol shows.
     rank : dict
@@ -251,13 +242,13 @@ class Translation:
         self.names, self.rank = self._shown(parameters)
         moving = {*self.v, *self.a, *self.multipliers}
         moving_names = {*self.q, *moving, self.t}
-        still = [k.symbol for k in self.kept if not self.free(k.value) & moving_names]
+        still = [s for s, e in self.kept.items() if not self.free(e) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(constants, frozenset(moving))
         self._sizes: dict[int, tuple[int, int]] = {}
         self._operations = 0
 
-    def _keep(self, physics: list[int], *, substitute: bool) -> list[Kept]:
+    def _keep(self, physics: list[int], *, substitute: bool) -> dict[Any, Any]:
         g = self.g
         used = set(g.cone(physics))
         arguments = {
@@ -278,9 +269,9 @@ class Translation:
             sum_inside = n in arguments and g.ops[n] in ("add", "sub")
             if (constant and not substitute) or g.ops[n] in _ROOTS or sum_inside:
                 wanted[n] = d.name
-        kept = []
+        kept = {}
         for n, name in sorted(wanted.items()):
-            kept.append(Kept(name, symbol(name), self._value(n)))
+            kept[symbol(name)] = self._value(n)
             self.known[n] = symbol(name)
         return kept
 
@@ -303,9 +294,9 @@ class Translation:
     def free(self, e: Any) -> set[Any]:
         """Give the symbols in `e`, those behind names of definitions too."""
         found = set(e.free_symbols)
-        for k in reversed(self.kept):
-            if k.symbol in found:
-                found |= k.value.free_symbols
+        for s, e in reversed(self.kept.items()):
+            if s in found:
+                found |= e.free_symbols
         return found
 
     # Symbols
@@ -313,7 +304,7 @@ class Translation:
     def _shown(
         self, parameters: list[Any]
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
-        model, kept = self.equations.model, [k.symbol for k in self.kept]
+        model, kept = self.equations.model, list(self.kept)
         names = {s: Name(s.name) for s in (*parameters, *kept, self.t)}
         for order, group in enumerate((self.q, self.v, self.a)):
             shown = (Name(q.name, order) for q in self.q)

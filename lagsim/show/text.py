@@ -10,22 +10,35 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
-from lagsim.show.content import ASCII, UNICODE, conditions, in_ascii
+from lagsim.show.content import (
+    ASCII,
+    UNICODE,
+    always,
+    conditions,
+    in_ascii,
+    on_velocities,
+)
 from lagsim.show.names import ModelNames, Name, UnicodeNames
 from lagsim.show.printers import ModelPrinter, TextPrinter
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.show.content import Condition, Conserved, Content, Line
+    from lagsim.show.content import Content
     from lagsim.show.printers import Printer
 
     # What stands on the left, the expression that it equals, and what follows.
     Row = tuple[str, Any] | tuple[str, Any, str]
     Rows = Sequence[Sequence[str]]  # of a matrix, written
+    Part = dict[str, Any]  # of the document
 
 
 WIDTH = 100
+
+
+def _width(text: str) -> int:
+    """Give how many columns a text takes; dots above take none."""
+    return len(text) - sum(map(bool, map(unicodedata.combining, text)))
 
 
 class Outline:
@@ -49,29 +62,28 @@ class Outline:
     def __init__(
         self, content: Content, write: Printer, signs: Mapping[str, str]
     ) -> None:
-        self.c, self.names, self.signs = content, write.names, signs
+        (self.x, self.c), self.names, self.signs = content, write.names, signs
         self.write = write
+        self.coordinates = [self.show(q.name) for q in self.x.q]
         self.lines: list[str] = []
 
     def document(self) -> list[str]:
         """Write all sections; give the lines."""
+        c = self.c
         self._energies()
-        if self.c.has_forces:
+        if c["forces"] or c["dissipation"] is not None:
             self._forces()
-        self._equations([(line, self._terms(line)) for line in self.c.lines])
+        self._equations([(line, self._terms(line)) for line in c["equations"]])
         self._matrix_form()
-        multipliers = self.c.translation.multipliers
-        for k, lam in zip(self.c.constraints, multipliers, strict=True):
-            self._title(f"Constraint {k.name} ({k.kind})")
-            self._constraint(k)
-            if k.law:
-                self._law(k, lam)
+        for k, multiplier in zip(c["constraints"], self.x.multipliers, strict=True):
+            self._constraint(k, multiplier)
         self._solution()
-        if self.c.conserved:
+        if c["conserved"]:
             self._title(self.signs["conserved"])
-        for item in self.c.conserved:
+        for item in c["conserved"]:
             self._conserved(item)
-        self._gauss()
+        if c["gauss"] is not None:
+            self._gauss()
         return self.lines
 
     def sign(self, key: str, *names: str) -> str:
@@ -83,62 +95,61 @@ class Outline:
         return self.names.show(Name(q, order))
 
     def _phrase(self, key: str) -> str:
-        return self.signs[f"{key} held" if self.c.constraints else key]
+        return self.signs[f"{key} held" if self.c["constraints"] else key]
 
     # Sections
 
     def _energies(self) -> None:
-        c, head = self.c, self.signs["L"]
+        c, signs, head = self.c, self.signs, self.signs["L"]
         self._title("Energies")
         rows: list[Row] = []
-        if c.kinetic is not None and c.potential is not None:
-            T, V = self.signs["T"], self.signs["V"]
-            rows += [(T, c.kinetic), (V, c.potential)]
-            head = f"{head} = {T} {self.signs['minus']} {V}"
-        rows.append((head, c.lagrangian))
-        if c.dissipation is not None:
-            rows.append((self.signs["F"], c.dissipation))
+        if c["kinetic"] is not None and c["potential"] is not None:
+            rows += [(signs["T"], c["kinetic"]), (signs["V"], c["potential"])]
+            head = f"{head} = {signs['T']} {signs['minus']} {signs['V']}"
+        rows.append((head, c["lagrangian"]))
+        if c["dissipation"] is not None:
+            rows.append((signs["F"], c["dissipation"]))
         self._rows(rows)
-        kept = c.translation.kept
-        if kept:
-            self._where([(self.write(k.symbol), k.value) for k in kept])
+        if c["definitions"]:
+            kept = c["definitions"].items()
+            self._where([(self.show(name), e) for name, e in kept])
 
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")
-        for force in self.c.forces:
-            on = self.show(force.on)
-            written = self._inline(self.write(force.force))
+        for force in self.c["forces"]:
+            on = self.show(force["on"])
+            written = self._inline(self.write(force["force"]))
             self._say(f"force on {self._inline(on)}: {written}")
-            if not force.direction.is_Symbol:
-                self._rows([(on, force.direction)])
-        self._rows(
-            [
-                (self.sign("Q", self.show(line.coordinate)), line.terms["Q"])
-                for line in self.c.lines
-            ]
-        )
+            if not force["direction"].is_Symbol:
+                self._rows([(on, force["direction"])])
+        self._labelled("Q", self.coordinates, [k["Q"] for k in self.c["equations"]])
 
-    def _terms(self, line: Line) -> list[Row]:
-        q, v = (self.show(line.coordinate, k) for k in (0, 1))
+    def _terms(self, line: Part) -> list[Row]:
+        q, v = (self.show(line["coordinate"], k) for k in (0, 1))
         labels = {"Q": self.sign("Q", q)}
         for letter in "TVL":
             of = self.signs[letter]
             labels[f"d{letter}_dq"] = self.sign("slope", of, q)
             labels[f"ddt_d{letter}_dqdot"] = self.sign("rate", of, v)
-        return [(labels[k], e) for k, e in line.terms.items()]
+        return [(labels[k], e) for k, e in line.items() if k in labels]
 
     def _matrix_form(self) -> None:
-        c = self.c
+        c, names = self.c, self.coordinates
         self._title(self._phrase("matrix form"))
         self._say(self._phrase("motion"))
-        names = [self.show(line.coordinate) for line in c.lines]
-        self._matrix("M", c.M, names, names)
-        self._rows([(self.sign("f", q), e) for q, e in zip(names, c.f, strict=True)])
-        if c.constraints:
-            labels = [self._label(k.name) for k in c.constraints]
-            self._matrix("A", [k.A for k in c.constraints], labels, names)
-            rows = zip(labels, c.constraints, strict=True)
-            self._rows([(self.sign("b", label), k.b) for label, k in rows])
+        self._matrix("M", c["M"], names, names)
+        self._labelled("f", names, c["f"])
+        if held := c["constraints"]:
+            labels = [self._label(k["name"]) for k in held]
+            self._matrix("A", [k["A"] for k in held], labels, names)
+            self._labelled("b", labels, [k["b"] for k in held])
+
+    def _labelled(
+        self, key: str, names: Sequence[str], values: Sequence[Any] | None
+    ) -> None:
+        """Write the entries of a vector; of a matrix of two names each."""
+        rows = zip(names, values or (), strict=False)
+        self._rows([(self.sign(key, name), e) for name, e in rows])
 
     def _matrix(
         self,
@@ -149,94 +160,85 @@ class Outline:
     ) -> None:
         """Write a matrix as a square where it fits, else entry by entry."""
         written = [[self.write(e) for e in row] for row in rows]
-        widths = [
-            max(map(self._width, column)) for column in zip(*written, strict=True)
-        ]
+        columns = zip(*written, strict=True)
+        widths = [max(map(self.width, column)) for column in columns]
         if sum(widths) + self.between * len(widths) <= self.room:
             self._square(letter, written)
-        else:
-            symmetric = labels is names
-            entries = [
-                (self.sign("entry", letter, labels[i], names[j]), e)
-                for i, row in enumerate(rows)
-                for j, e in enumerate(row)
-                if e != 0 and (j >= i or not symmetric)
-            ]
-            self._rows(entries)
-            also = self.signs["symmetric"] * symmetric
-            bold = self._inline(self.sign("matrix", letter))
-            self._say(f"other entries of {bold} are zero{also}")
+            return
+        symmetric = labels is names
+        self._rows([
+            (self.sign("entry", letter, labels[i], names[j]), e)
+            for i, row in enumerate(rows)
+            for j, e in enumerate(row)
+            if e != 0 and (j >= i or not symmetric)
+        ])  # fmt: skip
+        also = self.signs["symmetric"] * symmetric
+        bold = self._inline(self.sign("matrix", letter))
+        self._say(f"other entries of {bold} are zero{also}")
 
     def _solution(self) -> None:
-        solved = self.c.solution
+        solved = self.c["accelerations"]
         if solved is None:
             return
         self._title("Accelerations")
-        rows = [(self.write(s), e) for s, e in solved.steps]
-        of = zip(self.c.lines, solved.accelerations, strict=True)
-        rows += [(self.show(line.coordinate, 2), e) for line, e in of]
-        multipliers = self.c.translation.multipliers
-        found = zip(multipliers, solved.multipliers, strict=False)
-        self._rows(rows + [(self.write(s), e) for s, e in found])
+        rows = [(self.show(name), e) for name, e in solved["steps"].items()]
+        second = (self.show(q.name, 2) for q in self.x.q)
+        rows += zip(second, solved["q_ddot"], strict=True)
+        multipliers = map(self.write, self.x.multipliers)
+        self._rows([*rows, *zip(multipliers, solved["lambda"], strict=False)])
 
     def _gauss(self) -> None:
-        principle, x = self.c.gauss, self.c.translation
-        if principle is None:
-            return
+        principle, names = self.c["gauss"], self.coordinates
         self._title("Gauss's principle")
         self._say(self._phrase("principle"))
-        free = [self.names.show(Name(q.name, 0, "unconstrained")) for q in x.q]
-        rows = [(self.signs["G"], principle.G)]
-        self._rows(rows + list(zip(free, principle.a or (), strict=False)))
-        if not self.c.constraints:
+        free = [self.names.show(Name(q.name, 0, "unconstrained")) for q in self.x.q]
+        rows = [(self.signs["G"], principle["G"])]
+        self._rows([*rows, *zip(free, principle["a"] or (), strict=False)])
+        held = [self._label(k["name"]) for k in self.c["constraints"] if always(k)]
+        if not self.c["constraints"]:
             return
         self._say(self.signs["gain"])
-        names = [self.show(q.name) for q in x.q]
-        labels = [self._label(k.name) for k in self.c.constraints if not k.law]
-        self._rows(
-            [
-                (self.sign("K", q, label), e)
-                for q, row in zip(names, principle.K or (), strict=False)
-                for label, e in zip(labels, row, strict=True)
-            ]
-            + [
-                (self.sign("Qc", q), e)
-                for q, e in zip(names, principle.Qc or (), strict=False)
-            ]
-        )
+        rows = [
+            (self.sign("K", q, label), e)
+            for q, row in zip(names, principle["K"] or (), strict=False)
+            for label, e in zip(held, row, strict=True)
+        ]
+        forces = zip(names, principle["Qc"] or (), strict=False)
+        self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
-    def _constraint(self, k: Condition) -> None:
-        relation = self.signs["at least" if k.kind == "one-sided" else "="]
-        rate = [] if k.moving else [k.rate]
-        values = [k.function, *rate, k.acceleration]
-        rows: list[Row] = list(zip(self._derivatives(k), values, strict=True))
-        self._rows([(*rows[0], f" {relation} 0"), *rows[1:]])
-
-    def _law(self, k: Condition, multiplier: Any) -> None:
+    def _constraint(self, k: Part, multiplier: Any) -> None:
+        self._title(f"Constraint {k['name']} ({k['kind']})")
+        relation = self.signs["at least" if k["kind"] == "one-sided" else "="]
+        moving = on_velocities(k)
+        values = [k["function"], *([] if moving else [k["rate"]]), k["acceleration"]]
+        labels = self._derivatives(k)
+        (gap, first), *rest = zip(labels, values, strict=True)
+        self._rows([(gap, first, f" {relation} 0"), *rest])
         given = []
-        for word in () if k.moving else ("restitution", "friction", "static", "slip"):
-            value = k.law.get(word, ())
-            parts = value if isinstance(value, tuple) else (value,)
-            texts = [f"{p:g}" if isinstance(p, float) else self.write(p) for p in parts]
-            if texts:
-                given.append(f"{word}: {', '.join(map(self._inline, texts))}")
+        for key in () if moving else ("restitution", "friction", "static_friction"):
+            value = k[key]
+            if value is not None:
+                shown = f"{value:g}" if key == "restitution" else self.write(value)
+                given.append(f"{key.partition('_')[0]}: {self._inline(shown)}")
+        if k["slip"] and not moving:
+            slips = (self._inline(self.write(e)) for e in k["slip"])
+            given.append(f"slip: {', '.join(slips)}")
         self._given(given)
-        gap, *rates = self._derivatives(k)
-        called = gap, gap if k.moving else rates[0]
+        called = gap, gap if moving else labels[1]
         stated = conditions(k, self.write, multiplier, called, self.statements)
         for about, text in stated.items():
             self._statement(about, text)
 
-    def _conserved(self, item: Conserved) -> None:
+    def _conserved(self, item: Part) -> None:
         show = self._inline
-        names = ", ".join(show(self.show(q)) for q in item.of)
-        q = self.show(item.of[0]) if item.of else ""
+        names = ", ".join(show(self.show(q)) for q in item["of"])
+        q = self.show(item["of"][0]) if item["of"] else ""
         total, L = f"{self.signs['T']} + {self.signs['V']}", self.signs["L"]
         still = f"{show(L)} does not depend on {show('t')}"
-        if self.c.has_forces:
+        if self.c["forces"] or self.c["dissipation"] is not None:
             still += ", and no force does work"
         function = f"energy function {show(self.sign('function', L))}"
-        if self.c.kinetic is not None:
+        if self.c["kinetic"] is not None:
             function += f", which is not {show(total)}"
         why = {
             "energy": f"energy: {still}",
@@ -249,11 +251,11 @@ class Outline:
             + show(L),
             "angular momentum": f"angular momentum: a turn of {names} does not change "
             + show(L),
-        }[item.kind]
-        if item.definition:
-            why += f"; the file calls it {self._plain(item.definition)}"
-        left = total if item.kind == "energy" else self.sign(item.kind, q)
-        self._rows([(left, item.value)])
+        }[item["kind"]]
+        if item["definition"]:
+            why += f"; the file calls it {self._plain(item['definition'])}"
+        left = total if item["kind"] == "energy" else self.sign(item["kind"], q)
+        self._rows([(left, item["expression"])])
         self._say(f"  {why}")
 
     # How it looks
@@ -268,9 +270,7 @@ class Outline:
 
     _plain = _label
     statements: Mapping[str, str] = UNICODE
-
-    def _width(self, text: str) -> int:
-        return _width(text)
+    width = staticmethod(_width)
 
     def _title(self, text: str) -> None:
         self.lines += ["", text, "-" * len(text)]
@@ -307,14 +307,14 @@ class Outline:
         for k, (name, *value) in enumerate(rows):
             self._equals(("where " if k == 0 else "      ") + name, *value)
 
-    def _equations(self, lines: Sequence[tuple[Line, list[Row]]]) -> None:
+    def _equations(self, lines: Sequence[tuple[Part, list[Row]]]) -> None:
         for line, terms in lines:
-            self._title(f"Equation of {self.show(line.coordinate)}")
+            self._title(f"Equation of {self.show(line['coordinate'])}")
             width = max(_width(label) for label, *_ in terms)
             for label, *value in terms:
                 self._equals(label + " " * (width - _width(label)), *value)
             self.lines.append("")
-            self._equation(line.left, line.right)
+            self._equation(line["left"], line["right"])
 
     def _equation(self, left: Any, right: Any) -> None:
         terms = self.write.terms(left)
@@ -334,10 +334,12 @@ class Outline:
             head = f"{letter} = " if k == 0 else " " * (len(letter) + 3)
             self.lines.append(f"  {head}[ {cells} ]")
 
-    def _derivatives(self, k: Condition) -> list[str]:
-        if k.moving:
-            return ["rate" if k.kind == "one-sided" else "", "d/dt of it"]
-        letter = "gap" if k.kind == "one-sided" else "g"
+    def _derivatives(self, k: Part) -> list[str]:
+        """Give the labels of a constraint and its rates."""
+        one_sided = k["kind"] == "one-sided"
+        if on_velocities(k):
+            return ["rate" if one_sided else "", "d/dt of it"]
+        letter = "gap" if one_sided else "g"
         return [letter, f"d{letter}/dt", self.signs["twice"]]
 
     def _given(self, given: Sequence[str]) -> None:
@@ -370,6 +372,7 @@ _SIGNS = {
 def as_text(content: Content, *, ascii_only: bool = False) -> str:
     """Give a derivation as plain text."""
     x = content.translation
+    model, notes = x.equations.model, content.document["notes"]
     plain = x.own_names
     names: Any = ModelNames(plain) if ascii_only else UnicodeNames(plain)
     write = ModelPrinter(x, names) if ascii_only else TextPrinter(x, names)
@@ -378,21 +381,15 @@ def as_text(content: Content, *, ascii_only: bool = False) -> str:
     # The letters of mechanics give way to the file's names.
     words = {"T": "kinetic", "V": "potential", "L": "lagrangian"}
     signs |= {k: word if k in shown else k for k, word in words.items()}
-    model = content.translation.equations.model
     head = f"{model.name}: {model.description}" if model.description else model.name
     lines = textwrap.wrap(" ".join(head.split()), WIDTH)
     page = Outline(content, write, signs)
     page.statements = ASCII if ascii_only else UNICODE
     lines += page.document()
-    for note in content.notes:
+    for note in notes:
         lines += ["", *textwrap.wrap(f"Note: {note}.", WIDTH)]
     # Composed letters where there are any: ü, not u and two dots.
     return unicodedata.normalize("NFC", "\n".join(lines)) + "\n"
-
-
-def _width(text: str) -> int:
-    """Give how many columns a text takes; dots above take none."""
-    return len(text) - sum(map(bool, map(unicodedata.combining, text)))
 
 
 # Before a sign or a relation, else between factors.

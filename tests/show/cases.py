@@ -66,6 +66,11 @@ def known(document: Mapping[str, Any], values: Mapping[str, float]) -> dict[str,
     return found
 
 
+def kept(c: Content) -> dict[tuple[str, ...], Any]:
+    """Give the conserved quantities by their coordinates, the energy by ()."""
+    return {tuple(k["of"]): k for k in c.document["conserved"]}
+
+
 class Letters:
     """Symbols by their names: `s.theta_dot`."""
 

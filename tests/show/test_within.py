@@ -78,17 +78,17 @@ initial: {{x: 1}}
     found = content(derive(read(text, "model.yaml"), chained=False))
     x = found.translation.q[0]
     slope = sp.Rational(power, 2**power) * x ** (power - 1)
-    assert sp.expand(found.lines[0].terms["dV_dq"] - slope) == 0
+    assert sp.expand(found.document["equations"][0]["dV_dq"] - slope) == 0
 
 
 def test_without_a_budget_expressions_are_as_they_come(monkeypatch):
     equations = derive(read_file(str(MODELS / "elastic-pendulum.yaml")), chained=False)
-    short = content(equations)
+    short = content(equations).document
     monkeypatch.setattr(limits, "TIDYING_PRODUCTS", 0)
-    long = content(equations)
-    assert any("or 0 in all" in note for note in long.notes)
-    assert not any("cut after" in note for note in short.notes)
-    for one, other in zip(short.f, long.f, strict=True):
+    long = content(equations).document
+    assert any("or 0 in all" in note for note in long["notes"])
+    assert not any("cut after" in note for note in short["notes"])
+    for one, other in zip(short["f"], long["f"], strict=True):
         assert sp.simplify(one - other) == 0
 
 
@@ -96,7 +96,9 @@ def test_without_a_budget_expressions_are_as_they_come(monkeypatch):
 def test_forty_links_are_derived_in_their_closed_form():
     n = 40
     found = content(derive(read(chain(n, 1.0), "model.yaml"), chained=False))
-    assert not any("longer than they might be" in note for note in found.notes)
+    assert not any(
+        "longer than they might be" in note for note in found.document["notes"]
+    )
     m, g, l = (symbol(name) for name in "mgl")  # noqa: E741  a length
     a, v, rate = (
         [symbol(f"a{k}{end}") for k in range(1, n + 1)] for end in ("", "_dot", "_ddot")
@@ -107,4 +109,4 @@ def test_forty_links_are_derived_in_their_closed_form():
             hung = (n - max(i, j)) * m * l**2
             expected += hung * sp.cos(a[i] - a[j]) * rate[j]
             expected += hung * sp.sin(a[i] - a[j]) * v[j] ** 2
-        assert sp.expand(found.lines[i].left - expected) == 0
+        assert sp.expand(found.document["equations"][i]["left"] - expected) == 0
