@@ -25,10 +25,14 @@ from lagsim.errors import InputError, LagsimError
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from lagsim.api.deriving import Derivation, derive
-    from lagsim.api.models import Model, load
-    from lagsim.api.results import Result
-    from lagsim.api.simulating import Examination, InadmissibleError, check, simulate
+    from lagsim.api.models import Derivation, Model, derive, load
+    from lagsim.api.simulating import (
+        Examination,
+        InadmissibleError,
+        Result,
+        check,
+        simulate,
+    )
     from lagsim.api.sweeping import Sweep, sweep
 
 __all__ = [
@@ -50,14 +54,14 @@ __all__ = [
 
 # What is loaded when it is asked for: commands begin with this file, too.
 _PLACES = {
-    "Derivation": "deriving",
+    "Derivation": "models",
     "Examination": "simulating",
     "InadmissibleError": "simulating",
     "Model": "models",
-    "Result": "results",
+    "Result": "simulating",
     "Sweep": "sweeping",
     "check": "simulating",
-    "derive": "deriving",
+    "derive": "models",
     "load": "models",
     "simulate": "simulating",
     "sweep": "sweeping",

@@ -6,6 +6,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable
 from contextlib import contextmanager
+from enum import Enum
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
@@ -13,7 +14,7 @@ from lagsim.errors import InputError, Place, Problem
 from lagsim.methods import WIDTH, options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from lagsim.methods import generalized_alpha
 
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
         """These, and the options of methods, for type checkers."""
 
 
-T = TypeVar("T")
+E = TypeVar("E", bound=Enum)
 F = TypeVar("F", bound=Callable[..., Any])
 _OPTION = re.compile(r"--([a-z-]+) ")
 
@@ -125,17 +126,18 @@ def number_or_text(name: str, value: object) -> None:
         raise TypeError(text) from None
 
 
-def one_of(name: str, value: str, known: Sequence[str]) -> str:
-    """Return a word that must be one of some.
+def one_of(name: str, value: str, known: type[E]) -> E:
+    """Return the member that a word denotes.
 
     Raises
     ------
     ValueError
     """
-    if value not in known:
-        words = ", ".join(map(repr, known))
-        raise ValueError(f"{name}={value!r:.60}: one of {words} is expected")
-    return value
+    words = [member.value for member in known]
+    if value not in words:
+        expected = ", ".join(map(repr, words))
+        raise ValueError(f"{name}={value!r:.60}: one of {expected} is expected")
+    return known(value)
 
 
 def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:

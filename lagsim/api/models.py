@@ -1,27 +1,30 @@
-"""A model as `load` gives it: its texts, its equations' accelerations and matrices."""
+"""A model as `load` gives it: its texts, its accelerations, its equations."""
 
 from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from lagsim.api.arguments import in_python, number_or_text
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.equations import derive as _derived
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
-from lagsim.outputs.notebook import block, heading, listed, paragraph, table
+from lagsim.outputs.notebook import block, heading, listed, page, paragraph, table
 from lagsim.tolerances import DEPENDENT_ROWS
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.show.content import Content
 
 
 Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
@@ -56,7 +59,7 @@ class Accelerations:
     """
 
     def __init__(self, model: Read) -> None:
-        e = derive(model, chained=False)
+        e = _derived(model, chained=False)
         if e.laws:
             names = ", ".join(f"`{law.constraint}`" for law in e.laws)
             text = f"{model.name} has no accelerations as a function of the state: "
@@ -226,16 +229,17 @@ class Model(Read):
             (c.name, start[c.name], start[f"{c.name}_dot"], c.unit, c.description)
             for c in self.coordinates
         ]
-        head = ("coordinate", "at the start", "its rate", "unit", "")
-        parts = [heading(self.name), paragraph(self.description)]
-        parts.append(table(coordinates, head))
         values = [
             (p.name, f"{p.value:.6g}", p.unit, p.description) for p in self.parameters
         ]
-        parts.append(table(values, ("parameter", "value", "unit", "")))
         rows = [(c.name, c.relation.text, c.description) for c in self.constraints]
-        parts.append(table(rows, ("constraint", "", "")))
-        return "\n".join(part for part in parts if part)
+        return page(
+            heading(self.name),
+            paragraph(self.description),
+            table(coordinates, ("coordinate", "at the start", "its rate", "unit", "")),
+            table(values, ("parameter", "value", "unit", "")),
+            table(rows, ("constraint", "", "")),
+        )
 
 
 def model_of(source: Read | str | Path) -> Model:
@@ -283,3 +287,99 @@ def load(source: str | Path, **values: float | str) -> Model:
     """
     model = model_of(source)
     return model.bind(**values) if values else model
+
+
+# --- Equations, to read, to print and to compute with
+
+
+class Derivation:
+    """The equations of a model, in each format of `lagsim derive`.
+
+    Made when they are asked for. A notebook shows them typeset.
+    """
+
+    def __init__(self, equations: Equations, options: dict[str, bool]) -> None:
+        self._equations, self._options = equations, options
+
+    @cached_property
+    def _content(self) -> Content:
+        from lagsim.show.lagrange import content
+
+        return content(self._equations, **self._options)
+
+    @cached_property
+    def text(self) -> str:
+        """Text for a terminal."""
+        return self.as_text()
+
+    def as_text(self, *, ascii_only: bool = False) -> str:
+        """Return text for a terminal; in ASCII, as in model files, if so asked."""
+        from lagsim.show.text import as_text
+
+        return as_text(self._content, ascii_only=ascii_only)
+
+    @cached_property
+    def latex(self) -> str:
+        """A document that LaTeX compiles."""
+        from lagsim.show.latex import as_latex
+
+        return as_latex(self._content)
+
+    @cached_property
+    def markdown(self) -> str:
+        """Text with formulas, as notebooks typeset them."""
+        from lagsim.show.latex import as_markdown
+
+        return as_markdown(self._content)
+
+    @cached_property
+    def json(self) -> dict[str, Any]:
+        """The expressions, by name."""
+        from lagsim.show.as_json import as_json
+
+        return as_json(self._content)
+
+    @cached_property
+    def python(self) -> str:
+        """A module with mass matrix, forces and constraints, without lagsim."""
+        from lagsim.show.as_python import as_python
+
+        return as_python(self._equations, __version__)
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        return f"<Derivation of {self._equations.model.name}>"
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown
+
+
+def derive(
+    model: Read | str | Path,
+    *,
+    substitute: bool = False,
+    solve: bool = False,
+    gauss: bool = False,
+) -> Derivation:
+    """Derive the equations of motion of a model.
+
+    Parameters
+    ----------
+    model
+        What `load` gives, a path, or the text of a model file.
+    substitute
+        Put the numbers of the parameters in.
+    solve
+        Give the accelerations in closed form, however long.
+    gauss
+        Give Gauss's principle, too.
+
+    Raises
+    ------
+    InputError
+        Where the model has faults.
+    """
+    options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
+    return Derivation(_derived(model_of(model), chained=False), options)

@@ -1,28 +1,57 @@
-"""Examining a start, and integrating a model."""
+"""Examining a start, integrating a model, and what comes of it: a motion as arrays."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+import contextlib
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
 
 from lagsim.api.arguments import given, in_python, one_of, with_settings
 from lagsim.api.models import model_of
-from lagsim.api.results import Result
 from lagsim.errors import LagsimError
+from lagsim.outputs import Format
+from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
 from lagsim.outputs.examined import document
-from lagsim.outputs.notebook import counted, heading, table
+from lagsim.outputs.letters import Letters, letters_of, raised
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.notebook import (
+    block,
+    counted,
+    heading,
+    listed,
+    page,
+    picture,
+    table,
+)
+from lagsim.outputs.results import MANIFEST, open_results
+from lagsim.outputs.table import check_format, table_writer
 from lagsim.run import session
+from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers import Keep
+from lagsim.run.observers import Keep, Moments
+from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import Clock, StartError, open_case, wanted
 from lagsim.studies.attempts import Attempts, ErrorBars
+from lagsim.studies.drawing import beside
+from lagsim.studies.spectrum import spectrum
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping, Sequence
     from typing import Unpack
+
+    from matplotlib.figure import Figure
 
     from lagsim.api.arguments import Options
     from lagsim.api.models import Model
+    from lagsim.language.arrays import Floats
+    from lagsim.notes import Caution, Event
+    from lagsim.outputs import Made
+    from lagsim.studies.attempts import Attempt
+    from lagsim.studies.spectrum import Spectrum
 
 
 class Examination:
@@ -58,20 +87,20 @@ class Examination:
         return f"{word}, {counted(self.degrees_of_freedom, 'degree of freedom')}"
 
     def _repr_html_(self) -> str:
-        parts = [heading(f"{self.record['model']['name']}: {self._verdict()}")]
+        record = self.record
         rows = [
             (c["name"], c["mode"] or c["kind"], f"{c['residual']:.3g}",
              "yes" if c["satisfied"] else "no")
-            for c in self.record["constraints"]
+            for c in record["constraints"]
         ]  # fmt: skip
-        if rows:
-            parts.append(table(rows, ("constraint", "kind", "residual", "satisfied")))
-        if self.repair:
-            values = [(name, f"{x!r}") for name, x in self.repair.items()]
-            parts.append(table(values, ("the nearest start", "")))
-        notes = [(w["code"], w["text"]) for w in self.record["warnings"]]
-        parts += [table(notes, ("warning", ""))] if notes else []
-        return "\n".join(parts)
+        values = [(name, f"{x!r}") for name, x in (self.repair or {}).items()]
+        notes = [(w["code"], w["text"]) for w in record["warnings"]]
+        return page(
+            heading(f"{record['model']['name']}: {self._verdict()}"),
+            table(rows, ("constraint", "kind", "residual", "satisfied")),
+            table(values, ("the nearest start", "")),
+            table(notes, ("warning", "")),
+        )
 
 
 class InadmissibleError(LagsimError):
@@ -83,6 +112,404 @@ class InadmissibleError(LagsimError):
     def __init__(self, text: str, examination: Examination) -> None:
         super().__init__(text)
         self.examination = examination
+
+
+class Error(ErrorBar):
+    """The estimated error of a run, from its difference to a repeat.
+
+    Attributes
+    ----------
+    relative : float
+        The largest error, as a part of the coordinate's range.
+    horizon : float or None
+        From this time on the error is too large for a forecast.
+    coordinates : dict
+        Of each coordinate its largest error, `largest` in its unit and `relative`, and
+        when.
+    method, rtol
+        Of the repeat.
+    times, errors : ndarray, shapes (k,) and (k, n)
+        The errors of all coordinates, in their units, at the times compared.
+    """
+
+    units: Mapping[str, str]
+    model: str
+
+    @classmethod
+    def of(cls, bar: ErrorBar, model: str, units: Mapping[str, str]) -> Error:
+        """Return an estimate with the names and units of its model."""
+        new = cls(*bar)
+        new.model, new.units = model, units
+        return new
+
+    def _summary(self) -> list[tuple[str, str]]:
+        tight = "" if self.rtol is None else f" at rtol {self.rtol:.2g}"
+        found = self.coordinates
+        worst = sorted(found, key=lambda name: -found[name].relative)
+        each = [f"{q} {self._in_unit(q)} at t = {found[q].time:.4g}" for q in worst]
+        ends = "none before the end"
+        if self.horizon is not None:
+            ends = f"no forecast past t = {self.horizon:.6g}"
+        return [
+            ("error", f"about {self.relative:.1g} of a coordinate's range"),
+            ("largest", listed(each)),
+            ("horizon", ends),
+            ("from", f"a repeat by {self.method}{tight}"),
+        ]
+
+    def _in_unit(self, name: str) -> str:
+        number = f"{self.coordinates[name].largest:.2g}"
+        return f"{number} {self.units.get(name, '')}".rstrip()
+
+    def __repr__(self) -> str:
+        return block(f"Error of {self.model}", self._summary())
+
+    def _repr_html_(self) -> str:
+        from lagsim.outputs.figure import content
+
+        title = f"Error of {self.model}"
+        drawn = picture(content(self.plot()), title)
+        return page(heading(title), table(self._summary()), drawn)
+
+    def plot(self) -> Figure:
+        """Draw the error of each coordinate against time; nothing is shown."""
+        from lagsim.outputs.figure import Column, figure
+
+        letters = Letters(self.names)
+        columns = [
+            Column(letters.name(q), raised(self.units.get(q, "")), errors)
+            for q, errors in zip(self.names, np.abs(self.errors).T, strict=True)
+        ]
+        title = f"{self.model}: estimated errors"
+        found = figure(title, Column("t", "s", self.times), columns)
+        for axes in found.axes:
+            axes.set_yscale("log", nonpositive="mask")
+            axes.minorticks_off()
+        return found
+
+
+def data_frame(columns: Mapping[str, Any]) -> Any:
+    """Return columns, by their names, as a pandas DataFrame.
+
+    Raises
+    ------
+    ImportError
+        Where pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        text = "a DataFrame needs pandas: pip install pandas"
+        raise ImportError(text) from None
+    return pd.DataFrame(columns)
+
+
+# Pixels of an animation: tall enough for a scene, its panel and the controls.
+HEIGHT = 640
+
+
+class Animation:
+    """A page that plays a motion; a notebook shows it at the end of a cell.
+
+    Attributes
+    ----------
+    html : str
+        The page: one file that needs nothing else.
+    """
+
+    def __init__(self, html: str, name: str, height: int = HEIGHT) -> None:
+        self.html, self._name, self._height = html, name, height
+
+    def write(self, path: str | Path) -> None:
+        """Write the page to a file, to open it in a browser."""
+        Path(path).write_text(self.html, encoding="utf-8")
+
+    def __repr__(self) -> str:
+        return f"<Animation of {self._name}: {len(self.html) / 1000:.0f} kB of HTML>"
+
+    def _repr_html_(self) -> str:
+        style = f"width: 100%; height: {self._height}px; border: 0"
+        return (
+            f'<iframe title="{escape(self._name)}" style="{style}" '
+            f'sandbox="allow-scripts allow-downloads" srcdoc="{escape(self.html)}">'
+            "</iframe>"
+        )
+
+
+class Result:
+    """A motion: `result["theta"]` is a column, an array (rows,).
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Those of trajectory.csv.
+    table : ndarray, shape (rows, columns)
+    events : sequence of Event
+    error : Error or None
+        The estimated error, from a repeat of the run; None where there is no estimate.
+    warnings : sequence of Caution
+    outcome, reason : str
+        How the run ended, and where it did not come to its end, why.
+    complete : bool
+        Whether all that was asked for has been computed.
+    record : dict
+        What run.json holds.
+    """
+
+    def __init__(
+        self, made: Attempt, rows: Floats, timings: Mapping[str, float]
+    ) -> None:
+        columns, trajectory = made.session.system.columns, made.trajectory
+        self._made, self._rows = made, rows
+        self.columns: tuple[str, ...] = columns.of_table
+        self.table: Floats = rows[:, : columns.table]
+        self.events: Sequence[Event] = trajectory.events
+        self.warnings: Sequence[Caution] = made.cautions()
+        self.outcome: str = trajectory.outcome.word
+        self.reason: str = trajectory.reason
+        self.complete: bool = trajectory.outcome.complete
+        self.record: dict[str, Any] = made.record(self.warnings, timings, [])
+
+    @property
+    def t(self) -> Floats:
+        """The times of the rows (rows,)."""
+        return self["t"]
+
+    @cached_property
+    def error(self) -> Error | None:
+        """The estimated error; None where there is no estimate."""
+        bar = self._made.bar
+        return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """The unit of each column, where it is known or follows."""
+        units: dict[str, str] = self.record["columns"]
+        return units
+
+    def __getitem__(self, name: str) -> Floats:
+        if name not in self.columns:
+            raise KeyError(f"there is no column `{name}`: {', '.join(self.columns)}")
+        return self.table[:, self.columns.index(name)]
+
+    @overload
+    def at(self, t: float) -> dict[str, float]: ...
+
+    @overload
+    def at(self, t: Sequence[float] | Floats) -> dict[str, Floats]: ...
+
+    def at(
+        self, t: float | Sequence[float] | Floats
+    ) -> dict[str, float] | dict[str, Floats]:
+        """Return all columns at any time of the run, as exactly as in its rows.
+
+        The run is repeated with the same steps, up to the last time that is asked for,
+        and the method interpolates within its own steps as it does for rows. One call
+        with all times is therefore faster than many calls.
+
+        Parameters
+        ----------
+        t
+            One time, or an array of times in any order. At the time of an impact or a
+            switch the state is the one after it.
+
+        Returns
+        -------
+        dict
+            Of each column a number, or an array of the shape of `t`.
+
+        Raises
+        ------
+        ValueError
+            Where a time lies outside the run.
+        """
+        times = np.asarray(t, dtype=float)
+        first, last = self._made.trajectory.start, self._made.trajectory.end
+        outside = ~((times >= first) & (times <= last))
+        if outside.any():
+            text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
+            raise ValueError(f"{text} from {first!r} to {last!r}")
+        different, places = np.unique(times.ravel(), return_inverse=True)
+        session, interrupt = self._made.session, Interrupt()
+        moments = Moments(different, len(session.system.columns.names), interrupt)
+        if len(different):
+            asked = session.asking(moments=tuple(different.tolist()))
+            asked.run([moments], interrupt=interrupt)
+        rows = moments.rows[places.ravel()]
+        columns = zip(self.columns, rows.T, strict=False)
+        if not times.ndim:
+            return {name: float(values[0]) for name, values in columns}
+        return {name: values.reshape(times.shape) for name, values in columns}
+
+    def to_dataframe(self) -> Any:
+        """Return the table as a pandas DataFrame; units are in its `attrs`.
+
+        Raises
+        ------
+        ImportError
+            Where pandas is not installed, which is no part of lagsim.
+        """
+        frame = data_frame({name: self[name] for name in self.columns})
+        frame.attrs["units"] = self.units
+        return frame
+
+    def plot(self, *columns: str, against: str = "t") -> Figure:
+        """Draw columns against time, or against another; nothing is shown.
+
+        Parameters
+        ----------
+        columns
+            Those of one unit share a panel. By default all coordinates.
+        against
+            What runs to the right; at equal scales where the units are the same.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        """
+        from lagsim.outputs.figure import Column, figure
+
+        model = self._made.session.case.equations.model
+        letters, coordinates = letters_of(model), [c.name for c in model.coordinates]
+        values = {name: self[name] for name in (against, *(columns or coordinates))}
+        drawn = {
+            name: Column(letters.name(name), raised(self.units[name]), column)
+            for name, column in values.items()
+        }
+        others = [drawn[name] for name in columns or coordinates]
+        return figure(model.name, drawn[against], others)
+
+    def animate(self, *, height: int = 640) -> Animation:
+        """Return the page that plays the motion, as `lagsim run --animate` writes it.
+
+        A notebook shows it at the end of a cell.
+
+        Parameters
+        ----------
+        height
+            Of the page in a notebook, in pixels.
+
+        Raises
+        ------
+        ValueError
+            Where the model has nothing to draw.
+        """
+        for caution in nothing_to_draw(self._made.session.case.equations.model):
+            raise ValueError(caution.text)
+        shown = dict(self._beside(animate=True))[NAME]
+        if not isinstance(shown, bytes):
+            raise RuntimeError(shown.text)  # noqa: TRY004  it says why
+        return Animation(shown.decode(), self._name, height)
+
+    def spectrum(self, column: str) -> Spectrum:
+        """Return how large a sine of each frequency is in a column.
+
+        Raises
+        ------
+        KeyError
+            Where there is no such column.
+        InputError
+            Where the rows are too few, or not equally spaced.
+        """
+        return spectrum(self.t, self[column], column, self.units[column])
+
+    def __repr__(self) -> str:
+        outcome, span, *_ = (text for _, text in self._summary())
+        return f"<Result of {self._name}: {outcome}, {span}>"
+
+    @property
+    def _name(self) -> str:
+        name: str = self.record["model"]["name"]
+        return name
+
+    def _summary(self) -> list[tuple[str, str]]:
+        """Say in a few lines what came of it."""
+        record, bar, unit = self.record, self.error, self.units["energy"]
+        span = f"t = {record['start']:g} to {record['end']:.9g}"
+        kept = "energy - work" if "work" in self.columns else "energy"
+        error = "not estimated"
+        if bar is not None:
+            error = f"about {bar.relative:.1g} of a coordinate's range"
+            if bar.horizon is not None:
+                error += f"; no forecast past t = {bar.horizon:.4g}"
+        method = record["method"]
+        if record["formulation"] != "none":
+            method += f", {record['formulation']}"
+        drift = f"{record['energy_drift']:.2g} {unit}".rstrip()
+        return [
+            ("outcome", self.outcome),
+            ("rows", f"{span}, {counted(record['rows'], 'row')}"),
+            *([] if self.outcome == "done" else [("reason", self.reason)]),
+            ("method", method),
+            ("error", error),
+            ("drift", f"{drift} in {kept}"),
+            *(("warning", caution.text) for caution in self.warnings),
+        ]
+
+    def _repr_html_(self) -> str:
+        drawn, shown = dict(self._beside(plots=True))["trajectory.png"], ""
+        if isinstance(drawn, bytes):
+            shown = picture(drawn, f"the motion of {self._name}")
+        return page(heading(self._name), table(self._summary()), shown)
+
+    def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
+        """Return name and content of the files beside the table."""
+        session = self._made.session
+        equations, columns = session.case.equations, session.system.columns.names
+        thin = picture_thinning(equations.model, columns) if plots else None
+        frames = frames_of(equations, columns) if animate else None
+        for kept in (thin, frames):
+            if kept is not None:
+                kept.add(self._rows)
+        return beside(self._made, thin, frames)
+
+    def write(
+        self,
+        folder: str | Path,
+        *,
+        plots: bool = True,
+        table: Literal["csv", "npz", "parquet"] = "csv",
+        units: bool = False,
+        animate: bool = False,
+    ) -> None:
+        """Write what `lagsim run` writes: table, events, pictures, page, run.json.
+
+        Parameters
+        ----------
+        plots
+            The pictures, too.
+        table
+            How the table is kept.
+        units
+            A line of units below the header of CSV.
+        animate
+            The page that shows the motion.
+
+        Raises
+        ------
+        InputError
+            Where the folder cannot be used.
+        OSError
+            Where there is no room; then the folder is as it was.
+        """
+        form = one_of("table", table, Format)
+        if form is not Format.CSV:
+            check_format(form, show_units=units)
+        with open_results(Path(folder)) as results:
+            path = results.part(form.file)
+            writer = table_writer(form, path, self.units, show_units=units)
+            with contextlib.closing(writer):
+                writer.add(self.table)
+                writer.finish()
+            beside = self._beside(plots=plots, animate=animate)
+            undrawn = [c.record for c in results.fill(beside)]
+            listed = {
+                "warnings": [*self.record["warnings"], *undrawn],
+                "files": [*results.names, MANIFEST],
+                "sha256": results.digests(),
+            }
+            results.commit(encode(self.record | listed))
 
 
 def check(model: Model | str | Path) -> Examination:
@@ -149,17 +576,17 @@ def simulate(
         Where the start is not admissible.
     """
     asked = given(options)
-    bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
+    bars = one_of("error_bar", error_bar, ErrorBars)
     clock, keep = Clock(), Keep()
     with in_python():
         read = model_of(model)
         settings = wanted(read, "simulate", asked, hint="add it, or give `duration`")
         clock.lap("read")
         try:
-            session = open_case(read, settings, clock=clock).ready(clock=clock)
+            ready = open_case(read, settings, clock=clock).ready(clock=clock)
         except StartError as error:
             found = Examination(document(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
     attempts = Attempts(keep, Interrupt(), clock, error_bars=bars, cornered=True)
-    made = attempts.best(session)
+    made = attempts.best(ready)
     return Result(made, keep.table, clock.timings)

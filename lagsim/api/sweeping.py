@@ -9,9 +9,9 @@ import numpy as np
 
 from lagsim.api.arguments import given, in_python, lists, one_of, with_settings
 from lagsim.api.models import model_of
-from lagsim.api.results import data_frame
+from lagsim.api.simulating import data_frame
 from lagsim.outputs.manifest import encode
-from lagsim.outputs.notebook import block, heading, listed, picture, table
+from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
@@ -82,9 +82,8 @@ class Sweep:
             Where there is no room; then the folder is as it was.
         """
         with open_results(Path(folder), MANIFEST) as results:
-            undrawn = [
-                c.record for c in results.fill(made_of(self._found, plots=plots))
-            ]
+            made = made_of(self._found, plots=plots)
+            undrawn = [c.record for c in results.fill(made)]
             more: dict[str, Any] = {"files": [*results.names, MANIFEST]}
             more |= {"warnings": undrawn} if undrawn else {}
             results.commit(encode(document(self._found) | more))
@@ -134,12 +133,11 @@ class Sweep:
         from lagsim.studies.sweep.chart import chart
 
         name, complete = self.record["model"]["name"], self.record["complete"]
-        parts = [
+        return page(
             heading(f"{name}: {complete} of {len(self)} runs complete"),
             table(self._summary()),
             picture(chart(self._found), f"the runs of {name}"),
-        ]
-        return "\n".join(parts)
+        )
 
 
 @with_settings
@@ -179,7 +177,7 @@ def sweep(
     if jobs is not None and jobs < 1:
         raise ValueError(f"jobs={jobs}: 1 or more is expected")
     asked = given(options)
-    bars = ErrorBars(one_of("error_bar", error_bar, [x.value for x in ErrorBars]))
+    bars = one_of("error_bar", error_bar, ErrorBars)
     with in_python():
         read = model_of(model)
         wanted(read, "sweep", asked, hint="add it, or give `duration`")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import typer
 
-from lagsim.api.deriving import derive
+from lagsim.api.models import derive
 from lagsim.cli._shared import MODEL, SETS, assignments
 from lagsim.cli._streams import harmless, put
 from lagsim.cli._writing import put_file

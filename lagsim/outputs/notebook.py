@@ -47,6 +47,11 @@ def block(head: str, rows: Iterable[tuple[str, str]]) -> str:
     return "\n".join([f"<{short(head)}", *lines]) + ">"
 
 
+def page(*parts: str) -> str:
+    """Return the parts that have something to show, below each other."""
+    return "\n".join(part for part in parts if part)
+
+
 def heading(text: str) -> str:
     """Return a heading."""
     return f"<strong>{escape(text)}</strong>"
