@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from lagsim.outputs.curves import curve, point
 from lagsim.outputs.figure import (
     SMALL,
     Picture,
+    curve,
     frame,
     in_house_style,
     legend_above,
     mark,
+    point,
 )
 from lagsim.outputs.scale import (
     Scale,

@@ -15,9 +15,8 @@ from lagsim.api.models import model_of
 from lagsim.errors import LagsimError
 from lagsim.outputs import Format
 from lagsim.outputs.animation import NAME, frames_of, nothing_to_draw
-from lagsim.outputs.examined import document
 from lagsim.outputs.letters import Letters, letters_of, raised
-from lagsim.outputs.manifest import encode
+from lagsim.outputs.manifest import encode, examination
 from lagsim.outputs.notebook import (
     block,
     counted,
@@ -527,7 +526,7 @@ def check(model: Model | str | Path) -> Examination:
         had.
     """
     case, choices = session.check(model_of(model))
-    return Examination(document(case.equations, case.examined, choices))
+    return Examination(examination(case.equations, case.examined, choices))
 
 
 @with_settings
@@ -585,7 +584,7 @@ def simulate(
         try:
             ready = open_case(read, settings, clock=clock).ready(clock=clock)
         except StartError as error:
-            found = Examination(document(error.equations, error.examined))
+            found = Examination(examination(error.equations, error.examined))
             raise InadmissibleError(str(error), found) from None
     attempts = Attempts(keep, Interrupt(), clock, error_bars=bars, cornered=True)
     made = attempts.best(ready)

@@ -63,13 +63,13 @@ def reported(
     """
     if isinstance(error, StartError):
         from lagsim.cli._verdict import annotate_start, report
-        from lagsim.outputs.examined import document
+        from lagsim.outputs.manifest import examination
 
         annotate_start(error.equations, error.examined)
         if documents is None:
             complain(report(error.equations, error.examined))
         else:
-            documents.append(document(error.equations, error.examined))
+            documents.append(examination(error.equations, error.examined))
         return error.exit_code
     problems = [Problem(error.code, str(error)).whole]
     if isinstance(error, InputError):

@@ -21,7 +21,7 @@ from lagsim.cli._streams import complain, say
 from lagsim.cli._verdict import annotate_start, report
 from lagsim.errors import LagsimError
 from lagsim.model.reader import read_file
-from lagsim.outputs.examined import document
+from lagsim.outputs.manifest import examination
 from lagsim.run.session import check
 
 
@@ -45,7 +45,7 @@ def command(
         admissible, warnings = examined.admissible, examined.warnings
         alarmed = strict and admissible and bool(warnings)
         if documents is not None:
-            documents.append(document(equations, examined, choices))
+            documents.append(examination(equations, examined, choices))
         elif not (quiet and admissible and not alarmed):
             say(report(equations, examined, choices, repair=repair))
         if warnings or not admissible:

@@ -1,4 +1,4 @@
-"""run.json: the record of a run: inputs, plan, outcome, counts, errors, files."""
+"""Records as JSON: run.json of a run, and what `check --json` has of a start."""
 
 from __future__ import annotations
 
@@ -7,14 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
+from lagsim.admissibility.verdict import START_VALUE
+from lagsim.codes import failure
 from lagsim.outputs.units import of_table
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from lagsim.admissibility.examination import StartReport
+    from lagsim.admissibility.verdict import Verdict
+    from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
-    from lagsim.notes import Caution
+    from lagsim.notes import Caution, Choice
     from lagsim.run.error import ErrorBar
     from lagsim.run.observers.monitors import ResidualMonitor
     from lagsim.run.session import Session
@@ -28,7 +33,7 @@ def head(model: Model) -> dict[str, Any]:
     return {
         "lagsim": __version__,
         "versions": versions(),
-        "model": {"name": model.name, "file": model.file, "sha256": model.sha256},
+        "model": _named(model),
         "parameters": {p.name: p.value for p in model.parameters},
     }
 
@@ -52,10 +57,7 @@ def manifest(
         "rtol": plan.rtol,
         "atol": plan.atol,
         "step": plan.step,
-        "plan": [
-            {"choice": c.choice, "reason": c.reason}
-            for c in (*plan.choices, *trajectory.choices)
-        ],
+        "plan": _choices((*plan.choices, *trajectory.choices)),
         "outcome": trajectory.outcome.word,
         "complete": trajectory.outcome.complete,
         "reason": trajectory.reason,
@@ -79,6 +81,14 @@ def manifest(
     }
 
 
+def _named(model: Model) -> dict[str, Any]:
+    return {"name": model.name, "file": model.file, "sha256": model.sha256}
+
+
+def _choices(made: Sequence[Choice]) -> list[dict[str, str]]:
+    return [{"choice": c.choice, "reason": c.reason} for c in made]
+
+
 def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
     if isinstance(bar, str):
         return None
@@ -89,6 +99,82 @@ def _error(bar: ErrorBar | str) -> dict[str, Any] | None:
         "coordinates": {name: e._asdict() for name, e in bar.coordinates.items()},
         "growth": [{"time": t, "relative": part} for t, part in bar.growth],
         "horizon": bar.horizon,
+    }
+
+
+# Keys of a residual, and its attributes.
+LEVEL = {"residual": "value", "scale": "scale", "bound": "bound", "bound_reason": "why"}
+
+
+def examination(
+    equations: Equations, start: StartReport, choices: Sequence[Choice] = ()
+) -> dict[str, Any]:
+    """Return the content of `check --json`."""
+    model, ranks, reach = equations.model, start.ranks, start.reach
+    missed = [v for v in start.verdicts if v.kind == START_VALUE]
+    return {
+        "model": _named(model),
+        "admissible": start.admissible,
+        "failure": None if start.admissible else failure("inadmissible"),
+        "degrees_of_freedom": start.degrees_of_freedom,
+        "rank": start.rank,
+        "generic_rank": ranks.generic_rank,
+        "conditioning": ranks.smallest,
+        "generic_conditioning": ranks.generic_smallest,
+        "multipliers_not_unique": list(ranks.not_unique),
+        "mass_matrix": "singular alone" if start.augmented else "regular",
+        "constraints": [
+            _constraint(v) for v in start.verdicts if v.kind != START_VALUE
+        ],
+        "contradictions": [
+            _combined(d, levels=d.contradictions) for d in start.contradictions
+        ],
+        "start_values": [
+            {"name": v.name, "residual": v.position.value, "bound": v.position.bound}
+            for v in missed
+        ],
+        "dependences": [
+            _combined(d, everywhere=d.everywhere) for d in ranks.dependences
+        ],
+        "thin_set": start.thin
+        and {"names": list(start.thin.names), "dimension": start.thin.dimension},
+        "reach": reach
+        and {
+            "dimension": reach.dimension,
+            "hidden": reach.hidden,
+            "entering": list(reach.entering),
+            "reason": reach.reason,
+        },
+        "changes": {
+            name: {"stated": old, "exact": new}
+            for name, (old, new) in start.changes.items()
+        },
+        "repair": start.repair,
+        "unsolved": start.unsolved,
+        "plan": _choices(choices),
+        "warnings": [w.record for w in start.warnings],
+    }
+
+
+def _combined(of: Any, **more: Any) -> dict[str, Any]:
+    return {"name": of.name, "combination": dict(of.combination), **more}
+
+
+def _constraint(verdict: Verdict) -> dict[str, Any]:
+    about = ("name", "kind", "scleronomic", "pfaffian", "integrable", "undecided")
+    found = {key: getattr(verdict, key) for key in about}
+    for level, at in (("", verdict.position), ("velocity_", verdict.velocity)):
+        found |= {
+            f"{level}{key}": getattr(at, attribute) if at else None
+            for key, attribute in LEVEL.items()
+        }
+    return found | {
+        "rate": verdict.rate.value if verdict.rate else None,
+        "active": verdict.active,
+        "holds": verdict.holds,
+        "mode": verdict.mode or None,
+        "satisfied": verdict.satisfied,
+        "redundant": verdict.redundant,
     }
 
 

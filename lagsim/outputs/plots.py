@@ -1,5 +1,7 @@
 """The pictures of a run: energy, trajectory, constraint forces, the model's plots.
 
+And one picture of several runs: a panel for each column, a curve for each run.
+
 Columns against time are drawn in panels below and beside each other, plots that the
 model asks for against time or against each other.
 """
@@ -7,57 +9,62 @@ model asks for against time or against each other.
 from __future__ import annotations
 
 import gc
+from functools import partial
 from itertools import pairwise, zip_longest
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import numpy as np
-from matplotlib.colors import to_hex
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_hex
 
 from lagsim.native.link import ahead
 from lagsim.outputs import attempted
-from lagsim.outputs.curves import (
+from lagsim.outputs.figure import (
+    BELOW_PANELS,
+    BLACK,
+    COLOURS,
+    DIM,
+    EDGE,
+    INK,
+    LEFT,
     LOST,
     MARKS,
+    NAMES,
+    NOTHING,
     OTHERS,
+    PENS,
+    RIGHT,
+    SMALL,
+    WIDTH,
     Mark,
+    Picture,
+    content,
     curve,
     dotted,
+    fitted,
+    frame,
+    in_house_style,
+    in_lines,
     inches,
+    legend_above,
+    mark,
     marks,
     path,
     point,
     series,
     shade,
+    stack_height,
+    stacked,
     stems,
 )
-from lagsim.outputs.figure import (
-    BELOW_PANELS,
-    BLACK,
-    DIM,
-    EDGE,
-    INK,
-    LEFT,
-    NAMES,
-    NOTHING,
-    PENS,
-    RIGHT,
-    SMALL,
-    WIDTH,
-    Picture,
-    content,
-    fitted,
-    frame,
-    in_house_style,
-    in_lines,
-    legend_above,
-    mark,
-)
+from lagsim.outputs.letters import Letters
 from lagsim.outputs.scale import (
     Scale,
     extent,
+    greatest,
     log_scale,
     noise_scale,
     read_off,
@@ -79,7 +86,7 @@ if TYPE_CHECKING:
     from lagsim.outputs import Made
     from lagsim.outputs.figure import Pen
     from lagsim.outputs.record import Record
-    from lagsim.run.observers.thinning import Array
+    from lagsim.run.observers.thinning import Array, Thinning
 
     # Curves by name: what runs across, and up.
     Curves: TypeAlias = Mapping[str, tuple[Array, Array]]
@@ -226,7 +233,8 @@ class Panels:
             [width] * abreast, [self._each] * self._rows, left=left, top=APART,
             across=NUMBERS, down=APART,
         )  # fmt: skip
-        sizes = largest(record, [name for group in self._groups for name in group])
+        names = [name for group in self._groups for name in group]
+        sizes = largest(record, {name: size_of_column(record, name) for name in names})
         under = self._groups[abreast:]
         for axes, group, follows in zip_longest(panels.flat, self._groups, under):
             if not group:
@@ -280,23 +288,17 @@ def label_greatest(
     axes.text(x, 0.96, text, ha=side, va="top", **look)
 
 
-def largest(record: Record, names: Sequence[str]) -> dict[str, float]:
-    """Return the greatest size of columns of each unit."""
+def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
+    """Return the greatest of the sizes of columns of each unit."""
     found: dict[str, float] = {}
-    for name in names:
-        unit, size = record.unit(name), size_of_column(record, name)
-        found[unit] = max(found.get(unit, 0.0), size)
+    for name, size in sizes.items():
+        found[record.unit(name)] = max(found.get(record.unit(name), 0.0), size)
     return found
 
 
 def size_of_column(record: Record, name: str) -> float:
     """Return the greatest size among the finite values of a column; 0 without any."""
-    return height_of(record.rows.series(name)[1])
-
-
-def height_of(values: Array) -> float:
-    """Return the greatest size among finite values; 0 where there are none."""
-    return max(map(abs, extent(values)))
+    return greatest(record.rows.series(name)[1])
 
 
 # --- A plot that the model asks for
@@ -646,14 +648,14 @@ def _drift(axes: Axes, record: Record) -> None:
     balance = DRIFT if DRIFT in record.rows else "energy"
     t, values = record.rows.series(balance)
     drift = values - (values[0] if len(values) else 0.0)
-    size = max(size_of_column(record, "energy"), height_of(values))
+    size = max(size_of_column(record, "energy"), greatest(values))
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
     mark_events(record, axes)
     series(axes, t, drift, BLACK)
     what = "energy − work" if balance == DRIFT else "energy"
-    worst = height_of(drift)
+    worst = greatest(drift)
     most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"
     text = f"{what} minus its first value: {most}".rstrip()
     axes.set_title(fitted(text, WIDTH - LEFT - RIGHT, SMALL))
@@ -685,7 +687,7 @@ def constraint_forces(
     impulses = [name for name in columns if name.startswith(IMPULSE)]
     names = [*forces, *multipliers, *impulses]
     sizes = {name: size_of_column(record, name) for name in names}
-    most = largest(record, names)
+    most = largest(record, sizes)
     acting = [n for n in names if sizes[n] > ZERO_BESIDE * most[record.unit(n)]]
     acting = acting or forces[:1]
     shown = chosen(acting, MOST_PANELS)
@@ -708,10 +710,21 @@ def _counted(subject: str, shown: int, total: int) -> str:
 
 def pictures(record: Record, model: Model) -> Iterator[Made]:
     """Return file name and content of every picture of a run, one after the other."""
-    files = dict(_files(record, model))
-    # The one that takes as long as all others.
-    files[LONG] = ahead.bring(files[LONG])
-    for key, file in files.items():
+    coordinates = [coordinate.name for coordinate in model.coordinates]
+    draw: dict[str, Callable[[], Picture]] = {
+        "energy": partial(energy, record),
+        LONG: partial(trajectory, record, coordinates, model.scene),
+    }
+    if model.constraints:
+        names = [constraint.name for constraint in model.constraints]
+        draw["constraint_forces"] = partial(
+            constraint_forces, record, coordinates, names
+        )
+    for k, wanted in enumerate(model.output.plots):
+        draw[f"plot_{k + 1}"] = partial(plot, record, k, wanted, model.scene)
+    files = {key: partial(_file, own, record.form) for key, own in draw.items()}
+    brought = {LONG: ahead.bring(files[LONG])}
+    for key, file in (files | brought).items():
         name = f"{key}.{record.form}"
         yield name, attempted(name, file)
         # A figure holds the pixels that it was drawn on, some megabytes, and itself.
@@ -719,17 +732,91 @@ def pictures(record: Record, model: Model) -> Iterator[Made]:
             gc.collect(0)
 
 
-def _files(record: Record, model: Model) -> Iterator[tuple[str, Callable[[], bytes]]]:
-    """Return what makes the file of each picture, by its name."""
+def _file(draw: Callable[[], Picture], form: str) -> bytes:
+    return content(draw(), form)
 
-    def file(draw: Callable[..., Picture], *about: Any) -> Callable[[], bytes]:
-        return lambda: content(draw(record, *about), record.form)
 
-    coordinates = [coordinate.name for coordinate in model.coordinates]
-    yield "energy", file(energy)
-    yield LONG, file(trajectory, coordinates, model.scene)
-    if model.constraints:
-        names = [constraint.name for constraint in model.constraints]
-        yield "constraint_forces", file(constraint_forces, coordinates, names)
-    for number, wanted in enumerate(model.output.plots):
-        yield f"plot_{number + 1}", file(plot, number, wanted, model.scene)
+# --- One picture of several runs
+
+# Inches: how high a panel is where there are so many; and at least.
+OVERLAID = (2.9, 1.9, 1.5, 1.3)
+LEAST_OVERLAID = 1.1
+# Runs that a legend names; of more, colours tell which is which: a bar of them, how
+# long and how high it is, where it begins, and what it takes with its numbers.
+MOST_NAMED = 12
+BAR_LONG, BAR_HIGH, BAR_AT, BAR = 2.6, 0.1, 1.7, 0.3
+
+
+def pens(count: int) -> list[Pen]:
+    """Return distinct pens: by colour, and by dashes, also where colours end."""
+    size = len(PENS)
+    return [
+        PENS[(k + k // size) % size] | {"color": PENS[k % size]["color"]}
+        for k in range(count)
+    ]
+
+
+def _bar(found: Picture, name: str, colours: ScalarMappable) -> None:
+    """Draw what the colours of many runs mean."""
+    found.write(LEFT, found.top + 0.1, f"colour: {name}", size=SMALL, room=BAR_AT)
+    [[axes]] = found.panels([BAR_LONG], [BAR_HIGH], left=LEFT + BAR_AT)
+    found.colorbar(colours, cax=axes, orientation="horizontal")
+
+
+@in_house_style
+def overlay(
+    title: str,
+    runs: Mapping[str, Thinning],
+    units: Mapping[str, str],
+    notes: Sequence[str] = (),
+    order: tuple[str, Sequence[float]] = ("run", ()),
+) -> Picture:
+    """Draw each column of `units` against time, with all runs on the same axes.
+
+    Parameters
+    ----------
+    title : str
+        The model's name.
+    runs : mapping of str to Thinning
+        What each is called, and its rows.
+    units : mapping of str to str
+        Of the columns; the first one is that of the time, `t`.
+    notes : sequence of str
+        Said below the legend.
+    order : tuple
+        A name, and a number for each run, by which many runs are coloured.
+    """
+    columns = [name for name in units if name != "t"]
+    letters = Letters(columns)
+    many = len(runs) > MOST_NAMED
+    values = np.array(order[1] or range(1, len(runs) + 1), float)
+    colours = ScalarMappable(Normalize(values.min(), values.max()), COLOURS)
+    looks = pens(len(runs))
+    if many:
+        looks = [
+            {"color": to_hex(c), "linewidth": 0.7} for c in colours.to_rgba(values)
+        ]
+    height = (
+        OVERLAID[len(columns) - 1] if len(columns) <= len(OVERLAID) else LEAST_OVERLAID
+    )
+    aside = BAR if many else 0.0
+    found = Picture(
+        stack_height(len(columns), height) + aside, title,
+        f"{', '.join(letters.name(name) for name in columns)} of {len(runs)} runs",
+        legend=[] if many else list(zip(runs, looks, strict=True)),
+        remarks=notes,
+    )  # fmt: skip
+    if many:
+        _bar(found, letters.text(order[0]), colours)
+    rows = list(runs.values())
+    times = time_scale(np.concatenate([r.series(columns[0])[0] for r in rows]))
+    panels = stacked(found, len(columns), height, aside)
+    for axes, name in zip(panels, columns, strict=True):
+        drawn = [r.series(name) for r in rows]
+        below = ("t", units.get("t", "")) if name == columns[-1] else NOTHING
+        scale = value_scale(*(column for _, column in drawn))
+        frame(axes, times, scale, below=below, up=(letters.name(name), units[name]))
+        for (t, column), pen in zip(drawn, looks, strict=True):
+            series(axes, t, column, pen)
+    found.align_ylabels()
+    return found

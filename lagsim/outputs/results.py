@@ -21,6 +21,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+try:
+    import fcntl
+except ImportError:
+    fcntl = None  # type: ignore[assignment]
+
 import orjson
 
 from lagsim import files, limits
@@ -259,9 +264,7 @@ def _held(folder: Path, until: float) -> Iterator[None]:
         Where another does for too long.
     OSError
     """
-    try:
-        import fcntl
-    except ImportError:  # Windows: renaming over an open file fails by itself
+    if fcntl is None:  # Windows: renaming over an open file fails by itself
         yield
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -287,8 +290,6 @@ def _held(folder: Path, until: float) -> Iterator[None]:
 
 def _locked(handle: int) -> bool:
     """Lock an open folder; tell if another process has."""
-    import fcntl
-
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -339,11 +340,8 @@ def put(path: Path, content: bytes) -> None:
         return
     part = path.with_name(f".lagsim-{secrets.token_hex(8)}.new")
     try:
-        handle = files.begin(part)
-        try:
-            files.write(handle, content)
-        finally:
-            os.close(handle)
+        os.close(files.begin(part))
+        _write(part, content)
         files.place(part, path)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -213,6 +213,11 @@ def extent(
     return float(min(s.min() for s in usable)), float(max(s.max() for s in usable))
 
 
+def greatest(values: Array) -> float:
+    """Return the greatest size among finite values; 0 where there are none."""
+    return max(map(abs, extent(values)))
+
+
 def value_scale(*series: Array, margin: float = 0.06, size: float = 0.0) -> Scale:
     """Return a scale for values: rounding noise of a constant is flat on it.
 

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from lagsim.plan.plan import Plan
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
-    from lagsim.run.observers.frames import Frames
+    from lagsim.run.observers.thinning import Frames
     from lagsim.run.session import Case, Clock, Session
     from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory

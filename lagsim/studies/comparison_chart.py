@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.outputs.curves import point, series
 from lagsim.outputs.figure import (
     BLACK,
     LEFT,
@@ -23,6 +22,8 @@ from lagsim.outputs.figure import (
     frame,
     in_house_style,
     mark,
+    point,
+    series,
     stack_height,
 )
 from lagsim.outputs.letters import raised

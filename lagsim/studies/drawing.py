@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
     from lagsim.model.model import Model
     from lagsim.outputs import Made
-    from lagsim.run.observers.frames import Frames
-    from lagsim.run.observers.thinning import Thinning
+    from lagsim.run.observers.thinning import Frames, Thinning
     from lagsim.studies.attempts import Attempt
 
     Draw: TypeAlias = "Callable[[Record, Model], Iterator[Made]]"

@@ -16,7 +16,7 @@ from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.notes import Event
 from lagsim.outputs import animation
-from lagsim.outputs.animation.film import film_of_columns, page_units
+from lagsim.outputs.animation import film_of_columns, page_units
 from lagsim.outputs.results import MANIFEST
 from lagsim.studies.tables import of_another_run, read_results, thinned
 
@@ -196,7 +196,7 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
 def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") -> bytes:
     """Draw columns of all runs on the same axes; give a PNG, SVG or PDF."""
     from lagsim.outputs.figure import content
-    from lagsim.outputs.overlay import picture
+    from lagsim.outputs.plots import overlay
 
     names = ("t", *columns)
     rows = {x.label: thinned({name: x.table[name] for name in names}) for x in runs}
@@ -205,7 +205,7 @@ def picture(runs: Sequence[Shown], columns: Sequence[str], form: str = "png") ->
         known = {run.table.units.get(name, "") for run in runs} - {""}
         units[name] = " or ".join(sorted(known))
     remarks = [remark for run in runs for remark in run.table.remarks]
-    drawn = picture(title(runs), rows, units, remarks, _order(runs))
+    drawn = overlay(title(runs), rows, units, remarks, _order(runs))
     return content(drawn, form)
 
 

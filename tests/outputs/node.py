@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from lagsim.outputs import animation
-from lagsim.outputs.animation.film import Film, Track
-from lagsim.outputs.animation.page import SCRIPTS, record
+from lagsim.outputs.animation import SCRIPTS, Film, Track, record
 
 FOUND = shutil.which("node")
 needs_node = pytest.mark.skipif(FOUND is None, reason="no node on PATH")

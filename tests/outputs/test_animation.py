@@ -12,7 +12,7 @@ import pytest
 import lagsim
 from lagsim.notes import Event
 from lagsim.outputs import animation
-from lagsim.outputs.animation.film import ROOM, Film, Track
+from lagsim.outputs.animation import ROOM, Film, Track
 from lagsim.outputs.figure import PENS
 from tests.support import MODELS
 

@@ -12,8 +12,7 @@ from lagsim.model.model import Scene
 from lagsim.model.reader import read
 from lagsim.notes import Event
 from lagsim.outputs import plots
-from lagsim.outputs.curves import LOST, MARKS
-from lagsim.outputs.figure import DPI
+from lagsim.outputs.figure import DPI, LOST, MARKS
 from lagsim.outputs.record import Record, marked
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs import drawn as kit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lagsim.outputs import overlay
+from lagsim.outputs import plots
 from lagsim.run.observers.thinning import Thinning
 from tests.outputs.drawn import drawn
 
@@ -16,7 +16,7 @@ def rows(t, **columns):
 
 
 def test_pens_are_told_apart():
-    looks = {(p["color"], str(p.get("dashes"))) for p in overlay.pens(36)}
+    looks = {(p["color"], str(p.get("dashes"))) for p in plots.pens(36)}
     assert len(looks) == 36
 
 
@@ -27,7 +27,7 @@ def test_every_run_is_on_the_same_axes():
         "long": rows(later, x=5 + 0 * later, y=later),
     }
     drawing = drawn(
-        overlay.picture, "ball", runs, {"t": "s", "x": "m", "y": ""}, ["a note"]
+        plots.overlay, "ball", runs, {"t": "s", "x": "m", "y": ""}, ["a note"]
     )
     assert len(drawing.panels) == 2
     for panel, columns in zip(drawing.panels, ("x", "y"), strict=True):
@@ -47,7 +47,7 @@ def test_every_run_is_on_the_same_axes():
 def test_a_dozen_runs_have_a_legend_with_room():
     t = np.linspace(0.0, 1.0, 5)
     runs = {f"run number {k}": rows(t, x=k + t) for k in range(12)}
-    drawing = drawn(overlay.picture, "ball", runs, {"t": "", "x": ""})
+    drawing = drawn(plots.overlay, "ball", runs, {"t": "", "x": ""})
     said = drawing.written()
     assert all(name in said for name in runs)
 
@@ -57,7 +57,7 @@ def test_a_hundred_runs_are_told_by_colour():
     runs = {f"run number {k}": rows(t, x=k + t) for k in range(100)}
     masses = np.linspace(3.0, 1.0, 100)
     order = ("m1", masses.tolist())
-    drawing = drawn(overlay.picture, "ball", runs, {"t": "", "x": ""}, (), order)
+    drawing = drawn(plots.overlay, "ball", runs, {"t": "", "x": ""}, (), order)
     said = drawing.written()
     assert not any("…" in text or text.startswith("run number") for text in said)
     assert "colour: m₁" in said

@@ -1,31 +1,134 @@
-"""The motion of a run on a page that opens by itself, see docs/animation.md."""
+"""The motion of a run on a page that opens by itself, see docs/animation.md.
+
+First what moves: points of a scene and the forces on them in every frame, and notes. A
+model without a scene has one point where it has the names x and y (and z).
+
+A constraint acts on the coordinates by Qc = A^T lambda. A force F on a point r of the
+scene acts on them by J^T F, with J = dr/dq. Where A^T = J^T f for one f and no other,
+F = lambda f is the one force on that point that does the same work in every virtual
+displacement, and is drawn; a component of r that never varies has none. One point is
+tried first, then two that a link joins, then any two.
+
+Where f is not unique (the bob of a pendulum in its angle moves along a circle: a stop
+of the angle is a torque), no force is drawn, but the point is known to be struck.
+
+Then the page: one file with its data, its style and its script, and no network.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import base64
+import html
+import json
+import math
+import re
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
+import numpy as np
+
+from lagsim.language.derivatives import slopes, tangent
+from lagsim.language.evaluate import evaluate_rows
+from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
-from lagsim.outputs.animation.film import Film, film, frames_of, stage
-from lagsim.outputs.animation.page import NAME, page, record, recorded
+from lagsim.outputs import ENERGIES
+from lagsim.outputs.record import merged
+from lagsim.run.observers.thinning import Frames
+from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED
 
 if TYPE_CHECKING:
-    from lagsim.model.model import Model
+    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Set as AbstractSet
 
-__all__ = [
-    "NAME",
-    "Film",
-    "film",
-    "frames_of",
-    "nothing_to_draw",
-    "page",
-    "record",
-    "recorded",
-    "stage",
-]
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
+    from lagsim.notes import Event
+
+NAME = "animation.html"
+# The point of a model that has no scene.
+ONLY = "point"
+# Bytes of a page's numbers before they are written as text, which takes a third more.
+ROOM = 1_900_000
+# Frames beyond these show nothing more, and cells of them are memory.
+MOST_FRAMES, MOST_CELLS = 1 << 15, 1 << 23
+# What would go so many times through the scene from a frame to the next is not
+# followed by its rate.
+SWIFT = 3.0
+# Frames in which it is tried which points carry a constraint, and in which part of them
+# they must: at a dead point none may.
+TRIED, MOSTLY = 9, 0.75
+# Pairs that no link joins are tried among so many points, and forces shown.
+FEW_POINTS, MOST_PUSHES = 24, 64
+
+
+class Track(NamedTuple):
+    """Where a point is, and its velocity: (frames, components)."""
+
+    place: Floats
+    rate: Floats
+
+
+class Push(NamedTuple):
+    """The force of a constraint on a point (frames, components)."""
+
+    constraint: str
+    point: str
+    force: Floats
+
+
+class Film(NamedTuple):
+    """The motion of a scene, frame by frame.
+
+    Attributes
+    ----------
+    t : ndarray, shape (frames,)
+    broken : ndarray of bool, shape (frames,)
+        Up to the next frame positions go straight.
+    tracks : dict of str to Track
+    links : sequence of pairs of names
+    pushes : sequence of Push
+        The forces of constraints.
+    energies : dict of str to ndarray, shape (frames,)
+    events : sequence of Event
+    struck : dict of str to names
+        The points at which each constraint acts, where there are any.
+    horizon : float
+        No forecast beyond this time.
+    units : dict of str to str
+        Of `length`, `energy` and `force`, where they are known.
+    notes : sequence of str
+    """
+
+    name: str
+    description: str
+    t: Floats
+    broken: Flags
+    tracks: Mapping[str, Track]
+    links: Sequence[tuple[str, str]] = ()
+    pushes: Sequence[Push] = ()
+    energies: Mapping[str, Floats] = {}
+    events: Sequence[Event] = ()
+    struck: Mapping[str | None, Sequence[str]] = {}
+    horizon: float = math.inf
+    units: Mapping[str, str] = {}
+    notes: Sequence[str] = ()
+
+
+def stage(model: Model) -> Scene:
+    """Return the scene of a model; where the file has none, one point or nothing."""
+    if model.scene.points:
+        return model.scene
+    nodes = {c.name: model.graph.variable(c.name) for c in model.coordinates}
+    nodes |= {d.name: d.node for d in model.definitions if d.level is not Level.OUTPUT}
+    if "x" not in nodes or "y" not in nodes:
+        return Scene({})
+    return Scene({ONLY: tuple(nodes[name] for name in "xyz" if name in nodes)})
 
 
 def nothing_to_draw(model: Model) -> list[Caution]:
-    """Say that a model gives no page."""
+    """Return the warning that a model gives no page, if so."""
     if stage(model).points:
         return []
     text = (
@@ -33,3 +136,483 @@ def nothing_to_draw(model: Model) -> list[Caution]:
         "points, or definitions x and y (and z)"
     )
     return [Caution("nothing-to-draw", text)]
+
+
+def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
+    """Return what keeps of rows with `columns` what a film of the model needs."""
+    scene = stage(equations.model)
+    names = ["t", *equations.q, *equations.velocities, *equations.accelerations]
+    names += equations.multipliers
+    known = frozenset(columns)
+    names += ENERGIES
+    names += [f"reaction.{name}" for name in equations.model.output.reactions]
+    names = [name for name in names if name in known]
+    # Positions and rates; forces, at two points at most; time and energies.
+    parts = sum(len(c) for c in scene.points.values())
+    words = 2 * parts + 6 * len(equations.multipliers) + 2 + len(ENERGIES)
+    most = min(MOST_FRAMES, ROOM // (4 * words), MOST_CELLS // len(names))
+    return Frames(columns, names, most)
+
+
+def film(
+    equations: Equations,
+    frames: Frames,
+    events: Sequence[Event],
+    *,
+    horizon: float = math.inf,
+    units: Mapping[str, str] | None = None,
+    notes: Sequence[str] = (),
+) -> Film | None:
+    """Return the motion of a model's scene; None where there is nothing to draw.
+
+    Parameters
+    ----------
+    frames : Frames
+        Those of `frames_of`, after the run.
+    units : dict of str to str
+        Of columns.
+    """
+    model, scene = equations.model, stage(equations.model)
+    table = frames.table
+    if not scene.points or not len(table):
+        return None
+    columns = {name: table[:, k] for k, name in enumerate(frames.names)}
+    values: dict[str, float | Floats] = {p.name: p.value for p in model.parameters}
+    values |= columns
+    tracks = _tracks(equations, scene, values, len(table))
+    with np.errstate(all="ignore"):
+        carriers = Carriers(equations, scene, values, len(table))
+        pushes = [*carriers.pushes, *reactions(model, scene, columns)]
+        broken = frames.broken | _swift(tracks, columns["t"])
+    if frames.stride > 1:
+        thinned = f"one of {frames.stride} rows; positions between are interpolated"
+        notes = [*notes, thinned]
+    return Film(
+        model.name, model.description, columns["t"], broken, tracks, scene.links,
+        pushes, {k: columns[k] for k in ENERGIES if k in columns}, events,
+        carriers.struck, horizon, _units(scene, units or {}), notes,
+    )  # fmt: skip
+
+
+def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
+    """Return the units of what a page shows, from those of columns."""
+    columns = [
+        f"point.{name}.{k + 1}"
+        for name, x in scene.points.items()
+        for k in range(len(x))
+    ]
+    if not known.keys() & set(columns):
+        columns = list("xyz")
+    return page_units({known.get(c, "") for c in columns}, known.get("energy", ""))
+
+
+def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
+    """Return the units of a page; that of a force follows."""
+    [length, *others] = sorted(set(lengths) - {""}) or [""]
+    length = "" if others else length
+    force = "N" if (energy, length) == ("J", "m") else ""
+    return {"length": length, "energy": energy, "force": force}
+
+
+def _tracks(
+    e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
+) -> dict[str, Track]:
+    """Evaluate the points and their rates; a plane lies at z = 0 of a space."""
+    g = e.graph
+    nodes = [node for parts in scene.points.values() for node in parts]
+    seed = {g.variable("t"): g.one}
+    for names in ((e.q, e.velocities), (e.velocities, e.accelerations)):
+        seed |= {g.variable(a): g.variable(b) for a, b in zip(*names, strict=True)}
+    rates = tangent(g, nodes, seed)
+    found = evaluate_rows(g, [*nodes, *rates], values, count)
+    dimension = max(len(parts) for parts in scene.points.values())
+    tracks, k = {}, 0
+    for name, parts in scene.points.items():
+        place, rate = np.zeros((2, count, dimension))
+        here = slice(k, k + len(parts))
+        place[:, : len(parts)] = found[: len(nodes)][here].T
+        rate[:, : len(parts)] = found[len(nodes) :][here].T
+        tracks[name] = Track(place, rate)
+        k += len(parts)
+    return tracks
+
+
+def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
+    """Tell what no rate follows up to the next frame."""
+    steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
+    size = extent(tracks)
+    found = np.zeros(len(t), dtype=bool)
+    for track in tracks.values():
+        moved = np.abs(track.rate) * steps > SWIFT * size
+        found |= (moved | ~np.isfinite(track.rate)).any(axis=1)
+    return found
+
+
+def extent(tracks: Mapping[str, Track]) -> float:
+    """Return the longest side of what the points pass through."""
+    every = np.concatenate([track.place for track in tracks.values()])
+    every = every[np.isfinite(every).all(axis=1)]
+    return float(np.ptp(every, axis=0).max()) if len(every) else 0.0
+
+
+# --- Forces of constraints
+
+
+class _Row(NamedTuple):
+    constraint: str
+    multiplier: str
+    entries: Mapping[int, int]
+
+
+class Carriers:
+    """Which points carry the constraints of a scene, and by which forces.
+
+    Parameters
+    ----------
+    values
+        Parameters and columns (count,) by name.
+
+    Attributes
+    ----------
+    struck : dict of str to names
+        The points at which each constraint acts, where there are any.
+    pushes : list of Push
+        The forces that are ever other than 0, those of friction in them.
+    """
+
+    def __init__(
+        self,
+        equations: Equations,
+        scene: Scene,
+        values: Mapping[str, float | Floats],
+        count: int,
+    ) -> None:
+        self._e, self._scene = equations, scene
+        self._values, self._count = values, count
+        self._dimension = max(len(parts) for parts in scene.points.values())
+        rows = list(_rows(equations))
+        self._jacobians = self._moving() if rows else {}
+        self.struck: dict[str | None, tuple[str, ...]] = {}
+        found: dict[tuple[str, str], Floats] = {}
+        for row in rows:
+            points, unique = self._carrier(row)
+            if points:
+                self.struck.setdefault(row.constraint, points)
+            if unique and len(found) < MOST_PUSHES:
+                for point, force in self._shares(row, points):
+                    key = row.constraint, point
+                    found[key] = found[key] + force if key in found else force
+        self.pushes = [Push(*key, force) for key, force in found.items()]
+
+    def _moving(self) -> dict[str, list[dict[int, int]]]:
+        """Return dr/dq, a mapping a component, of the points that depend on q."""
+        e, g = self._e, self._e.graph
+        index = {g.variable(name): j for j, name in enumerate(e.q)}
+        rates = frozenset(e.velocities)
+        found = {}
+        for name, parts in self._scene.points.items():
+            if g.depends(parts) & rates:
+                continue
+            rows = [slopes(g, node, frozenset(index)) for node in parts]
+            named = [
+                {index[v]: s for v, s in row.items() if s != g.zero} for row in rows
+            ]
+            if any(named):
+                found[name] = named
+        return found
+
+    def _carrier(self, row: _Row) -> tuple[tuple[str, ...], bool]:
+        """Return the fewest points that carry a row, and whether by one force alone."""
+        step = max(1, (self._count - 1) // (TRIED - 1))
+        some = slice(0, None, step)
+        several: tuple[str, ...] = ()
+        for points in self._candidates():
+            reached = {j for p in points for part in self._jacobians[p] for j in part}
+            if not row.entries or not row.entries.keys() <= reached:
+                continue
+            _, holds, unique = self._forces(row, points, some)
+            if np.mean(holds & unique) >= MOSTLY:
+                return points, True
+            if np.mean(holds) >= MOSTLY:
+                several = several or points
+        return several, False
+
+    def _candidates(self) -> Iterator[tuple[str, ...]]:
+        known = self._jacobians
+        yield from ((name,) for name in known)
+        linked = [pair for pair in self._scene.links if set(pair) <= known.keys()]
+        yield from linked
+        if len(known) <= FEW_POINTS:
+            met = {frozenset(pair) for pair in linked}
+            yield from (x for x in combinations(known, 2) if frozenset(x) not in met)
+
+    def _forces(
+        self, row: _Row, points: Sequence[str], frames: slice
+    ) -> tuple[Floats, Flags, Flags]:
+        """Return f (k, components) in some frames, where A^T = J^T f, where unique.
+
+        Components that never vary have no part in it.
+        """
+        parts = [part for p in points for part in self._jacobians[p] if part]
+        columns = sorted({j for part in parts for j in part})
+        zero = self._e.graph.zero
+        nodes = [part.get(j, zero) for part in parts for j in columns]
+        nodes += [row.entries.get(j, zero) for j in columns]
+        count = len(range(*frames.indices(self._count)))
+        values = {
+            name: x[frames] if isinstance(x, np.ndarray) else x
+            for name, x in self._values.items()
+        }
+        found = evaluate_rows(self._e.graph, nodes, values, count).T
+        finite = np.isfinite(found).all(axis=1)
+        found[~finite] = 0.0
+        n, d = len(columns), len(parts)
+        J, A = found[:, :-n].reshape(count, d, n), found[:, -n:]
+        f = np.einsum("kn,knd->kd", A, np.linalg.pinv(J, rcond=DEPENDENT_ROWS))
+        left = np.abs(np.einsum("kdn,kd->kn", J, f) - A)
+        longest = np.abs(f).max(axis=1, keepdims=True)
+        terms = np.abs(J).sum(axis=1) * longest + np.abs(A)
+        holds: Flags = finite & (left <= HALF_OF_DIGITS * terms).all(axis=1)
+        sizes = np.linalg.svd(J, compute_uv=False)
+        full: Flags = sizes[:, -1] > DEPENDENT_ROWS * sizes[:, 0]
+        return f, holds, full & (d <= n)
+
+    def _shares(self, row: _Row, points: Sequence[str]) -> Iterator[tuple[str, Floats]]:
+        """Return the force (count, components) on each point that carries a row."""
+        multiplier = self._values.get(row.multiplier)
+        if not isinstance(multiplier, np.ndarray) or not multiplier.any():
+            return
+        f, holds, unique = self._forces(row, points, slice(None))
+        f[~(holds & unique)] = np.nan
+        force = f.T * multiplier
+        force[:, multiplier == 0.0] = 0.0
+        varying = iter(force)
+        for point in points:
+            here = np.zeros((self._count, self._dimension))
+            for k, part in enumerate(self._jacobians[point]):
+                if part:
+                    here[:, k] = next(varying)
+            yield point, here
+
+
+def reactions(
+    model: Model, scene: Scene, columns: Mapping[str, Floats]
+) -> Iterator[Push]:
+    """Return the reactions that the model asks for, on points that are made of them."""
+    asked = {
+        d.node: d.name for d in model.definitions if d.name in model.output.reactions
+    }
+    dimension = max(len(parts) for parts in scene.points.values())
+    for point, parts in scene.points.items():
+        found = [columns.get(f"reaction.{asked.get(node)}") for node in parts]
+        some = next((x for x in found if x is not None), None)
+        if some is not None:
+            force = np.zeros((len(some), dimension))
+            for k, x in enumerate(found):
+                if x is not None:
+                    force[:, k] = x
+            yield Push("reaction", point, force)
+
+
+def _rows(e: Equations) -> Iterator[_Row]:
+    for row in e.rows:
+        yield _Row(row.name, f"lambda_{row.name}", row.A.entries)
+    for law in e.laws:
+        yield _Row(law.constraint, law.multiplier, law.row.A.entries)
+
+
+# --- The motion of one point, from the columns of a table
+
+
+def film_of_columns(
+    name: str, columns: Mapping[str, Floats], events: Sequence[Event], **more: Any
+) -> Film | None:
+    """Return the motion of the point (x, y) or (x, y, z); None without these columns.
+
+    Its rate is that of the columns x_dot, y_dot, ... where there are all of them; else
+    it follows from the rows, on each side of an impact by itself.
+
+    Parameters
+    ----------
+    more
+        Further attributes of the film.
+    """
+    if not {"t", "x", "y"} <= columns.keys():
+        return None
+    axes = [axis for axis in "xyz" if axis in columns]
+    rates = [f"{axis}_dot" for axis in axes]
+    known = set(rates) <= columns.keys()
+    names = ["t", *axes, *(rates if known else ())]
+    names += [energy for energy in ENERGIES if energy in columns]
+    frames = Frames(names, names, MOST_FRAMES)
+    frames.add(np.stack([columns[name] for name in names], axis=1))
+    kept = dict(zip(names, frames.table.T, strict=True))
+    place = np.stack([kept[axis] for axis in axes], axis=1)
+    if known:
+        rate = np.stack([kept[name] for name in rates], axis=1)
+    else:
+        rate = _slopes(kept["t"], place)
+    return Film(
+        name, "", kept["t"], frames.broken | ~np.isfinite(rate).all(axis=1),
+        {ONLY: Track(place, rate)},
+        energies={k: kept[k] for k in ENERGIES if k in kept}, events=events, **more,
+    )  # fmt: skip
+
+
+def _slopes(t: Floats, place: Floats) -> Floats:
+    """Return the rates of rows, by parabolas; nan where a row stands alone."""
+    rate = np.full_like(place, np.nan)
+    ends = [*(np.flatnonzero(np.diff(t) == 0.0) + 1), len(t)]
+    first = 0
+    for end in ends:
+        rows = slice(first, end)
+        if end - first > 1:
+            edge: Literal[1, 2] = 2 if end - first > 2 else 1
+            rate[rows] = np.gradient(place[rows], t[rows], axis=0, edge_order=edge)
+        first = end
+    return rate
+
+
+# --- The page
+
+# In this order: each uses what stands before.
+SCRIPTS = ("motion.js", "view.js", "draw.js", "panel.js", "page.js")
+# The data of a page, as `recorded` finds them.
+_DATA = re.compile(
+    r'<script type="application/json" id="runs">(.*?)</script>', re.DOTALL
+)
+# Of the length of a link: within this it does not change; of the frames: so many with
+# a contact's link at its longest make it a string.
+RIGID, TAUT = 1e-3, 0.02
+# A view shows all of the motion, unless some hundredths of it go so many times as far.
+MOST, OUTLYING = 98.0, 20.0
+# Of the size of a view: so far below it a floor is still in sight.
+NEAR = 0.1
+# More events than these cannot be distinguished on a time line.
+MOST_EVENTS = 4000
+
+
+@np.errstate(all="ignore")  # a motion that diverges passes every number
+def record(film: Film) -> dict[str, Any]:
+    """Return a film as the page reads it, in what JSON holds."""
+    size = extent(film.tracks)
+    names = list(film.tracks)
+    points: list[dict[str, Any]] = []
+    for name, (place, rate) in film.tracks.items():
+        finite = place[np.isfinite(place).all(axis=1)]
+        still = (
+            len(finite) == len(place)
+            and np.ptp(finite, 0).max() <= COMPUTED_ZERO * size
+        )
+        found = {"fixed": place[0].tolist()} if still else {
+            "place": _packed(place), "rate": _packed(rate),
+        }  # fmt: skip
+        points.append({"name": name, **found})
+    events = merged(film.events)
+    notes = list(film.notes)
+    if len(events) > MOST_EVENTS:
+        notes.append(f"the first {MOST_EVENTS} of {len(events)} events are marked")
+    return {
+        "name": film.name,
+        "description": film.description,
+        "t": _packed(film.t, "<f8"),
+        "broken": np.flatnonzero(film.broken).tolist(),
+        "dimension": next(iter(film.tracks.values())).place.shape[1],
+        "box": (box := _box(film)),
+        "floor": _floor(film, box),
+        "points": points,
+        "links": [_link(film, names, a, b) for a, b in film.links],
+        "pushes": [
+            {"name": p.constraint, "point": names.index(p.point),
+             "force": _packed(p.force), "usual": _usual(p.force)}
+            for p in film.pushes
+        ],
+        "energies": {name: _packed(values) for name, values in film.energies.items()},
+        "events": [
+            {"t": e.time, "kind": e.kind, "what": e.constraint or e.switch or "",
+             "points": [names.index(p) for p in film.struck.get(e.constraint, ())]}
+            for e in events[:MOST_EVENTS]
+        ],
+        "horizon": film.horizon if math.isfinite(film.horizon) else None,
+        "units": dict(film.units),
+        "notes": notes,
+    }  # fmt: skip
+
+
+def _packed(values: Floats, kind: str = "<f4") -> str:
+    """Return numbers as text, row by row."""
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
+
+
+def _usual(force: Floats) -> float:
+    """Return the size of a force that few frames exceed: a spike rules no scale."""
+    sizes = np.linalg.norm(force, axis=1)
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
+
+
+def _floor(film: Film, box: Sequence[Sequence[float]]) -> float | None:
+    """Return the height of a floor that is below all; None where it is out of sight."""
+    last = np.concatenate([track.place[:, -1] for track in film.tracks.values()])
+    lowest = float(last[np.isfinite(last)].min(initial=box[-1][0]))
+    size = max(high - low for low, high in box)
+    return lowest if lowest >= box[-1][0] - NEAR * size else None
+
+
+def _box(film: Film) -> list[list[float]]:
+    """Return the least and greatest of each component that a view is to show."""
+    every = np.concatenate([track.place for track in film.tracks.values()])
+    every = every[np.isfinite(every).all(axis=1)]
+    if not len(every):
+        return [[0.0, 0.0] for _ in range(every.shape[1])]
+    low, high = every.min(axis=0), every.max(axis=0)
+    usual = np.percentile(every, (100.0 - MOST, MOST), axis=0)
+    if np.max(high - low) > OUTLYING * np.max(usual[1] - usual[0]) > 0:
+        low, high = usual
+    return [[float(a), float(b)] for a, b in zip(low, high, strict=True)]
+
+
+def _link(film: Film, names: Sequence[str], a: str, b: str) -> dict[str, Any]:
+    """Say what a link is like: a rod, a spring, or a string that may be slack."""
+    apart = film.tracks[a].place - film.tracks[b].place
+    lengths = np.linalg.norm(apart, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    lengths = lengths if len(lengths) else np.zeros(1)
+    longest = float(lengths.max())
+    kind = "spring"
+    if float(lengths.min()) >= (1.0 - RIGID) * longest:
+        kind = "rod"
+    elif any({a, b} & set(points) for points in film.struck.values()):
+        taut = np.mean(lengths >= (1.0 - SATISFIED) * longest)
+        kind = "string" if taut > TAUT else "spring"
+    ends, usual = (names.index(a), names.index(b)), float(np.median(lengths))
+    return {"ends": ends, "kind": kind, "longest": longest, "usual": usual}
+
+
+def page(runs: Sequence[Mapping[str, Any]], title: str) -> bytes:
+    """Return a page on which runs play side by side, on one clock."""
+    here = Path(__file__).parent
+    text = (here / "page.html").read_text("utf-8")
+    data = json.dumps(runs, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    # Nothing in it may end the element that it stands in.
+    data = data.replace("<", "\\u003c")
+    parts = {
+        "TITLE": html.escape(title),
+        "STYLE": (here / "page.css").read_text("utf-8"),
+        "DATA": data,
+        "SCRIPT": "\n".join((here / name).read_text("utf-8") for name in SCRIPTS),
+    }
+    whole = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], text)
+    return whole.encode(errors="replace")
+
+
+def recorded(content: str) -> list[dict[str, Any]] | None:
+    """Return the runs of a page; None where it holds none."""
+    found = _DATA.search(content)
+    if not found:
+        return None
+    try:
+        runs = json.loads(found[1])
+    except ValueError:
+        return None
+    return runs if isinstance(runs, list) else None

@@ -22,11 +22,11 @@ from matplotlib.lines import Line2D
 
 from lagsim.methods import method as method_named
 from lagsim.methods import names
-from lagsim.outputs.curves import LOST, curve, point
 from lagsim.outputs.figure import (
     DIM,
     EDGE,
     INK,
+    LOST,
     PENS,
     SAMPLE,
     SMALL,
@@ -36,9 +36,11 @@ from lagsim.outputs.figure import (
     Pen,
     Picture,
     content,
+    curve,
     fitted,
     in_house_style,
     mark,
+    point,
 )
 from lagsim.outputs.scale import Scale, log_scale
 from lagsim.studies.bench.solving import DRIFT, PREFIX, SCIPY, stamp

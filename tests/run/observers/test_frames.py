@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lagsim.run.observers.frames import Frames
+from lagsim.run.observers.thinning import Frames
 
 COLUMNS = ("t", "a", "b")
 
