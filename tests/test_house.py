@@ -8,8 +8,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
-FILES = 228
-LINES = 64_900
+FILES = 220
+LINES = 64_600
 LINES_OF_TESTS = 50_300
 
 
