@@ -11,7 +11,7 @@ Definitions are already written into the expressions that use them.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 if TYPE_CHECKING:
@@ -109,12 +109,19 @@ class Coordinate(NamedTuple):
     description: str = ""
 
 
-class Level(Enum):
-    """What a definition depends on, and therefore where it may stand."""
+class Level(IntEnum):
+    """What an expression depends on at most, and therefore where it may stand."""
 
-    POSITION = "positions and time"
-    VELOCITY = "velocities"
-    OUTPUT = "accelerations, multipliers or energies"
+    NUMBER = 0
+    POSITION = 1
+    VELOCITY = 2
+    OUTPUT = 3
+
+    @property
+    def text(self) -> str:
+        """What that is, for messages."""
+        found = "positions and time", "velocities"
+        return ("numbers", *found, "accelerations, multipliers or energies")[self]
 
 
 class Definition(NamedTuple):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
-from lagsim.model.reader.expressions import NUMBERS, STATE, Kind, check_name
+from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, listed
 from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
 
@@ -60,7 +60,7 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
     for key in ENERGY:
         called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
         what = called.get(key, f"the {key} energy")
-        nodes[key] = x.compile(found.value(key), what, STATE)
+        nodes[key] = x.compile(found.value(key), what, Level.VELOCITY)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
@@ -73,7 +73,7 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     found = []
     for key, value in entries(node, "`forces`", x.faults):
         direction = _direction(key, x)
-        compiled = x.compile(value, f"the force on `{key.text}`", STATE)
+        compiled = x.compile(value, f"the force on `{key.text}`", Level.VELOCITY)
         if direction is not None and compiled is not None:
             found.append(Force(key.text, compiled, *direction, value.place))
     return tuple(found)
@@ -97,12 +97,12 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
     text, hint, code = f"a force cannot work on `{name}`", "", ""
     node, level = x.definitions.get(name, (None, Level.POSITION))
     if kind is not Kind.DEFINITION:
-        code, text = "not-a-direction", f"{text}, {kind.value}"
+        code, text = "not-a-direction", f"{text}, {kind.text}"
         hint = "it works on a coordinate or on a definition"
         if kind in (Kind.VELOCITY, Kind.RATE):
             hint = f"write `{base}`: a force on `{base}` has the power p*{name}"
     elif level is Level.OUTPUT:
-        code, text = "output-only", f"{text}: it uses {level.value}"
+        code, text = "output-only", f"{text}: it uses {level.text}"
         hint = "work on positions or velocities"
     elif node is not None and level is Level.VELOCITY and not _is_affine(node, x):
         code, text = "not-affine", f"{text}: it is not linear in the velocities"
@@ -138,7 +138,7 @@ def read_relation(
         return None, None
     scalar, parsed = found
     equality = parsed.sense == "="
-    if x.check(parsed.names, scalar, what, STATE) is None:
+    if not x.check(parsed.names, scalar, what, Level.VELOCITY):
         return None, equality
     gap = x.build(parsed.left)
     if parsed.right is not None:
@@ -222,7 +222,7 @@ class _Reader:
         """Build the condition under which it is in force, as 1 or 0."""
         node = self.below.value("when")
         x, g, of = self.x, self.x.graph, f"the `when` of {self.what}"
-        condition = x.compile(node, of, STATE, condition=True)
+        condition = x.compile(node, of, Level.VELOCITY, condition=True)
         if node is None or condition is None:
             return None
         fixed = {"t", *x.names.of(Kind.PARAMETER)}
@@ -242,7 +242,7 @@ class _Reader:
             hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         of = f"the limit of {self.what}"
-        limit = x.compile(node, of, STATE)
+        limit = x.compile(node, of, Level.VELOCITY)
         if limit is not None and x.graph.depends([limit]) <= x.known.keys():
             self._coefficient(node, of)
         return limit
@@ -270,7 +270,7 @@ class _Reader:
         what = f"{self.what}, being one-sided,"
         found = x.text(expression, what, parse_relation)
         assert found is not None
-        x.check(found[1].names, found[0], what, STATE - {Kind.VELOCITY, Kind.RATE})
+        x.check(found[1].names, found[0], what, Level.POSITION)
         return self._contact(known=True)
 
     def _contact(self, *, known: bool) -> OneSided | None:
@@ -334,7 +334,7 @@ class _Reader:
         if value < 0:
             text = f"{what} is {value:g}, which is negative"
             self.x.faults.add("out-of-range", text, node.place)
-        return self.x.compile(node, what, NUMBERS), value
+        return self.x.compile(node, what, Level.NUMBER), value
 
     def _slips(self) -> tuple[int, ...]:
         node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x
@@ -347,7 +347,7 @@ class _Reader:
             return ()
         found = []
         for part in parts:
-            slip = x.compile(part, what, STATE)
+            slip = x.compile(part, what, Level.VELOCITY)
             if slip is None:
                 continue
             found.append(slip)

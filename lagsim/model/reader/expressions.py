@@ -37,9 +37,8 @@ if TYPE_CHECKING:
     from lagsim.model.nodes import Entry
     from lagsim.model.reader.fields import Faults
 
-    # Code, text and hint of a name that must not stand where it does.
-    Refusal = tuple[str, str, str]
-    Rule = Callable[[Name, Scalar], Level | Refusal | None]
+    # Tells whether a name may stand in an expression; else that is reported.
+    Rule = Callable[[Name, Scalar], bool]
 
 _T = TypeVar("_T")
 
@@ -54,21 +53,25 @@ _A_COLUMN = "it is in the table and in its pictures in any case: leave it out he
 
 
 class Kind(Enum):
-    """What a name in an expression denotes."""
+    """What a name in an expression denotes, for messages, and what that depends on."""
 
-    PI = "the number pi"
-    TIME = "the time"
-    PARAMETER = "a parameter"
-    COORDINATE = "a coordinate"
-    VELOCITY = "a velocity"
-    ACCELERATION = "an acceleration"
-    DEFINITION = "a definition"
-    RATE = "the rate of a definition"
-    SECOND_RATE = "the second rate of a definition"
-    MULTIPLIER = "a constraint multiplier"
-    CONSTRAINT_FORCE = "a constraint force"
-    ENERGY = "an energy"
-    REACTION = "a reaction"
+    PI = "the number pi", Level.NUMBER
+    PARAMETER = "a parameter", Level.NUMBER
+    TIME = "the time", Level.POSITION
+    COORDINATE = "a coordinate", Level.POSITION
+    VELOCITY = "a velocity", Level.VELOCITY
+    ACCELERATION = "an acceleration", Level.OUTPUT
+    DEFINITION = "a definition", Level.POSITION  # or what is defined depends on
+    RATE = "the rate of a definition", Level.VELOCITY
+    SECOND_RATE = "the second rate of a definition", Level.OUTPUT
+    MULTIPLIER = "a constraint multiplier", Level.OUTPUT
+    CONSTRAINT_FORCE = "a constraint force", Level.OUTPUT
+    ENERGY = "an energy", Level.OUTPUT
+    REACTION = "a reaction", Level.OUTPUT
+
+    def __init__(self, text: str, level: Level) -> None:
+        self.text = text
+        self.level = level
 
 
 # Names made of others: what stands before and after these, and kinds by those of these.
@@ -135,7 +138,7 @@ class Names:
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
         """Add a parameter, coordinate or definition; give whether its name is good."""
         name = key.text
-        if not check_name(key, kind.value, faults):
+        if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
             return False
         if name in self.faulty:
@@ -146,7 +149,7 @@ class Names:
         self.faulty.add(name)
         both = [(self.places[name], self.variables.pop(name)), (key.place, kind)]
         (there, first), (here, second) = sorted(both, key=lambda one: one[0][1:3])
-        text = f"`{name}` is {first.value} already and cannot be {second.value} too"
+        text = f"`{name}` is {first.text} already and cannot be {second.text} too"
         hint = f"the first is in line {there.line}; parameters, coordinates and "
         hint += "definitions share one namespace"
         faults.add("name-clash", text, here, hint)
@@ -227,10 +230,10 @@ class Names:
             near = faults.guess(base, self.moving())
             hint = f"did you mean `{near}{ending}`?" if near else ""
             return f"`{name}`: there is no coordinate or definition `{base}`", hint
-        if meaning.kind in _VELOCITIES:
+        if meaning.kind.level is Level.VELOCITY:
             hint = f"the second rate is written `{meaning.base}_ddot`"
             return f"`{name}` is no name", hint if ending == "_dot" else ""
-        text = f"`{name}`: `{base}` is {meaning.kind.value} and has no rate here"
+        text = f"`{name}`: `{base}` is {meaning.kind.text} and has no rate here"
         return text, "rates are those of coordinates and of definitions of positions"
 
 
@@ -309,18 +312,7 @@ def check_columns(names: Names, faults: Faults) -> None:
 
 # --- Expressions
 
-NUMBERS = frozenset((Kind.PI, Kind.PARAMETER))
 OF_DEFINITIONS = (Kind.DEFINITION, Kind.RATE, Kind.SECOND_RATE)
-STATE = NUMBERS | {
-    Kind.TIME,
-    Kind.COORDINATE,
-    Kind.VELOCITY,
-    Kind.DEFINITION,
-    Kind.RATE,
-}
-OUTPUT = frozenset(Kind)
-
-_VELOCITIES = (Kind.VELOCITY, Kind.RATE)
 _FOR_OUTPUT = "such names are allowed only in definitions for output, and in plots"
 
 
@@ -329,19 +321,6 @@ class Resolved(NamedTuple):
 
     node: int | None
     level: Level
-
-
-def level_of_kind(kind: Kind) -> Level:
-    """Give what an expression depends on that uses a name of this kind."""
-    if kind in _VELOCITIES:
-        return Level.VELOCITY
-    return Level.POSITION if kind in STATE else Level.OUTPUT
-
-
-def highest(levels: Iterable[Level]) -> Level:
-    """Give the last of `levels` in the order of the class Level."""
-    order = list(Level)
-    return max(levels, key=order.index, default=Level.POSITION)
 
 
 class Expressions:
@@ -437,20 +416,20 @@ class Expressions:
         self,
         node: Node | None,
         what: str,
-        allowed: frozenset[Kind],
+        most: Level,
         *,
         condition: bool = False,
     ) -> int | None:
         """Give the graph node of an expression, if there is one.
 
-        `allowed` are the kinds of names that may stand in it; a `condition` is one, as
-        the first argument of `if`.
+        `most` is what it may depend on; a `condition` is one, as the first argument of
+        `if`.
         """
         found = self.text(node, what, parse_condition if condition else parse)
         if found is None:
             return None
         scalar, parsed = found
-        sound = self.check(parsed.names, scalar, what, allowed) is not None
+        sound = self.check(parsed.names, scalar, what, most)
         return self.build(parsed) if sound else None
 
     def build(self, parsed: Parsed) -> int:
@@ -459,7 +438,7 @@ class Expressions:
 
     def number(self, node: Node | None, what: str) -> float | None:
         """Give the value of an expression of parameters, which must be finite."""
-        found = self.compile(node, what, NUMBERS)
+        found = self.compile(node, what, Level.NUMBER)
         if node is None or found is None:
             return None
         numbers = {name: value for name, (value, _) in self.known.items()}
@@ -474,64 +453,67 @@ class Expressions:
         return math.isfinite(value)
 
     def check(
-        self, used: Iterable[Name], scalar: Scalar, what: str, allowed: frozenset[Kind]
-    ) -> Level | None:
-        """Report names that must not stand here; give the level of the expression.
+        self, used: Iterable[Name], scalar: Scalar, what: str, most: Level
+    ) -> bool:
+        """Report names that must not stand here; tell whether all may."""
+        return self.check_by(partial(self.allows, what, most), used, scalar)
 
-        None where any name is faulty.
-        """
-        return self.check_by(partial(self.rule, what, allowed), used, scalar)
-
-    def check_by(
-        self, rule: Rule, used: Iterable[Name], scalar: Scalar
-    ) -> Level | None:
-        """Do the same by a rule for each name.
-
-        It gives the level of the name, why it must not stand there, or None where that
-        is reported already.
-        """
+    def check_by(self, rule: Rule, used: Iterable[Name], scalar: Scalar) -> bool:
+        """Do the same by a rule for each name, which is asked once."""
         first: dict[str, Name] = {}
         for one in used:
             first.setdefault(one.text, one)
-        levels, sound = [], True
-        for one in sorted(first.values(), key=lambda name: name.offset):
-            found = rule(one, scalar)
-            if isinstance(found, Level):
-                levels.append(found)
-                continue
-            sound = False
-            if found is not None:
-                code, text, hint = found
-                place = scalar.place_of(one.offset, len(one.text))
-                self.faults.add(code, text, place, hint)
-        return highest(levels) if sound else None
+        names = sorted(first.values(), key=lambda name: name.offset)
+        found = [rule(one, scalar) for one in names]  # each is reported
+        return all(found)
 
-    def rule(
-        self, what: str, allowed: frozenset[Kind], used: Name, scalar: Scalar
-    ) -> Level | Refusal | None:
-        """Tell for `check_by` whether a name may stand in an expression."""
+    def refuse(
+        self, used: Name, scalar: Scalar, code: str, text: str, hint: str = ""
+    ) -> bool:
+        """Report a name that must not stand where it does; give False."""
+        place = scalar.place_of(used.offset, len(used.text))
+        self.faults.add(code, text, place, hint)
+        return False
+
+    def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
+        """Tell whether a name may stand in an expression, see `check_by`."""
         name, meaning = used.text, self.names.meaning(used.text)
         if meaning is None:
-            if self.names.is_faulty(name) or not self.names.complete:
-                return None
-            return self._unknown(used, scalar, numbers=allowed <= NUMBERS)
-        if meaning.kind not in allowed:
-            return _misplaced(name, meaning, what, allowed)
-        if meaning.kind in OF_DEFINITIONS:
-            return self._rule_of_definition(name, meaning, what, allowed)
-        # A parameter without a value is reported already; only numbers need it.
-        unvalued = meaning.kind is Kind.PARAMETER and name not in self.known
-        unbuilt = meaning.kind is Kind.ENERGY and self.energies.get(name, 0) is None
-        if (unvalued and allowed <= NUMBERS) or unbuilt:
-            return None
-        return level_of_kind(meaning.kind)
+            if not self.names.is_faulty(name) and self.names.complete:
+                self._refuse_unknown(used, scalar, numbers=most is Level.NUMBER)
+            return False
+        kind, base = meaning
+        if kind.level > most:
+            return self.refuse(used, scalar, *_misplaced(name, kind, what, most))
+        if kind not in OF_DEFINITIONS:
+            # A parameter without a value is reported already; only numbers need it.
+            unvalued = kind is Kind.PARAMETER and name not in self.known
+            unbuilt = kind is Kind.ENERGY and self.energies.get(name, 0) is None
+            return not (unvalued and most is Level.NUMBER) and not unbuilt
+        node, level = self.definitions.get(base, (None, Level.POSITION))
+        code, text, hint = "", f"the definition `{name}`", ""
+        if kind is not Kind.DEFINITION and level is not Level.POSITION:
+            code = "no-rate"
+            text = f"`{name}` asks for the rate of `{base}`, which depends on "
+            text += level.text
+            hint = "rates are those of coordinates and of definitions of positions and "
+            hint += "time"
+        elif level > most and level is Level.OUTPUT:
+            code, hint = "output-only", _FOR_OUTPUT
+            text += f" uses {level.text}; {what} cannot use it"
+        elif level > most:
+            code = "velocity-not-allowed"
+            text += f" depends on velocities; {what} must not"
+        if code:
+            return self.refuse(used, scalar, code, text, hint)
+        return node is not None
 
-    def _unknown(self, used: Name, scalar: Scalar, *, numbers: bool) -> Refusal | None:
+    def _refuse_unknown(self, used: Name, scalar: Scalar, *, numbers: bool) -> None:
         """Refuse a name that means nothing; once where a hint is of several names."""
         name, names = used.text, self.names
         hint = hints.of_unknown(scalar.text, used.offset)
         if hint and (scalar, hint) == self._last_hint:
-            return None
+            return
         self._last_hint = scalar, hint
         among = list(self.known) if numbers else None
         text, other = names.unknown(name, self.faults, among)
@@ -539,28 +521,7 @@ class Expressions:
         if not hint and not hints.spelt_call(name, ""):
             hint = self.faults.meant(scalar, used.offset, names.variables)
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
-        return "unknown-name", text, hint
-
-    def _rule_of_definition(
-        self, name: str, meaning: Meaning, what: str, allowed: frozenset[Kind]
-    ) -> Level | Refusal | None:
-        definition = self.definitions.get(meaning.base)
-        if definition is None:
-            return None
-        level = definition.level
-        if meaning.kind is not Kind.DEFINITION and level is not Level.POSITION:
-            text = f"`{name}` asks for the rate of `{meaning.base}`, which depends on "
-            hint = "rates are those of coordinates and of definitions of positions and "
-            return "no-rate", text + level.value, hint + "time"
-        if level is Level.OUTPUT and not allowed >= OUTPUT:
-            text = f"the definition `{name}` uses {level.value}; {what} cannot use it"
-            return "output-only", text, _FOR_OUTPUT
-        if level is Level.VELOCITY and Kind.VELOCITY not in allowed:
-            text = f"the definition `{name}` depends on velocities; {what} must not"
-            return "velocity-not-allowed", text, ""
-        if definition.node is None:
-            return None
-        return highest((level, level_of_kind(meaning.kind)))
+        self.refuse(used, scalar, "unknown-name", text, hint)
 
     def _node(self, name: str) -> int:
         meaning = self.names.meaning(name)
@@ -605,16 +566,14 @@ class Expressions:
         return motion
 
 
-def _misplaced(
-    name: str, meaning: Meaning, what: str, allowed: frozenset[Kind]
-) -> Refusal:
-    """Refuse a known name where it must not stand."""
-    kind = meaning.kind
-    if allowed <= NUMBERS:
-        text = f"`{name}` is {kind.value}; {what} must be a number"
-        return "not-constant", text, "numbers are made of parameters and `pi`"
-    if kind in _VELOCITIES:
-        text = f"`{name}` is {kind.value}; {what} must not depend on velocities"
+def _misplaced(name: str, kind: Kind, what: str, most: Level) -> tuple[str, str, str]:
+    """Give code, text and hint for a known name where it must not stand."""
+    text = f"`{name}` is {kind.text}"
+    if most is Level.NUMBER:
+        hint = "numbers are made of parameters and `pi`"
+        return "not-constant", f"{text}; {what} must be a number", hint
+    if kind.level is Level.VELOCITY:
+        text = f"{text}; {what} must not depend on velocities"
         return "velocity-not-allowed", text, ""
-    text = f"`{name}` is {kind.value}, which the motion gives; {what} cannot use it"
+    text = f"{text}, which the motion gives; {what} cannot use it"
     return "output-only", text, _FOR_OUTPUT

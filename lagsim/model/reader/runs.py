@@ -18,7 +18,7 @@ from lagsim.model.model import (
 )
 from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import OUTPUT, STATE, Kind, check_name
+from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
 from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
@@ -187,7 +187,7 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
             hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
         x.faults.add("not-a-list", text, node.place, hint)
         return ()
-    compiled = [x.compile(part, what, STATE) for part in node.items]
+    compiled = [x.compile(part, what, Level.VELOCITY) for part in node.items]
     if len(node.items) not in (2, 3) and None not in compiled:
         text = f"{what} must have 2 or 3 components, found {len(node.items)}"
         hint = "a point in a plane is [x, y], one in space [x, y, z]"
@@ -288,7 +288,7 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
         if definition.level is Level.POSITION:
             found.append(name)
             continue
-        text = f"`{name}` has no reaction: it depends on {definition.level.value}"
+        text = f"`{name}` has no reaction: it depends on {definition.level.text}"
         hint = "a reaction holds a definition of positions and time to what it is"
         x.faults.add("no-reaction", text, place, hint)
     return tuple(found)
@@ -321,7 +321,7 @@ def _definitions(
 def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, str]:
     """Say that a name of something else is none of a definition, with a hint."""
     meaning = names.meaning(name)
-    text = f"`{name}` is {meaning.kind.value if meaning else 'a column of results'}"
+    text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
     columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
     if meaning is None or meaning.kind in columns:
         hint = "leave it out: it is a column in any case"
@@ -358,7 +358,7 @@ def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
             x.faults.add("wrong-count", text, node.place, "make more plots of them")
     found = []
     for part in nodes:
-        compiled = x.compile(part, f"`{axis}` of the plot", OUTPUT)
+        compiled = x.compile(part, f"`{axis}` of the plot", Level.OUTPUT)
         if compiled is not None and isinstance(part, Scalar):
             found.append(Curve(compiled, " ".join(part.text.split())))
     return tuple(found)

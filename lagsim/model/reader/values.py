@@ -30,17 +30,7 @@ from lagsim.model.nodes import (
     words,
 )
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import (
-    NUMBERS,
-    OF_DEFINITIONS,
-    OUTPUT,
-    STATE,
-    Kind,
-    Resolved,
-    Value,
-    highest,
-    level_of_kind,
-)
+from lagsim.model.reader.expressions import OF_DEFINITIONS, Kind, Resolved, Value
 from lagsim.model.reader.fields import belongs, entries, fields, is_mapping, kind_of
 from lagsim.model.reader.sections import COORDINATE, START, VALUE
 from lagsim.tolerances import UNIT_ROUNDOFF
@@ -50,7 +40,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
-    from lagsim.model.reader.expressions import Expressions, Refusal, Rule
+    from lagsim.model.reader.expressions import Expressions, Rule
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
@@ -167,9 +157,9 @@ class Definitions:
         known = self.x.definitions
         for name in self._order:
             named = (self.x.names.meaning(n.text) for n in self._given[name].names)
-            levels = [level_of_kind(meaning.kind) for meaning in named if meaning]
+            levels = [meaning.kind.level for meaning in named if meaning]
             levels += [known[used].level for used in self._uses[name]]
-            known[name] = Resolved(None, highest(levels))
+            known[name] = Resolved(None, max((Level.POSITION, *levels)))
 
     def build(self, *levels: Level) -> None:
         """Build the definitions of some levels, those of positions first."""
@@ -183,9 +173,8 @@ class Definitions:
         if (text := self._given[name].text) is None:
             return None
         scalar, parsed = text
-        allowed = OUTPUT if level is Level.OUTPUT else STATE
-        what = f"the definition `{name}`"
-        sound = self.x.check(parsed.names, scalar, what, allowed) is not None
+        what, most = f"the definition `{name}`", max(level, Level.VELOCITY)
+        sound = self.x.check(parsed.names, scalar, what, most)
         return self.x.build(parsed) if sound else None
 
     def read(self) -> tuple[Definition, ...]:
@@ -260,7 +249,7 @@ class _Numbers:
         found = self.x.text(node, what, parse, beside=beside)
         if found is None:
             return None
-        sound = self.x.check_by(rule, found[1].names, found[0]) is not None
+        sound = self.x.check_by(rule, found[1].names, found[0])
         return found if sound else None
 
     def _value(self, text: tuple[Scalar, Parsed], what: str) -> Value | None:
@@ -307,7 +296,7 @@ class Parameters(_Numbers):
             if "." in name:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
             elif kind is not None:
-                text = f"`{name}` is {kind.value}"
+                text = f"`{name}` is {kind.text}"
                 text, hint = f"{text}; --set takes parameters and start values", ""
             elif not names.complete:
                 continue
@@ -316,13 +305,14 @@ class Parameters(_Numbers):
 
     def _rule(
         self, name: str, what: str, below: set[str], used: Name, scalar: Scalar
-    ) -> Level | Refusal | None:
+    ) -> bool:
         if used.text not in below:
-            return self.x.rule(what, NUMBERS, used, scalar)
+            return self.x.allows(what, Level.NUMBER, used, scalar)
         text = f"`{name}` uses `{used.text}`, which is below it"
         if used.text == name:
             text = f"`{name}` uses itself"
-        return "later-parameter", text, "a parameter may use those above it"
+        hint = "a parameter may use those above it"
+        return self.x.refuse(used, scalar, "later-parameter", text, hint)
 
 
 # What a start value may be given to.
@@ -445,7 +435,7 @@ class Initial(_Numbers):
             return True, None
         hint = "start values are those of positions and velocities"
         if kind not in STARTED:
-            text = f"`{name}` is {kind.value} and has no start value"
+            text = f"`{name}` is {kind.text} and has no start value"
             hint = (
                 "its value belongs in `parameters`" if kind is Kind.PARAMETER else hint
             )
@@ -456,7 +446,7 @@ class Initial(_Numbers):
             return False, None
         node, level = definition
         if level is Level.OUTPUT:
-            text = f"`{base}` uses {level.value} and has no start value here"
+            text = f"`{base}` uses {level.text} and has no start value here"
             faults.add("output-only", text, key.place, hint)
             return False, None
         if kind is Kind.RATE and level is not Level.POSITION:
@@ -490,31 +480,29 @@ class Initial(_Numbers):
         text = f"`{name}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 
-    def _rule(self, used: Name, scalar: Scalar) -> Level | Refusal | None:
+    def _rule(self, used: Name, scalar: Scalar) -> bool:
         """Tell for `check_by` whether a start value may use a name."""
         name, names = used.text, self.x.names
         if name in self.known or name == "pi":
-            return Level.POSITION
-        meaning = names.meaning(name)
+            return True
+        meaning, code = names.meaning(name), "not-a-start-value"
         if meaning is None:
             if names.is_faulty(name) or not names.complete:
-                return None
+                return False
             known = [n for n in self.known if n in names.variables]
             text, hint = names.unknown(name, self.x.faults, known)
-            hint = hints.of_unknown(scalar.text, used.offset) or hint
-            return (
-                "unknown-name",
-                text,
-                hint or f"give `{name}` a value in `parameters`",
-            )
-        if name in self._above or meaning.kind is Kind.PARAMETER:
-            return None  # faulty itself, and reported
-        hint = "a start value may use parameters and the start values above it"
+            hint = hint or f"give `{name}` a value in `parameters`"
+            code = "unknown-name"
+        elif name in self._above or meaning.kind is Kind.PARAMETER:
+            return False  # faulty itself, and reported
+        else:
+            hint = "a start value may use parameters and the start values above it"
+            text = f"`{name}` is {meaning.kind.text} without a start value above this "
+            text += "line"
+            if name in self._all:
+                code = "later-initial"
+                text = f"the start value of `{name}` is not given above this line"
+            elif meaning.kind not in STARTED:
+                text = f"a start value cannot use `{name}`, {meaning.kind.text}"
         hint = hints.of_unknown(scalar.text, used.offset) or hint
-        if name in self._all:
-            text = f"the start value of `{name}` is not given above this line"
-            return "later-initial", text, hint
-        text = f"`{name}` is {meaning.kind.value} without a start value above this line"
-        if meaning.kind not in STARTED:
-            text = f"a start value cannot use `{name}`, {meaning.kind.value}"
-        return "not-a-start-value", text, hint
+        return self.x.refuse(used, scalar, code, text, hint)
