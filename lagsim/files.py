@@ -20,6 +20,7 @@ from lagsim import limits
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from io import BufferedReader
     from pathlib import Path
     from typing import BinaryIO
 
@@ -28,15 +29,13 @@ _BINARY = getattr(os, "O_BINARY", 0)
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0)
 
-_BLOCK = 1 << 18
-
 IRREGULAR = "it is a pipe or a device, and no regular file"
 
 # What removes each file that is not to outlive this process.
 _passing: dict[object, Callable[[], object]] = {}
 
 
-def opened(path: Path | str) -> BinaryIO:
+def opened(path: Path | str) -> BufferedReader:
     """Open a regular file for reading.
 
     Raises
@@ -44,13 +43,7 @@ def opened(path: Path | str) -> BinaryIO:
     OSError
         If there is none, it cannot be read, or it is something else.
     """
-    handle = os.open(path, os.O_RDONLY | _BINARY | _NO_WAITING)
-    try:
-        _demand_regular(handle, path)
-    except OSError:
-        os.close(handle)
-        raise
-    return os.fdopen(handle, "rb")
+    return os.fdopen(_regular(path, os.O_RDONLY), "rb")
 
 
 def content(path: Path | str, most: int | None = None) -> bytes:
@@ -90,11 +83,8 @@ def digest(path: Path | str) -> str:
     """
     import hashlib
 
-    found = hashlib.sha256()
     with opened(path) as file:
-        while block := file.read(_BLOCK):
-            found.update(block)
-    return found.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
@@ -113,18 +103,12 @@ def held(path: Path | str, flags: int, rights: int = 0o666) -> int:
         If it is something else, or as `os.open` does.
     """
     try:
-        handle = os.open(path, flags | _BINARY | _NO_LINK | _NO_WAITING, rights)
+        return _regular(path, flags | _NO_LINK, rights)
     except OSError as error:
         if error.errno in (errno.ELOOP, errno.ENXIO):  # a link; a pipe nobody reads
             text = f"{os.fspath(path)} is a link or a pipe, and no regular file"
             raise OSError(error.errno, text) from None
         raise
-    try:
-        _demand_regular(handle, path)
-    except OSError:
-        os.close(handle)
-        raise
-    return handle
 
 
 def begin(path: Path, rights: int = 0o666) -> int:
@@ -207,9 +191,13 @@ def pour(path: Path | str, content: bytes) -> None:
         file.write(content)
 
 
-def _demand_regular(handle: int, path: Path | str) -> None:
+def _regular(path: Path | str, flags: int, rights: int = 0o666) -> int:
+    """Open a regular file, and nothing else; give its handle."""
+    handle = os.open(path, flags | _BINARY | _NO_WAITING, rights)
     mode = os.fstat(handle).st_mode
+    if stat.S_ISREG(mode):
+        return handle
+    os.close(handle)
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, IRREGULAR, str(path))
+    raise OSError(errno.EINVAL, IRREGULAR, str(path))

@@ -261,16 +261,6 @@ class Output(NamedTuple):
     event_marks: bool = True
 
 
-class Separation(NamedTuple):
-    """A model in which some definitions are coordinates of their own.
-
-    `expressions` are what they are defined as, in terms of each other, too.
-    """
-
-    model: Model
-    expressions: dict[str, int]
-
-
 class Stated(Protocol):
     """The numbers that a file states, and what replaces them: see `reader.File`."""
 
@@ -295,10 +285,11 @@ class Stated(Protocol):
     def numbers(self) -> list[str]:
         """Give the expressions that parameters and start values are given by."""
 
-    def separated(self, model: Model) -> Separation:
+    def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Give `model`, of this file, with `output.reactions` as coordinates.
 
-        On the same graph; nothing holds these definitions to what defines them.
+        On the same graph; nothing holds these definitions to what defines them, which
+        is the second result: an expression each, in terms of each other, too.
 
         Raises
         ------

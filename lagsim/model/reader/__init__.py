@@ -19,7 +19,7 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.loading import STDIN, load, text_of, unusable
-from lagsim.model.model import Coordinate, Level, Model, Separation
+from lagsim.model.model import Coordinate, Level, Model
 from lagsim.model.nodes import (
     Broken,
     Entry,
@@ -27,6 +27,7 @@ from lagsim.model.nodes import (
     Node,
     Scalar,
     argument,
+    entries_of,
     leaves,
     words,
 )
@@ -297,8 +298,7 @@ class File:
 
     def _numbers(self) -> dict[str, Node]:
         """Give what parameters and start values are given by, or replaced by."""
-        node = self.top.value("initial")
-        starts = node.entries if isinstance(node, Mapping) else ()
+        starts = entries_of(self.top.value("initial"))
         given = {key.text: node for key, node in (*self.parameters, *starts)}
         instead = {**self.instead, **self.starting}
         return given | {name: argument("", text) for name, text in instead.items()}
@@ -318,11 +318,10 @@ class File:
 
     def texts(self) -> dict[str, Scalar]:
         """Give the expressions of energies, forces and constraints, as `forces.x`."""
-        forces = self.top.value("forces")
         below = {
             "definitions": self.definitions,
             "energy": self.energy.found.values(),
-            "forces": forces.entries if isinstance(forces, Mapping) else (),
+            "forces": entries_of(self.top.value("forces")),
             "constraints": self.constraints,
         }
         return {
@@ -337,7 +336,7 @@ class File:
     # By their names, not by what they are: where the file writes `x` the separated
     # model has `x`, and where it writes what `x` denotes, that.
 
-    def separated(self, model: Model) -> Separation:
+    def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Give `model` in other coordinates, see `Stated.separated`."""
         old = self.x
         held = dict.fromkeys(model.output.reactions, Kind.COORDINATE)
@@ -361,7 +360,7 @@ class File:
         )
         _check_roots(model, found)
         nodes = ((name, x.definitions[name].node) for name in held)
-        return Separation(found, {k: n for k, n in nodes if n is not None})
+        return (found, {k: n for k, n in nodes if n is not None})
 
 
 def _letter(name: str) -> str:
@@ -432,7 +431,7 @@ def _take_out(top: dict[str, Entry], faults: Faults) -> None:
     """Take sections that stand inside of sections out of these."""
     for section, (head, value) in [*top.items()]:
         kept = []
-        for entry in value.entries if isinstance(value, Mapping) else ():
+        for entry in entries_of(value):
             key = entry[0]
             if key.text in top or not _is_nested(section, *entry):
                 kept.append(entry)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
-from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
+from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, items_of
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, listed
 from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
@@ -340,7 +340,7 @@ class _Reader:
         node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x
         if node is None:
             return ()
-        parts = node.items if isinstance(node, Sequence) else (node,)
+        parts = items_of(node)
         if len(parts) not in (1, 2):
             text = f"{what} must be one expression or two, found {len(parts)}"
             x.faults.add("wrong-count", text, node.place)

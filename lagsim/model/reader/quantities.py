@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from lagsim.model.nodes import Mapping, Scalar, Sequence
+from lagsim.model.nodes import Mapping, Scalar, Sequence, items_of, texts_of
 
 if TYPE_CHECKING:
     from lagsim.model.nodes import Node
@@ -161,8 +161,7 @@ _SPAN = (
 
 def span(node: Node) -> str:
     """Say how a run from one time to another is written, or give an empty text."""
-    items = node.items if isinstance(node, Sequence) else (node,)
-    text = ", ".join(item.text for item in items if isinstance(item, Scalar))
+    text = ", ".join(texts_of(items_of(node)))
     if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
     return f"write `start: {ends[1]}` and `end: {ends[2]}`"
@@ -195,7 +194,7 @@ def of_collection(node: Node, *, beside: bool) -> str:
         if len(node.entries) == 1 and list(given.values()) == [""]:
             return f"write {node.entries[0][0].text}, without braces"
     if isinstance(node, Sequence):
-        texts = [item.text for item in node.items if isinstance(item, Scalar)]
+        texts = texts_of(node.items)
         if len(texts) == len(node.items) == 1:
             alone = re.fullmatch(rf"([-+]?{NUMBER})\s*(.+)", texts[0])
             if alone and is_unit(alone[2]):

@@ -16,7 +16,17 @@ from lagsim.model.model import (
     Scene,
     Settings,
 )
-from lagsim.model.nodes import Broken, Mapping, Node, Scalar, Sequence, argument
+from lagsim.model.nodes import (
+    Broken,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    argument,
+    entries_of,
+    items_of,
+    texts_of,
+)
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
@@ -197,8 +207,7 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
 
 def _pair(node: Node, named: list[str]) -> list[str]:
     """Give the two points that a link names without brackets of its own, or none."""
-    given = node.items if isinstance(node, Sequence) else ()
-    found = [part.text for part in given if isinstance(part, Scalar)]
+    found = texts_of(items_of(node))
     if isinstance(node, Scalar):
         found = [part.strip() for part in re.split(r",|->?|–", node.text)]
     return found if len(found) == 2 and set(found) <= set(named) else []
@@ -270,10 +279,9 @@ def read_output(found: Fields, x: Expressions) -> Output:
 
 def asked_reactions(section: Node | None) -> list[str]:
     """Give the names that `reactions` lists, sound or not: definitions may use them."""
-    for key, node in section.entries if isinstance(section, Mapping) else ():
-        if key.text == "reactions" and isinstance(node, Sequence):
-            return [item.text for item in node.items if isinstance(item, Scalar)]
-    return []
+    given = {key.text: node for key, node in entries_of(section)}
+    node = given.get("reactions")
+    return texts_of(node.items) if isinstance(node, Sequence) else []
 
 
 def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
@@ -366,8 +374,7 @@ def _curves(node: Node, axis: str, x: Expressions) -> tuple[Curve, ...]:
 
 def _axes(plot: Fields, x: Expressions) -> Iterator[str]:
     """Give the axes that `log` names."""
-    node = plot.value("log") or Sequence((), plot.place)
-    for part in node.items if isinstance(node, Sequence) else (node,):
+    for part in items_of(plot.value("log")):
         hint = "write y, or [x, y] for several"
         if isinstance(part, Broken):
             continue

@@ -27,6 +27,8 @@ from lagsim.model.nodes import (
     Scalar,
     Sequence,
     argument,
+    entries_of,
+    texts_of,
     words,
 )
 from lagsim.model.reader import hints, quantities
@@ -242,20 +244,27 @@ class _Numbers:
             name: argument(f"{SET}{name}=", text) for name, text in instead.items()
         }
 
-    def _text(
-        self, node: Node, what: str, rule: Rule, *, beside: bool = False
-    ) -> tuple[Scalar, Parsed] | None:
-        """Give an expression, if a rule allows all its names."""
-        found = self.x.text(node, what, parse, beside=beside)
-        if found is None:
-            return None
-        sound = self.x.check_by(rule, found[1].names, found[0])
-        return found if sound else None
+    def _read(
+        self,
+        node: Node,
+        what: str,
+        rule: Rule,
+        *,
+        beside: bool = False,
+        wanted: bool = True,
+    ) -> tuple[Scalar, Value] | None:
+        """Give an expression whose names a rule allows, and its value, where `wanted`.
 
-    def _value(self, text: tuple[Scalar, Parsed], what: str) -> Value | None:
-        """Give the value of an expression, which must be finite, and its error."""
-        value = value_with_error(text[1], self.known)
-        return value if self.x.is_finite(value[0], what, text[0].place) else None
+        The value, with its error, must be finite; `beside`: see `Expressions.text`.
+        """
+        found = self.x.text(node, what, parse, beside=beside)
+        if found is None or not self.x.check_by(rule, found[1].names, found[0]):
+            return None
+        if not wanted:
+            return None
+        value = value_with_error(found[1], self.known)
+        sound = self.x.is_finite(value[0], what, found[0].place)
+        return (found[0], value) if sound else None
 
 
 class Parameters(_Numbers):
@@ -271,13 +280,12 @@ class Parameters(_Numbers):
             expression, unit, about = _value_entry(key, node, what, self.x)
             expression = self._instead.get(name, expression)
             rule = partial(self._rule, name, what, below)
-            text = self._text(expression, what, rule, beside=expression is node)
-            value = self._value(text, what) if text else None
+            read = self._read(expression, what, rule, beside=expression is node)
             below.discard(name)
-            if value is not None:
+            if read is not None:
                 follows = not words(expression).isdisjoint(self.known)
+                self.known[name] = value = read[1]
                 found.append(Parameter(name, value[0], unit, about, follows))
-                self.known[name] = value
         return tuple(found)
 
     def _check_names(self) -> None:
@@ -379,11 +387,10 @@ class Initial(_Numbers):
         sound, defined = self._defined(key)
         expression, guess = self._guess(key, node, what)
         expression = self._instead.get(name, expression)
-        text = self._text(expression, what, self._rule)
-        value = self._value(text, what) if text and sound else None
-        if text is None or value is None:
+        read = self._read(expression, what, self._rule, wanted=sound)
+        if read is None:
             return None
-        scalar = text[0]
+        scalar, value = read
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
             hint = f"write `{name}: {scalar.text}`, and guess coordinates"
@@ -413,11 +420,10 @@ class Initial(_Numbers):
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
         """Give position and velocity where a start value holds both."""
-        given = node.items if isinstance(node, Sequence) else ()
-        if isinstance(node, Mapping):
-            own = ("guess", "unit", "description")
-            given = tuple(value for k, value in node.entries if k.text not in own)
-        texts = [part.text for part in given if isinstance(part, Scalar)]
+        own = ("guess", "unit", "description")
+        values = [value for k, value in entries_of(node) if k.text not in own]
+        given = node.items if isinstance(node, Sequence) else values
+        texts = texts_of(given)
         both = len(texts) == len(given) == len(("position", "velocity"))
         moving = name in self.x.names.of(Kind.COORDINATE)
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
