@@ -349,15 +349,13 @@ class Energy:
                     low = middle
                 else:
                     high = middle
-            before, after = (self._of(a + y * (b - a)) for y in (low, high))
+            sides = (self._values([self.energy], a + y * (b - a)) for y in (low, high))
+            before, after = (float(x[0]) for x in sides)
             size = max(abs(before), abs(after))
             if not abs(after - before) <= max(least, ENERGY_ROUNDOFF * size):
                 found += after - before
             x = high
         return found
-
-    def _of(self, state: Floats) -> float:
-        return float(self._values([self.energy], state)[0])
 
     def _values(self, nodes: list[int], state: Floats) -> list[float]:
         values = dict(zip(self.names, state.tolist(), strict=True))
@@ -551,21 +549,14 @@ def worst_residual(
                 left = coarse[0] * (float(slopes @ coarse[1]) + abs(moving))
             if residual <= left:
                 continue
-        seed = PLACE_BESIDE * beside(equations, start, moved)
-        seed = seed + motion_of_rest(run, range(n))[0]
+        # As far as what moves most may move each by its inertia: a heavier body no
+        # more than that body's own range, so that what is light does not hide behind
+        # it; a lighter one less, as the roots of the masses.
+        seed = largest_beside(inertia_roots(equations, start), moved)
+        seed = PLACE_BESIDE * seed + motion_of_rest(run, range(n))[0]
         if residual > SATISFIED * float(slopes @ moved) + float(slopes @ seed):
             return name, part
     return None
-
-
-def beside(equations: Equations, start: Instant, found: Floats) -> Floats:
-    """Return the largest range (n,) of other coordinates, each in the unit of its own.
-
-    As far as its inertia may be moved by it: of a heavier body no more than that body's
-    own range, so that what is light does not hide behind it; of a lighter one less, as
-    the roots of the masses. Where units differ, whichever is less.
-    """
-    return largest_beside(inertia_roots(equations, start), found)
 
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:
