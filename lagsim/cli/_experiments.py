@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._shared import coloured, counted, progress_bar
+from lagsim.cli._shared import coloured, counted, progress_bar, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import commit, drawn
 from lagsim.errors import Problem
@@ -54,7 +54,7 @@ def experiment(
     measure: Measure,
     folder: Path,
     manifest: str,
-    documents: list[Any],
+    documents: list[Any] | None = None,
     *,
     quiet: bool,
     as_json: bool,
@@ -63,7 +63,7 @@ def experiment(
 
     `measure` ends early where it is interrupted, and may give remarks instead: then
     nothing is written. A signal leaves the chart out, and so does what keeps it from
-    being drawn.
+    being drawn. The document is printed, as JSON, or goes to `documents`.
     """
     from lagsim.outputs.results import open_results
     from lagsim.run.interrupt import Interrupt
@@ -86,9 +86,12 @@ def experiment(
         document = found.document | {"files": [*files, manifest]}
         document |= {"warnings": warnings} if warnings else {}
         commit(results, document, files)
-    documents.append(document)
     for remark in found.remarks:
         complain(remark)
+    if documents is not None:
+        documents.append(document)
+    elif as_json:
+        show_json(document)
     if not quiet and not as_json:
         say(found.summary(f"{folder}: {', '.join(document['files'])}"))
     return found.code if interrupt.signal is None else 128 + interrupt.signal

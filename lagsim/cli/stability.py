@@ -30,7 +30,6 @@ from lagsim.cli._shared import (
     counted,
     output_folder,
     quiet,
-    show_json,
     table,
 )
 from lagsim.errors import InputError, Problem
@@ -108,14 +107,10 @@ def command(
         summary, picture = partial(_summary, document), f"stability.{form.value}"
         return Measured(document, {TABLE: cells}, picture, draw, summary)
 
-    documents: list[Any] = []
-    code = experiment(
-        "stability", measure, folder or Path("results") / read.name / "stability",
-        MANIFEST, documents, quiet=quiet, as_json=as_json,
-    )  # fmt: skip
-    if as_json and documents:
-        show_json(documents[0])
-    return code
+    where = folder or Path("results") / read.name / "stability"
+    return experiment(
+        "stability", measure, where, MANIFEST, quiet=quiet, as_json=as_json
+    )
 
 
 def _check_parameter(model: Model, name: str | None) -> None:

@@ -110,25 +110,19 @@ def command(
         read, grid, options, error_bar, kept=kept, plots=keep and plots, ends=ends
     )
     known = _known(found, where) if resume else None
-    documents: list[Any] = []
     if known is not None:
-        documents.append(known)
-        code = _code(known)
-        if not quiet and not as_json:
+        if as_json:
+            show_json(known)
+        elif not quiet:
             say(f"nothing to do: {where} holds this sweep, complete")
-    else:
-        journal = Journal(where / JOURNAL, found)
-        measure = partial(
-            _measured, found, journal, jobs, dask, resume=resume, plots=plots,
-            quiet=quiet,
-        )  # fmt: skip
-        code = experiment(
-            "sweep", measure, where, MANIFEST, documents, quiet=quiet, as_json=as_json
-        )
-        if not found.missing:
-            journal.remove()
-    for document in documents if as_json else ():
-        show_json(document)
+        return _code(known)
+    journal = Journal(where / JOURNAL, found)
+    measure = partial(
+        _measured, found, journal, jobs, dask, resume=resume, plots=plots, quiet=quiet
+    )
+    code = experiment("sweep", measure, where, MANIFEST, quiet=quiet, as_json=as_json)
+    if not found.missing:
+        journal.remove()
     return code
 
 

@@ -11,7 +11,7 @@ import time
 import pytest
 
 from lagsim.run.interrupt import Interrupt
-from lagsim.studies.workers import Died, cores, spread
+from lagsim.studies.workers import Died, spread
 from tests.patience import PATIENCE
 from tests.support import ROOT
 
@@ -113,7 +113,3 @@ def test_no_process_outlives_a_parent_that_is_killed():
     while any(map(alive, workers)) and time.monotonic() < end:
         time.sleep(0.02)
     assert not any(map(alive, workers))
-
-
-def test_there_is_a_core():
-    assert 1 <= cores() <= (os.cpu_count() or 1)

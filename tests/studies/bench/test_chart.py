@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 import re
 
@@ -223,11 +222,6 @@ def test_errors_below_the_floor_are_shaded():
     share = (corners[:, 0].max() - panel.box.x0) / panel.box.width
     assert share == pytest.approx(math.log(1e-3 / low) / math.log(high / low), abs=1e-3)
     assert corners[:, 0].min() == pytest.approx(panel.box.x0, abs=1.0)
-
-
-@pytest.mark.slow
-def test_the_same_document_gives_the_same_bytes(crowded):
-    assert work_precision(json.loads(json.dumps(DOCUMENTS["crowd"]))) == crowded.sheet
 
 
 # Maps of stability

@@ -215,16 +215,6 @@ def test_rows_between_the_grid_are_not_kept():
     assert kept.rows[:, 0].tolist() == [0, 0.1, 0.2, 0.30000000000000004, 0.4, 0.43]
 
 
-def test_numbers_stay_right_where_rows_are_thinned_after_an_impact():
-    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=1.0))
-    t = np.sort(np.concatenate([np.arange(20_000.0), [7.25, 7.25, 9.5, 9.5]]))
-    for block in np.array_split(np.column_stack([t, t, 0 * t]), 13):
-        kept.add(block)
-    assert kept.stride > 1
-    assert all(number == row[0] for number, row in kept.states.items())
-    assert all(number % kept.stride == 0 for number in kept.states)
-
-
 def test_many_rows_are_compared_with_rows_of_the_same_times():
     text = oscillator("duration: 100, output_step: 0.003, method: dop853, rtol: 1e-7")
     kept, bar = barred(read(text, "m.yaml"))
