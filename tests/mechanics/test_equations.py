@@ -16,7 +16,7 @@ from tests.support import MODELS, ready
 from tests.sympy_oracle import Numbers, Oracle, random_values
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from lagsim.mechanics.constraints import Row
 
@@ -124,8 +124,14 @@ def agrees(found: Any, expected: Any) -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * scale)
 
 
+# What sympy derives of ten links takes seconds.
+def derived_again(names: Iterable[str]) -> list[Any]:
+    slow = [pytest.mark.slow]
+    return [pytest.param(x, marks=slow * (x == "chain-angles")) for x in names]
+
+
 @pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("name", [*NAMES, *SMALL])
+@pytest.mark.parametrize("name", derived_again([*NAMES, *SMALL]))
 def test_graph_gives_the_numbers_of_an_independent_derivation(
     name: str, seed: int
 ) -> None:
@@ -193,7 +199,7 @@ def native_of(name: str, loops: bool) -> Native:
 
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
-@pytest.mark.parametrize("name", SOLVED)
+@pytest.mark.parametrize("name", derived_again(SOLVED))
 def test_native_motion_satisfies_the_equations(name: str, loops: bool) -> None:
     native = native_of(name, loops)
     for seed in SEEDS:
