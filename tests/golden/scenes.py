@@ -17,11 +17,7 @@ SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 def scene(name, **overrides):
     """Give a shipped model, with parameters set."""
     texts = {k: repr(v) for k, v in overrides.items()}
-    return scene_of(read_file(str(MODELS / f"{name}.yaml"), texts))
-
-
-def scene_of(model):
-    return open_case(model)
+    return open_case(read_file(str(MODELS / f"{name}.yaml"), texts))
 
 
 @functools.cache

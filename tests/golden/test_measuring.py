@@ -12,6 +12,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
+from lagsim.run.session import open_case
 from lagsim.studies.golden import (
     _asked,
     at_impacts,
@@ -24,13 +25,7 @@ from lagsim.studies.golden import (
     perturbed,
     run,
 )
-from tests.golden.scenes import (
-    judged,
-    replaced,
-    scene,
-    scene_of,
-    stored,
-)
+from tests.golden.scenes import judged, replaced, scene, stored
 from tests.scenes.contact import scenes
 from tests.support import MODELS
 
@@ -55,7 +50,7 @@ LEAST, MOST = 1.05, 1.05 * 1.5 * 1.11
 
 @pytest.fixture(scope="module")
 def pendulum():
-    return scene_of(read(PENDULUM, "pendulum.yaml"))
+    return open_case(read(PENDULUM, "pendulum.yaml"))
 
 
 @pytest.fixture
@@ -249,7 +244,7 @@ energy: {kinetic: x_dot^2/2, potential: 0}
 initial: {x: 3}
 simulation: {duration: 2, output_step: 0.1}
 """
-    case = scene_of(read(text, "still.yaml"))
+    case = open_case(read(text, "still.yaml"))
     golden, base = measure(case)
     kept = orjson.loads(document(case, golden, base))
     assert kept["bounds"].keys() == set(golden.columns)
@@ -269,7 +264,7 @@ initial: {{x: -1, x_dot: 1}}
 simulation: {{duration: 2, output_step: 0.25}}
 """
     with pytest.raises(InputError) as refused:
-        measure(scene_of(read(text, "m.yaml")))
+        measure(open_case(read(text, "m.yaml")))
     assert [p.text.split()[0] for p in refused.value.problems] == ["`odd`"]
     assert refused.value.problems[0].text.endswith(f"t = {since}")
 
@@ -282,7 +277,7 @@ IMPACTS = ["bouncing-ball", "slack-string", "newtons-cradle", "rocking-block"]
 def changed(name, old, new):
     text = (MODELS / f"{name}.yaml").read_text()
     assert text.count(old) == 1
-    return scene_of(read(text.replace(old, new), f"{name}.yaml"))
+    return open_case(read(text.replace(old, new), f"{name}.yaml"))
 
 
 @pytest.mark.parametrize("name", IMPACTS)
@@ -348,7 +343,7 @@ def test_an_impact_that_is_gone_is_missed():
 
 @pytest.mark.parametrize("text", [scenes.sphere(50), scenes.dry(as_limit=True)])
 def test_laws_of_every_kind_are_the_same_again(text):
-    case = scene_of(read(text, "m.yaml"))
+    case = open_case(read(text, "m.yaml"))
     golden, base = measure(case)
     assert golden.horizon is None
     about = {"output_step": case.settings.output_step, "end": base.trajectory.end}
