@@ -77,6 +77,7 @@ class _Encoder:
     def __init__(self, classes: frozenset[str], name: Callable[[Any], Any]) -> None:
         self.nodes: list[Any] = []
         self.blocks: list[bytes] = []
+        self._size = 0  # of the blocks, in bytes
         self._classes, self._name = classes, name
         # With the objects, lest another gets the address of one that is gone.
         self._found: dict[int, tuple[int, Any]] = {}
@@ -103,8 +104,9 @@ class _Encoder:
         if kind is deque:
             return ["deque", x.maxlen, *map(self.value, x)]
         if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in _NUMBERS:
-            place = sum(map(len, self.blocks))
+            place = self._size
             self.blocks.append(np.ascontiguousarray(x).tobytes())
+            self._size += x.nbytes
             what = "array" if isinstance(x, np.ndarray) else "number"
             return [what, x.dtype.str, list(x.shape), place]
         name = f"{kind.__module__}:{kind.__qualname__}"

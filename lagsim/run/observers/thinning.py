@@ -48,6 +48,15 @@ _GOLDEN = (5**0.5 - 1) / 2
 LOW, LOW_T, HIGH, HIGH_T = range(4)
 
 
+def _with_room(array: Array, axis: int, rows: int) -> Array:
+    """Return an array that has so many rows along an axis, or more: twice as many."""
+    shape = list(array.shape)
+    if shape[axis] >= rows:
+        return array
+    shape[axis] = max(rows - shape[axis], shape[axis])
+    return np.concatenate((array, np.empty(shape)), axis)
+
+
 class _Envelope:
     """Least and greatest finite value of `width` columns in buckets of rows.
 
@@ -55,7 +64,7 @@ class _Envelope:
     """
 
     def __init__(self, width: int) -> None:
-        self._kept = np.empty((4, BUCKETS, width))
+        self._kept = np.empty((4, 0, width))
         self._rows = 0
         self.size = 1
 
@@ -73,13 +82,16 @@ class _Envelope:
             stop = start + (room - room % most if whole else min(room, most))
             size = min(most, stop - start)
             found = _extremes(t[start:stop], values[start:stop], size)
-            kept = self._kept[:, bucket : bucket + found.shape[1]]
+            after = bucket + found.shape[1]
+            self._kept = _with_room(self._kept, 1, after)
+            kept = self._kept[:, bucket:after]
             kept[:] = _merged(kept, found) if inside else found
             self._rows += stop - start
             start = stop
 
     def _halve(self) -> None:
-        self._kept[:, : BUCKETS // 2] = _merged(self._kept[:, ::2], self._kept[:, 1::2])
+        kept = self._kept[:, :BUCKETS]
+        kept[:, : BUCKETS // 2] = _merged(kept[:, ::2], kept[:, 1::2])
         self.size *= 2
 
     def points(self, column: int) -> tuple[Array, Array]:
@@ -126,7 +138,7 @@ class _Sample:
     """One true row of `width` columns from each stretch of `stride` rows."""
 
     def __init__(self, width: int) -> None:
-        self._points = np.empty((POINTS, width))
+        self._points = np.empty((0, width))
         self._kept = 0
         self._seen = 0
         self.stride = 1
@@ -141,6 +153,7 @@ class _Sample:
             index = stretch * self.stride + shift
             index = index[index < total]
             kept = self._kept + len(index)
+            self._points = _with_room(self._points, 0, kept)
             self._points[self._kept : kept] = rows[index - self._seen][:, chosen]
             self._kept = kept
             if kept < POINTS:
