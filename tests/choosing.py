@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
+import subprocess
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
 One = TypeVar("One")
 
@@ -26,6 +29,23 @@ def chosen(test: str, commit: str, one_in: int) -> bool:
 def turn(test: str, commit: str, of: Sequence[One]) -> One:
     """Give which of several cases a test tries at this commit: in time all of them."""
     return of[_number(test, commit) % len(of)]
+
+
+@functools.cache
+def tonight() -> str:
+    """Give the commit that nightly tests go by: the one that is set, or the tree's."""
+    head = ["git", "rev-parse", "HEAD"]
+    try:
+        done = subprocess.run(head, cwd=Path(__file__).parent, capture_output=True)
+    except FileNotFoundError:
+        return COMMIT
+    return COMMIT or done.stdout.decode().strip()
+
+
+def share(tests: Collection[str], commit: str, one_in: int) -> list[str]:
+    """Give one in `one_in` of some tests, one at least: others with each commit."""
+    count = -(-len(tests) // one_in)
+    return sorted(tests, key=lambda test: _number(test, commit))[:count]
 
 
 def _number(test: str, commit: str) -> int:

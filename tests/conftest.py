@@ -6,7 +6,8 @@ LAGSIM_TEST_PATIENCE : 1; every timeout of a test is so many times longer.
 LAGSIM_TEST_COMMIT : nothing; with one the cases that are quick change with it.
 LAGSIM_TEST_SLICE : nothing; `slow=4,nightly=100` keeps one in four of the slow tests
     and one in a hundred of the nightly ones, others with each commit.
-LAGSIM_TEST_CASES : nothing; with `all` all cases of quick tests are quick.
+LAGSIM_TEST_CASES : nothing; with `all` all cases of quick tests are quick, and a night
+    has all of a test that is marked `nightly(one_in=3)`.
 LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
 """
 
@@ -18,7 +19,7 @@ import signal
 
 import pytest
 
-from tests.choosing import COMMIT, chosen, slices
+from tests.choosing import COMMIT, chosen, share, slices, tonight
 from tests.patience import PATIENCE
 
 
@@ -66,8 +67,11 @@ def pytest_collection_modifyitems(config, items):
         if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
             item.add_marker(pytest.mark.slow)
         _have_patience(item, float(config.getini("timeout")))
-    kept = [item for item in items if _in_the_slice(item)]
-    gone = [item for item in items if not _in_the_slice(item)]
+    others = set() if every else _for_other_nights(items)
+    kept, gone = [], []
+    for item in items:
+        has_turn = _in_the_slice(item) and item.nodeid not in others
+        (kept if has_turn else gone).append(item)
     if gone:
         config.hook.pytest_deselected(items=gone)
         items[:] = kept
@@ -92,6 +96,22 @@ def _in_the_slice(item):
         if item.get_closest_marker(mark):
             return chosen(item.nodeid, f"slice {COMMIT}", one_in.get(mark, 1))
     return True
+
+
+def _for_other_nights(items):
+    """Give cases of nightly tests that wait for other commits: `nightly(one_in=3)`."""
+    families = collections.defaultdict(list)
+    if "nightly" not in slices(os.environ.get("LAGSIM_TEST_SLICE", "")):
+        for item in items:
+            mark = item.get_closest_marker("nightly")
+            if mark and "one_in" in mark.kwargs:
+                family = item.nodeid.partition("[")[0], mark.kwargs["one_in"]
+                families[family].append(item.nodeid)
+    return {
+        name
+        for (_, one_in), names in families.items()
+        for name in set(names).difference(share(names, tonight(), one_in))
+    }
 
 
 def _have_patience(item, usual):

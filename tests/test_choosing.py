@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.choosing import chosen, slices, turn
+from tests.choosing import chosen, share, slices, turn
 from tests.patience import PATIENCE, finished
 from tests.support import ROOT
 
@@ -44,6 +44,33 @@ def test_in_time_all_have_their_turn():
     assert {turn(NAMES[0], str(commit), words) for commit in range(100)} == {*words}
 
 
+def test_a_share_has_one_at_least():
+    some = NAMES[:20]
+    assert [len(share(some, "abc", one_in)) for one_in in (1, 3, 30)] == [20, 7, 1]
+    assert share(some[::-1], "abc", 3) == share(some, "abc", 3)
+    assert {*share(some, "abc", 3)} != {*share(some, "abd", 3)}
+
+
+NIGHTS = """\
+import pytest
+@pytest.mark.nightly(one_in=3)
+@pytest.mark.parametrize("k", range(7))
+def test_a(k): pass
+@pytest.mark.nightly
+def test_b(): pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("variables", "count"),
+    [({}, 4), ({"LAGSIM_TEST_CASES": "all"}, 8)],
+    ids=["a part", "all"],
+)
+def test_a_night_has_a_part_of_each_family(tmp_path, variables, count):
+    done = pytest_of(tmp_path, NIGHTS, "nightly", **variables)
+    assert f"{count} passed" in done.stdout, done.stdout + done.stderr
+
+
 def test_slices_are_read():
     assert slices("") == {}
     assert slices("slow=4,nightly=100") == {"slow": 4, "nightly": 100}
@@ -74,10 +101,11 @@ def sources():
             yield path.relative_to(ROOT), path.read_text("utf-8")
 
 
-def pytest_of(folder, text, **environment):
+def pytest_of(folder, text, marked="", **environment):
     """Run a test file with this project's settings and conftest."""
     (folder / "test_one.py").write_text(text)
     command = ["-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--rootdir", folder]
+    command += ["-m", marked] if marked else []
     command += ["-n", "0", "-p", "no:cacheprovider", "-p", "tests.conftest"]
     return subprocess.run(
         [sys.executable, *map(str, command), str(folder)],

@@ -2,6 +2,6 @@
 
 `grammar` makes scenes, `mechanics` derives their equations by sympy from the texts,
 `integrator` and `truth` integrate these in long double, `lagsim_runs` runs lagsim in
-a process that may crash or hang, `verdict` compares the two, `shrinking` makes what
-fails small. Nothing but `lagsim_runs` knows lagsim, and that only as a command.
+a process that may crash or hang, `verdict` compares the two. Nothing but
+`lagsim_runs` knows lagsim, and that only as a command.
 """

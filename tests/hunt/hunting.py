@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import NoTruthError
-from tests.hunt.shrinking import MOST, shrunk
 from tests.hunt.verdict import Truth, Verdict, judge, truth
 
 if TYPE_CHECKING:
@@ -67,21 +66,12 @@ def hunt(seed: str, count: int, lagsim: Lagsim) -> Tally:
     return tally
 
 
-def small(scene: Scene, verdict: Verdict, lagsim: Lagsim, most: int = MOST) -> Scene:
-    """Give a smaller scene with the same kind of fault."""
-    return shrunk(scene, lambda s: tried(s, lagsim)[0].kind == verdict.kind, most)
-
-
-def report(scene: Scene, verdict: Verdict, exact: Truth | None, folder: Path) -> Path:
+def report(scene: Scene, verdict: Verdict, folder: Path) -> Path:
     """Write what is needed to see a failure again; give the folder."""
     kind = re.sub(r"\W+", "-", verdict.kind)
     place = folder / f"{kind}-{scene.seed}"
     place.mkdir(parents=True, exist_ok=True)
     (place / "scene.yaml").write_text(scene.text(), encoding="utf-8")
     document = {"seed": scene.seed, "kind": verdict.kind, "text": verdict.text}
-    if exact is not None:
-        document["names"] = [*scene.q, *(f"{q}_dot" for q in scene.q)]
-        document["truth_at_end"] = [str(x) for x in exact.state[-1]]
-        document["end"] = exact.motion.end
     (place / "verdict.json").write_text(json.dumps(document, indent=1) + "\n")
     return place

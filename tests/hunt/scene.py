@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
-
-from tests.sympy_oracle import FUNCTIONS
-
-_WORD = re.compile(r"[^\W\d]\w*")
 
 
 @dataclass(frozen=True)
@@ -74,21 +69,6 @@ class Item:
     laws: tuple[Law, ...] = ()
     loose: tuple[str, ...] = ()
 
-    @property
-    def needs(self) -> set[str]:
-        """The names that its texts use and that it does not make itself."""
-        texts = [
-            *self.definitions.values(), *self.constraints.values(), *self.kinetic,
-            *self.potential, *self.dissipation,
-            *(text for pair in self.forces for text in pair),
-        ]  # fmt: skip
-        words = {w.removesuffix("_dot") for text in texts for w in _WORD.findall(text)}
-        return words - self.makes
-
-    @property
-    def makes(self) -> set[str]:
-        return {*self.coordinates, *self.parameters, *self.definitions}
-
 
 @dataclass(frozen=True)
 class Scene:
@@ -130,25 +110,6 @@ class Scene:
 
     def start_velocity(self, name: str) -> float:
         return self.velocities.get(name, self.gathered("coordinates")[name][1])
-
-    def keeping(self, items: tuple[Item, ...]) -> Scene | None:
-        """Give the scene with these items, less those that miss something by it."""
-        kept = list(items)
-        while True:
-            known = {"t", "pi", "and", "or", "not", *FUNCTIONS}.union(
-                *(item.makes for item in kept)
-            )
-            sound = [item for item in kept if item.needs <= known]
-            if len(sound) == len(kept):
-                break
-            kept = sound
-        names = {name for item in kept for name in item.coordinates}
-        until = self.until
-        if {w.removesuffix("_dot") for w in _WORD.findall(until)} - known:
-            until = ""
-        if not names:
-            return None
-        return replace(self, items=tuple(kept), until=until, velocities={})
 
     def text(self) -> str:
         """Write the model file."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import random
 import re
-import time
 from typing import TYPE_CHECKING, NamedTuple
 
 import typer.main
@@ -17,7 +16,7 @@ from lagsim.cli import _application
 from tests.support import MODELS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
 # Numbers that doubles can hardly hold, and functions that are defined almost nowhere.
 NUMBERS = (
@@ -234,30 +233,3 @@ def command_line(rng: random.Random) -> tuple[str, ...]:
     if name in ("run", "golden", "sweep"):
         words.append("--no-plots" if name == "run" else "-q")
     return tuple(words)
-
-
-def smaller(found: Case) -> Iterator[Case]:
-    """Give cases that are a step smaller, the boldest first."""
-    for k in range(1, len(found.line)):
-        yield found._replace(line=found.line[:k] + found.line[k + 1 :])
-    for parts, glue in ((found.text.split("\n"), "\n"), (list(found.text), "")):
-        size = len(parts) // 2
-        while size:
-            for at in range(0, len(parts), size):
-                yield found._replace(text=glue.join(parts[:at] + parts[at + size :]))
-            size //= 2
-
-
-def shrunk(found: Case, fails: Callable[[Case], bool], seconds: float = 20.0) -> Case:
-    """Give a smaller case that fails as well; each trial asks `fails`."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        for case in smaller(found):
-            if fails(case):
-                found = case
-                break
-            if time.monotonic() > until:
-                break
-        else:
-            break
-    return found

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim.cli import main
-from tests.hunt.soup import MODEL, OPTIONS, Case, case, shrunk
+from tests.hunt.soup import MODEL, OPTIONS, Case, case
 from tests.patience import PATIENCE
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ CALM = (0, 1, 2, 3)
 # No file of this size takes longer, on a machine that does something else as well;
 # `derive` refuses after 45 s what it cannot finish.
 SECONDS = math.ceil(60 * PATIENCE)
-# As many failures of one sort are made small; more of them say nothing new.
+# As many failures of one sort are kept; more of them say nothing new.
 ENOUGH = 3
 
 
@@ -109,7 +109,7 @@ def judged(case: Case, code: int, out: str, err: str) -> str:
 
 
 def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
-    """Try cases; keep what fails, made small, in files of the folder."""
+    """Try cases; keep what fails in files of the folder."""
     sorts: Counter[str] = Counter()
     tried = 0
     for number in numbers:
@@ -120,12 +120,9 @@ def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
         sort = _sort(why)
         sorts[sort] += 1
         if sorts[sort] <= ENOUGH:
-            small = found
-            if "longer" not in why:
-                small = shrunk(found, lambda c, sort=sort: _sort(wrong(c)) == sort)
-            told = f"# seed {seed}, case {number}: {why}\n# lagsim {list(small.line)}\n"
+            told = f"# seed {seed}, case {number}: {why}\n# lagsim {list(found.line)}\n"
             path = folder / f"found-{seed}-{number}.yaml"
-            path.write_text(told + small.text, encoding="utf-8", errors="replace")
+            path.write_text(told + found.text, encoding="utf-8", errors="replace")
     return {"seed": seed, "cases": tried, "found": dict(sorts)}
 
 

@@ -17,7 +17,7 @@ import pytest
 from tests.hunt.contact_verdict import tried as tried_contact
 from tests.hunt.contact_verdict import truth
 from tests.hunt.contacts import contact_scene
-from tests.hunt.hunting import hunt, report, small, tried
+from tests.hunt.hunting import hunt, report
 from tests.hunt.lagsim_runs import Lagsim
 from tests.hunt.scene import Item, Law, Scene
 
@@ -43,14 +43,12 @@ def seed():
 
 
 def hunted(seed, count, lagsim, folder):
-    """Hunt; shrink and write what fails; give the tally and what is to be said."""
+    """Hunt; write what fails; give the tally and what is to be said."""
     tally = hunt(seed, count, lagsim)
     told = [f"seed {seed}: {tally.counted} scenes, {tally.uncounted} without a truth"]
     for scene, verdict in tally.faults:
-        least = small(scene, verdict, lagsim)
-        found, exact = tried(least, lagsim)
-        place = report(least, found, exact, folder)
-        told.append(f"{scene.seed}: {found.kind}, {place}\n    {found.text}")
+        place = report(scene, verdict, folder)
+        told.append(f"{scene.seed}: {verdict.kind}, {place}\n    {verdict.text}")
     return tally, "\n".join(told)
 
 

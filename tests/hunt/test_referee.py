@@ -10,7 +10,6 @@ from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
 from tests.hunt.scene import Item, Scene
-from tests.hunt.shrinking import shrunk
 from tests.hunt.verdict import judge, truth
 
 Long = np.longdouble
@@ -194,20 +193,6 @@ def test_the_verdict_sees_what_is_wrong_and_grants_what_is_told():
     assert verdict(0.0, 1e-12, code=70).kind == "crash"
     assert verdict(0.0, 1e-12, code=3).kind == "refused-3"
     assert verdict(0.0, 1e-12, code=-1).kind == "hang"
-
-
-def test_shrinking_keeps_what_fails_and_little_else():
-    noise = [
-        Item(f"n{i}", coordinates={f"y{i}": (1.234, 0.5)}, kinetic=(f"y{i}_dot^2/2",))
-        for i in range(3)
-    ]
-    spring = Item("spring", parameters={"K": 2.345}, potential=("K*x^2/2",))
-    scene = a_scene(*noise, slider(1.234), spring, step=0.01)
-    small = shrunk(scene, lambda s: any("K" in i.parameters for i in s.items))
-    # The spring needs its slider; nothing needs the others.
-    assert [item.tag for item in small.items] == ["slider", "spring"]
-    assert small.items[1].parameters == {"K": 2.0}
-    assert small.duration < 0.1
 
 
 def test_scenes_follow_from_their_seed():

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from tests.hunt import kills, soup_runs
-from tests.hunt.soup import MODEL, Case, case, shrunk
+from tests.hunt.soup import case
 from tests.support import ROOT
 
 SEED = 16
@@ -55,12 +55,6 @@ def test_a_case_follows_from_its_number():
     assert len({case(3, n) for n in range(100)}) > 80
 
 
-def test_what_fails_is_made_small():
-    found = Case(("check", "m.yaml", "--repair", "--json"), MODEL)
-    small = shrunk(found, lambda c: "x - y" in c.text and c.line[0] == "check")
-    assert small == Case(("check",), "x - y")
-
-
 # --- kills ----------------------------------------------------------------------------
 
 
@@ -88,10 +82,10 @@ def test_kills(tmp_path):
 @forks
 @pytest.mark.nightly
 @pytest.mark.timeout(7200)
-def test_a_thousand_kills(tmp_path, record_property):
+def test_very_many_kills(tmp_path, record_property):
     seed = secrets.randbits(32)
     record_property("seed", seed)
-    killed(1000, tmp_path, seed)
+    killed(400, tmp_path, seed)
 
 
 def test_what_is_torn_is_noticed(tmp_path):

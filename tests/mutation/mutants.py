@@ -10,21 +10,30 @@ whose text is translated here; neither knows the page's script.
 
 from __future__ import annotations
 
+import compileall
+import contextlib
 import hashlib
 import io
+import math
 import os
+import py_compile
+import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
-import time
 import tokenize
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from coverage import CoverageData
 
 from tests.patience import PATIENCE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
 
 ROOT = Path(__file__).parents[2]
 PAGE = "outputs/animation/*.js"
@@ -53,6 +62,8 @@ _SCRIPT = re.compile(
 _CHECKS = re.compile(r"\b(strict|slots|frozen)=$")
 # How a file of kernels says so: by its words, or by what a kernel takes.
 _KERNELS = re.compile(r"native\.kernels\.words import|\bs: \w+, p: Parameters")
+# What pytest says of how long tests took.
+_DURATION = re.compile(r"(?m)^(\d+\.\d+)s (?:setup|call) +(\S.*)$")
 
 
 class Room(NamedTuple):
@@ -90,6 +101,10 @@ ROOMS = {
 }  # fmt: skip
 # So many rooms a night, beside the page.
 A_NIGHT = 4
+# Tests that a mutant meets in its room, and elsewhere, take so many seconds at most
+# without it; to start them, and to compile what is native, takes less than so many.
+MOST = 60.0
+STARTING = 30.0
 # Where behaviour is held: what the tests of its room let live meets these, too.
 WAISTS = (
     "tests/golden", "tests/scenes", "tests/invariance", "tests/hunt", "tests/cli",
@@ -211,93 +226,181 @@ def chosen(commit: str, count: int, rooms: tuple[str, ...] = ()) -> list[Mutant]
     return found
 
 
-class Copy:
-    """A copy of the tree in which mutants are tried, with native code of its own.
+class Clean(NamedTuple):
+    """Tests without a mutant: seconds of each, and those that run a line of a file."""
 
-    A mutant meets the tests of its room, all cases of them, and where these let it live
-    the quick ones of all that holds behaviour. Coverage without a mutant tells which of
-    them run a line: it is shown to these alone. Kernels are translated and leave no
-    lines, but those of the few tests that run them as Python: a mutant in a file with
-    kernels meets all tests.
+    seconds: dict[str, float]
+    lines: dict[str, dict[int, set[str]]]
+
+
+class Copy:
+    """A copy of the tree in which tests run, with native code of its own.
+
+    Byte code lies beside the source and is checked by its content: of the files of a
+    mutant one alone is compiled again.
     """
 
     def __init__(self, folder: Path) -> None:
         self.tree, self.cache = folder / "tree", folder / "cache"
         self.used, self.lines = folder / "used", folder / "lines"
-        self.said = ""
         listed = subprocess.run(
             ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True
         )
         for name in filter(None, listed.stdout.decode().split("\0")):
             (self.tree / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(ROOT / name, self.tree / name)
-        self.limits: dict[tuple[str, ...], float] = {}
-        self.covered: dict[tuple[str, ...], dict[str, dict[int, list[str]]]] = {}
+        checked = py_compile.PycInvalidationMode.CHECKED_HASH
+        compileall.compile_dir(self.tree / "lagsim", quiet=2, invalidation_mode=checked)
+        self.cache.mkdir()
 
-    def _passes(
-        self, options: list[str], cache: Path, limit: float | None, *, quick: bool
-    ) -> bool | None:
-        """Tell whether tests pass; None where they have not ended in time."""
+    def _pytest(
+        self, options: Sequence[str], cases: str, cache: Path, limit: float
+    ) -> tuple[int | None, str]:
+        """Give pytest's exit code and text; None past a limit of processor time.
+
+        The limit holds for each process; what waits for others ends at four times it,
+        and more on a busy machine.
+        """
         line = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-        line += ["--no-header", "-nauto" if quick else "-n0", *options]
+        # With the settings' `--dist` coverage waits for workers, and names no test.
+        line += ["--no-header", "-n0", "--dist=no", *options]
+        limited = ["sh", "-c", f'ulimit -t {math.ceil(limit)}; exec "$@"', "sh"]
         known = dict(os.environ, PYTHONPATH=str(self.tree), LAGSIM_CACHE=str(cache))
-        known |= {"PYTHONDONTWRITEBYTECODE": "1", "COVERAGE_FILE": str(self.lines)}
-        known["LAGSIM_TEST_CASES"] = "" if quick else "all"
+        known |= {"COVERAGE_FILE": str(self.lines), "LAGSIM_TEST_CASES": cases}
         known.pop("PYTEST_XDIST_WORKER", None)
-        try:
-            done = subprocess.run(
-                line, cwd=self.tree, env=known, capture_output=True, timeout=limit
-            )
-        except subprocess.TimeoutExpired:
-            return None
-        self.said = done.stdout[-2000:].decode()
-        # 4: the file of a test that is named cannot be read.
-        assert done.returncode in (0, 1, 2, 3, 4), self.said
-        return done.returncode == 0
+        known["PYTHONDONTWRITEBYTECODE"] = "1" if cache == self.used else ""
+        with subprocess.Popen(
+            [*limited, *line], cwd=self.tree, env=known, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        ) as process:  # fmt: skip
+            try:
+                out, _ = process.communicate(timeout=4.0 * PATIENCE * limit)
+            except subprocess.TimeoutExpired:
+                # Those that it has started, too.
+                os.killpg(process.pid, signal.SIGKILL)
+                out, _ = process.communicate()
+        code = process.returncode
+        return None if code < 0 else code, out.decode(errors="replace")
 
-    def _begin(self, tests: tuple[str, ...]) -> None:
-        """Run tests without a mutant: how long they take, and which lines each runs."""
-        self.cache.mkdir(exist_ok=True)
-        began = time.monotonic()
-        cover = [*tests, "--cov=lagsim", "--cov-context=test", "--cov-report="]
-        passed = self._passes(cover, self.cache, None, quick=tests == WAISTS)
-        assert passed, f"{tests} fail without a mutant:\n{self.said}"
-        self.limits[tests] = 60.0 * PATIENCE + 3.0 * (time.monotonic() - began)
+    def clean(self, tests: str, cases: str) -> Clean:
+        """Run tests without a mutant."""
+        cover = [tests, "--cov=lagsim", "--cov-context=test", "--cov-report="]
+        shown = ["--durations=0", "--durations-min=0"]
+        code, text = self._pytest(
+            [*cover, *shown], cases, self.cache, 3600.0 * PATIENCE
+        )
+        assert code == 0, f"{tests} fail without a mutant:\n{text[-2000:]}"
+        seconds: dict[str, float] = {}
+        for one in _DURATION.finditer(text):
+            seconds[one[2]] = seconds.get(one[2], 0.0) + float(one[1])
         data = CoverageData(str(self.lines))
         data.read()
-        paths = data.measured_files()
-        self.covered[tests] = {path: data.contexts_by_lineno(path) for path in paths}
+        lines = {
+            Path(path).relative_to(self.tree).as_posix(): {
+                # `file::test[case]|run`; empty where a module is read.
+                line: {one.rpartition("|")[0] for one in contexts} - {""}
+                for line, contexts in data.contexts_by_lineno(path).items()
+            }
+            for path in data.measured_files()
+        }
         self.lines.unlink()
+        return Clean(seconds, lines)
 
-    def exercising(self, mutant: Mutant, tests: tuple[str, ...]) -> list[str]:
-        """Give those of some tests that run the line of a mutant, or all of them."""
-        if _KERNELS.search((ROOT / mutant.path).read_text("utf-8")):
-            return list(tests)
-        contexts = self.covered[tests].get(str(self.tree / mutant.path), {})
-        # `file::test[case]|run`; empty where a module is read.
-        found = {one.rpartition("|")[0] for one in contexts.get(mutant.line, [])} - {""}
-        return sorted(found) or list(tests)
-
-    def survives(self, mutant: Mutant, tests: tuple[str, ...] = ()) -> bool:
-        """Tell whether no test notices a mutant; of `tests` alone where given."""
-        every = (tests,) if tests else (ROOMS[mutant.room].tests, WAISTS)
-        return all(self._survives(mutant, some) for some in every)
-
-    def _survives(self, mutant: Mutant, tests: tuple[str, ...]) -> bool:
-        if tests not in self.limits:
-            self._begin(tests)
+    def notices(self, mutant: Mutant, tests: Sequence[str], limit: float) -> bool:
+        """Tell whether a test fails, crashes or does not end where a mutant is in."""
         # What a broken mutant leaves in the cache is not for the next one.
         shutil.rmtree(self.used, ignore_errors=True)
-        cache = Path(shutil.copytree(self.cache, self.used))
+        shutil.copytree(self.cache, self.used)
         path, chosen = self.tree / mutant.path, self.tree / "chosen.txt"
-        chosen.write_text("\n".join(self.exercising(mutant, tests)), "utf-8")
+        chosen.write_text("\n".join(tests), "utf-8")
         text = path.read_text("utf-8")
         path.write_text(mutant.applied(text), "utf-8")
         try:
-            limit, quick = self.limits[tests], tests == WAISTS
-            return self._passes([f"@{chosen}"], cache, limit, quick=quick) is True
+            code, said = self._pytest([f"@{chosen}"], "all", self.used, limit)
         finally:
             path.write_text(text, "utf-8")
+        # 4: the file of a test that is named cannot be read.
+        assert code in (None, 0, 1, 2, 3, 4), said[-2000:]
+        return code != 0
+
+
+def exercising(mutant: Mutant, clean: Sequence[Clean]) -> tuple[list[str], float]:
+    """Give tests that may notice a mutant, the soonest first, and their time limit.
+
+    Tests of a file with a like name come first, then one case of each test, then what
+    takes least. The limit is in seconds of processor time.
+    """
+    seconds = {test: took for one in clean for test, took in one.seconds.items()}
+    running: set[str] = set()
+    for one in clean:
+        running |= one.lines.get(mutant.path, {}).get(mutant.line, set())
+    source = (ROOT / mutant.path).read_text("utf-8")
+    if _KERNELS.search(source) or not running:
+        running |= seconds.keys()
+    stem, known = Path(mutant.path).stem, set()
+    ranked = []
+    for test in sorted(running, key=lambda test: (seconds.get(test, 0.0), test)):
+        family = test.partition("[")[0]
+        file = family.partition("::")[0]
+        ranked.append((stem not in Path(file).stem, family in known, len(ranked), test))
+        known.add(family)
+    found, total = [], 0.0
+    for *_, test in sorted(ranked):
+        if total + seconds.get(test, 0.0) <= MOST or not found:
+            found.append(test)
+            total += seconds.get(test, 0.0)
+    return found, STARTING + 3.0 * total
+
+
+class Trial:
+    """Mutants against the tests of their rooms, and against all that hold behaviour.
+
+    A mutant meets the tests of its room, all cases of them, and where these let it live
+    the quick ones of all that holds behaviour. Coverage without a mutant tells which of
+    them run its line: it meets these alone, the soonest first, as many as take `MOST`
+    seconds. Kernels are translated and leave no lines: a mutant in a file with kernels
+    meets the others, too. It has three times the processor time of the same tests
+    without it, and what starting them takes.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.side = os.cpu_count() or 1
+        self.copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
+        for k in range(self.side):
+            self.copies.put(Copy(folder / str(k)))
+        self.clean: dict[str, Clean] = {}
+
+    @contextlib.contextmanager
+    def _copy(self) -> Iterator[Copy]:
+        copy = self.copies.get()
+        try:
+            yield copy
+        finally:
+            self.copies.put(copy)
+
+    def _measure(self, tests: str, cases: str) -> None:
+        with self._copy() as copy:
+            self.clean[tests] = copy.clean(tests, cases)
+
+    def _survives(self, mutant: Mutant) -> bool:
+        stages = [ROOMS[mutant.room].tests, WAISTS]
+        # Its own tests alone run the page's script.
+        del stages[1 if mutant.room == "page" else 2 :]
+        with self._copy() as copy:
+            return not any(
+                copy.notices(
+                    mutant, *exercising(mutant, [self.clean[x] for x in tests])
+                )
+                for tests in stages
+            )
+
+    def survivors(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, bool]]:
+        """Give each mutant, and whether no test notices it."""
+        rooms = {tests for one in mutants for tests in ROOMS[one.room].tests}
+        runs = dict.fromkeys(WAISTS, "") | dict.fromkeys(sorted(rooms), "all")
+        with ThreadPoolExecutor(self.side) as pool:
+            list(pool.map(self._measure, runs, runs.values()))
+            yield from zip(mutants, pool.map(self._survives, mutants), strict=True)
 
 
 def over_budget(tried: list[tuple[Mutant, bool]]) -> list[str]:

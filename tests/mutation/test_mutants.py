@@ -18,10 +18,14 @@ import pytest
 from tests.mutation.mutants import (
     ROOMS,
     ROOT,
+    STARTING,
+    Clean,
     Copy,
     Mutant,
+    Trial,
     chosen,
     compiles,
+    exercising,
     mutants_of,
     over_budget,
 )  # fmt: skip
@@ -92,23 +96,38 @@ def test_rooms_and_all_of_them_over_their_budgets():
     assert over_budget([(one, k % 3 == 0) for k, one in enumerate(every)]) == []
 
 
+def test_tests_that_may_notice_a_mutant_come_soonest_first_and_not_all():
+    long, short, other, named = (f"tests/{name}" for name in (
+        "test_a.py::test_x[0]", "test_a.py::test_x[1]", "test_a.py::test_y",
+        "test_units.py::test_z"))  # fmt: skip
+    seconds = {long: 50.0, other: 8.0, short: 2.0, named: 40.0}
+    mutant = Mutant("outputs", "lagsim/outputs/units.py", 7, 0, "+", "-")
+    clean = Clean(seconds, {mutant.path: {7: {*seconds}, 8: {long}}})
+    # What has a like name, one case of each test; more than 60 s of them are too many.
+    assert exercising(mutant, [clean]) == ([named, short, other], STARTING + 150.0)
+    assert exercising(mutant._replace(line=8), [clean]) == ([long], STARTING + 150.0)
+    # No test is known to run its line: all of them may.
+    assert exercising(mutant._replace(line=9), [clean])[0] == [named, short, other]
+
+
 @pytest.mark.slow
 @needs_git
-def test_one_that_is_noticed_and_one_that_is_not(tmp_path):
+def test_what_tests_notice(tmp_path):
     copy = Copy(tmp_path)
     path = "lagsim/outputs/units.py"
     text = (ROOT / path).read_text("utf-8")
-    tests = ("tests/outputs/test_units.py",)
-    start = text.index("\n\n") + 1
-    # A line that says nothing, and one that ends the reading of the file.
-    quiet = Mutant("outputs", path, 1, start, "\n", "\n#\n")
-    loud = Mutant("outputs", path, 1, len(text) - 1, "\n", "\n0 / 0\n")
-    assert copy.survives(quiet, tests)
-    assert not copy.survives(loud, tests)
-    assert (copy.tree / path).read_text("utf-8") == text
+    tests = ["tests/outputs/test_units.py"]
+    # A line that says nothing, one that ends the reading of the file, and no end.
+    for line, noticed in (("#", False), ("0 / 0", True), ("while True: pass", True)):
+        mutant = Mutant("outputs", path, 1, len(text) - 1, "\n", f"\n{line}\n")
+        assert copy.notices(mutant, tests, 10.0) == noticed
+        assert (copy.tree / path).read_text("utf-8") == text
+    clean = copy.clean(tests[0], "all")
+    assert clean.seconds.keys() == set.union(*clean.lines[path].values())
 
 
 @pytest.mark.nightly
+@pytest.mark.skipif("PYTEST_XDIST_WORKER" in os.environ, reason="its own night: -n0")
 @pytest.mark.timeout(0)
 @needs_node
 @needs_git
@@ -117,10 +136,10 @@ def test_mutants_of_this_commit(tmp_path):
     commit = subprocess.run(head, cwd=ROOT, capture_output=True, check=True).stdout
     count = int(os.environ.get("LAGSIM_MUTANTS", "50"))
     rooms = tuple(filter(None, os.environ.get("LAGSIM_MUTATED", "").split(",")))
-    copy, tried = Copy(tmp_path), []
-    for mutant in sorted(chosen(commit.decode().strip(), count, rooms)):
-        tried.append((mutant, copy.survives(mutant)))
-        sys.stdout.write(f"{'LIVES' if tried[-1][1] else 'dies '} {mutant}\n")
+    mutants, tried = sorted(chosen(commit.decode().strip(), count, rooms)), []
+    for one in Trial(tmp_path).survivors(mutants):
+        tried.append(one)
+        sys.stdout.write(f"{'LIVES' if one[1] else 'dies '} {one[0]}\n")
         sys.stdout.flush()
     lives = "\n".join(str(mutant) for mutant, lived in tried if lived)
     assert not over_budget(tried), f"{over_budget(tried)}; living:\n{lives}"

@@ -120,6 +120,42 @@ def test_the_method_follows_the_tolerance(name, loose, tight):
     assert plan_of(name, rtol="1e-4").method == "dop853"
 
 
+def coupled(count, potential, **options):
+    """Plan for coordinates of mass 1 with a potential of their sum."""
+    names = [f"q{k}" for k in range(count)]
+    return plan_of(
+        f"coordinates: {{{', '.join(f'{name}: {{}}' for name in names)}}}\n"
+        f"energy: {{kinetic: ({' + '.join(f'{name}_dot^2' for name in names)})/2, "
+        f"potential: ({' + '.join(names)}){potential}}}\n"
+        f"initial: {{{', '.join(f'{name}: 0.1' for name in names)}}}\n"
+        "simulation: {duration: 1}\n",
+        **options,
+    )
+
+
+def test_linear_equations_are_solved_exactly_up_to_fifty_states():
+    assert coupled(25, "^2").method == "exponential"
+    assert coupled(26, "^2").method != "exponential"
+
+
+def test_ten_thousand_slopes_are_not_compiled():
+    # Of y' = (v, a(q)) by q and v, 2 n^2 for Newton's method.
+    told = [coupled(n, "^4", method="radau").tape for n in (70, 71)]
+    assert told == [False, True]
+
+
+def test_a_row_that_vanishes_at_the_start_has_its_length_nearby():
+    lengths = plan_of("""
+    coordinates: {w: {}, x: {}, y: {}, z: {}}
+    energy: {kinetic: (w_dot^2 + x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 0}
+    constraints: {a: (1 + z^2)*w_dot = 0, b: sin(x)*y_dot = 0}
+    initial: {w: 0, x: 0, y: 0, z: 0, x_dot: 1, z_dot: 1}
+    simulation: {duration: 1}
+    """).lengths
+    assert lengths[0] == 1.0
+    assert 0.0 < lengths[1] < 0.3  # a few states at about 0.1 from there
+
+
 def test_who_integrates_what_is_ignorable():
     options = {"formulation": "ignorable", "step": "0.01"}
     assert plan_of("heavy-top", method="rk4", **options).method == "rk4"

@@ -156,6 +156,8 @@ def test_energies_are_shared_out(kinetic):
     assert [part.equations.q for part in parts] == [("a",), ("b",)]
     nodes = [e.energy, *(part.equations.energy for part in parts)]
     values = {p.name: p.value for x in parts for p in x.equations.model.parameters}
+    start = {"start.a": 0.3, "start.b": 0.4, "start.a_dot": 0.5, "start.b_dot": 0.6}
+    assert values.items() <= (start | {"c": 1.7}).items()
 
     def energies(*state):
         given = dict(zip(("a", "b", "a_dot", "b_dot"), state, strict=True))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import lagsim
-from tests.choosing import COMMIT, turn
+from tests.choosing import tonight, turn
 from tests.scenes.contact.motions import play, scene
 from tests.scenes.exact import chains, check, contacts, driven, held, switches
 from tests.scenes.exact.switches import two
@@ -38,7 +38,7 @@ def test_no_row_lies_past_a_jump():
 @pytest.mark.parametrize("name", SCENES)
 def test_it_does_so_in_the_words_of_a_commit(name):
     every = SCENES[name].words(name, 100)
-    check(SCENES[name], turn(name, COMMIT, every))
+    check(SCENES[name], turn(name, tonight(), every))
 
 
 def test_what_no_value_on_the_switch_lets_stay_is_not_decided():

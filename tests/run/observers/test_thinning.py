@@ -148,3 +148,12 @@ def test_only_the_columns_that_are_asked_for_are_kept():
         thinning.series("a")
     with pytest.raises(KeyError):
         thinning.path("a", "b")
+
+
+def test_of_two_neighbours_each_is_kept_as_often():
+    # Rows that alternate: their mean is 0, and that of those that are kept.
+    rows = walk(2 * POINTS)
+    rows[:, 1] = np.where(np.arange(len(rows)) % 2, 1.0, -1.0)
+    a, _ = thinned(rows).path("a", "b")
+    assert len(a) < len(rows) / 3
+    assert abs(np.mean(a)) < 1e-2

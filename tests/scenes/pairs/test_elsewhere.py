@@ -8,7 +8,7 @@ import pytest
 
 import lagsim
 from lagsim.errors import InputError
-from tests.choosing import COMMIT, turn
+from tests.choosing import tonight, turn
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
 from tests.scenes.pairs.physical import BY_NAME
@@ -67,5 +67,5 @@ def test_features_in_pairs_in_other_words(first, second, way, change):
 @pytest.mark.nightly
 @pytest.mark.parametrize(("first", "second", "way"), POSED)
 def test_features_in_pairs_in_the_words_of_a_commit(first, second, way):
-    words = turn(f"{first} {way} {second}", COMMIT, WORDS)
+    words = turn(f"{first} {way} {second}", tonight(), WORDS)
     moves(first, second, way, words)
