@@ -246,6 +246,7 @@ class Picture(Figure):
 
     Attributes
     ----------
+    width, height : float
     top : float
         Where the panels begin.
     """
@@ -269,6 +270,7 @@ class Picture(Figure):
         under = LINE * (len(below) + bool(below))
         high = self.top + height + under
         super().__init__(figsize=(width, high), dpi=DPI, layout=layout)
+        self.width, self.height = width, high
         if isinstance(engine := self.get_layout_engine(), ConstrainedLayoutEngine):
             engine.set(rect=(0.0, under / high, 1.0, height / high), wspace=0.08)
         title = fitted(title, 0.65 * width, HEADING, "bold")
@@ -284,16 +286,6 @@ class Picture(Figure):
         look: Pen = {"size": SMALL, "color": DIM, "room": self.width - 2 * EDGE}
         for k, text in enumerate(lines):
             self.write(EDGE, top + (k + 0.6) * LINE, text, **look)
-
-    @property
-    def width(self) -> float:
-        """Its width."""
-        return float(self.get_figwidth())
-
-    @property
-    def height(self) -> float:
-        """Its height."""
-        return float(self.get_figheight())
 
     def write(
         self, x: float, y: float, text: str, *, room: float = math.inf, **look: Any
@@ -536,9 +528,8 @@ def marks(axes: Axes, times: Sequence[float], look: Mark) -> None:
     at = across.transform(np.column_stack((inside, np.zeros_like(inside))))[:, 0]
     size = float(look.top["markersize"])
     apart = TICKS_APART if look.top["marker"] == "|" else size + TICKS_APART
-    shown = inside[_spaced(at / _dpi(axes), apart / 72)]
-    tall = axes.bbox.height / _dpi(axes)
-    level = np.full_like(shown, 1.0 - size / 144 / tall)
+    shown = inside[_spaced(at / axes.figure.dpi, apart / 72)]
+    level = np.full_like(shown, 1.0 - size / 144 / size_of(axes)[1])
     line(axes, shown, level, look.top, transform=across, zorder=1.6, clip_on=False)
 
 
@@ -567,13 +558,9 @@ def stems(axes: Axes, t: Array, values: Array, pen: Pen) -> None:
 
 def inches(axes: Axes, x: Array, y: Array) -> tuple[Array, Array]:
     """Return where values lie on the sheet."""
-    across, up = axes.transData.transform(np.column_stack((x, y))).T / _dpi(axes)
+    pixels = axes.transData.transform(np.column_stack((x, y))).T
+    across, up = pixels / axes.figure.dpi
     return across, up
-
-
-def _dpi(axes: Axes) -> float:
-    """Return how many of what is drawn on are an inch."""
-    return float(axes.figure.dpi)
 
 
 def ink(x: Array, y: Array) -> float:

@@ -78,7 +78,7 @@ from lagsim.run.observers.thinning import DRIFT
 from lagsim.tolerances import COMPUTED_ZERO, ZERO_BESIDE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
 
@@ -243,23 +243,33 @@ class Panels:
             unit = record.unit(group[0])
             written = [record.letters.name(name) for name in group]
             drawn = [record.rows.series(name) for name in group]
-            columns, size = [values for _, values in drawn], sizes[unit]
-            if is_impulse := group[0].startswith(IMPULSE):
-                scale = value_scale(*columns, size=size)  # each has a size of its own
-            else:
-                scale = spread_scale(*drawn, size=size)
+            scale, draw = spread_scale(*drawn, size=sizes[unit]), series
+            if group[0].startswith(IMPULSE):  # each has a size of its own
+                columns = [values for _, values in drawn]
+                scale, draw = value_scale(*columns, size=sizes[unit]), stems
             frame(
                 axes, time_of(record), scale, up=(", ".join(written), unit),
                 below=NOTHING if follows else record.named("t"),
                 above=(above or None) if len(group) == 1 else False,
             )  # fmt: skip
-            mark_events(record, axes)
-            for (t, values), pen in zip(drawn, PENS, strict=False):
-                (stems if is_impulse else series)(axes, t, values, pen)
+            against_time(record, axes, drawn, PENS, draw)
             label_greatest(axes, scale, drawn, above=above)
             if len(group) > 1:
                 legend_above(axes, list(zip(written, PENS, strict=False)))
         picture.align_ylabels()
+
+
+def against_time(
+    record: Record,
+    axes: Axes,
+    drawn: Iterable[tuple[Array, Array]],
+    pens: Iterable[Pen],
+    draw: Callable[[Axes, Array, Array, Pen], None] = series,
+) -> None:
+    """Draw columns (times, values) against time, and mark the events."""
+    mark_events(record, axes)
+    for (t, values), pen in zip(drawn, pens, strict=False):
+        draw(axes, t, values, pen)
 
 
 def label_greatest(
@@ -634,9 +644,7 @@ def energy(record: Record) -> Picture:
     drawn = {name: record.rows.series(name) for name in names}
     values = spread_scale(*drawn.values())
     frame(axes, time_of(record), values, up=("energy", record.unit("energy")))
-    mark_events(record, axes)
-    for name in names:
-        series(axes, *drawn[name], pens[name])
+    against_time(record, axes, drawn.values(), pens.values())
     label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
     _drift(lower, record)
@@ -652,8 +660,7 @@ def _drift(axes: Axes, record: Record) -> None:
     unit = record.unit("energy")
     scale = noise_scale(drift, size)
     frame(axes, time_of(record), scale, below=record.named("t"), up=("drift", unit))
-    mark_events(record, axes)
-    series(axes, t, drift, BLACK)
+    against_time(record, axes, [(t, drift)], [BLACK])
     what = "energy − work" if balance == DRIFT else "energy"
     worst = greatest(drift)
     most = f"at most {read_off(worst, 2)} {unit}" if worst else "0 in every row"

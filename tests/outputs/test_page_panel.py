@@ -174,7 +174,7 @@ def test_marks_of_events_and_no_forecast():
     assert near(clip["path"][0][1:], [begin, 2, place(8) - begin, LEVEL - 2])
     [hatch, *_] = page.lines(seen, "ground", 1)
     assert near(ends(hatch), [[begin - LEVEL, LEVEL], [begin, 0]])
-    for horizon, align, beside in ((6.5, "right", -5), (3.0, "left", 5)):
+    for horizon, align, beside in ((6.5, "right", -5), (5.0, "left", 5)):
         early = shown(energetic(horizon=horizon))
         [text] = strokes(early, 1, text="no forecast from here on")
         assert (text["align"], text["y"]) == (align, 3)

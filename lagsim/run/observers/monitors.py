@@ -43,12 +43,17 @@ class Checkpoints:
         Whose grid it is.
     stride
         Of so many rows one is kept, to begin with.
+
+    Attributes
+    ----------
+    states : dict of int to ndarray
+        Time, coordinates and rates (1 + 2 n,) by the number of the row.
     """
 
     def __init__(self, count: int, settings: Settings, stride: int = 1) -> None:
         self._count = count
         self._grid = settings.start, settings.output_step
-        self._kept: dict[int, Floats] = {}
+        self.states: dict[int, Floats] = {}
         self._extremes = Extremes(1 + 2 * count)
         self.stride = stride
 
@@ -60,20 +65,15 @@ class Checkpoints:
         places = numbers(rows[:, 0], *self._grid)
         kept = (places >= 0) & (places % self.stride == 0)
         states = rows[kept, : 1 + 2 * self._count]
-        self._kept.update(zip(places[kept].tolist(), states, strict=True))
-        while len(self._kept) > MOST_ROWS:
+        self.states.update(zip(places[kept].tolist(), states, strict=True))
+        while len(self.states) > MOST_ROWS:
             self.stride *= 2
-            self._kept = {k: x for k, x in self._kept.items() if k % self.stride == 0}
-
-    @property
-    def states(self) -> dict[int, Floats]:
-        """Time, coordinates and rates (1 + 2 n,) by the number of the row."""
-        return self._kept
+            self.states = {k: x for k, x in self.states.items() if k % self.stride == 0}
 
     @property
     def numbered(self) -> dict[int, Floats]:
         """The same, numbered as they are kept."""
-        return {k // self.stride: row for k, row in self._kept.items()}
+        return {k // self.stride: row for k, row in self.states.items()}
 
     @property
     def last(self) -> Floats | None:
@@ -93,7 +93,7 @@ class Checkpoints:
     @property
     def rows(self) -> Floats:
         """Time and coordinates (k, 1 + n); the last row, where all are kept."""
-        found = list(self._kept.values())
+        found = list(self.states.values())
         last = self.last if self.stride == 1 else None
         if last is not None and not (found and found[-1][0] == last[0]):
             found.append(last)
@@ -225,11 +225,6 @@ class EnergyMonitor:
         """The time of the last row that is kept."""
         rows = self._rows
         return float(rows[-1, 2]) if len(rows) else 0.0
-
-    @property
-    def energy_gained(self) -> float:
-        """How much energy - work has grown; 0 where that is only part of a swing."""
-        return gained(self.balance)
 
     @property
     def energy_in_play(self) -> float:
@@ -382,12 +377,8 @@ class ResidualMonitor:
         with np.errstate(invalid="ignore"):
             self._drift.add(rows, np.abs(balance - self._start))
         for name, (residual, scale) in self._judged.items():
-            sizes, scales, known = (
-                np.abs(rows[:, residual]),
-                rows[:, scale],
-                self.scales,
-            )
-            so_far = np.fmax(np.fmax.accumulate(scales), known[name])
+            sizes, scales = np.abs(rows[:, residual]), rows[:, scale]
+            so_far = np.fmax(np.fmax.accumulate(scales), self.scales[name])
             parts = np.divide(sizes, so_far, out=np.zeros_like(sizes), where=so_far > 0)
             self._residuals[name].add(rows, sizes, parts)
             self.scales[name] = float(np.maximum(self.scales[name], np.max(scales)))
