@@ -258,12 +258,6 @@ def extent(tracks: Mapping[str, Track]) -> float:
 # --- Forces of constraints
 
 
-class _Row(NamedTuple):
-    constraint: str
-    multiplier: str
-    entries: Mapping[int, int]
-
-
 class Carriers:
     """Which points carry the constraints of a scene, and by which forces.
 
@@ -290,17 +284,18 @@ class Carriers:
         self._e, self._scene = equations, scene
         self._values, self._count = values, count
         self._dimension = max(len(parts) for parts in scene.points.values())
-        rows = list(_rows(equations))
+        rows = [(x.name, f"lambda_{x.name}", x.A.entries) for x in equations.rows]
+        rows += [(x.constraint, x.multiplier, x.row.A.entries) for x in equations.laws]
         self._jacobians = self._moving() if rows else {}
         self.struck: dict[str | None, tuple[str, ...]] = {}
         found: dict[tuple[str, str], Floats] = {}
-        for row in rows:
-            points, unique = self._carrier(row)
+        for constraint, multiplier, A in rows:
+            points, unique = self._carrier(A)
             if points:
-                self.struck.setdefault(row.constraint, points)
+                self.struck.setdefault(constraint, points)
             if unique and len(found) < MOST_PUSHES:
-                for point, force in self._shares(row, points):
-                    key = row.constraint, point
+                for point, force in self._shares(A, multiplier, points):
+                    key = constraint, point
                     found[key] = found[key] + force if key in found else force
         self.pushes = [Push(*key, force) for key, force in found.items()]
 
@@ -321,16 +316,16 @@ class Carriers:
                 found[name] = named
         return found
 
-    def _carrier(self, row: _Row) -> tuple[tuple[str, ...], bool]:
+    def _carrier(self, A: Mapping[int, int]) -> tuple[tuple[str, ...], bool]:
         """Return the fewest points that carry a row, and whether by one force alone."""
         step = max(1, (self._count - 1) // (TRIED - 1))
         some = slice(0, None, step)
         several: tuple[str, ...] = ()
         for points in self._candidates():
             reached = {j for p in points for part in self._jacobians[p] for j in part}
-            if not row.entries or not row.entries.keys() <= reached:
+            if not A or not A.keys() <= reached:
                 continue
-            _, holds, unique = self._forces(row, points, some)
+            _, holds, unique = self._forces(A, points, some)
             if np.mean(holds & unique) >= MOSTLY:
                 return points, True
             if np.mean(holds) >= MOSTLY:
@@ -347,7 +342,7 @@ class Carriers:
             yield from (x for x in combinations(known, 2) if frozenset(x) not in met)
 
     def _forces(
-        self, row: _Row, points: Sequence[str], frames: slice
+        self, row: Mapping[int, int], points: Sequence[str], frames: slice
     ) -> tuple[Floats, Flags, Flags]:
         """Return f (k, components) in some frames, where A^T = J^T f, where unique.
 
@@ -357,7 +352,7 @@ class Carriers:
         columns = sorted({j for part in parts for j in part})
         zero = self._e.graph.zero
         nodes = [part.get(j, zero) for part in parts for j in columns]
-        nodes += [row.entries.get(j, zero) for j in columns]
+        nodes += [row.get(j, zero) for j in columns]
         count = len(range(*frames.indices(self._count)))
         values = {
             name: x[frames] if isinstance(x, np.ndarray) else x
@@ -377,12 +372,14 @@ class Carriers:
         full: Flags = sizes[:, -1] > DEPENDENT_ROWS * sizes[:, 0]
         return f, holds, full & (d <= n)
 
-    def _shares(self, row: _Row, points: Sequence[str]) -> Iterator[tuple[str, Floats]]:
+    def _shares(
+        self, A: Mapping[int, int], name: str, points: Sequence[str]
+    ) -> Iterator[tuple[str, Floats]]:
         """Return the force (count, components) on each point that carries a row."""
-        multiplier = self._values.get(row.multiplier)
+        multiplier = self._values.get(name)
         if not isinstance(multiplier, np.ndarray) or not multiplier.any():
             return
-        f, holds, unique = self._forces(row, points, slice(None))
+        f, holds, unique = self._forces(A, points, slice(None))
         f[~(holds & unique)] = np.nan
         force = f.T * multiplier
         force[:, multiplier == 0.0] = 0.0
@@ -412,13 +409,6 @@ def reactions(
                 if x is not None:
                     force[:, k] = x
             yield Push("reaction", point, force)
-
-
-def _rows(e: Equations) -> Iterator[_Row]:
-    for row in e.rows:
-        yield _Row(row.name, f"lambda_{row.name}", row.A.entries)
-    for law in e.laws:
-        yield _Row(law.constraint, law.multiplier, law.row.A.entries)
 
 
 # --- The motion of one point, from the columns of a table
