@@ -250,9 +250,9 @@ class Point:
 
     def _is_positive_along(self, chains: Chains) -> bool:
         """Whether M is positive by its pivots, against its diagonal."""
-        from lagsim.language.sparse import Meter
+        from lagsim.language.sparse import Budget
 
-        pivots = chains.factorisation(self.g, Meter()).pivots
+        pivots = chains.factorisation(self.g, Budget()).pivots
         own = self.array([pivots[k][0] for k in range(self.n)])
         diagonal = self.array(self.e.inertias)
         if not (np.all(np.isfinite(own)) and np.all(diagonal > 0)):

@@ -50,7 +50,7 @@ CAUTION = 4.0
 # The part of the motion that a rate counts as at least.
 MOTION = 0.1
 SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
-_HELD = (Mode.HELD, Mode.IMPLIED)
+_HELD = (Mode.HELD, Mode.REDUNDANT)
 
 
 class Residual(NamedTuple):

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import remembered
+from lagsim.language.graph import memoized
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -173,7 +173,7 @@ def local_slopes(g: Graph, n: int) -> list[tuple[int, int]]:
     return list(zip(args, partials(g, args, n), strict=True))
 
 
-@remembered
+@memoized
 def log_slopes(g: Graph, n: int) -> list[tuple[int, int]] | None:
     """Slopes of log |n| without dividing infinities.
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.simpler import is_normal
-from lagsim.language.sparse import Meter, TooLongError
+from lagsim.language.sparse import Budget, TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import (
@@ -89,22 +89,22 @@ class Products(Generic[Atom]):
         )
 
     @staticmethod
-    def multiplied(a: Terms, b: Terms, meter: Meter) -> Terms:
+    def multiplied(a: Terms, b: Terms, budget: Budget) -> Terms:
         """Product of two sums, whose pairs of terms are counted."""
         total: Terms = {}
         if len(a) == 1:
-            meter.add(len(b))
+            budget.add(len(b))
             ((m, c),) = a.items()
             return {m + n: c * d for n, d in b.items()}
         if a is b:  # each pair once
-            meter.add(len(a) * (len(a) + 1) // 2)
+            budget.add(len(a) * (len(a) + 1) // 2)
             items = list(a.items())
             for k, (m, c) in enumerate(items):
                 total[2 * m] = total.get(2 * m, 0) + c * c
                 for n, d in items[:k]:
                     total[m + n] = total.get(m + n, 0) + 2 * c * d
         else:
-            meter.add(len(a) * len(b))
+            budget.add(len(a) * len(b))
             for m, c in a.items():
                 for n, d in b.items():
                     total[m + n] = total.get(m + n, 0) + c * d
@@ -266,7 +266,7 @@ class _Expansion(Turning[int]):
         self.turning: set[int] = set()
         self.origins: dict[int, Origin] = {}
         self.sums: dict[int, Terms] = {}
-        self._meter = Meter(products)
+        self._meter = Budget(products)
         self._degrees: dict[int, int] = {}
         for n in cone:
             if g.ops[n] in _SHIFTED or any(a in self.turning for a in g.args[n]):

@@ -29,7 +29,7 @@ TRUTH = "truth"
 # Degrees up to this are distinguished; chained squares would have millions.
 MOST_DEGREE = 32
 # To look at so many nodes takes as long as to make one.
-LOOKS = 7
+LOOKUPS = 7
 
 
 class TooMuchError(InputError):
@@ -56,7 +56,7 @@ class Graph:
     place : Place or None
         Of the longest expression, where there is a file.
     remembered : dict
-        What has been found out, see `once`.
+        What has been found out, see `memoize`.
     """
 
     def __init__(self, most: int = limits.GRAPH_NODES, work: float = math.inf) -> None:
@@ -68,7 +68,7 @@ class Graph:
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
         self._known: dict[str, dict[object, int]] = {}  # operation -> args or payload
-        self.remembered: dict[object, Any] = {}
+        self.memoized: dict[object, Any] = {}
         self.zero = self.constant(0.0)
         self.one = self.constant(1.0)
 
@@ -77,7 +77,7 @@ class Graph:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is kept of it elsewhere: what was found out is found again."""
-        return self.__dict__ | {"remembered": {}}
+        return self.__dict__ | {"memoized": {}}
 
     def kept(
         self,
@@ -208,7 +208,7 @@ class Graph:
                     seen.add(a)
                     if a not in ends:
                         stack.append(a)
-        self.count(len(seen) / LOOKS)
+        self.count(len(seen) / LOOKUPS)
         return sorted(seen)
 
     def depends(self, nodes: Iterable[int]) -> frozenset[str]:
@@ -321,7 +321,7 @@ def _summed(one: frozenset[int], other: frozenset[int]) -> frozenset[int]:
     return frozenset(i for i in sums if i <= MOST_DEGREE).union(beyond)
 
 
-def remembered(
+def memoized(
     function: Callable[Concatenate[Graph, Given], Found],
 ) -> Callable[Concatenate[Graph, Given], Found]:
     """Let a function of a graph, and of what can be hashed, be computed once for each.
@@ -333,14 +333,14 @@ def remembered(
     @wraps(function)
     def known(g: Graph, /, *args: Given.args, **keywords: Given.kwargs) -> Found:
         key = (function, args, tuple(keywords.items()))
-        return once(g, key, lambda: function(g, *args, **keywords))
+        return memoize(g, key, lambda: function(g, *args, **keywords))
 
     return known
 
 
-def once(g: Graph, key: object, find: Callable[[], Found]) -> Found:
+def memoize(g: Graph, key: object, find: Callable[[], Found]) -> Found:
     """Compute something that depends on the key alone, if it is not known yet."""
-    if key not in g.remembered:
-        g.remembered[key] = find()
-    found: Found = g.remembered[key]
+    if key not in g.memoized:
+        g.memoized[key] = find()
+    found: Found = g.memoized[key]
     return found

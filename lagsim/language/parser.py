@@ -250,15 +250,15 @@ class _Parser:
         self.pending: list[_Pending] = []
         self.names: list[Name] = []
 
-    def parse(self, *, wants: bool = False) -> Parsed:
-        """Take all tokens; `wants` tells that they are a condition, not a number."""
+    def parse(self, *, conditional: bool = False) -> Parsed:
+        """Take all tokens; `conditional`: of a condition."""
         operand_next = True
         for token in self.part:
             step = self._operand if operand_next else self._after_operand
             operand_next = step(token)
         condition, at = self.kinds[-1]
-        if condition != wants:
-            raise _wrong_kind("a comparison is expected here", at, wants)
+        if condition != conditional:
+            raise _wrong_kind("a comparison is expected here", at, conditional)
         return Parsed(self.text, tuple(self.output), tuple(self.names))
 
     def _operand(self, token: Token) -> bool:
@@ -369,10 +369,10 @@ class _Parser:
     def _take(self, top: _Pending, wanted: Sequence[bool]) -> None:
         """Take the arguments of an operation, which tells which are conditions."""
         args = self.kinds[-len(wanted) :]
-        for (condition, at), wants in zip(args, wanted, strict=True):
-            if condition != wants:
+        for (condition, at), conditional in zip(args, wanted, strict=True):
+            if condition != conditional:
                 expected = f"`{top.token.text}` expects a comparison here"
-                raise _wrong_kind(expected, at, wants)
+                raise _wrong_kind(expected, at, conditional)
         del self.kinds[-len(wanted) :]
 
     def _comma(self, token: Token) -> bool:
@@ -405,8 +405,8 @@ def _count(function: str) -> str:
     return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
-def _wrong_kind(expected: str, at: Token, wants: bool) -> ExpressionError:
-    if wants:
+def _wrong_kind(expected: str, at: Token, conditional: bool) -> ExpressionError:
+    if conditional:
         return at.fault(f"{expected}, found a number", "such as x > 0")
     return at.fault("a comparison is allowed only in `if`", "write if(condition, a, b)")
 
@@ -440,7 +440,7 @@ def parse_condition(text: str) -> Parsed:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    return _Parser(text, list(tokens(text))).parse(wants=True)
+    return _Parser(text, list(tokens(text))).parse(conditional=True)
 
 
 def parse_relation(text: str) -> ParsedRelation:

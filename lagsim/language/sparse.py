@@ -57,7 +57,7 @@ class TooLongError(Exception):
     """The elimination would take more operations than it may."""
 
 
-class Meter:
+class Budget:
     """Counts multiplications and gives up when they pass a limit."""
 
     def __init__(self, limit: float = math.inf) -> None:
@@ -81,7 +81,7 @@ class Meter:
 
 def minimum_degree(
     rows: Sequence[set[int]],
-    meter: Meter,
+    budget: Budget,
     late: Container[int] = (),
     after: Mapping[int, Collection[int]] | None = None,
 ) -> list[int]:
@@ -110,7 +110,7 @@ def minimum_degree(
         left.remove(k)
         order.append(k)
         others = rows[k] - {k}
-        meter.add(1 + len(others) * (len(others) + 3) // 2)
+        budget.add(1 + len(others) * (len(others) + 3) // 2)
         for i in others:
             rows[i].remove(k)
             rows[i] |= others
@@ -137,9 +137,9 @@ def fill(Z: Sequence[Collection[int]]) -> int:
     for i, z in enumerate(Z):
         for k in z:
             holders.setdefault(k, set()).add(i)
-    meter = Meter()
-    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], meter)
-    return meter.operations
+    budget = Budget()
+    minimum_degree([set().union(*(holders[k] for k in z)) for z in Z], budget)
+    return budget.operations
 
 
 class DisjointSets:

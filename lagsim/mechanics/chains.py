@@ -30,8 +30,8 @@ from typing import TYPE_CHECKING, NamedTuple, overload
 from lagsim.language.derivatives import pulled, slopes, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.sparse import (
+    Budget,
     DisjointSets,
-    Meter,
     SparseVector,
     TooLongError,
     minimum_degree,
@@ -90,7 +90,7 @@ class Chains(NamedTuple):
         factors = [node for form in self.sums for node in form.values()]
         return [*factors, *self.squares.values()]
 
-    def factorisation(self, g: Graph, meter: Meter) -> Factorisation:
+    def factorisation(self, g: Graph, budget: Budget) -> Factorisation:
         """L D L^T of M: that of articulated bodies.
 
         Raises
@@ -98,7 +98,7 @@ class Chains(NamedTuple):
         TooLongError
         """
         rows = symmetric(self.size + len(self.sums), self.squares)
-        return Factorisation(g, rows, meter, self.named)
+        return Factorisation(g, rows, budget, self.named)
 
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
         """M x (n,): along the chains and back."""
@@ -341,7 +341,7 @@ class ChainedMass(Sequence[SparseVector]):
         """M_jj (n,)."""
         size, sums = self.chains.size, self.chains.named
         rows = symmetric(size + len(sums), self.chains.squares)
-        found = Composite(self._graph, rows, Meter(), sums)
+        found = Composite(self._graph, rows, Budget(), sums)
         return tuple(found.pivots[k][0] for k in range(size))
 
     @cached_property
@@ -370,17 +370,17 @@ def shorter_chains(
     terms = len(rates) + sum(map(len, found.sums))
     if sum(len(form) ** 2 for form in found.sums) > MOST_OPERATIONS * terms:
         return None  # one sum of all velocities is no chain
-    meter = Meter(MOST_OPERATIONS * terms)
+    budget = Budget(MOST_OPERATIONS * terms)
     try:
-        found.factorisation(g, meter)
+        found.factorisation(g, budget)
     except TooLongError:
         return None
     neighbours = found.neighbours()
-    if sum(map(int.bit_count, neighbours)) // 2 > meter.operations:
+    if sum(map(int.bit_count, neighbours)) // 2 > budget.operations:
         return found  # each entry takes one multiplication at least
     rows = [{i for i in range(len(rates)) if x >> i & 1} for x in neighbours]
     try:
-        minimum_degree(rows, Meter(meter.operations))
+        minimum_degree(rows, Budget(budget.operations))
     except TooLongError:
         return found
     return None

@@ -2,7 +2,7 @@
 
     SIGNED   p >= 0, w >= 0, p w = 0: contacts, freewheels
     BOXED    |p| <= bound; w > 0 only at p = -bound, w < 0 only at p = bound
-    GIVEN    p = way * bound
+    GIVEN    p = direction * bound
     FREE     w = 0
     ABSENT   p = 0
 
@@ -67,8 +67,8 @@ class Mode(IntEnum):
 
     OFF = 0  # no multiplier
     HELD = 1  # an equality with its multiplier
-    DRIVEN = 2  # not held: the multiplier has the size of its bound
-    IMPLIED = 3  # it holds because others do
+    SLIDING = 2  # not held: the multiplier has the size of its bound
+    REDUNDANT = 3  # it holds because others do
 
 
 class Role:
@@ -88,7 +88,7 @@ class Problem:
     Attributes
     ----------
     D : ndarray, shape (r, r)
-    c, sizes, ways : ndarray, shape (r,)
+    c, sizes, directions : ndarray, shape (r,)
         Of a slip the size is its friction coefficient, of what is limited its bound.
     roles : ndarray of int, shape (r,)
         A `Role` each.
@@ -100,7 +100,7 @@ class Problem:
     c: Floats
     roles: Ints
     sizes: Floats
-    ways: Floats
+    directions: Floats
     normals: Ints
     pairs: Ints
 
@@ -110,7 +110,7 @@ class Problem:
         place[rows] = np.arange(len(rows))
         return Problem(
             self.D[np.ix_(rows, rows)], self.c[rows], self.roles[rows],
-            self.sizes[rows], self.ways[rows],
+            self.sizes[rows], self.directions[rows],
             place[self.normals[rows]], place[self.pairs[rows]],
         )  # fmt: skip
 
@@ -136,8 +136,8 @@ class Solution:
     Attributes
     ----------
     modes : list of Mode
-    ways : ndarray, shape (r,)
-        Of a driven row: the part of its bound.
+    directions : ndarray, shape (r,)
+        Of a sliding row: the part of its bound.
     found : bool
         A solution at all.
     apart : bool
@@ -147,7 +147,7 @@ class Solution:
     p: Floats
     w: Floats
     modes: list[Mode]
-    ways: Floats
+    directions: Floats
     found: bool
     apart: bool = False
 
@@ -165,7 +165,8 @@ def solve(problem: Problem) -> Solution:
     found = True
     for rows in groups:
         own = _solved(problem.part(rows))
-        whole.p[rows], whole.w[rows], whole.ways[rows] = own.p, own.w, own.ways
+        whole.p[rows], whole.w[rows] = own.p, own.w
+        whole.directions[rows] = own.directions
         for k, mode in zip(rows, own.modes, strict=True):
             whole.modes[k] = mode
         found = found and own.found
@@ -213,7 +214,7 @@ _STARTS = {
     Role.ABSENT: Mode.OFF,
     Role.SIGNED: Mode.OFF,
     Role.BOXED: Mode.OFF,
-    Role.GIVEN: Mode.DRIVEN,
+    Role.GIVEN: Mode.SLIDING,
     Role.FREE: Mode.HELD,
 }
 
@@ -222,13 +223,15 @@ def _unsolved(problem: Problem) -> Solution:
     """Return what there is where nothing is known: no multipliers, and no solution."""
     modes = [_STARTS[role] for role in problem.roles.tolist()]
     p, w = np.zeros(len(modes)), problem.c.copy()
-    return Solution(p, w, modes, problem.ways.copy(), found=False)
+    return Solution(p, w, modes, problem.directions.copy(), found=False)
 
 
-def _judged(problem: Problem, p: Floats, modes: list[Mode], ways: Floats) -> Solution:
+def _judged(
+    problem: Problem, p: Floats, modes: list[Mode], directions: Floats
+) -> Solution:
     w = problem.D @ p + problem.c
     w[[k for k, mode in enumerate(modes) if mode is Mode.HELD]] = 0.0
-    return Solution(p, w, modes, ways, _residual(problem, p) < SOLVED_LAWS)
+    return Solution(p, w, modes, directions, _residual(problem, p) < SOLVED_LAWS)
 
 
 def _residual(problem: Problem, p: Floats) -> float:
@@ -251,7 +254,7 @@ def _residual(problem: Problem, p: Floats) -> float:
 
 
 def expressed(
-    problem: Problem, modes: list[Mode], ways: Floats
+    problem: Problem, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
     """E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
     r = len(modes)
@@ -259,8 +262,8 @@ def expressed(
     for k, mode in enumerate(modes):
         if mode is Mode.HELD:
             E[k, k] = 1.0
-        elif ways[k] and mode is not Mode.OFF:
-            n, part = problem.normals[k], ways[k] * problem.sizes[k]
+        elif directions[k] and mode is not Mode.OFF:
+            n, part = problem.normals[k], directions[k] * problem.sizes[k]
             if n < 0:
                 p0[k] = part
             elif modes[n] is Mode.HELD:
@@ -269,14 +272,17 @@ def expressed(
 
 
 def polished(
-    problem: Problem, modes: list[Mode], ways: Floats, factor: Floats | None = None
+    problem: Problem,
+    modes: list[Mode],
+    directions: Floats,
+    factor: Floats | None = None,
 ) -> Floats:
     """Multipliers (r,) for which the held rows hold.
 
     With the factor (k, r) of D, nearly dependent rows cost only the digits they must:
     B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
     """
-    E, p0 = expressed(problem, modes, ways)
+    E, p0 = expressed(problem, modes, directions)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     if not held:
         return p0
@@ -310,7 +316,7 @@ CLOSE = 1e-2
 _CASES = {
     Role.ABSENT: ((Mode.OFF, 0.0),),
     Role.SIGNED: ((Mode.HELD, 0.0), (Mode.OFF, 0.0)),
-    Role.BOXED: ((Mode.HELD, 0.0), (Mode.DRIVEN, -1.0), (Mode.DRIVEN, 1.0)),
+    Role.BOXED: ((Mode.HELD, 0.0), (Mode.SLIDING, -1.0), (Mode.SLIDING, 1.0)),
     Role.FREE: ((Mode.HELD, 0.0),),
 }
 
@@ -320,24 +326,25 @@ def _by_cases(problem: Problem) -> Solution | None:
     count, D = len(problem.c), problem.D.tolist()
     if problem.pairs.max() >= 0 or problem.D.diagonal().min() <= 0.0:
         return None
-    c, limits, ways = problem.c.tolist(), problem.sizes.tolist(), problem.ways.tolist()
+    c, limits = problem.c.tolist(), problem.sizes.tolist()
+    directions = problem.directions.tolist()
     mu = 0.0
     if count == 2 and problem.normals[1] == 0:
         mu, limits[1] = limits[1], 0.0
     choices = [
-        ((Mode.DRIVEN, ways[k]),) if role == Role.GIVEN else _CASES[role]
+        ((Mode.SLIDING, directions[k]),) if role == Role.GIVEN else _CASES[role]
         for k, role in enumerate(problem.roles.tolist())
     ]
     for case in product(*choices):
         held = [k for k, (mode, _) in enumerate(case) if mode is Mode.HELD]
-        p = [way * limit for (_, way), limit in zip(case, limits, strict=True)]
+        p = [d * limit for (_, d), limit in zip(case, limits, strict=True)]
         slope = case[-1][1] * mu  # of the second one, by the first
         if not _hold(D, c, p, slope, held):
             continue
         w, broken = _broken(problem, limits, mu, case, p)
         if broken <= RESIDUAL_ROUNDOFF:
             modes = [mode for mode, _ in case]
-            rows = np.array([p, w, [way for _, way in case]])
+            rows = np.array([p, w, [d for _, d in case]])
             return Solution(rows[0], rows[1], modes, rows[2], found=True, apart=True)
     return None
 
@@ -351,7 +358,7 @@ def _broken(
 ) -> tuple[list[float], float]:
     """Return w of a case, and by what part of its terms it breaks the laws."""
     w, broken = [], 0.0
-    for k, (mode, way) in enumerate(case):
+    for k, (mode, direction) in enumerate(case):
         row, role = problem.D[k].tolist(), problem.roles[k]
         terms = [problem.c.item(k), *(d * x for d, x in zip(row, p, strict=True))]
         w.append(0.0 if mode is Mode.HELD else sum(terms))
@@ -360,7 +367,7 @@ def _broken(
             off = -min(w[k], p[k] * row[k])
         elif role == Role.BOXED:
             bound = limits[k] + (mu * max(p[0], 0.0) if k else 0.0)
-            off = max((abs(p[k]) - bound) * row[k], w[k] * way)
+            off = max((abs(p[k]) - bound) * row[k], w[k] * direction)
         if off > 0.0:
             broken = max(broken, off / sum(map(abs, terms)))
     return w, broken
@@ -424,8 +431,8 @@ def _with_boxes(unit: Problem) -> Solution:
         return found
     boxed = unit.roles == Role.BOXED
     roles = np.where(boxed, Role.GIVEN, unit.roles)
-    ways = np.where(boxed, -np.sign(unit.c), unit.ways)
-    return _on_its_edges(replace(unit, roles=roles, ways=ways), unit)
+    directions = np.where(boxed, -np.sign(unit.c), unit.directions)
+    return _on_its_edges(replace(unit, roles=roles, directions=directions), unit)
 
 
 def _on_its_edges(problem: Problem, exact: Problem) -> Solution:
@@ -437,18 +444,18 @@ def _on_its_edges(problem: Problem, exact: Problem) -> Solution:
     if basis is None:
         return _unsolved(exact)
     start = _unsolved(problem)
-    modes, ways = start.modes, start.ways
+    modes, directions = start.modes, start.directions
     for k, pushes in zip(signed, basis, strict=False):
         modes[k] = Mode.HELD if pushes else Mode.OFF
     ends, slips = basis[n : n + 2 * m].reshape(m, 2), basis[n + 2 * m :]
     for k, (up, down), slides in zip(boxed, ends.tolist(), slips, strict=True):
         held = (up or down) if not slides else (up and down)
-        ways[k] = 0.0 if held else float(up) - float(down)
+        directions[k] = 0.0 if held else float(up) - float(down)
         if held or slides:
-            modes[k] = Mode.HELD if held else Mode.DRIVEN
-    p = polished(exact, modes, ways)
+            modes[k] = Mode.HELD if held else Mode.SLIDING
+    p = polished(exact, modes, directions)
     p[(exact.roles == Role.SIGNED) & (p < 0.0)] = 0.0
-    return _judged(exact, p, modes, ways)
+    return _judged(exact, p, modes, directions)
 
 
 # Directions of a slip; of two, a disc is replaced by a polygon of so many corners.
@@ -465,14 +472,14 @@ def _pivots(
 
     And N: p of the signed rows and of the slips, group by group, = N a.
     """
-    directions = [SIDES if len(group) == 1 else POLYGON for group in groups]
+    spans = [SIDES if len(group) == 1 else POLYGON for group in groups]
     n, rows = len(signed), signed + [k for group in groups for k in group]
-    owners = np.repeat(np.eye(len(groups)), list(map(len, directions)), axis=0)
+    owners = np.repeat(np.eye(len(groups)), list(map(len, spans)), axis=0)
     first = n + len(owners)
     N = np.zeros((len(rows), first))
     N[:n, :n] = np.eye(n)
     i = j = n
-    for d in directions:
+    for d in spans:
         N[i : i + d.shape[1], j : j + len(d)] = d.T
         i, j = i + d.shape[1], j + len(d)
     G, h = _reduced(problem, rows)
@@ -498,7 +505,7 @@ def _reduced(problem: Problem, unknown: list[int]) -> tuple[Floats, Floats]:
     present = [_STARTS[role] for role in problem.roles.tolist()]
     for k in unknown:
         present[k] = Mode.HELD
-    E, p0 = expressed(problem, present, problem.ways)
+    E, p0 = expressed(problem, present, problem.directions)
     G, h = problem.D @ E, problem.c + problem.D @ p0
     free = problem.rows(Role.FREE)
     if not free:
@@ -624,7 +631,7 @@ def _with_discs(unit: Problem) -> Solution:
     """Solve it by Newton's method, whose solution shows the edges."""
     p = _by_newton(unit)
     found = _unsolved(unit)
-    modes, ways = found.modes, found.ways
+    modes, directions = found.modes, found.directions
     w = unit.D @ p + unit.c
     limits = unit.bounds(p)
     for k, role in enumerate(unit.roles.tolist()):
@@ -635,10 +642,10 @@ def _with_discs(unit: Problem) -> Solution:
             rows = [k] if j < 0 else [k, j]
             z = p[rows] - w[rows]
             size = float(np.linalg.norm(z))
-            modes[k] = Mode.HELD if size <= limits[k] else Mode.DRIVEN
-            ways[k] = 0.0 if size <= limits[k] else float(z[0]) / size
+            modes[k] = Mode.HELD if size <= limits[k] else Mode.SLIDING
+            directions[k] = 0.0 if size <= limits[k] else float(z[0]) / size
     # Of dependent rows, equations would choose shares that the discs do not allow.
-    return _judged(unit, p, modes, ways)
+    return _judged(unit, p, modes, directions)
 
 
 def _by_newton(problem: Problem) -> Floats:
@@ -717,8 +724,8 @@ def equations(problem: Problem, p: Floats) -> tuple[Floats, Floats]:
         n, bound = problem.normals[k], limits[k]
         slope = problem.sizes[k] if n >= 0 and p[n] > 0.0 else 0.0
         if role == Role.GIVEN:
-            F[k] -= problem.ways[k] * bound
-            J[k, n] -= problem.ways[k] * slope
+            F[k] -= problem.directions[k] * bound
+            J[k, n] -= problem.directions[k] * slope
         elif role == Role.FREE or (role == Role.SIGNED and p[k] > w[k]):
             F[k], J[k] = w[k], D[k]
         elif role == Role.BOXED and problem.pairs[k] < k:
@@ -756,7 +763,7 @@ def _project(problem: Problem, k: int, role: int, p: Floats) -> None:
     elif role == Role.FREE:
         p[k] -= (D[k] @ p + c[k]) / D[k, k]
     elif role == Role.GIVEN:
-        p[k] = problem.ways[k] * problem.bounds(p)[k]
+        p[k] = problem.directions[k] * problem.bounds(p)[k]
     elif role == Role.BOXED and problem.pairs[k] < k:
         rows = problem.group(k)
         a, b, d = D[rows[0], rows[0]], D[rows[0], k], D[k, k]

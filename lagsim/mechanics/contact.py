@@ -173,15 +173,15 @@ class Impact:
     found: bool = True
 
 
-def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
-    """Impulses at rates (r,); what is smaller than noise (r,) counts as 0.
+def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
+    """Impulses at rates (r,); what is smaller than roundoff (r,) counts as 0.
 
     Newton's targets of contacts that are locked into each other may contradict; such
     an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
     """
     if len(rates) == 1 and _ROLES_AT_IMPACTS[closed.kinds[0]] is Role.SIGNED:
-        return _of_one(closed, float(rates[0]), float(noise[0]))
-    before = np.where(np.abs(rates) <= noise, 0.0, rates)
+        return _of_one(closed, float(rates[0]), float(roundoff[0]))
+    before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
     terms = zip(
         closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
     )
@@ -199,10 +199,10 @@ def impact(closed: Closed, rates: Floats, noise: Floats) -> Impact:
     return Impact(p, after, is_open, energy, solution.found)
 
 
-def _of_one(closed: Closed, rate: float, noise: float) -> Impact:
+def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
     """Impact of one contact by itself."""
     own, e = float(closed.D[0, 0]), float(closed.restitutions[0])
-    before = 0.0 if abs(rate) <= noise else rate
+    before = 0.0 if abs(rate) <= roundoff else rate
     bounces = closed.kinds[0] is Kind.CONTACT and before < 0.0
     target = -e * before if bounces else 0.0
     p = max((target - before) / own, 0.0) if own > 0.0 else 0.0
@@ -219,7 +219,7 @@ def _impulses(closed: Closed, c: Floats) -> Solution:
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
     roles = _indices(tuple([_ROLES_AT_IMPACTS[kind] for kind in closed.kinds])).copy()
-    ways = np.zeros(len(c))
+    directions = np.zeros(len(c))
     sliding: list[list[int]] = []
     for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
         if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] != Role.BOXED:
@@ -229,16 +229,16 @@ def _impulses(closed: Closed, c: Floats) -> Solution:
     for rows in sliding:
         speed = float(np.linalg.norm(c[rows]))
         roles[rows] = Role.GIVEN if speed > 0.0 else Role.FREE
-        ways[rows] = -c[rows] / speed if speed > 0.0 else 0.0
+        directions[rows] = -c[rows] / speed if speed > 0.0 else 0.0
     normals, pairs = _indices(closed.normals), _indices(closed.pairs)
     sizes = np.where(normals >= 0, closed.bounds, 0.0)
     while True:
-        solution = solve(Problem(closed.D, c, roles, sizes, ways, normals, pairs))
-        turned = [rows for rows in sliding if solution.w[rows] @ ways[rows] > 0.0]
+        solution = solve(Problem(closed.D, c, roles, sizes, directions, normals, pairs))
+        turned = [rows for rows in sliding if solution.w[rows] @ directions[rows] > 0.0]
         if not turned:
             return solution
         for rows in turned:
-            roles[rows], ways[rows] = Role.FREE, 0.0
+            roles[rows], directions[rows] = Role.FREE, 0.0
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
@@ -276,9 +276,9 @@ class Modes:
     ----------
     mode : tuple of Mode
         Held rows are independent of each other.
-    way : ndarray, shape (r,)
-        Of a driven row: its multiplier is way times its bound; with two slips, of each
-        its part. Of an implied row that bears a share: the part, at most 1, of its
+    direction : ndarray, shape (r,)
+        Of a sliding row: its multiplier over its bound; with two slips, of each
+        its part. Of a redundant row that bears a share: the part, at most 1, of its
         bound at rest. Else 0.
     multipliers : ndarray, shape (r,)
     paradox : bool
@@ -287,7 +287,7 @@ class Modes:
     """
 
     mode: tuple[Mode, ...]
-    way: Floats
+    direction: Floats
     multipliers: Floats
     paradox: bool
 
@@ -296,9 +296,9 @@ def modes(
     closed: Closed,
     accelerations: Floats,
     rates: Floats,
-    noise: Floats,
+    roundoff: Floats,
     slip_noise: Floats,
-    leaning: Floats | None = None,
+    tie_break: Floats | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -307,37 +307,37 @@ def modes(
     accelerations : ndarray, shape (r,)
         Of the rows, with no multiplier of theirs.
     rates : ndarray, shape (r,)
-        Of slips and limited rows; those larger than slip_noise (r,) slide.
-    noise : ndarray, shape (r,)
+        Of slips and limited rows; those larger than slip_roundoff (r,) slide.
+    roundoff : ndarray, shape (r,)
         Accelerations that are smaller count as 0.
-    leaning : ndarray, shape (r,), optional
+    tie_break : ndarray, shape (r,), optional
         What decides about rows on an edge, which would hold: a contact with neither
         force nor acceleration is let go where this is > 0, and a row that rests at its
         bound begins to slide where this is not 0.
     """
     problem = _at_rates(closed, accelerations, rates, slip_noise)
-    lean = np.zeros(len(noise)) if leaning is None else leaning
+    ties = np.zeros(len(roundoff)) if tie_break is None else tie_break
     while (solution := solve(problem)).found:
-        quiet = _known(problem, solution, noise)
+        rounding = _known(problem, solution, roundoff)
         if (
             solution.apart
-            and _is_plain(problem, solution, quiet)
+            and _is_plain(problem, solution, rounding)
             and not _begins(closed, problem, solution.modes).any()
         ):
             found = tuple(solution.modes)
-            return Modes(found, solution.ways, solution.p, paradox=False)
-        what, ways = _on_edges(closed, problem, solution, quiet, lean)
+            return Modes(found, solution.directions, solution.p, paradox=False)
+        what, directions = _on_edges(closed, problem, solution, rounding, ties)
         begin = _begins(closed, problem, what)
         if begin.any():
             sizes = np.where(begin, closed.bounds, problem.sizes)
             problem = replace(problem, sizes=sizes)
             continue
         if (problem.pairs[problem.roles == Role.BOXED] >= 0).any():
-            solution = _supported(closed, problem, solution, quiet)
-            quiet = _known(problem, solution, noise)
-            what, ways = _on_edges(closed, problem, solution, quiet, lean)
-        return _decided(closed, problem, what, ways)
-    nothing, off = np.zeros(len(noise)), (Mode.OFF,) * len(noise)
+            solution = _supported(closed, problem, solution, rounding)
+            rounding = _known(problem, solution, roundoff)
+            what, directions = _on_edges(closed, problem, solution, rounding, ties)
+        return _decided(closed, problem, what, directions)
+    nothing, off = np.zeros(len(roundoff)), (Mode.OFF,) * len(roundoff)
     return Modes(off, nothing, nothing, paradox=True)
 
 
@@ -351,11 +351,11 @@ def _at_rates(
     sliding = (roles == Role.BOXED) & (slips > slip_noise)
     roles = np.where(sliding, Role.GIVEN, roles)
     sizes = np.where(roles == Role.BOXED, closed.statics, closed.bounds)
-    ways = np.where(sliding, -rates / np.where(sliding, slips, 1.0), 0.0)
-    return Problem(closed.D, accelerations, roles, sizes, ways, normals, pairs)
+    directions = np.where(sliding, -rates / np.where(sliding, slips, 1.0), 0.0)
+    return Problem(closed.D, accelerations, roles, sizes, directions, normals, pairs)
 
 
-def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
+def _known(problem: Problem, solution: Solution, roundoff: Floats) -> Floats:
     """How well the accelerations of rows are known (r,).
 
     Against all that could push: what rests without a force has its friction's scale.
@@ -363,10 +363,10 @@ def _known(problem: Problem, solution: Solution, noise: Floats) -> Floats:
     pushes = np.maximum(np.abs(solution.p), problem.bounds(solution.p))
     terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
     parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
-    return np.asarray(np.maximum(noise, parts * terms))
+    return np.asarray(np.maximum(roundoff, parts * terms))
 
 
-def _is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
+def _is_plain(problem: Problem, solution: Solution, rounding: Floats) -> bool:
     """Whether, of one or two independent rows, none is near an edge."""
     for k, mode in enumerate(solution.modes):
         p, own, n = solution.p.item(k), problem.D.item(k, k), problem.normals.item(k)
@@ -378,17 +378,17 @@ def _is_plain(problem: Problem, solution: Solution, quiet: Floats) -> bool:
         elif role == Role.BOXED and held:
             inside = (problem.bounds(solution.p).item(k) - abs(p)) * own
         elif role == Role.BOXED:
-            inside = -solution.w.item(k) * solution.ways.item(k)
+            inside = -solution.w.item(k) * solution.directions.item(k)
         else:
             continue
-        if inside <= quiet[k]:
+        if inside <= rounding[k]:
             return False
     return True
 
 
 def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
     """Which rows begin to slide with another bound than that of sliding (r,)."""
-    driven = np.array([mode is Mode.DRIVEN for mode in modes], dtype=bool)
+    driven = np.array([mode is Mode.SLIDING for mode in modes], dtype=bool)
     begin: Flags = (
         driven & (problem.roles == Role.BOXED) & (closed.bounds != problem.sizes)
     )
@@ -396,42 +396,42 @@ def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
 
 
 def _on_edges(
-    closed: Closed, problem: Problem, solution: Solution, quiet: Floats, lean: Floats
+    closed: Closed, problem: Problem, solution: Solution, rounding: Floats, ties: Floats
 ) -> tuple[list[Mode], Floats]:
-    """Modes and ways where ties are decided and held rows are independent.
+    """Modes and directions where ties are decided and held rows are independent.
 
-    quiet : (r,), accelerations that are rounding.
+    rounding : (r,), accelerations that are rounding.
     """
     own = closed.D.diagonal()
-    small = quiet / np.where(own > 0.0, own, 1.0)
-    modes, ways = list(solution.modes), solution.ways.copy()
+    small = rounding / np.where(own > 0.0, own, 1.0)
+    modes, directions = list(solution.modes), solution.directions.copy()
     p, w = solution.p, solution.w
-    tied: list[int] = []  # what touches without force and does not lean away
+    tied: list[int] = []  # what touches without force and is not to part
     apart: list[int] = []  # ... and what does
     for k in problem.rows(Role.SIGNED):
-        if modes[k] is Mode.HELD and p[k] <= small[k] and lean[k] > 0.0:
+        if modes[k] is Mode.HELD and p[k] <= small[k] and ties[k] > 0.0:
             modes[k] = Mode.OFF
-        elif modes[k] is Mode.OFF and w[k] <= quiet[k]:
-            (tied if lean[k] <= 0.0 else apart).append(k)
+        elif modes[k] is Mode.OFF and w[k] <= rounding[k]:
+            (tied if ties[k] <= 0.0 else apart).append(k)
     for k, bound in enumerate(problem.bounds(p).tolist()):
         n = problem.normals[k]
         if n >= 0 and modes[n] is Mode.OFF and n not in tied:
-            modes[k], ways[k] = Mode.OFF, 0.0
+            modes[k], directions[k] = Mode.OFF, 0.0
             continue
         if problem.roles[k] != Role.BOXED:
             continue
         rows = [k] if problem.pairs[k] < 0 else [k, problem.pairs[k]]
         slip, force = np.linalg.norm(w[rows]), np.linalg.norm(p[rows])
-        if slip > quiet[rows].max():
-            modes[k], ways[k] = Mode.DRIVEN, ways[k] or -float(w[k] / slip)
-        elif lean[rows].any() and bound > small[k] and force >= bound - small[k]:
-            modes[k], ways[k] = Mode.DRIVEN, float(p[k] / force)
+        if slip > rounding[rows].max():
+            modes[k], directions[k] = Mode.SLIDING, directions[k] or -float(w[k] / slip)
+        elif ties[rows].any() and bound > small[k] and force >= bound - small[k]:
+            modes[k], directions[k] = Mode.SLIDING, float(p[k] / force)
         elif modes[k] is not Mode.HELD:
             tied.append(k)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     held.sort(key=lambda k: problem.roles[k] != Role.FREE)
-    _imply(_Rows(closed), problem, p, modes, ways, [*held, *tied], apart)
-    return modes, ways
+    _imply(_Rows(closed), problem, p, modes, directions, [*held, *tied], apart)
+    return modes, directions
 
 
 def _imply(
@@ -439,28 +439,28 @@ def _imply(
     problem: Problem,
     p: Floats,
     modes: list[Mode],
-    ways: Floats,
+    directions: Floats,
     holding: list[int],
     apart: list[int],
 ) -> None:
-    """Let rows that others hold be implied, with the share of their bound they bear.
+    """Mark rows that others hold as redundant, with the share of their bound they bear.
 
-    Slips of contacts without force are off; what others hold cannot lean away.
+    Slips of contacts without force are off; what others hold cannot part.
     """
     limits = problem.bounds(p)
     for k in holding:
         n = problem.normals[k]
         if n >= 0 and modes[n] is not Mode.HELD:
-            modes[k], ways[k] = Mode.OFF, 0.0
+            modes[k], directions[k] = Mode.OFF, 0.0
         elif span.takes(k):
-            modes[k], ways[k] = Mode.HELD, 0.0
+            modes[k], directions[k] = Mode.HELD, 0.0
         else:
-            modes[k] = Mode.IMPLIED
+            modes[k] = Mode.REDUNDANT
             if n >= 0 or problem.roles[k] == Role.BOXED:
-                ways[k] = p[k] / limits[k] if limits[k] else 0.0
+                directions[k] = p[k] / limits[k] if limits[k] else 0.0
     for k in apart:
         if span.has(k):
-            modes[k] = Mode.IMPLIED
+            modes[k] = Mode.REDUNDANT
 
 
 def _columns(closed: Closed) -> Floats:
@@ -491,11 +491,11 @@ class _Rows(Span):
 
 
 def _supported(
-    closed: Closed, problem: Problem, solution: Solution, quiet: Floats
+    closed: Closed, problem: Problem, solution: Solution, rounding: Floats
 ) -> Solution:
     """Solution in which the contacts that bear are independent, if there is one.
 
-    All rows keep their accelerations within quiet (r,).
+    All rows keep their accelerations within rounding (r,).
     """
     while True:
         for k in _spare(closed, problem, solution):
@@ -503,7 +503,7 @@ def _supported(
             without = replace(problem, roles=np.where(away, Role.ABSENT, problem.roles))
             less = solve(without)
             full = closed.D @ less.p + problem.c
-            if less.found and (np.abs(full - solution.w) <= quiet).all():
+            if less.found and (np.abs(full - solution.w) <= rounding).all():
                 solution, problem = replace(less, w=full), without
                 break
         else:
@@ -520,38 +520,42 @@ def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
     s = np.sqrt(closed.D.diagonal()[bear])
     z = np.linalg.svd(span.units[bear].T)[2][-1] / s
     ends = []
-    for way in (z, -z):
-        falls = way < -np.abs(z).max() * span.least
-        parts = np.where(falls, p[bear] / np.where(falls, -way, 1.0), np.inf)
+    for direction in (z, -z):
+        falls = direction < -np.abs(z).max() * span.least
+        parts = np.where(falls, p[bear] / np.where(falls, -direction, 1.0), np.inf)
         if np.isfinite(parts.min()):
             ends.append(bear[int(parts.argmin())])
     return sorted(ends, key=lambda k: float(p[k]))
 
 
 def _decided(
-    closed: Closed, problem: Problem, modes: list[Mode], ways: Floats
+    closed: Closed, problem: Problem, modes: list[Mode], directions: Floats
 ) -> Modes:
     """Solve once more, for the rows that hold by themselves."""
-    p = polished(problem, modes, ways, closed.factor)
+    p = polished(problem, modes, directions, closed.factor)
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max(initial=0.0)
     p[(problem.roles == Role.SIGNED) & (p < 0.0) & (p > least)] = 0.0
     # Ways are parts of the bounds in force, here of those of the problem.
-    implied = np.array([mode is Mode.IMPLIED for mode in modes], dtype=bool)
-    known = np.where(implied, closed.statics, closed.bounds)
+    redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
+    known = np.where(redundant, closed.statics, closed.bounds)
     other = (known > 0.0) & (known != problem.sizes)
     parts = np.where(other, problem.sizes, 1.0) / np.where(other, known, 1.0)
-    return Modes(tuple(modes), ways * parts, p, _jams(closed, problem, modes, ways))
+    return Modes(
+        tuple(modes), directions * parts, p, _jams(closed, problem, modes, directions)
+    )
 
 
-def _jams(closed: Closed, problem: Problem, modes: list[Mode], ways: Floats) -> bool:
+def _jams(
+    closed: Closed, problem: Problem, modes: list[Mode], directions: Floats
+) -> bool:
     """Whether a contact that holds and slides has no positive effective mass.
 
     Pressing on it then does not push it away: each alone, and those that hold together.
     What need not press may part; that is no paradox.
     """
-    if Mode.DRIVEN not in modes:
+    if Mode.SLIDING not in modes:
         return False
-    E, _ = expressed(problem, modes, ways)
+    E, _ = expressed(problem, modes, directions)
     free = problem.rows(Role.FREE)
     G = closed.D @ E
     masses = G.diagonal()

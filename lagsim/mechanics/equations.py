@@ -31,7 +31,7 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import VARIABLE, once
+from lagsim.language.graph import VARIABLE, memoize
 from lagsim.language.sparse import DisjointSets, SparseVector
 from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
 from lagsim.mechanics.constraints import Flow, Law, Row, constraint_row, laws_of
@@ -362,12 +362,12 @@ class Equations:
 Found = TypeVar("Found")
 
 
-def remembered_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
+def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
     """Let what depends on the motion alone be found once for all parameters."""
 
     @wraps(find)
     def known(e: Equations) -> Found:
-        return once(e.graph, (find, e.nodes), lambda: find(e))
+        return memoize(e.graph, (find, e.nodes), lambda: find(e))
 
     return known
 
@@ -540,7 +540,7 @@ def _motion(e: Equations) -> dict[int, int]:
 NOBODY, SEVERAL = -1, -2
 
 
-@remembered_by_motion
+@memoized_by_motion
 def groups(e: Equations) -> list[list[int]]:
     """Decoupled groups of coordinates.
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.language.sparse import Meter
+    from lagsim.language.sparse import Budget
 
 Vector = dict[int, int]  # index -> node; what is absent is zero
 
@@ -62,19 +62,19 @@ class Factorisation:
     Raises
     ------
     TooLongError
-        Where that takes more multiplications than `meter` has left.
+        Where that takes more multiplications than `budget` has left.
     """
 
     def __init__(
         self,
         g: Graph,
         rows: Sequence[Vector],
-        meter: Meter,
+        budget: Budget,
         sums: Mapping[int, Vector] | None = None,
         late: Container[int] = (),
         some: Collection[int] | None = None,
     ) -> None:
-        self.g, self.meter, self.rows = g, meter, rows
+        self.g, self.budget, self.rows = g, budget, rows
         self.sums, self.late = sums or {}, late
         self.columns: dict[int, Vector] = {}
         self.inverse: Vector = {}
@@ -121,7 +121,7 @@ class Factorisation:
 
     def _times(self, a: int, b: int) -> int:
         g = self.g
-        self.meter.add(g.zero != a != g.one and g.zero != b != g.one)
+        self.budget.add(g.zero != a != g.one and g.zero != b != g.one)
         return g.call("mul", a, b)
 
     def _put_in(self, k: int) -> Iterable[int]:
@@ -141,7 +141,7 @@ class Factorisation:
     def _eliminate(self, k: int) -> Iterable[int]:
         g = self.g
         pivot, row = self._taken(k)
-        self.meter.add(1 + len(row) * (len(row) + 3) // 2)
+        self.budget.add(1 + len(row) * (len(row) + 3) // 2)
         self.pivots[k] = pivot, self._diagonal[k]
         inverse = self.inverse[k] = g.call("div", g.one, pivot)
         column = {i: g.call("mul", node, inverse) for i, node in row.items()}

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.forms import Collected
-from lagsim.language.sparse import Meter, fill, minimum_degree, squares
+from lagsim.language.sparse import Budget, fill, minimum_degree, squares
 from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
 from lagsim.mechanics.tensions import accelerations
 
@@ -102,17 +102,17 @@ def collected_along(e: Equations) -> Collected:
     return Collected(e.graph, (*e.moving, *e.accelerations, *e.multipliers))
 
 
-def factored_mass(equations: Equations, meter: Meter) -> Factorisation:
+def factored_mass(equations: Equations, budget: Budget) -> Factorisation:
     """L D L^T of M: along its chains, or entry by entry."""
     g = equations.graph
     if equations.chains is not None:
-        return equations.chains.factorisation(g, meter)
+        return equations.chains.factorisation(g, budget)
     given, x = equations.mass_entries, collected_along(equations)
     entries = dict(zip(given, x.tidy(list(given.values())), strict=True))
     late = {i for (i, j), node in entries.items() if i == j and x.moves(node)}
     rows = symmetric(len(equations.q), entries)
-    minimum_degree(list(map(set, rows)), Meter(meter.limit))  # too long is not begun
-    return Factorisation(g, rows, meter, late=late)
+    minimum_degree(list(map(set, rows)), Budget(budget.limit))  # too long is not begun
+    return Factorisation(g, rows, budget, late=late)
 
 
 class Elimination:
@@ -132,11 +132,11 @@ class Elimination:
     def __init__(self, equations: Equations, limit: float = BUDGET) -> None:
         e, g = equations, equations.graph
         self.g = g
-        self.meter = Meter(limit)
+        self.budget = Budget(limit)
         self.n, self.m = len(e.q), len(e.rows)
         self.names = [row.name for row in e.rows]
         self.equations = e
-        self.mass = factored_mass(e, self.meter)
+        self.mass = factored_mass(e, self.budget)
         self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
@@ -144,11 +144,11 @@ class Elimination:
         self.quadrature_rates = tidy[self.n :]
         f = self.mass.forward(dict(enumerate(tidy[: self.n])))
         rows = symmetric(self.m, self._schur())
-        self.schur = Factorisation(g, rows, self.meter)
+        self.schur = Factorisation(g, rows, self.budget)
         self._motion = self._solve(f, [row.b for row in self.rows])
         # What is solved for later, corrections, is a part of this.
-        self.operations = self.meter.operations
-        self.meter.stop()
+        self.operations = self.budget.operations
+        self.budget.stop()
         self.along_links = False
         if not equations.rows:
             shorter = self._along_links(equations)
@@ -177,7 +177,7 @@ class Elimination:
 
     def _schur(self) -> dict[tuple[int, int], int]:
         """Z^T D^-1 Z, in the unit of mass."""
-        self.meter.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
+        self.budget.foresee(squares(self.Z) + fill(self.Z))  # too long is not begun
         holders: dict[int, list[int]] = {}  # coordinate -> rows of Z that have it
         entries = {}
         for i, z in enumerate(self.Z):
@@ -192,7 +192,7 @@ class Elimination:
         """Return unit z^T D^-1 other over the entries both have."""
         terms: list[tuple[int, ...]] = []
         for k in sorted(z.keys() & other.keys()):
-            self.meter.add(2)
+            self.budget.add(2)
             inverse = self._inverse(k)
             if self.collected.moves(inverse):
                 terms.append((self.g.call("mul", z[k], inverse), other[k]))
@@ -254,7 +254,7 @@ class Elimination:
         minus = g.constant(-1.0)
         terms: list[tuple[int, ...]] = list(x.addends(b))
         for k in sorted(z.keys() & f.keys()):
-            self.meter.add(2)
+            self.budget.add(2)
             inverse = self.mass.inverse[k]
             if self.unit == g.one:  # S has the same products
                 terms.append((minus, g.call("mul", z[k], inverse), f[k]))
@@ -268,7 +268,7 @@ class Elimination:
         terms: dict[int, list[tuple[int, ...]]] = {}
         for i, multiplier in sorted(lam.items()):
             for k, entry in self.Z[i].items():
-                self.meter.add(1)
+                self.budget.add(1)
                 terms.setdefault(k, []).append((entry, multiplier))
         held = {k: x.sum(found) for k, found in terms.items()}
         both = {

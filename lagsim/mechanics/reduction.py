@@ -33,7 +33,7 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.sparse import Meter, SparseVector
+from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.constraints import Flow, Row
 from lagsim.mechanics.equations import Quadrature, Work
 from lagsim.mechanics.factorisation import Factorisation, symmetric
@@ -316,13 +316,13 @@ def ignored(
     momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
     right = map(partial(g.call, "sub"), momenta, at_rest)
     rows = symmetric(len(e.q), e.mass_entries)
-    block = Factorisation(g, rows, Meter(limit), some=coordinates)
+    block = Factorisation(g, rows, Budget(limit), some=coordinates)
     solved = block.solve(dict(zip(coordinates, right, strict=True)))
     rates = [solved.get(c, g.zero) for c in coordinates]
     new = dict(zip(speeds, rates, strict=True))
     full = substituted(e, new)
     rows = symmetric(len(e.q), full.mass_entries)
-    factors = Factorisation(g, rows, Meter(limit), some=coordinates)
+    factors = Factorisation(g, rows, Budget(limit), some=coordinates)
     f = factors.forward(dict(enumerate(full.f)))
     M = {(i, j): node for i in left for j, node in factors.rows[i].items()}
     given = {j: g.variable(f"{e.q[j]}_ddot") for j in left}

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.sparse import DisjointSets
-from lagsim.mechanics.equations import remembered_by_motion
+from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.methods import Structure
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
 
 
-@remembered_by_motion
+@memoized_by_motion
 def structure(equations: Equations) -> Structure:
     """Find the structure of `equations`."""
     g, entries = equations.graph, equations.mass_nodes

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
-from lagsim.language.graph import remembered
+from lagsim.language.graph import memoized
 from lagsim.mechanics.surfaces import (
     WHOLE,
     Side,
@@ -110,7 +110,7 @@ class Roots(NamedTuple):
         used = {possible._of(n) for n in cone}
         return cls(g, {n: name for n, name in names.items() if name in used})
 
-    def told(self, sides: Sequence[Side]) -> tuple[Side, ...]:
+    def with_floors(self, sides: Sequence[Side]) -> tuple[Side, ...]:
         """Sides with their floors."""
         return tuple(s._replace(floor=self.floors.get(s.node, "")) for s in sides)
 
@@ -576,7 +576,7 @@ def find_switches(
     while True:
         sides, sides_of = _sides(g, [state[d] for d in watched])
         roots = Roots.among(g, dynamics, sides, speeds)
-        sides = roots.told(sides)
+        sides = roots.with_floors(sides)
         every = tuple(state.values())
         found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
@@ -697,4 +697,4 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities)
 
 
-_found = remembered(find_switches)
+_found = memoized(find_switches)

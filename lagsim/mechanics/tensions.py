@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import rate_of, slopes
 from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
-from lagsim.language.sparse import DisjointSets, Meter
+from lagsim.language.sparse import Budget, DisjointSets
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
 from lagsim.mechanics.factorisation import Factorisation, Vector, add_to
@@ -363,7 +363,7 @@ class Squares(Factorisation):
                 else:
                     add_to(g, rows[i], i, norm)
         self.after = [0] * size
-        super().__init__(g, rows, Meter(), some={i for x in found for i in x.norms})
+        super().__init__(g, rows, Budget(), some={i for x in found for i in x.norms})
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Rank in the elimination: fewest neighbours, then least depth."""

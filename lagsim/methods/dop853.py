@@ -20,10 +20,10 @@ from lagsim.methods.parts.constraints import (
     forget_removed,
     hides_error,
     leave_loss,
-    meet_constraints,
     needs_loops,
     note_directions,
     passable,
+    project_step,
 )
 from lagsim.methods.parts.control import (
     add_change,
@@ -128,7 +128,7 @@ def step(s: Dop853, p: Parameters) -> int:
             if CONSTRAINED and p.least_sigma < BESIDE * s.sigma:
                 s.h = max(s.h, ASIDE * h)
             trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
+        elif CONSTRAINED and project_step(s, p, s.t + h, h, s.new) == 0:
             s.h = 0.25 * h
             trouble = PROJECTION_FAILED
         else:

@@ -18,7 +18,7 @@ import math
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
-from lagsim.methods.parts.constraints import is_finite, meet_constraints
+from lagsim.methods.parts.constraints import is_finite, project_step
 from lagsim.methods.parts.control import record_sizes
 from lagsim.methods.parts.fixed import Fixed, step
 from lagsim.methods.parts.parameters import Parameters
@@ -205,7 +205,7 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
     new[: m - 1] = moved[: m - 1] + y[: m - 1]
     if not is_finite(m - 1, new):
         return NOT_FINITE
-    if CONSTRAINED and meet_constraints(s, p, after, h, new) == 0:
+    if CONSTRAINED and project_step(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
     for k in range(s.size - 2 * n):
         new[2 * n + k] = y[2 * n + k]

@@ -84,43 +84,43 @@ STATE = Moreau
 class Impulses(Parameters):
     """Rows that are satisfied by impulses in each step."""
 
-    met: int  # these rows
+    row_count: int  # these rows
     inertial: int  # elements of M in its envelope
     sloping: int  # those of the rows that do not vanish
 
-    met_kind: Floats = array("met")
-    met_normal: Floats = array("met")
-    met_pair: Floats = array("met")
-    met_restitution: Floats = array("met")
+    row_kind: Floats = array("row_count")
+    row_normal: Floats = array("row_count")
+    row_pair: Floats = array("row_count")
+    row_restitution: Floats = array("row_count")
     # Where `balance` has what.
     inertia_first: Floats = array("n")
-    slope_starts: Floats = array(lambda p: p.met + 1)
+    slope_starts: Floats = array(lambda p: p.row_count + 1)
     slope_columns: Floats = array("sloping")
     # What `balance` gives: M in its envelope, the elements of the rows, the forces;
     # then of each row its gap, what its rate is at rest, its bounds, whether it is in
     # force.
-    balance: Floats = array(lambda p: p.inertial + p.sloping + p.n + 5 * p.met)
+    balance: Floats = array(lambda p: p.inertial + p.sloping + p.n + 5 * p.row_count)
     met_slopes: Floats = part("balance", "sloping", "inertial")
     pushes: Floats = after("met_slopes", "n")
-    met_gaps: Floats = after("pushes", "met")
-    met_offsets: Floats = after("met_gaps", "met")
-    met_bounds: Floats = after("met_offsets", "met")
-    met_statics: Floats = after("met_bounds", "met")
-    met_force: Floats = after("met_statics", "met")
+    row_gaps: Floats = after("pushes", "row_count")
+    row_offsets: Floats = after("row_gaps", "row_count")
+    row_bounds: Floats = after("row_offsets", "row_count")
+    row_statics: Floats = after("row_bounds", "row_count")
+    row_force: Floats = after("row_statics", "row_count")
     inertia_factor: Floats = array("inertial")
     # Of what acts in a step: its number, and of each row its place, from 1; what an
     # impulse of one changes, element by element, and where those begin.
-    acting: Floats = array("met")
-    among: Floats = array("met")
-    answer_starts: Floats = array(lambda p: p.met + 1)
-    answers: Floats = array(lambda p: p.met * p.n)
-    answer_columns: Floats = array(lambda p: p.met * p.n)
+    acting: Floats = array("row_count")
+    among: Floats = array("row_count")
+    answer_starts: Floats = array(lambda p: p.row_count + 1)
+    answers: Floats = array(lambda p: p.row_count * p.n)
+    answer_columns: Floats = array(lambda p: p.row_count * p.n)
     # Of each of those: the impulse, the rate that it aims at, that of an impulse of 1,
     # how large its rates are.
-    struck: Floats = array("met")
-    aims: Floats = array("met")
-    yields: Floats = array("met")
-    reaches: Floats = array("met")
+    struck: Floats = array("row_count")
+    aims: Floats = array("row_count")
+    yields: Floats = array("row_count")
+    reaches: Floats = array("row_count")
 
 
 PARAMETERS = Impulses
@@ -139,9 +139,9 @@ def amplification(z: complex) -> float:
 def start(s: Moreau, p: Impulses) -> None:
     """Begin an arc: multipliers at its start are those of the step to come."""
     s.step_h = 0.0
-    s.multipliers = s.size - p.met
+    s.multipliers = s.size - p.row_count
     attempt(s, p, min(float(s.fixed_step), s.end - s.t))
-    for i in range(s.size - p.met, s.size):
+    for i in range(s.size - p.row_count, s.size):
         if abs(s.new[i]) < OVERFLOW:
             s.y[i] = s.new[i]
     record_extents(s)
@@ -168,7 +168,7 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
     s.w[:] = p.pushes[:n]
     respond(p, w)
     s.w[:] = s.room[:n] + h * w
-    sweeps = meet_rows(s, p, h)
+    sweeps = satisfy_rows(s, p, h)
     s.new[:n] = z[:n] + 0.5 * h * w
     s.new[n : 2 * n] = w
     if p.works > 0:
@@ -176,14 +176,14 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
     return sweeps
 
 
-def meet_rows(s: Moreau, p: Impulses, h: float) -> int:
+def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
     """Find the impulses, and the multipliers that they are in the mean.
 
     The last ones are the guess.
     """
-    first = s.size - p.met
+    first = s.size - p.row_count
     count = gather(p, s.z[s.n :], s.w, h, s.room)
-    s.new[first : first + p.met] = 0.0
+    s.new[first : first + p.row_count] = 0.0
     for i in range(count):
         p.struck[i] = h * s.y[first + int(p.acting[i])]
     sweeps = relax(p, count, h, s.z[s.n :], s.w)
@@ -199,11 +199,11 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
     z[n : 2 * n] = 0.5 * (s.y[n : 2 * n] + new[n : 2 * n])
     effort(middle, z, p, s.room)
     new[2 * n : 2 * n + works] = s.y[2 * n : 2 * n + works] + h * s.room[:works]
-    for k in range(p.met):
-        impulse = h * new[s.size - p.met + k]
+    for k in range(p.row_count):
+        impulse = h * new[s.size - p.row_count + k]
         if impulse != 0.0:
             own = int(p.worked[int(p.slope_columns[int(p.slope_starts[k])])])
-            moved = rate(p, k, z[n:]) - p.met_offsets[k]
+            moved = rate(p, k, z[n:]) - p.row_offsets[k]
             new[2 * n + own] += impulse * moved
 
 
@@ -250,11 +250,11 @@ def observe(t: float, y: Floats, p: Impulses, out: Floats) -> None:
     y ends with these.
     """
     motion = p.motion
-    lam = y[p.size - p.met :]
+    lam = y[p.size - p.row_count :]
     balance(t, y, p, p.balance)
     factor(p)
     motion[: p.n] = p.pushes[: p.n]
-    for k in range(p.met):
+    for k in range(p.row_count):
         for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
             motion[int(p.slope_columns[e])] += p.met_slopes[e] * lam[k]
     respond(p, motion)
@@ -314,17 +314,17 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
 
     v, w : (n,), the velocities before, and after without impulses; room : (n,).
     """
-    kind, gaps = p.met_kind, p.met_gaps
+    kind, gaps = p.row_kind, p.row_gaps
     place, aims = p.among, p.aims
     count = 0
     p.answer_starts[0] = 0.0
-    for k in range(p.met):
+    for k in range(p.row_count):
         place[k] = 0.0
-        acts = p.met_force[k] != 0.0
+        acts = p.row_force[k] != 0.0
         if kind[k] == CONTACT and gaps[k] > 0.0:
             acts = gaps[k] <= NEAR * h * reach(p, k, v, w) and acts
         if kind[k] == SLIP:
-            acts = place[int(p.met_normal[k])] > 0.0
+            acts = place[int(p.row_normal[k])] > 0.0
         if acts and answer(p, k, count, room) > 0:
             p.acting[count] = k
             place[k] = count + 1
@@ -333,7 +333,7 @@ def gather(p: Impulses, v: Floats, w: Floats, h: float, room: Floats) -> int:
             if kind[k] == ALWAYS:
                 aims[count] = -gaps[k] / h
             if kind[k] == CONTACT and before < 0.0:
-                aims[count] = -p.met_restitution[k] * before
+                aims[count] = -p.row_restitution[k] * before
             p.reaches[count] = reach(p, k, v, w)
             count += 1
     return count
@@ -364,7 +364,7 @@ def answer(p: Impulses, k: int, count: int, room: Floats) -> int:
 
 def rate(p: Impulses, k: int, v: Floats) -> float:
     """Return the rate of row k at velocities v (n,)."""
-    found = float(p.met_offsets[k])
+    found = float(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         found += p.met_slopes[e] * v[int(p.slope_columns[e])]
     return found
@@ -372,7 +372,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
     """How large the rate of row k is at velocities v, and at w."""
-    found = abs(p.met_offsets[k])
+    found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])
         found += abs(p.met_slopes[e]) * (abs(v[j]) + abs(w[j]))
@@ -397,19 +397,21 @@ def relax(p: Impulses, count: int, h: float, v: Floats, w: Floats) -> int:
         beyond = BEYOND if sweep >= PATIENT else 1.0
         worst = 0.0
         for i in range(count):
-            worst = max(worst, meet(p, i, h, v, w, beyond))
+            worst = max(worst, satisfy(p, i, h, v, w, beyond))
         for back in range(count):
-            worst = max(worst, meet(p, count - 1 - back, h, v, w, beyond))
+            worst = max(worst, satisfy(p, count - 1 - back, h, v, w, beyond))
         if worst <= SETTLED_IMPULSE:
             return sweep + 1
     return 0
 
 
-def meet(p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float) -> float:
+def satisfy(
+    p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float
+) -> float:
     """Meet the law of the row in place i; give how much that changes, of its rates."""
     k = int(p.acting[i])
-    kind = p.met_kind[k]
-    pair = int(p.met_pair[k])
+    kind = p.row_kind[k]
+    pair = int(p.row_pair[k])
     own = p.yields[i]
     before = p.struck[i]
     other = -1
@@ -418,7 +420,7 @@ def meet(p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float) -> 
     if other >= 0:
         if pair < k:
             return 0.0
-        return meet_two(p, i, other, v, w)
+        return satisfy_disc(p, i, other, v, w)
     found = before - (rate(p, k, w) - p.aims[i]) / own
     # Kinds in their order: one-sided, bounded, two-sided.
     if FREEWHEEL < kind <= LIMITED:
@@ -434,7 +436,7 @@ def meet(p: Impulses, i: int, h: float, v: Floats, w: Floats, beyond: float) -> 
     return float(own * abs(found - before) / size) if size > 0.0 else 0.0
 
 
-def meet_two(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
+def satisfy_disc(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
     """Meet the law of two slips, in places i and other: on the disc."""
     struck = p.struck
     k = int(p.acting[i])
@@ -457,14 +459,14 @@ def meet_two(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
 
 def limit(p: Impulses, k: int, h: float, v: Floats, asked: float) -> float:
     """Return largest impulse of row k: another while it rests, if that is enough."""
-    normal = int(p.met_normal[k])
+    normal = int(p.row_normal[k])
     factor_of = h
     if normal >= 0:
         factor_of = p.struck[int(p.among[normal]) - 1]
-    static = p.met_statics[k] * factor_of
-    if p.met_statics[k] == p.met_bounds[k]:
+    static = p.row_statics[k] * factor_of
+    if p.row_statics[k] == p.row_bounds[k]:
         return float(static)
     i = int(p.among[k]) - 1
     if asked <= static and abs(rate(p, k, v)) <= SLIP_AT_REST * p.reaches[i]:
         return float(static)
-    return float(p.met_bounds[k] * factor_of)
+    return float(p.row_bounds[k] * factor_of)

@@ -23,9 +23,9 @@ from lagsim.methods.parts.constraints import (
     forget_removed,
     hides_error,
     leave_loss,
-    meet_constraints,
     needs_loops,
     note_directions,
+    project_step,
     time_to_loss,
 )
 from lagsim.methods.parts.control import (
@@ -172,7 +172,7 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
         if s.previous_h > 0.0:
             s.h = h / change(s, error)
         return STEP_TOO_SMALL
-    if CONSTRAINED and meet_constraints(s, p, s.t + h, h, s.new) == 0:
+    if CONSTRAINED and project_step(s, p, s.t + h, h, s.new) == 0:
         s.h = 0.25 * h
         return PROJECTION_FAILED
     return DONE

@@ -28,10 +28,10 @@ from lagsim.methods import unrestricted
 from lagsim.methods.parts.constraints import (
     is_finite,
     leave_loss,
-    met_part,
     passable,
     project,
     record_between,
+    satisfied_part,
 )
 from lagsim.methods.parts.control import (
     TIGHT,
@@ -89,7 +89,7 @@ SHORTER = 0.9
 # A step that is shorter than this part of the last one is asked for the reason.
 SUDDEN = 0.7
 # So often the first step and its tolerances are made to agree, to this part.
-LOOKS = 20
+PASSES = 20
 SETTLED = 0.7
 SHORTEST = 0.2
 
@@ -121,7 +121,7 @@ def start(s: Taylor, p: Parameters) -> None:
     # One that was taken back has a length to begin with.
     first = s.most_step if s.most_step > 0.0 else s.row_step
     s.h = min(float(first), s.end - s.t)
-    for _ in range(LOOKS):
+    for _ in range(PASSES):
         before = s.h
         lead(s.size, c, before, s.new)
         set_tolerances(s, p, s.t, s.new, rates, before)
@@ -217,7 +217,7 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
         before = s.series[buffer(size, s.which) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
-        s.met = met_part(s, following[0] + 1.0)
+        s.satisfied = satisfied_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
     s.y[:] = s.new
     s.carried[:] = s.compensation

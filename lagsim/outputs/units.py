@@ -13,7 +13,7 @@ import re
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import once
+from lagsim.language.graph import memoize
 from lagsim.mechanics.equations import ACTION
 from lagsim.model.model import Level
 from lagsim.outputs import ENERGIES
@@ -242,7 +242,7 @@ def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     Those that have none are left out.
     """
     key = ("units", equations.model.sha256, tuple(equations.q), tuple(columns))
-    return once(equations.graph, key, lambda: _units(equations, columns))
+    return memoize(equations.graph, key, lambda: _units(equations, columns))
 
 
 def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:

@@ -335,8 +335,8 @@ def singular_value_of(
 
 def set_aside(equations: Equations, start: Start) -> tuple[bool, ...]:
     """Which rows others imply everywhere, shape (m,)."""
-    implied = {d.name for d in start.ranks.dependences if d.everywhere is not False}
-    return tuple(row.name in implied for row in equations.rows)
+    redundant = {d.name for d in start.ranks.dependences if d.everywhere is not False}
+    return tuple(row.name in redundant for row in equations.rows)
 
 
 def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:

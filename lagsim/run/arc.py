@@ -48,10 +48,11 @@ LEAST_PULLED = 1e-9
 ERRED = 1e4
 
 
-def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
+def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
     """How far a change goes, against the reach of what it moves.
 
-    As `methods.parts.driver.pulled`: each coordinate counts by the push that it gets.
+    As `methods.parts.driver.projected`: each coordinate
+    counts by its own push.
     """
     more = np.abs(change) > SURFACE_ROUNDOFF * sizes
     moved = float(masses @ np.where(more, change, 0.0) ** 2)
@@ -61,7 +62,7 @@ def pulled(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> floa
     return moved / whole if whole > 0.0 else 1.0
 
 
-def most_pulled(rtol: float | None) -> float:
+def largest_shift(rtol: float | None) -> float:
     """How far a state may be pulled, against the motion, before it jumps."""
     if rtol is None:
         return MOST_PULLED
@@ -239,7 +240,7 @@ class Arc(NamedTuple):
         np.maximum(self.state.high, self.y, out=self.state.high)
         self.y[:] = y
 
-    def tell(self, numbers: Mapping[str, float]) -> None:
+    def store(self, numbers: Mapping[str, float]) -> None:
         """Write numbers of the state's header, by their names."""
         for name, number in numbers.items():
             setattr(self.state, name, number)

@@ -24,7 +24,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.run.arc import first_arc, most_pulled
+from lagsim.run.arc import first_arc, largest_shift
 from lagsim.run.events.constraints import (
     Dependence,
     RankLosses,
@@ -258,7 +258,7 @@ class Run:
             return self._cut(arc.observed())
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)
-        if not arc.state.pulled <= most_pulled(arc.plan.rtol):
+        if not arc.state.projected <= largest_shift(arc.plan.rtol):
             return Ending(Outcome.STATE_JUMPS)
         if code == at.PAUSED and left <= budget:
             return Ending(Outcome.TOO_MANY_STEPS)
@@ -388,7 +388,7 @@ class Run:
         if decision.arc is not None:
             self.arc = decision.arc
         arc = self.arc
-        arc.tell(decision.numbers)
+        arc.store(decision.numbers)
         if decision.sizes is not None:
             arc.sizes[:] = decision.sizes
         if decision.rows is not None and arc.row_time(-1) < arc.t:

@@ -98,8 +98,8 @@ class ErrorBar(NamedTuple):
         """Times, and the largest part of a range that any error has reached by then."""
         reached = np.maximum.accumulate(np.max(self.parts, axis=1))
         last = len(self.times) - 1
-        told = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})
-        return [(float(self.times[k]), float(reached[k])) for k in told]
+        samples = sorted({-(-last * k // TIMES) for k in range(1, TIMES + 1)})
+        return [(float(self.times[k]), float(reached[k])) for k in samples]
 
     def lost_by(self, errors: Floats) -> Floats:
         """Errors (n,) or (k, n) as parts of what can be lost."""

@@ -145,7 +145,7 @@ def _fastest(arc: Arc) -> str:
 
 # A state that is projected is off its constraints by rounding. One that is far off,
 # looked at so often and each time so many steps later, never meets them.
-LOOKS = 8
+CHECKS = 8
 APART = 10_000
 
 
@@ -171,7 +171,7 @@ class Unmet(Source):
             off, scale = (columns[x + row.name] for x in ("residual_", "scale."))
             unmet += [row.name] if abs(off) > BROKEN_CONSTRAINT * scale else []
         self._looks = self._looks + 1 if unmet else 0
-        if self._looks < LOOKS:
+        if self._looks < CHECKS:
             return None
         return Decision(ending=Ending(Outcome.NO_ANSWER, unmet[0]))
 

@@ -213,11 +213,11 @@ class Session(NamedTuple):
 
         run: Run | Apart
         first = self.first_arc()
-        told: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
+        keywords: dict[str, Any] = {"interrupt": interrupt, "progress": progress}
         if self.plan.parts:
-            run = Apart(first, observers, **told)
+            run = Apart(first, observers, **keywords)
         else:
-            run = Run(first, observers, corners=corners, **told)
+            run = Run(first, observers, corners=corners, **keywords)
         if joined is not None:
             joined(run)
         import numpy as np

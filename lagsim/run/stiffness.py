@@ -206,7 +206,7 @@ def _turns_on_disc(arc: Arc) -> bool:
     nothing can be done about it.
     """
     p = arc.system.p
-    return bool(np.any((p.law_mode == kept.DRIVEN) & (p.law_pair >= 0.0)))
+    return bool(np.any((p.law_mode == kept.SLIDING) & (p.law_pair >= 0.0)))
 
 
 def _compiled_for(arc: Arc, name: str) -> Arc:

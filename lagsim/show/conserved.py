@@ -21,7 +21,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate
-from lagsim.language.sparse import Meter, TooLongError
+from lagsim.language.sparse import Budget, TooLongError
 from lagsim.model.model import Level
 from lagsim.show.tidy import MOST_PRODUCTS, Sums
 from lagsim.tolerances import COMPUTED_ZERO
@@ -144,7 +144,7 @@ def _symmetries(
     functions
         The slopes of each in the coordinates (n,), and in the velocities (n,) or none.
     """
-    sums, changes = Sums(x.tidy.inner, Meter(MOST_PRODUCTS)), list[dict[int, Any]]()
+    sums, changes = Sums(x.tidy.inner, Budget(MOST_PRODUCTS)), list[dict[int, Any]]()
     states = [[sums.power(s) for s in level] for level in (x.q, x.v)]
     try:
         for slopes in functions:

@@ -20,7 +20,7 @@ import sympy as sp
 from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.forms import Turning, add_term
-from lagsim.language.sparse import Meter, TooLongError
+from lagsim.language.sparse import Budget, TooLongError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -68,11 +68,11 @@ class Sums(Turning[Any]):
     def __init__(
         self,
         inner: Callable[[Any], Any],
-        meter: Meter,
+        budget: Budget,
         whole: Callable[[Any], bool] = lambda _: False,
     ) -> None:
         super().__init__(EXPONENT_BITS, parts=2)
-        self.inner, self.meter, self.whole = inner, meter, whole
+        self.inner, self.budget, self.whole = inner, budget, whole
         self.kept = False
         self._turns: dict[tuple[str, Any], int] = {}
 
@@ -89,7 +89,7 @@ class Sums(Turning[Any]):
         if e.is_Mul:
             whole: Terms = {0: 1}
             for part in e.args:
-                whole = self.multiplied(whole, self._factor(part), self.meter)
+                whole = self.multiplied(whole, self._factor(part), self.budget)
             return whole
         return self._factor(e)
 
@@ -125,7 +125,7 @@ class Sums(Turning[Any]):
             if not self.whole(base):
                 terms = whole = self.of(base)
                 for _ in range(exponent - 1):
-                    whole = self.multiplied(whole, terms, self.meter)
+                    whole = self.multiplied(whole, terms, self.budget)
                 return whole
             self.kept = True
         base = self.inner(base)
@@ -287,16 +287,16 @@ class Tidier:
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Sums, Terms, int] | None:
         """Give a sum of products, and how many of its terms were joined."""
-        meter = Meter(min(self.most, self.left))
-        sums = Sums(self.inner, meter, whole)
+        budget = Budget(min(self.most, self.left))
+        sums = Sums(self.inner, budget, whole)
         try:
             terms = sums.of(e)
-            return sums, terms, sums.join(terms, meter.add)
+            return sums, terms, sums.join(terms, budget.add)
         except TooLongError:
             self.cut = True
             return None
         finally:
-            self.left -= meter.operations
+            self.left -= budget.operations
 
     def inner(self, e: Any) -> Any:
         """Tidy the arguments of a function, or a sum under a power."""

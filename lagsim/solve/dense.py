@@ -392,7 +392,7 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
-def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Return what Newton steps leave; y holds them in the place of the velocities.
 
     Of the residuals (m,) and of the rates (m,), against their scales.
@@ -400,7 +400,7 @@ def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
-def loads(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def force_rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Return the rounding of the forces (n,), and of the rates that follow."""
 
 
@@ -450,7 +450,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     reaction = out[p.size :]
     solve_motion(t, y, p)
     gather(p, reaction)
-    loads(t, y, p, out)
+    force_rounding(t, y, p, out)
     p.f[:] = out[:n]
     p.b[:] = 0.0
     solve_terms(p)
@@ -541,7 +541,7 @@ def left_over(
     n, z = p.n, p.tried
     z[:n] = y[:n]
     z[n : 2 * n] = step[:n]
-    bends(t, z, p, p.left)
+    second_order(t, z, p, p.left)
     largest = 0.0
     for k in range(count):
         largest = max(largest, p.left[first + int(p.order[k])])

@@ -31,11 +31,11 @@ from typing import TYPE_CHECKING
 from lagsim.methods.parts.newton import decompose, solve
 from lagsim.methods.parts.parameters import (
     CONTACT,
-    DRIVEN,
     FREEWHEEL,
     HELD,
-    IMPLIED,
     LIMITED,
+    REDUNDANT,
+    SLIDING,
     SLIP,
     Parameters,
 )
@@ -47,12 +47,12 @@ from lagsim.solve.dense import (
     backward,
     dynamics,
     factor,
+    force_rounding,
     forward,
     free_motion,
     gather,
     geometry,
     left_over,
-    loads,
     missing,
     product,
     rates,
@@ -223,7 +223,7 @@ def inner(p: Parameters, a: Floats, b: Floats) -> float:
 def touches(p: Parameters, k: int) -> bool:
     """Whether a law is a contact without friction that touches and holds."""
     if p.law_kind[k] != CONTACT or not (
-        p.law_mode[k] == HELD or p.law_mode[k] == IMPLIED
+        p.law_mode[k] == HELD or p.law_mode[k] == REDUNDANT
     ):
         return False
     slips = 0
@@ -266,7 +266,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         if p.law_mode[k - first] != HELD:
             p.A[k * n : (k + 1) * n] = 0.0
     gather(p, reaction)
-    loads(t, y, p, out)
+    force_rounding(t, y, p, out)
     p.f[:] = out[:n]
     p.b[:] = 0.0
     hold(p)
@@ -339,22 +339,22 @@ def hold(p: Parameters) -> None:
 def drive(p: Parameters) -> None:
     """Note what slides, and add the forces of limited rows that do."""
     first = p.m - p.laws
-    way, part = p.law_way, p.law_part
+    direction, part = p.law_direction, p.law_part
     for k in range(p.laws):
         part[k] = 0.0
-        if p.law_mode[k] == IMPLIED:
+        if p.law_mode[k] == REDUNDANT:
             # Where it has a way: at its bound, and kept there by the others.
-            part[k] = way[k] * p.law_statics[k]
-        if p.law_mode[k] == DRIVEN:
-            part[k] = way[k] * p.law_bounds[k]
+            part[k] = direction[k] * p.law_statics[k]
+        if p.law_mode[k] == SLIDING:
+            part[k] = direction[k] * p.law_bounds[k]
             other = int(p.law_pair[k])
             if other >= 0:
-                x = p.law_speeds[k] - p.law_floor[k] * way[k]
-                z = p.law_speeds[other] - p.law_floor[k] * way[other]
+                x = p.law_speeds[k] - p.law_floor[k] * direction[k]
+                z = p.law_speeds[other] - p.law_floor[k] * direction[other]
                 speed = sqrt(x * x + z * z)
                 if speed > 0.0:
                     part[k] = -p.law_bounds[k] * x / speed
-                if x * way[k] + z * way[other] > 0.0:
+                if x * direction[k] + z * direction[other] > 0.0:
                     # Past its stop in a step that is to end there: as before it.
                     part[k] = -part[k]
         if p.law_kind[k] == LIMITED and part[k] != 0.0:
@@ -375,7 +375,7 @@ def respond(p: Parameters) -> None:
     backward(p.n, p.L, p.u, p.motion)
 
 
-def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """How far each law is from the end of its mode (L,): below 0 it is over."""
     mode = p.law_mode
     if p.law_forces > 0.0:
@@ -384,9 +384,9 @@ def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     for k in range(p.laws):
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
-        elif mode[k] == DRIVEN:
+        elif mode[k] == SLIDING:
             out[k] = slide_left(p, k, out[k])
-        elif mode[k] == IMPLIED or not is_one_sided(p, k):
+        elif mode[k] == REDUNDANT or not is_one_sided(p, k):
             out[k] = ENDLESS
 
 
@@ -413,16 +413,16 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
     Until their way has turned, and has to be noted anew. Of those that begin, how much
     they are below what they begin with, and forward.
     """
-    way = p.law_way
+    direction = p.law_direction
     other = int(p.law_pair[k])
     if other < 0:
-        return float(-way[k] * speed)
+        return float(-direction[k] * speed)
     if other < k:
         return ENDLESS
     x = p.law_speeds[k]
     z = p.law_speeds[other]
     speed = sqrt(x * x + z * z)
-    ahead = -(way[k] * x + way[other] * z)
+    ahead = -(direction[k] * x + direction[other] * z)
     if p.law_floor[k] > 0.0:
         return float(min(BEGUN * p.law_floor[k] - speed, ahead))
     if ahead < 0.0:

@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.derivatives import slopes
-from lagsim.language.sparse import Meter, TooLongError, minimum_degree
-from lagsim.mechanics.equations import remembered_by_motion
+from lagsim.language.sparse import Budget, TooLongError, minimum_degree
+from lagsim.mechanics.equations import memoized_by_motion
 from lagsim.mechanics.ldl import dense_operations
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def full_operations(n: int, m: int) -> int:
     return n**3 // 3 + (2 * n) ** 3 // 3 + 2 * n**3 + dense_operations(n, m)
 
 
-@remembered_by_motion
+@memoized_by_motion
 def newton(equations: Equations) -> Newton | None:
     """Find Newton's matrix; None where full matrices take fewer operations."""
     if equations.laws or equations.chains is not None:
@@ -186,7 +186,7 @@ def factored(
         if entry.row < size:
             neighbours[entry.row].add(entry.column)
             neighbours[entry.column].add(entry.row)
-    order = minimum_degree([set(row) for row in neighbours], Meter(most), after=after)
+    order = minimum_degree([set(row) for row in neighbours], Budget(most), after=after)
     rows = max((1 + entry.row for entry in entries), default=0)
     places = list(range(max(size, rows)))
     for place, k in enumerate(order):
@@ -204,7 +204,7 @@ def factored(
         lower.append(sorted(last - {k}))
         upper.append([])
     operations = sum(1 + len(upper[k]) for row in lower for k in row)
-    Meter(most).add(operations)
+    Budget(most).add(operations)
     columns = [[*row, i, *upper[i]] for i, row in enumerate(lower)]
     return _laid_out(entries, places, columns, BOTH * operations)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient
 from lagsim.language.forms import normal_form
-from lagsim.language.graph import remembered
+from lagsim.language.graph import memoized
 from lagsim.language.series import (
     ORDERS,
     Recurrence,
@@ -89,7 +89,7 @@ def motion_series(
     return [g.constant(order), *(node for row in rows for node in row)]
 
 
-@remembered
+@memoized
 def _cost(g: Graph, state: tuple[int, ...], rates: tuple[int, ...], order: int) -> Cost:
     loop = _recurrence(g, state, rates)
     body, products = _order_cost(g, loop)
@@ -114,12 +114,12 @@ def _state(equations: Equations) -> tuple[int, ...]:
     return tuple(map(equations.graph.variable, names))
 
 
-@remembered
+@memoized
 def _recurrence(g: Graph, state: tuple[int, ...], rates: tuple[int, ...]) -> Recurrence:
     return recurrence(g, state, rates)
 
 
-@remembered
+@memoized
 def _shorter(
     g: Graph, state: tuple[int, ...], rates: tuple[int, ...]
 ) -> tuple[int, ...]:

@@ -46,7 +46,7 @@ def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
-def law_margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """How far each law is from the end of its mode (L,)."""
 
 
@@ -88,7 +88,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         p.floor[k] = p.least_root[k]
 
 
-def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """How far the state is from the end of each mode: below 0 it is over.
 
     Of the surfaces (K,), then of the laws (L,).
@@ -104,10 +104,10 @@ def margins(t: float, y: Floats, p: Parameters, out: Floats) -> None:
             high = 1.0 - p.share[k]
         out[k] = min(low, high)
     if LAWS:
-        law_margins(t, y, p, out[p.surfaces :])
+        law_event_functions(t, y, p, out[p.surfaces :])
 
 
-def pull(t: float, y: Floats, p: Parameters) -> None:
+def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     """Take a state back onto the surfaces that the motion slides along.
 
     Along the change of the force there, as the force itself would. A step that does not
@@ -188,15 +188,15 @@ def share_out(sliding: int, p: Parameters) -> None:
     i = 0
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
-            noise = p.noise[k]
+            roundoff = p.roundoff[k]
             right[3 * i] = above(
-                p.asked[k] - product(k, p, p.side_fields[p.n :]), noise
+                p.asked[k] - product(k, p, p.side_fields[p.n :]), roundoff
             )
             right[3 * i + 1] = p.least[k] - p.residuals[k]
             right[3 * i + 2] = p.most[k] - p.rates[k]
             for j in range(sliding):
                 change = p.side_fields[(j + 1) * width + p.n :]
-                B[i * sliding + j] = above(product(k, p, change), noise)
+                B[i * sliding + j] = above(product(k, p, change), roundoff)
             even_out(B[i * sliding :], sliding, right[3 * i :])
             i += 1
     solve(sliding, B, right)
@@ -213,9 +213,9 @@ def even_out(row: Floats, count: int, right: Floats) -> None:
         right[:3] /= size
 
 
-def above(x: float, noise: float) -> float:
-    """Return x, or 0 where it is noise."""
-    return 0.0 if abs(x) <= noise else x
+def above(x: float, roundoff: float) -> float:
+    """Return x, or 0 where it is roundoff."""
+    return 0.0 if abs(x) <= roundoff else x
 
 
 def take_shares(sliding: int, p: Parameters) -> None:
@@ -236,7 +236,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             size = p.B[i] + extent(k, p, forced)
             left = product(k, p, forced) - p.asked[k]
-            if not abs(left) <= COMPUTED_ZERO * size + p.noise[k]:
+            if not abs(left) <= COMPUTED_ZERO * size + p.roundoff[k]:
                 p.share[k] = -1.0
             i += 1
 

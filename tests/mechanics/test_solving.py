@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.language.sparse import Meter, TooLongError
+from lagsim.language.sparse import Budget, TooLongError
 from lagsim.mechanics.equations import derive
 from lagsim.mechanics.ldl import Elimination, affordable, factored_mass, without_rows
 from lagsim.mechanics.tensions import accelerations
@@ -277,7 +277,7 @@ def test_tensions_take_fewer_operations(name: str) -> None:
     found = accelerations(e)
     assert found is not None
     assert Elimination(e).motion()[0] == found
-    before = factored_mass(e, Meter()).solve(dict(enumerate(e.f)))
+    before = factored_mass(e, Budget()).solve(dict(enumerate(e.f)))
     assert moving_operations(e, found) < 0.85 * moving_operations(e, before.values())
 
 

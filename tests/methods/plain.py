@@ -47,7 +47,7 @@ class Plain:
 
 def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     """Give the model's native functions, as kernels call them."""
-    names = ["measure", "terms", "observe", *runner.method.NEEDS]
+    names = ["energies_masses", "terms", "observe", *runner.method.NEEDS]
     if "balance" in names:
         names.append("effort")
     else:

@@ -44,7 +44,7 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: 
         residuals[2 * m + i] = residuals[3 * m + i] = 1.0
 
 
-def bends(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
+def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG001
     """Give what Newton steps leave."""
     for i in range(p.m):
         out[i] = 0.125 / (1.0 + i)
@@ -57,7 +57,7 @@ def solve(t: float, y: Floats, p: Parameters, out: Floats) -> None:  # noqa: ARG
 
 
 KERNELS = (solve, position_step, velocity_step)
-MODEL = {"dynamics": dynamics, "geometry": geometry, "bends": bends}
+MODEL = {"dynamics": dynamics, "geometry": geometry, "second_order": second_order}
 
 
 def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:

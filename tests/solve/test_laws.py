@@ -28,7 +28,7 @@ NORMALS = (-1, 0, 0, -1, 3, -1, -1, -1)
 PAIRS = (-1, 2, 1, -1, -1, -1, -1, -1)
 LAWS = len(KINDS)
 ROWS = ALWAYS + LAWS
-OFF, HELD, DRIVEN, IMPLIED = kept.OFF, kept.HELD, kept.DRIVEN, kept.IMPLIED
+OFF, HELD, SLIDING, REDUNDANT = kept.OFF, kept.HELD, kept.SLIDING, kept.REDUNDANT
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class System:
 
     seed: int
     mode: tuple[float, ...]
-    way: tuple[float, ...] = (0.0,) * LAWS
+    direction: tuple[float, ...] = (0.0,) * LAWS
     floor: float = 0.0
     massless: bool = False
     still: float = 0.0
@@ -48,14 +48,16 @@ class System:
             "root": (N, N), "rows": (ROWS, N), "f": (N,), "b": (ROWS,),
             "speeds": (LAWS,), "bounds": (LAWS,), "statics": (LAWS,),
             "residuals": (2, ROWS),
-            "scales": (2, ROWS), "gaps": (LAWS,), "loads": (N,),
+            "scales": (2, ROWS), "gaps": (LAWS,), "force_rounding": (N,),
         }  # fmt: skip
         if name not in sizes:
             raise AttributeError(name)
         random = np.random.default_rng([self.seed, list(sizes).index(name)])
         found = random.normal(size=sizes[name])
         return (
-            np.abs(found) if name in ("bounds", "statics", "scales", "loads") else found
+            np.abs(found)
+            if name in ("bounds", "statics", "scales", "force_rounding")
+            else found
         )
 
     @property
@@ -82,7 +84,7 @@ class System:
         p = Parameters.made(n=N, m=ROWS, laws=LAWS, size=2 * N, loops=1)
         p.aside[1] = 1.0
         p.law_kind[:], p.law_normal[:], p.law_pair[:] = KINDS, NORMALS, PAIRS
-        p.law_mode[:], p.law_way[:] = self.mode, self.way
+        p.law_mode[:], p.law_direction[:] = self.mode, self.direction
         p.law_floor[:] = self.floor
         p.augmented = float(self.massless)
         p.law_still[:] = self.still
@@ -100,16 +102,19 @@ class System:
         def geometry(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.M, x.A, x.residuals, x.scales))
 
-        def bends(_t: float, z: Floats, _p: Parameters, out: Floats) -> None:
+        def second_order(_t: float, z: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (left_by(numbers(z, 2 * N)),))
 
-        def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
-            put(out, (x.loads,))
+        def force_rounding(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+            put(out, (x.force_rounding,))
 
         def gaps(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
             put(out, (x.gaps,))
 
-        model = {f.__name__: f for f in (dynamics, geometry, bends, loads, gaps)}
+        model = {
+            f.__name__: f
+            for f in (dynamics, geometry, second_order, force_rounding, gaps)
+        }
         out = np.full(4 * N + ROWS + 3, np.nan)
         y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
         bind(getattr(laws, name), model)(0.0, y, p, out)
@@ -120,17 +125,17 @@ class System:
         """The force (limits), or the part of its contact's push, of what slides."""
         found = np.zeros(LAWS)
         for k in range(LAWS):
-            if self.mode[k] == IMPLIED and self.way[k]:
-                found[k] = self.way[k] * self.statics[k]
-            if self.mode[k] == DRIVEN:
-                found[k] = self.way[k] * self.bounds[k]
+            if self.mode[k] == REDUNDANT and self.direction[k]:
+                found[k] = self.direction[k] * self.statics[k]
+            if self.mode[k] == SLIDING:
+                found[k] = self.direction[k] * self.bounds[k]
                 pair = [k, PAIRS[k]]
                 if PAIRS[k] >= 0:
-                    ways = np.array(self.way)[pair]
-                    beside = self.speeds[pair] - self.floor * ways
+                    directions = np.array(self.direction)[pair]
+                    beside = self.speeds[pair] - self.floor * directions
                     found[k] = -self.bounds[k] * beside[0] / np.linalg.norm(beside)
                     # Past a right angle it is the force before the stop.
-                    found[k] *= -1.0 if beside @ ways > 0.0 else 1.0
+                    found[k] *= -1.0 if beside @ directions > 0.0 else 1.0
         return found
 
     @property
@@ -181,13 +186,13 @@ S = 0.7  # of a way that is not along a slip
 MODES = {
     "nothing": ((OFF,) * LAWS, (0,) * LAWS),
     "all stick": ((HELD, HELD, HELD, OFF, OFF, HELD, OFF, OFF), (0,) * LAWS),
-    "two slide": ((HELD, DRIVEN, DRIVEN, OFF, OFF, OFF, OFF, HELD),
+    "two slide": ((HELD, SLIDING, SLIDING, OFF, OFF, OFF, OFF, HELD),
                   (0, -S, -S, 0, 0, 0, 0, 0)),
-    "one slides": ((OFF, OFF, OFF, HELD, DRIVEN, DRIVEN, HELD, OFF),
+    "one slides": ((OFF, OFF, OFF, HELD, SLIDING, SLIDING, HELD, OFF),
                    (0, 0, 0, 0, 1, -1, 0, 0)),
-    "at its bound": ((HELD, HELD, HELD, OFF, OFF, IMPLIED, OFF, OFF),
+    "at its bound": ((HELD, HELD, HELD, OFF, OFF, REDUNDANT, OFF, OFF),
                      (0, 0, 0, 0, 0, -1, 0, 0)),
-    "all slide": ((HELD, DRIVEN, DRIVEN, HELD, DRIVEN, DRIVEN, OFF, OFF),
+    "all slide": ((HELD, SLIDING, SLIDING, HELD, SLIDING, SLIDING, OFF, OFF),
                   (0, S, -S, 0, -1, 1, 0, 0)),
 }  # fmt: skip
 modes = pytest.mark.parametrize("name", MODES)
@@ -244,8 +249,8 @@ def test_steps_to_what_holds(name, kernel, level):
 
 
 def test_margins_of_one_slip_and_of_one_that_others_hold():
-    x = System(5, (IMPLIED, IMPLIED, HELD, HELD, HELD, OFF, HELD, HELD))
-    found = x.call("law_margins", x.p)[:LAWS]
+    x = System(5, (REDUNDANT, REDUNDANT, HELD, HELD, HELD, OFF, HELD, HELD))
+    found = x.call("law_event_functions", x.p)[:LAWS]
     lam = x.motion()[1][ALWAYS:]
     assert min(found[0], found[1], found[5], found[7]) > 0.0
     # Nobody tells for it.
@@ -257,9 +262,9 @@ def test_margins_of_one_slip_and_of_one_that_others_hold():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_margins_of_what_slides(sign):
-    way = (0, -S * sign, -S, 0, sign, -1, 0, 0)
-    x = System(6, MODES["all slide"][0], way, still=0.25)
-    found = x.call("law_margins", x.p)[:LAWS]
+    direction = (0, -S * sign, -S, 0, sign, -1, 0, 0)
+    x = System(6, MODES["all slide"][0], direction, still=0.25)
+    found = x.call("law_event_functions", x.p)[:LAWS]
     assert found[4] == pytest.approx(-sign * x.gaps[4])
     assert found[5] == pytest.approx(x.gaps[5])
     assert found[2] > 0.0
@@ -267,7 +272,7 @@ def test_margins_of_what_slides(sign):
     forward = S * (sign * x.speeds[1] + x.speeds[2])
     for floor in (1e-3, 1e3):
         slow = replace(x, floor=floor)
-        found = slow.call("law_margins", slow.p)
+        found = slow.call("law_event_functions", slow.p)
         below = laws.BEGUN * floor - np.hypot(*x.speeds[1:3])
         assert found[1] == pytest.approx(min(below, forward))
 
@@ -277,10 +282,10 @@ def test_margins_of_what_slides(sign):
 def test_the_margin_of_a_disc_is_its_speed_until_its_way_has_turned(angle, speed):
     # On its way, at an angle from it; past a right angle it has stopped before.
     slip = speed * np.array([np.cos(0.3 + angle), np.sin(0.3 + angle)])
-    way = (0, -np.cos(0.3), -np.sin(0.3), 0, 0, 0, 0, 0)
-    x = System(6, MODES["two slide"][0], way, still=0.25)
+    direction = (0, -np.cos(0.3), -np.sin(0.3), 0, 0, 0, 0, 0)
+    x = System(6, MODES["two slide"][0], direction, still=0.25)
     vars(x)["speeds"] = np.array([0.0, *slip, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = x.call("law_margins", x.p)[1]
+    found = x.call("law_event_functions", x.p)[1]
     if np.cos(angle) < 0.0:
         assert found == pytest.approx(-speed)
     else:
@@ -302,16 +307,18 @@ def test_what_holds_rounds_as_relations_do(seed):
     def dynamics(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
         put(out, (x.M, x.A[rows], x.f, x.asked[rows]))
 
-    def loads(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
-        put(out[0:], (x.loads,))
+    def force_rounding(_t: float, _y: Floats, _p: Parameters, out: Floats) -> None:
+        put(out[0:], (x.force_rounding,))
 
     p = Parameters.made(n=N, m=len(rows), size=2 * N, loops=1)
     p.expected, p.least_sigma = len(rows), 1.0
     out = np.zeros(4 * N + ROWS + 3)
-    kernel = bind(dense.rounding, {"dynamics": dynamics, "loads": loads})
+    kernel = bind(
+        dense.rounding, {"dynamics": dynamics, "force_rounding": force_rounding}
+    )
     kernel(0.0, np.zeros(2 * N), p, out)
     close(found, out[:N])
     back = np.linalg.solve(x.M, x.A[rows].T)
-    free = np.linalg.solve(x.M, x.loads)
+    free = np.linalg.solve(x.M, x.force_rounding)
     free -= back @ np.linalg.solve(x.A[rows] @ back, x.A[rows] @ free)
     assert np.all(found > np.abs(free))

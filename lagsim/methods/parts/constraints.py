@@ -47,11 +47,11 @@ class Rank(Control):
     tried: float  # the error of the last step that was to pass and could not; or 0
     fixed_rows: float  # 1 where all constraints hold positions, and none moves
     missed: float  # the largest residual, of its scale, that a projection began with
-    met: float  # rows up to this part of the last step are not projected
+    satisfied: float  # rows up to this part of the last step are not projected
     ahead: Floats = array(lambda s: s.n + 3)  # what `velocity_step` gives there
 
 
-def meet_constraints(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
+def project_step(s: Rank, p: Parameters, t: float, h: float, new: Floats) -> int:
     """Project the state that a step h has led to; return 0 where that fails."""
     if project(s, p, t, h, new, s.work) == 0:
         return 0
@@ -72,7 +72,7 @@ def project(s: Rank, p: Parameters, t: float, h: float, y: Floats, work: Floats)
     return 1
 
 
-def met_part(s: Rank, order: float) -> float:
+def satisfied_part(s: Rank, order: float) -> float:
     """Part of a step whose rows satisfy the constraints unprojected.
 
     Of one whose rows are the polynomial that its end was a value of: the residual grows
@@ -200,7 +200,7 @@ WORST = 1e-6
 ACCEPTED = 0.9
 # A loss ahead is looked for so often, each time half way to where it seems to be: the
 # sigma falls there by about a half, and by less where it is not going to vanish.
-LOOKS = 3
+SEARCHES = 3
 FALLS = 0.8
 # This part of the first step tells whether sigma falls.
 GLANCE = 0.1
@@ -301,7 +301,7 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
     rates[:n] = rates[n : 2 * n]
     before = 0.0
     sigma = s.sigma
-    for _look in range(LOOKS):
+    for _look in range(SEARCHES):
         t = before + 0.5 * (ahead - before)
         z[: s.size] = y
         z[:n] = y[:n] + t * (y[n : 2 * n] + 0.5 * t * rates[:n])

@@ -19,7 +19,7 @@ from lagsim.methods.parts.state import (
     LOCAL,
     Output,
     derivative,
-    measure,
+    energies_masses,
     rounding,
     terms,
 )
@@ -80,7 +80,7 @@ class Control(Output):
     # The compensation term of y, and that of the new state.
     compensation: Floats = array("size")
     remainder: Floats = array("size")
-    # What `measure` gives: energies, the diagonal of M, and a 0 in the place of which
+    # What `energies_masses` gives: both, and a 0 in the place of which
     # the sum of M_ii a_i^2 that forces could make is kept.
     measured: Floats = array(lambda s: s.n + 3)
     energies: Floats = part("measured", lambda _: 2)
@@ -95,7 +95,7 @@ class Control(Output):
 
 def record_sizes(s: Control, p: Parameters) -> None:
     """Take the state, accepted, into the largest sizes and the energy."""
-    take_measure(s, s.t, s.y, p)
+    store_energies(s, s.t, s.y, p)
     record_measured(s, p)
 
 
@@ -128,9 +128,9 @@ def record_extents(s: Control) -> None:
     s.rounding_known = 0.0
 
 
-def take_measure(s: Control, t: float, y: Floats, p: Parameters) -> None:
-    """Store the energies and masses of `measure` in the state."""
-    measure(t, y, p, s.measured)
+def store_energies(s: Control, t: float, y: Floats, p: Parameters) -> None:
+    """Store the energies and the masses in the state."""
+    energies_masses(t, y, p, s.measured)
     if s.evaluations <= 1.0:
         s.potential = s.energies[1]
 
@@ -143,7 +143,7 @@ def set_tolerances(
     new, rates : (size,), the state after the step and y' before it. A tolerance of 0
     means that the component has no scale and is not controlled.
     """
-    take_measure(s, t, new, p)
+    store_energies(s, t, new, p)
     size, n = s.size, s.n
     if s.atol >= 0.0:
         for i in range(size):

@@ -35,11 +35,11 @@ from lagsim.methods.parts.state import (
     RANK_LOST,
     STIFF,
     SWITCH_FOUND,
+    event_functions,
     inertias,
     interpolate,
-    margins,
     observe,
-    pull,
+    project_sliding,
     start,
     step,
     until,
@@ -70,7 +70,7 @@ class State(Signals):
     event: float  # 1 once `until` has been located
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
     # The farthest a state was pulled onto what it slides along, against the motion.
-    pulled: float
+    projected: float
     longest: float  # no step is longer than this; 0: any
     smallest_step: float  # once the first steps have found their size; 0: none yet
     speed: float  # about how fast the fastest motion is, for explicit methods
@@ -84,10 +84,10 @@ class State(Signals):
 
     # Event functions of surfaces and of `until` at a point; with their slopes, at the
     # start of a stretch, within it and at its end.
-    margins: Floats = array(lambda s: s.surfaces + 1)
-    margins_first: Floats = array(lambda s: 2 * s.surfaces + 2)
-    margins_middle: Floats = array(lambda s: 2 * s.surfaces + 2)
-    margins_last: Floats = array(lambda s: 2 * s.surfaces + 2)
+    event_functions: Floats = array(lambda s: s.surfaces + 1)
+    event_starts: Floats = array(lambda s: 2 * s.surfaces + 2)
+    event_middles: Floats = array(lambda s: 2 * s.surfaces + 2)
+    event_ends: Floats = array(lambda s: 2 * s.surfaces + 2)
 
     # Of each inertia: the largest, the smallest, its time, and q and q' there.
     inertia_largest: Floats = array("inertias")
@@ -118,7 +118,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
         made += 1
         if SWITCHES or ADAPTIVE:
             keep_extents(s)
-        s.met = 0.0
+        s.satisfied = 0.0
         code = step(s, p)
         if code != DONE:
             return code
@@ -193,7 +193,7 @@ def inspect(s: State, p: Parameters) -> None:
     if SWITCHES or UNTIL:
         find_end(s, p)
     if SWITCHES and s.cut == 0.0:
-        pull_back(s, p, s.t, s.y)
+        project_state(s, p, s.t, s.y)
     if s.inertias > 0:
         note_inertias(s, p, s.work)
 
@@ -209,19 +209,21 @@ def take_cut(s: State, p: Parameters) -> None:
     if CONSTRAINED:
         project(s, p, s.t, s.step_h, s.y, s.work)
     if SWITCHES:
-        pull_back(s, p, s.t, s.y)
+        project_state(s, p, s.t, s.y)
     s.cut = 0.0
 
 
-def pull_back(s: State, p: Parameters, t: float, y: Floats) -> None:
+def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state onto the surfaces it slides along, and record the distance."""
     n, former = s.n, s.work
     former[: 2 * n] = y[: 2 * n]
-    pull(t, y, p)
-    s.pulled = max(s.pulled, pulled(s, y, former, 0), pulled(s, y, former, n))
+    project_sliding(t, y, p)
+    s.projected = max(
+        s.projected, projected(s, y, former, 0), projected(s, y, former, n)
+    )
 
 
-def pulled(s: State, y: Floats, former: Floats, first: int) -> float:
+def projected(s: State, y: Floats, former: Floats, first: int) -> float:
     """How far positions (first = 0) or velocities (first = n) were pulled.
 
     Against how far those have moved that were pulled, and what their forces' terms do
@@ -272,10 +274,10 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     for k in range(first, end):
         row = out[k * width :]
         # One for which Newton's method does not converge stays as it is.
-        if CONSTRAINED and row[0] > s.step_t + s.met * s.step_h:
+        if CONSTRAINED and row[0] > s.step_t + s.satisfied * s.step_h:
             project(s, p, row[0], s.step_h, row[1:], s.work)
         if SWITCHES:
-            pull(row[0], row[1:], p)
+            project_sliding(row[0], row[1:], p)
     return complete
 
 
@@ -420,10 +422,10 @@ def record_speed(
 
 
 # --- events: the first switch, or `until`, within a step ------------------------------
-# Each surface has an event function, its margin: how far the state is from leaving the
+# Each surface has an event function: how far the state is from leaving the
 # mode it is in; so has `until`, while it is false. Margins are evaluated at several
 # points of a step, and once more between each two: where the value there does not
-# follow from values and slopes at both, the points come closer until it does. A margin
+# follow from values and slopes at both, the points come closer until it does. One
 # that has become negative, and by the slopes one that has been so in between (a touch,
 # a narrow pulse), ends the step. The first root is located by bisection on the dense
 # output, to the last bit. A step that needs more points than are allowed ends where
@@ -434,7 +436,7 @@ POINTS = 8
 # Slopes are differences over this part of the way between points: closer than anything
 # that a method resolves.
 BESIDE = 2.0**-10
-# A margin is known between two points where that in the middle is what the ends tell up
+# One is known between two points where that in the middle is what the ends tell up
 # to the first part of how it varies, or the last of the least of it; the slope there
 # counts as the second says. Of points that are too far apart one of both may agree by
 # chance, hardly both.
@@ -449,13 +451,13 @@ NARROWEST = 2.0**-40
 COARSER = 16.0
 LEAST_PART = 2.0**-5
 MOST_POINTS = 2000
-# A least margin is located to this part of the stretch it lies in: its own error is of
+# A minimum is located to this part of the stretch it lies in: its own error is of
 # the square of that.
 NARROW = 1e-8
 
 
 def watched(p: Parameters) -> int:
-    """How many margins there are (C); that of `until` is the last one."""
+    """How many event functions there are (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
         count = p.surfaces + p.laws
@@ -506,7 +508,7 @@ def end_of_truth(s: State, p: Parameters) -> float:
 def search(s: State, p: Parameters, low: float) -> None:
     """Go through the last step from its fraction `low` on."""
     count = watched(p)
-    first, middle, last = s.margins_first, s.margins_middle, s.margins_last
+    first, middle, last = s.event_starts, s.event_middles, s.event_ends
     widest = 2.0 / POINTS
     width = widest
     narrowest = NARROWEST
@@ -550,7 +552,7 @@ def search(s: State, p: Parameters, low: float) -> None:
 def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
     """Whether no signal comes closer inside a stretch than at its ends.
 
-    A margin that is made of one would be flat at every point.
+    A event function that is made of one would be flat at every point.
     """
     signals_at(s, p, low, s.signals_first)
     signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
@@ -563,12 +565,12 @@ def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
 
 
 def events_at(s: State, p: Parameters, x: float) -> None:
-    """Leave the margins at the fraction x of the last step."""
-    z, now = s.work, s.margins
+    """Leave the event functions at the fraction x of the last step."""
+    z, now = s.work, s.event_functions
     t = s.step_t + x * s.step_h
     interpolate(s, x, z)
     if SWITCHES:
-        margins(t, z, p, now)
+        event_functions(t, z, p, now)
     if UNTIL:
         last = watched(p) - 1
         until(t, z, p, now[last:])
@@ -582,7 +584,7 @@ def events_at(s: State, p: Parameters, x: float) -> None:
 def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
     """Margins and slopes (2 C,) at the fraction x of the last step."""
     count = watched(p)
-    now = s.margins
+    now = s.event_functions
     events_at(s, p, x + beside)
     out[count : 2 * count] = now[:count]
     events_at(s, p, x)
@@ -594,16 +596,16 @@ def known(s: State, p: Parameters, width: float) -> bool:
     """Whether all event functions on a stretch follow from values at its ends."""
     count = watched(p)
     for k in range(count):
-        a = s.margins_first[k]
-        m = s.margins_middle[k]
-        b = s.margins_last[k]
-        A = width * s.margins_first[count + k]
-        B = width * s.margins_last[count + k]
+        a = s.event_starts[k]
+        m = s.event_middles[k]
+        b = s.event_ends[k]
+        A = width * s.event_starts[count + k]
+        B = width * s.event_ends[count + k]
         P = 3.0 * (b - a) - 2.0 * A - B
         Q = A + B - 2.0 * (b - a)
         off = abs(a + BETWEEN * (A + BETWEEN * (P + BETWEEN * Q)) - m)
         turned = A + BETWEEN * (2.0 * P + 3.0 * BETWEEN * Q)
-        turned = TURNED * abs(turned - width * s.margins_middle[count + k])
+        turned = TURNED * abs(turned - width * s.event_middles[count + k])
         reach = max(abs(m - a), abs(m - b))
         # What is off by no more than counts as none cannot be known better, nor can
         # slopes where that rounds.
@@ -623,10 +625,10 @@ def rounding_of(p: Parameters, k: int) -> float:
     return 0.0
 
 
-def is_nothing(p: Parameters, k: int, margin: float) -> bool:
-    """Whether the margin of a law is rounding: slopes of that say nothing."""
+def is_nothing(p: Parameters, k: int, value: float) -> bool:
+    """Whether the event function of a law is rounding: slopes of that say nothing."""
     if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
-        return margin <= -least_allowed(p, k)
+        return value <= -least_allowed(p, k)
     return False
 
 
@@ -637,11 +639,11 @@ def least_allowed(p: Parameters, k: int) -> float:
     return 0.0
 
 
-def over(p: Parameters, k: int, margin: float) -> bool:
-    """Whether margin k says that the mode is over."""
+def over(p: Parameters, k: int, value: float) -> bool:
+    """Whether event function k says that the mode is over."""
     if UNTIL and k == watched(p) - 1:
-        return not margin > 0.0
-    return not margin >= least_allowed(p, k)
+        return not value > 0.0
+    return not value >= least_allowed(p, k)
 
 
 def first_end(
@@ -649,8 +651,8 @@ def first_end(
 ) -> float:
     """Point in (low, x] where something ends, or 0.
 
-    No later than any least margin that is negative: what has ended is so there still.
-    before, after : (2 C,), margins and slopes there.
+    No later than any least function that is negative: what has ended is so there still.
+    before, after : (2 C,), event functions and slopes there.
     """
     count = watched(p)
     high = 0.0
@@ -661,8 +663,8 @@ def first_end(
         fall = before[count + k]
         rise = after[count + k]
         if touches(x - low, before[k], fall, after[k], rise):
-            least = least_margin(s, p, k, low, x)
-            if over(p, k, margin_at(s, p, k, least)):
+            least = least_event(s, p, k, low, x)
+            if over(p, k, event_function_at(s, p, k, least)):
                 high = least if high == 0.0 else min(high, least)
     if SWITCHES and high == 0.0:
         slack = p.slack
@@ -672,14 +674,14 @@ def first_end(
     return high
 
 
-def margin_at(s: State, p: Parameters, k: int, x: float) -> float:
-    """Return one margin at the fraction x of the last step."""
+def event_function_at(s: State, p: Parameters, k: int, x: float) -> float:
+    """Return one event function at the fraction x of the last step."""
     events_at(s, p, x)
-    return float(s.margins[k])
+    return float(s.event_functions[k])
 
 
 def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
-    """Whether a margin could be negative between a and b.
+    """Whether a event function could be negative between a and b.
 
     It falls at the start and rises at the end; a convex one stays above its tangents.
     """
@@ -689,12 +691,12 @@ def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
     return a + fall * meets < 0.0
 
 
-def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> float:
-    """Where a margin is least, by golden section."""
+def least_event(s: State, p: Parameters, k: int, low: float, high: float) -> float:
+    """Where a event function is least, by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
-    at_left = margin_at(s, p, k, left)
-    at_right = margin_at(s, p, k, right)
+    at_left = event_function_at(s, p, k, left)
+    at_right = event_function_at(s, p, k, right)
     narrow = NARROW * (high - low)
     while high - low > narrow:
         if at_left < at_right:
@@ -702,34 +704,34 @@ def least_margin(s: State, p: Parameters, k: int, low: float, high: float) -> fl
             right = left
             at_right = at_left
             left = high - GOLDEN * (high - low)
-            at_left = margin_at(s, p, k, left)
+            at_left = event_function_at(s, p, k, left)
         else:
             low = left
             left = right
             at_left = at_right
             right = low + GOLDEN * (high - low)
-            at_right = margin_at(s, p, k, right)
+            at_right = event_function_at(s, p, k, right)
     return 0.5 * (low + high)
 
 
 def cut(s: State, p: Parameters, low: float, high: float) -> None:
     """End the step at the first moment in (low, high] at which something ends.
 
-    That is where its margin vanishes, also where only one well below 0 tells it.
+    That is where its function vanishes, also where only one well below 0 tells it.
     """
     count = watched(p)
     first = count
     for k in range(count):
-        if over(p, k, margin_at(s, p, k, high)):
+        if over(p, k, event_function_at(s, p, k, high)):
             first = k
             least = least_allowed(p, k)
-            if margin_at(s, p, k, low) >= 0.0:
+            if event_function_at(s, p, k, low) >= 0.0:
                 least = 0.0
             high = end_of(s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began a rounding below ends where it is over.
                 middle = 0.5 * (low + high)
-                if margin_at(s, p, k, middle) > p.slack[k]:
+                if event_function_at(s, p, k, middle) > p.slack[k]:
                     high = end_of(s, p, k, -float(p.band[k]), middle, high)
     if UNTIL and first == count - 1:
         s.event = 1.0
@@ -741,13 +743,13 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
 def end_of(
     s: State, p: Parameters, k: int, least: float, low: float, high: float
 ) -> float:
-    """Return the first point in (low, high] at which margin k is below `least`."""
+    """Return the first point in (low, high] at which function k is below `least`."""
     middle = 0.5 * (low + high)
     while low < middle and middle < high:
-        margin = margin_at(s, p, k, middle)
-        ended = not margin >= least
+        value = event_function_at(s, p, k, middle)
+        ended = not value >= least
         if UNTIL and k == watched(p) - 1:
-            ended = not margin > 0.0
+            ended = not value > 0.0
         if ended:
             high = middle
         else:

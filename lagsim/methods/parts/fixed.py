@@ -6,7 +6,7 @@ from math import floor
 from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts.constraints import is_finite, meet_constraints
+from lagsim.methods.parts.constraints import is_finite, project_step
 from lagsim.methods.parts.control import bound_roundoff, record_extents, record_sizes
 from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.newton import SOLVED, progress
@@ -119,7 +119,7 @@ def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:
     """Project the new state and evaluate there; or return another code."""
     if not is_finite(s.size, s.new):
         return NOT_FINITE
-    if CONSTRAINED and meet_constraints(s, p, after, h, s.new) == 0:
+    if CONSTRAINED and project_step(s, p, after, h, s.new) == 0:
         return PROJECTION_FAILED
     derivative(after, s.new, p, s.slope)
     s.evaluations += 1.0

@@ -19,8 +19,8 @@ CHOSEN = -2.0
 # What is kept of each surface, and of each law, from arc to arc.
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
-    "leader", "noise", "floor", "least_root", "law_mode", "law_way", "law_still",
-    "law_floor", "law_rounding",
+    "leader", "roundoff", "floor", "least_root", "law_mode", "law_direction",
+    "law_still", "law_floor", "law_rounding",
 )  # fmt: skip
 
 # Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
@@ -34,8 +34,8 @@ TIMED = 4.0
 ALWAYS = 5.0
 OFF = 0.0
 HELD = 1.0
-DRIVEN = 2.0
-IMPLIED = 3.0
+SLIDING = 2.0
+REDUNDANT = 3.0
 
 
 def each_coordinate(p: Parameters) -> int:
@@ -96,7 +96,7 @@ class Surfaces(Scene):
     share: Floats = array("surfaces")
     # The number, from 1, of the sliding surface that carries it along; or 0.
     leader: Floats = array("surfaces")
-    noise: Floats = array("surfaces")  # a rate so small is rounding, while it slides
+    roundoff: Floats = array("surfaces")  # a rate so small is rounding, while it slides
     # Roots of it are taken of no less, in the motion; see `switches.roots`.
     floor: Floats = array("surfaces")
     least_root: Floats = array("surfaces")  # what that is set to between rows
@@ -129,7 +129,7 @@ class Laws(Surfaces):
     band: Floats = array(each_watched)  # ... and must be past it for more than noise
     law_kind: Floats = array("laws")
     law_mode: Floats = array("laws")
-    law_way: Floats = array("laws")  # the sign of a force that is given
+    law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
     law_still: Floats = array("laws")  # two slips together no faster have stopped

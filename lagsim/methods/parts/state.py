@@ -115,7 +115,7 @@ position_step = of_model("position_step")
 # place of the 0 about the smallest singular value of the scaled constraint rows.
 velocity_step = of_model("velocity_step")
 # q'Mq'/2, the rest of the energy (2,), the diagonal of M (n,), and 0.
-measure = of_model("measure")
+energies_masses = of_model("energies_masses")
 # How large the terms are that each force (n,) is a sum of; then those of the rates of
 # what follows q' in y.
 terms = of_model("terms")
@@ -147,14 +147,14 @@ inertias = of_model("inertias")
 # The residual or gap (1,) of the relation that ends the run.
 until = of_model("until")
 # How far the state is from leaving the mode of each surface (K,).
-margins = of_model("margins")
+event_functions = of_model("event_functions")
 # The arguments that are watched and their rates (2 K,) at y and y' (2 size,), where y'
 # stands behind y; see `missed`.
 signals = of_model("signals")
 
 
 @external
-def pull(t: float, y: Floats, p: Parameters) -> None:
+def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     """Take a state back onto the surfaces that the motion slides along."""
 
 

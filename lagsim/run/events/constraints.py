@@ -26,7 +26,7 @@ from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.plan.making import by_loops, usual_lengths
-from lagsim.run.arc import pulled
+from lagsim.run.arc import shift
 from lagsim.run.system import System
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
@@ -117,14 +117,14 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
     n, size = arc.system.n, arc.system.size
     seen = arc.seen
     steps = arc.runner.function("velocity_step")
-    noise = np.zeros(n)
+    roundoff = np.zeros(n)
     for sign in (1.0, -1.0):
         moment = RESIDUAL_ROUNDOFF * max(abs(arc.t), arc.settings.duration)
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
-        noise = np.fmax(noise, np.abs(moved - off - step))
-    noise += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
-    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + CLEAR_OF_ROUNDING * noise
+        roundoff = np.fmax(roundoff, np.abs(moved - off - step))
+    roundoff += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
+    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + CLEAR_OF_ROUNDING * roundoff
     return bool(np.any(np.abs(step) > most))
 
 
@@ -137,7 +137,7 @@ def _is_far(arc: Arc) -> bool:
     n = arc.system.n
     step, rates = (np.abs(_newton_step(arc, x)) for x in ("position", "velocity"))
     step = np.maximum(step - SAME_TIME * np.spacing(abs(arc.t)) * rates, 0.0)
-    return pulled(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED
+    return shift(arc.masses, step, arc.ranges[:n], arc.sizes[:n]) > SATISFIED
 
 
 # An inertia below this part of its largest value is close to none: the lever arm is a

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 BOUNDED = (Kind.SLIP, Kind.LIMITED)
-FORCING = (kept.HELD, kept.DRIVEN)
+FORCING = (kept.HELD, kept.SLIDING)
 # What opens again slowly is told from errors of the steps by this part of the tolerance
 # of its motion.
 OPENED = 0.05
@@ -95,12 +95,12 @@ class Contacts(Source):
         laws = enumerate(self.laws)
         self.contacts = [k for k, law in laws if law.kind is Kind.CONTACT]
         self.shape: Shape | None = None
-        self.told: set[str] = set()
+        self.reported: set[str] = set()
         self.ended = False
         self.left: set[int] = set()
         self.left_at = arc.t
         p = arc.system.p
-        p.law_mode[:] = p.law_way[:] = p.law_still[:] = p.impulses[:] = 0.0
+        p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = 0.0
 
     def begin(self, arc: Arc) -> Decision:
@@ -156,10 +156,12 @@ class Contacts(Source):
             ending=found.ending, turn=turn,
         )  # fmt: skip
 
-    def _tell(self, found: Found, code: str, some: list[int], **numbers: float) -> None:
+    def _report(
+        self, found: Found, code: str, some: list[int], **numbers: float
+    ) -> None:
         """Warn of what the laws of some contacts leave open, or get wrong, once."""
-        if code not in self.told:
-            self.told.add(code)
+        if code not in self.reported:
+            self.reported.add(code)
             text = WARNINGS[code].format(names=self._names(some), **numbers)
             found.cautions.append(Caution(code, text))
 
@@ -198,7 +200,7 @@ class Contacts(Source):
         if paradox:
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         if not unique:
-            self._tell(found, "shared-contact", some, t=arc.t)
+            self._report(found, "shared-contact", some, t=arc.t)
         return found
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
@@ -309,10 +311,10 @@ class Contacts(Source):
     ) -> None:
         """Warn of what the law of impacts leaves open, or gets wrong."""
         if result.open:
-            self._tell(found, "impact-order", some, t=here.t)
+            self._report(found, "impact-order", some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
         if result.energy > COMPUTED_ZERO * (np.abs(result.impulses) @ speeds):
-            self._tell(found, "impact-energy", some, t=here.t, gained=result.energy)
+            self._report(found, "impact-energy", some, t=here.t, gained=result.energy)
 
 
 def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, float]:
@@ -370,9 +372,9 @@ def select_modes(
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    leaning = np.zeros(here.count)
-    leaning[list(left)] = 1.0
-    found = _chosen(here, leaning, also)
+    tie_break = np.zeros(here.count)
+    tie_break[list(left)] = 1.0
+    found = _chosen(here, tie_break, also)
     idle = _idle(here, found)
     if idle:
         # By the accelerations of a moment later some of them part then.
@@ -380,17 +382,17 @@ def select_modes(
         y = _state_after(here, found, moment)
         later = Kinematics(here.arc, y, here.arc.t + moment, here.shape)
         then = _chosen(later, np.zeros(here.count), {*also, *found.some})
-        leaning[idle] += then.mode[idle] == kept.OFF
-        found = _chosen(here, leaning, also)
-    p.law_mode[:], p.law_way[:] = found.mode, found.way
+        tie_break[idle] += then.mode[idle] == kept.OFF
+        found = _chosen(here, tie_break, also)
+    p.law_mode[:], p.law_direction[:] = found.mode, found.direction
     _set_floors(here, found, before)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
     _set_slack(here, found)
     n = here.arc.system.n
     p.law_pushes[:n] = p.law_pushes[n : 2 * n] = here.moves
     events = list(_changes(here, before)) if arc.steps else []
-    implied = [k for k in found.some if found.mode[k] == kept.IMPLIED]
-    unique = not any(here.laws[k].kind in ONE_SIDED for k in implied)
+    redundant = [k for k in found.some if found.mode[k] == kept.REDUNDANT]
+    unique = not any(here.laws[k].kind in ONE_SIDED for k in redundant)
     p.law_shares = 0.0 if unique else 1.0
     return events, found.paradox, unique
 
@@ -405,19 +407,19 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
         for k, push in zip(found.some, pushes, strict=True)
         if found.mode[k] == kept.HELD
         and here.laws[k].kind in ONE_SIDED
-        and push <= here.noise[k]
+        and push <= here.roundoff[k]
     ]
 
 
 def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
     """State (size,) a moment later, in the modes found, to second order."""
     arc, p, n = here.arc, here.arc.system.p, here.arc.system.n
-    before = p.law_mode.copy(), p.law_way.copy()
-    p.law_mode[:], p.law_way[:] = found.mode, found.way
+    before = p.law_mode.copy(), p.law_direction.copy()
+    p.law_mode[:], p.law_direction[:] = found.mode, found.direction
     rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
     y = here.y + moment * rates[: arc.system.size]
     y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
-    p.law_mode[:], p.law_way[:] = before
+    p.law_mode[:], p.law_direction[:] = before
     return np.asarray(y)
 
 
@@ -428,14 +430,14 @@ class Chosen(NamedTuple):
     """
 
     mode: Floats
-    way: Floats
+    direction: Floats
     some: list[int]
     multipliers: Floats
     D: Floats
     paradox: bool
 
 
-def _chosen(here: Kinematics, leaning: Floats, also: Collection[int]) -> Chosen:
+def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chosen:
     """Let the accelerations choose among what is closed and does not separate."""
     laws, L, rates = here.laws, here.count, here.rates
     closed = here.is_closed(also)
@@ -446,23 +448,23 @@ def _chosen(here: Kinematics, leaning: Floats, also: Collection[int]) -> Chosen:
             leaves = law.normal not in some
         if closed[k] and not leaves:
             some.append(k)
-    mode, way = np.zeros(L), np.zeros(L)
+    mode, direction = np.zeros(L), np.zeros(L)
     if not some:
-        return Chosen(mode, way, some, np.empty(0), np.empty(0), False)
+        return Chosen(mode, direction, some, np.empty(0), np.empty(0), False)
     problem, _ = here.problem(some, np.zeros(len(some)))
-    noise = here.noise[some]
+    roundoff = here.roundoff[some]
     asked = here.accelerations[some]
     found = modes(
         problem,
-        np.where(np.abs(asked) <= noise, 0.0, asked),
+        np.where(np.abs(asked) <= roundoff, 0.0, asked),
         rates[some],
-        noise,
+        roundoff,
         np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
-        leaning[some],
+        tie_break[some],
     )
-    mode[some], way[some] = [float(x) for x in found.mode], found.way
+    mode[some], direction[some] = [float(x) for x in found.mode], found.direction
     diagonal = np.diag(problem.D).copy()
-    return Chosen(mode, way, some, found.multipliers, diagonal, found.paradox)
+    return Chosen(mode, direction, some, found.multipliers, diagonal, found.paradox)
 
 
 def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
@@ -478,10 +480,10 @@ def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
     rtol = float(arc.plan.tolerance)
     for k, law in enumerate(here.laws):
         pair = [k, law.pair]
-        if law.pair < k or kept.DRIVEN not in found.mode[pair]:
+        if law.pair < k or kept.SLIDING not in found.mode[pair]:
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
-        if kept.DRIVEN in before[pair]:
+        if kept.SLIDING in before[pair]:
             stills[pair] = p.law_still[k]
             continue
         places = [found.some.index(j) for j in pair]
@@ -522,8 +524,8 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
     for k, mode in enumerate(found.mode.tolist()):
         law = here.laws[k]
         if mode == kept.HELD and push[k] > 0.0:
-            size[k] = band[k] = here.noise[k] / push[k]
-        elif mode == kept.DRIVEN:
+            size[k] = band[k] = here.roundoff[k] / push[k]
+        elif mode == kept.SLIDING:
             size[k] = here.still[k]
             band[k] = 0.5 * p.law_floor[k]  # its way holds so far back
         elif mode == kept.OFF and law.kind in ONE_SIDED:
@@ -533,8 +535,8 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
             size[k] += 2.0 * here.grazing.get(k, 0.0)
             if k in push:  # it touches, and parts without a speed
                 size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
-    margins = arc.runner.margins(arc.t, here.y)[K:]
-    slack[:] = size + 2.0 * np.maximum(0.0, -margins)
+    event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
+    slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)
     p.band[K:], p.law_rounding[:] = band, rounding
 
 
@@ -547,9 +549,9 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
         name = law.constraint
         if law.kind in BOUNDED:
             twice = 0 <= law.pair < k
-            if before[k] == kept.HELD and now[k] == kept.DRIVEN and not twice:
+            if before[k] == kept.HELD and now[k] == kept.SLIDING and not twice:
                 yield Event(t, "slip", name)
-            elif before[k] == kept.DRIVEN and now[k] == kept.HELD and not twice:
+            elif before[k] == kept.SLIDING and now[k] == kept.HELD and not twice:
                 yield Event(t, "stick", name)
         elif before[k] == kept.OFF and now[k] != kept.OFF:
             yield Event(t, "contact", name)

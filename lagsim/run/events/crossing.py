@@ -117,18 +117,18 @@ def _rests(
 
 # Where nothing has moved, the forces are looked at so many times, at ever longer spans
 # from between two rows to the whole run.
-LOOKS = 12
+SAMPLES = 12
 # How a root falls with its argument tells what velocity the forces can keep up.
 FARTHER = 16.0
 
 
-def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
+def set_floors(modes: Modes, hit: int | None, *, slipping: bool) -> None:
     """Set the regularization of all roots for the arc to come: their floors.
 
     A floor is what the tolerance lets a velocity err in the run: ten times what it may
     err in a step, so that no error leads through it.
 
-    met : the surface that has been reached, or is no more followed (`slipping`). There
+    hit : the surface that has been hit, or is no more followed (`slipping`). There
     what holds a slow motion falls well below its force: it would stick again.
     """
     rooted = np.array([bool(side.floor) for side in modes.sides])
@@ -142,13 +142,13 @@ def set_floors(modes: Modes, met: int | None, *, slipping: bool) -> None:
     # What has no size yet, and no force on it, moves with the others, if at all.
     sizes = np.where(sizes > 0.0, sizes, np.max(sizes))
     floors = np.where(rooted, rtol * np.where(sizes > 0.0, sizes, 1.0), 0.0)
-    modes.tell(floor=floors, least_root=floors)
+    modes.store(floor=floors, least_root=floors)
     for k in np.flatnonzero(rooted & ~(seen > 0.0)).tolist():
         floors[k] = min(floors[k], rtol * _kept_up(modes, k, floors))
-        if former[k] > 0.0 and (slipping or k != met):
-            part = FARTHER if k == met else 1.0
+        if former[k] > 0.0 and (slipping or k != hit):
+            part = FARTHER if k == hit else 1.0
             floors[k] = min(floors[k], former[k] / part)
-    modes.tell(floor=floors, least_root=floors)
+    modes.store(floor=floors, least_root=floors)
 
 
 def _seen(modes: Modes, pushed: Floats) -> Floats:
@@ -173,7 +173,7 @@ def _pushes(modes: Modes) -> Floats:
     arc, rows = modes.arc, modes.rows()
     left = arc.settings.end - arc.t
     first = min(arc.state.row_step, left)
-    spans = np.geomspace(first, left, LOOKS) if left > 0.0 else np.zeros(LOOKS)
+    spans = np.geomspace(first, left, SAMPLES) if left > 0.0 else np.zeros(SAMPLES)
     rates = [modes.accelerations(arc.y, arc.t + span) for span in spans]
     return np.array([np.nan_to_num(rows.J @ a - rows.b) for a in rates])
 
@@ -181,10 +181,10 @@ def _pushes(modes: Modes) -> Floats:
 def _kept_up(modes: Modes, k: int, floors: Floats) -> float:
     """Velocity at which the root is as large as the largest force."""
     small = _jump(modes, k)
-    modes.tell(floor=FARTHER * floors, least_root=FARTHER * floors)
+    modes.store(floor=FARTHER * floors, least_root=FARTHER * floors)
     large = _jump(modes, k)
     force = float(np.max(np.abs(_pushes(modes)[:, k])))
-    modes.tell(floor=floors, least_root=floors)
+    modes.store(floor=floors, least_root=floors)
     if not (0.0 < small < large and small < force):
         return float("inf")
     power = np.log(large / small) / np.log(FARTHER)
@@ -221,15 +221,15 @@ class Crossing:
     held: Mapping[int, int]  # the way of surfaces where it is known
     settled: bool  # the motion has come to rest on the surfaces, by itself,
     left: float  # in so much time
-    met: int | None  # the surface that has ended the arc before
+    hit: int | None  # the surface that has ended the arc before
     open: list[int] = field(default_factory=list)  # what forces decide
     loose: list[int] = field(default_factory=list)  # what follows from the open ones
     undecided: list[int] = field(default_factory=list)  # by nothing at all
-    noise: Floats = field(init=False)  # rates of the open ones that are rounding (K,)
+    roundoff: Floats = field(init=False)  # of the rates of the open ones (K,)
 
     def decide(self) -> None:
         """Choose the mode."""
-        self.noise = np.zeros(self.modes.count)
+        self.roundoff = np.zeros(self.modes.count)
         value, whole = self.modes.value, self.modes.whole
         edges = {k: level if whole[k] else 0.5 for k, level in self.levels.items()}
         now = {k: ABOVE if value[k] >= edge else BELOW for k, edge in edges.items()}
@@ -355,8 +355,8 @@ class Crossing:
         former = modes.value.copy(), modes.kind.copy()
         drawn = [cone.attraction(i) for i in range(len(self.open))]
         free = -cone.tolerance <= np.array(drawn)
-        free &= np.array(self.open) != self.met
-        near = [k for k in self.loose if k in self.levels and k != self.met]
+        free &= np.array(self.open) != self.hit
+        near = [k for k in self.loose if k in self.levels and k != self.hit]
         resting = [*(k for k, x in zip(self.open, free, strict=True) if x), *near]
         for k in (*self.open, *near):
             modes.put(k, self.levels[k], LEVEL)
@@ -462,13 +462,13 @@ class Crossing:
                 self.open, np.where(np.array(corner) == ABOVE, 1.0, -1.0)
             )
 
-        scale, noise = np.zeros((2, len(self.open)))
+        scale, least = np.zeros((2, len(self.open)))
         reach = REACH * self.left * np.abs(modes.rates(arc.t, arc.y))
         for corner in self._corners():
             J, b, a = terms(corner, arc.y)
             scale = np.fmax(scale, np.abs(J) @ np.abs(a) + np.abs(b))
             for aside in modes.asides(reach):
-                noise = np.fmax(noise, np.abs(rates(corner, aside) - rates(corner)))
-        self.noise[self.open] = noise
-        settled = self.settled or not np.all(scale > noise)
-        return FilippovCone(rates, scale, held, stays, noise=noise, settled=settled)
+                least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
+        self.roundoff[self.open] = least
+        settled = self.settled or not np.all(scale > least)
+        return FilippovCone(rates, scale, held, stays, roundoff=least, settled=settled)

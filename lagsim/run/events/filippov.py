@@ -50,7 +50,7 @@ class FilippovCone:
         The rates (count,) with each surface BELOW or ABOVE.
     scale : ndarray, shape (count,)
         The size of the terms of the rates.
-    noise : ndarray, shape (count,)
+    roundoff : ndarray, shape (count,)
         What the rounding of the state does to them.
     held
         Surfaces whose way is known.
@@ -67,11 +67,11 @@ class FilippovCone:
         held: Mapping[int, int] | None = None,
         stays: Callable[[Corner], bool | None] = lambda _: None,
         *,
-        noise: Floats | float = 0.0,
+        roundoff: Floats | float = 0.0,
         settled: bool = False,
     ) -> None:
         self.count = len(scale)
-        self.tolerance = np.maximum(SOLUTION_ROUNDOFF * scale, noise)
+        self.tolerance = np.maximum(SOLUTION_ROUNDOFF * scale, roundoff)
         self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
         self.settled = settled
@@ -307,7 +307,7 @@ class Modes:
         """The memory that the compiled functions read the modes from."""
         return self.arc.system.p
 
-    def tell(self, **numbers: Floats) -> None:
+    def store(self, **numbers: Floats) -> None:
         """Store K numbers of some kinds in p, by their names there.
 
         Arrays that go on with numbers of laws and of `until` keep those.

@@ -116,8 +116,8 @@ class Kinematics:
             known = Shape(arc, numbers)
         self.shape = known
         self.rows = self.shape.rows
-        told = found[shape:].reshape(4, m)[:, first:]
-        self.residuals, self.rates, gap_scales, rate_scales = told
+        values = found[shape:].reshape(4, m)[:, first:]
+        self.residuals, self.rates, gap_scales, rate_scales = values
         gapped = system.p.law_kind == kept.CONTACT
         self.gaps = np.where(gapped, self.residuals, self.rates)
         self.in_force: list[bool] = [True] * self.count
@@ -175,7 +175,7 @@ class Kinematics:
         return np.array(most)
 
     @cached_property
-    def noise(self) -> Floats:
+    def roundoff(self) -> Floats:
         """What is rounding of `accelerations` (L,): their terms, and the state."""
         a, b, *_ = self._free(self.t, self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
@@ -238,7 +238,7 @@ class Kinematics:
             elif law.kind is Kind.LIMITED or law.kind is Kind.TIMED:
                 closed.append(in_force[k])
             else:
-                holds = mode[k] in (kept.HELD, kept.IMPLIED) or k in also
+                holds = mode[k] in (kept.HELD, kept.REDUNDANT) or k in also
                 touches = (holds or self.near[k]) and k not in self.grazing
                 closed.append(touches and in_force[k])
         return closed
@@ -285,9 +285,9 @@ class Kinematics:
         Another `part` of how far the contact has moved may stand for the tolerance. The
         rounding of the time is in it: a place is known no better.
         """
-        told = (part or self.arc.plan.tolerance) * self.reach[0][k]
+        values = (part or self.arc.plan.tolerance) * self.reach[0][k]
         rounded = self.slack[k] + math.ulp(self.t) * self.reach[1][k]
-        return float(max(told, CLEAR_OF_ROUNDING * rounded))
+        return float(max(values, CLEAR_OF_ROUNDING * rounded))
 
     def acts_on(self, k: int, others: Collection[int]) -> bool:
         """Whether impulses of other laws change the rate of law k."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
-from lagsim.run.arc import NEAR, SERIES, most_pulled, pulled
+from lagsim.run.arc import NEAR, SERIES, largest_shift, shift
 from lagsim.run.events.crossing import Crossing, come_to_rest, set_floors
 from lagsim.run.events.filippov import ABOVE, BELOW, Modes
 from lagsim.run.events.sequence import Sequence
@@ -55,7 +55,7 @@ class Switching(Source):
         self.sides = self.modes.sides
         self.of_velocities = self.modes.of_velocities
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
-        self.told: set[str] = set()
+        self.reported: set[str] = set()
         self.jumped = False
         self.approaches = 0
         self.reach = AHEAD
@@ -74,8 +74,8 @@ class Switching(Source):
         """Go through a switch that was located, or towards one that is close by."""
         self.modes.arc = arc
         if code == at.SWITCH_FOUND:
-            met = int(arc.state.switched) - 1
-            return self._meet(arc, met) if met < self.modes.count else None
+            hit = int(arc.state.switched) - 1
+            return self._meet(arc, hit) if hit < self.modes.count else None
         if code == at.PAUSED:
             return self._stuck(arc) if arc.is_looked_at else None
         short = code == at.DONE and arc.t < arc.end
@@ -86,7 +86,7 @@ class Switching(Source):
     def begin(
         self,
         arc: Arc,
-        met: int | None = None,
+        hit: int | None = None,
         *,
         at_rest: Collection[int] = (),
         time: float | None = None,
@@ -95,7 +95,7 @@ class Switching(Source):
 
         Parameters
         ----------
-        met
+        hit
             The surface whose mode has just ended.
         at_rest
             Surfaces that the state is on, and whose rate is zero.
@@ -107,45 +107,45 @@ class Switching(Source):
         time = arc.t if time is None else time
         before = self.slides
         held = {}
-        if met is not None and before[met]:
-            arc.runner.margins(arc.t, arc.y)
-            share = modes.p.share[met]
+        if hit is not None and before[hit]:
+            arc.runner.event_functions(arc.t, arc.y)
+            share = modes.p.share[hit]
             if share >= 0.0 - HELD and share <= 1.0 + HELD:
-                held[met] = ABOVE if share > 0.5 else BELOW
+                held[hit] = ABOVE if share > 0.5 else BELOW
         modes.forget()
-        set_floors(modes, met, slipping=met is not None and bool(before[met]))
-        on = set(at_rest) | ({met} if met is not None else set())
+        set_floors(modes, hit, slipping=hit is not None and bool(before[hit]))
+        on = set(at_rest) | ({hit} if hit is not None else set())
         levels, rows, sizes = self._find_sides(on)
-        noise = np.zeros(modes.count)
+        roundoff = np.zeros(modes.count)
         cautions: tuple[Caution, ...] = ()
         rests = come_to_rest(modes, levels, sizes)
         if not rests:
             settled = bool(at_rest) or any(before[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
-            crossing = Crossing(modes, levels, sizes, at_rest, held, settled, left, met)
+            crossing = Crossing(modes, levels, sizes, at_rest, held, settled, left, hit)
             crossing.decide()
-            noise, cautions = crossing.noise, self._undecided(crossing.undecided)
+            roundoff, cautions = crossing.roundoff, self._undecided(crossing.undecided)
             modes.choose(crossing.undecided)
         modes.write()
-        modes.tell(noise=2.0 * noise)
+        modes.store(roundoff=2.0 * roundoff)
         self._set_slack(levels, rows, sizes)
         return Decision(
-            y=self._pulled(resting=rests or bool(at_rest)),
-            events=tuple(self._changes(before, met, time, rests=rests)),
+            y=self._projected(resting=rests or bool(at_rest)),
+            events=tuple(self._changes(before, hit, time, rests=rests)),
             cautions=cautions,
         )
 
-    def _pulled(self, *, resting: bool) -> Floats | None:
+    def _projected(self, *, resting: bool) -> Floats | None:
         """State on the surfaces that it follows; note if that is a jump."""
         arc, n = self.modes.arc, self.modes.arc.system.n
         former, y = arc.y, arc.y.copy()
-        arc.runner.pull(arc.t, y)
-        masses = arc.runner.function("measure")(arc.t, former)[2 : 2 + n]
-        most = most_pulled(arc.plan.rtol)
+        arc.runner.project_sliding(arc.t, y)
+        masses = arc.runner.function("energies_masses")(arc.t, former)[2 : 2 + n]
+        most = largest_shift(arc.plan.rtol)
         most = max(most, LEFT) if resting else most
         for part in (slice(n), slice(n, 2 * n)):
             change = y[part] - former[part]
-            far = pulled(masses, change, self._reach(y)[part], arc.seen[part])
+            far = shift(masses, change, self._reach(y)[part], arc.seen[part])
             if not far <= most:
                 self.jumped = True
                 return None
@@ -178,9 +178,9 @@ class Switching(Source):
     def _undecided(self, several: list[int]) -> tuple[Caution, ...]:
         """Warn of a choice that nothing decides, once."""
         names = self._names(several)
-        if not several or names in self.told:
+        if not several or names in self.reported:
             return ()
-        self.told.add(names)
+        self.reported.add(names)
         text = (
             f"at t = {self.modes.arc.t:.9g} the motion past the switch of {names} "
             "is not unique: one of several was taken"
@@ -194,14 +194,14 @@ class Switching(Source):
         """Let rounding not end a mode that has just begun, and noise none at all."""
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)
-        modes.tell(slack=slack)
-        margins = arc.runner.margins(arc.t, arc.y)
+        modes.store(slack=slack)
+        event_functions = arc.runner.event_functions(arc.t, arc.y)
         for k in levels:
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
-            slack[k] = least + 2.0 * max(0.0, -margins[k])
+            slack[k] = least + 2.0 * max(0.0, -event_functions[k])
         # Within its floor a root is the same to either side.
-        noise = np.maximum(self._noise(rows), 0.5 * modes.p.floor)
-        modes.tell(slack=slack, band=np.where(slides, 0.0, noise))
+        roundoff = np.maximum(self._noise(rows), 0.5 * modes.p.floor)
+        modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
         """Ranges of positions and velocities (2 n,) so far, also to y.
@@ -233,7 +233,7 @@ class Switching(Source):
     # What a switch leads to
 
     def _changes(
-        self, before: Floats, met: int | None, time: float, *, rests: bool
+        self, before: Floats, hit: int | None, time: float, *, rests: bool
     ) -> Iterator[Event]:
         for k in np.flatnonzero(before != self.slides):
             kind = "switch"
@@ -242,8 +242,8 @@ class Switching(Source):
             if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
             yield Event(time, kind, switch=self.sides[k].text)
-        if met is not None and before[met] == self.slides[met]:
-            yield Event(time, "switch", switch=self.sides[met].text)
+        if hit is not None and before[hit] == self.slides[hit]:
+            yield Event(time, "switch", switch=self.sides[hit].text)
 
     def _meet(self, arc: Arc, k: int) -> Decision:
         """Go through the switch that was located."""
@@ -292,8 +292,8 @@ class Switching(Source):
         k, ahead = self._next(arc)
         if not arc.t + ahead < arc.end:
             return None
-        met = self._is_on(arc, k) or ahead <= TIME_ROUNDOFF * abs(arc.t)
-        return k if met else None, float(arc.t + self.reach * ahead)
+        hit = self._is_on(arc, k) or ahead <= TIME_ROUNDOFF * abs(arc.t)
+        return k if hit else None, float(arc.t + self.reach * ahead)
 
     def _stuck(self, arc: Arc) -> Decision | None:
         """Go through a surface that the state is on but for rounding.

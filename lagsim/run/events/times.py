@@ -218,11 +218,11 @@ class _Line:
     """The moments at which one argument may wake something."""
 
     def __init__(
-        self, arc: Arc, indicator: Indicator, tell: Callable[[Caution], None]
+        self, arc: Arc, indicator: Indicator, report: Callable[[Caution], None]
     ) -> None:
         g = self.g = arc.equations.graph
         start, end = arc.settings.start, arc.settings.end
-        self.tell, self.text = tell, expression_text(g, indicator.node)
+        self.report, self.text = report, expression_text(g, indicator.node)
         values = self.values = arc.parameters
         self.indicator, self.start, self.end = indicator, start, end
         self.argument = Values(g, [indicator.node], values)
@@ -262,7 +262,7 @@ class _Line:
                 vain = 0
                 yield found
             if vain == PATIENCE:
-                self.tell(self._given_up(time))
+                self.report(self._given_up(time))
                 return
 
     def _given_up(self, time: float) -> Caution:

@@ -196,7 +196,7 @@ class Extremes:
         self.end, self.low, self.high = np.full((3, self._columns), np.nan)
 
     @property
-    def told(self) -> Floats:
+    def stacked(self) -> Floats:
         """All three of them (3, columns)."""
         return np.stack([self.end, self.low, self.high])
 

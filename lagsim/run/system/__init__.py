@@ -56,11 +56,11 @@ if TYPE_CHECKING:
 def kernels(system: System) -> Iterator[bytes]:
     """Object code of what a method calls besides the model's functions."""
     called: list[Callable[..., Any]]
-    if system.met is not None:
+    if system.moreau is not None:
         yield kernel_object([moreau.observe])
     elif system.laws:
         called = [laws.field, laws.rounding, laws.position_step, laws.velocity_step]
-        yield kernel_object([*called, laws.law_margins])
+        yield kernel_object([*called, laws.law_event_functions])
     elif system.plan.elimination is None:
         called = [dense.derivative, dense.observe]
         called = [*([dense.field] if system.surfaces else called), dense.rounding]
@@ -69,7 +69,8 @@ def kernels(system: System) -> Iterator[bytes]:
     if system.has_jacobian:
         yield kernel_object([dense.jacobian])
     if system.watched:
-        called = [sliding.derivative, sliding.observe, sliding.margins, sliding.pull]
+        called = [sliding.derivative, sliding.observe]
+        called += [sliding.event_functions, sliding.project_sliding]
         yield kernel_object(called, {"LAWS": bool(system.laws)})
 
 
@@ -130,8 +131,8 @@ class System:
         self.laws = equations.laws
         needs = method(plan.method).NEEDS
         # Where each step meets all rows by impulses, none is left to do.
-        self.met = pattern(equations) if "balance" in needs else None
-        if self.met is not None:
+        self.moreau = pattern(equations) if "balance" in needs else None
+        if self.moreau is not None:
             self.m, self.laws = 0, ()
         self.works = len(equations.works)
         self.inertias = tuple(varying_inertias(equations, plan))
@@ -141,15 +142,16 @@ class System:
             *equations.q, *equations.velocities,
             *(x.name for x in equations.works),
             *(x.name for x in equations.quadratures),
-            *(equations.multipliers if self.met is not None else ()),
+            *(equations.multipliers if self.moreau is not None else ()),
         )  # fmt: skip
         self.size = len(self.state)
         self.switches = plan.switches
         self.surfaces = len(self.switches.sides)
         self.watched = self.surfaces + len(self.laws)
         nodes_of = functions(
-            equations, plan, self.columns, needs, self.met, switching=self.watched > 0
-        )
+            equations, plan, self.columns, needs, self.moreau,
+            switching=self.watched > 0,
+        )  # fmt: skip
         self.has_energies = "energies" in nodes_of
         # Rows show the expressions as written; the method sees the arc's branches.
         shown = ("observe", "columns", "until", "energies")
@@ -160,7 +162,7 @@ class System:
             for name, nodes in nodes_of.items()
         }
         self.indicators: list[Indicator] = []
-        if self.met is None:
+        if self.moreau is None:
             self.indicators = self.watched_for(equations, plan)
         if self.indicators:
             nodes_of["signals"] = signal_nodes(equations, self.indicators)
@@ -204,7 +206,7 @@ class System:
     @property
     def has_loops(self) -> bool:
         """Something is solved by the loops of `kkt`, so they need their workspace."""
-        loops = self.met is None and self.plan.elimination is None
+        loops = self.moreau is None and self.plan.elimination is None
         return loops or self.has_jacobian
 
     @cached_property
@@ -226,7 +228,7 @@ class System:
         equations = plan.reduction.equations
         if plan.form != self.plan.form:
             return False
-        if self.met is None and self.indicators != self.watched_for(equations, plan):
+        if self.moreau is None and self.indicators != self.watched_for(equations, plan):
             return False
         return all(x.fits(y.plan) for x, y in zip(self.parts, plan.parts, strict=True))
 
@@ -241,7 +243,7 @@ class System:
         self.plan, self.model = plan, model
         self.__dict__.pop("timed", None)
         self.equations = plan.reduction.equations
-        self.laws = self.equations.laws if self.met is None else ()
+        self.laws = self.equations.laws if self.moreau is None else ()
         self.p = self._filled(self._parameters())
         self._runners = {name: x.over(self) for name, x in self._runners.items()}
         self.parts = [
@@ -253,7 +255,7 @@ class System:
         if isinstance(series := code.get("series"), Loop):
             return series.operations
         nodes_of = keys.nodes_of(code)
-        if self.met is not None:
+        if self.moreau is not None:
             return len(self.equations.graph.cone(nodes_of["balance"]))
         loops = self.plan.elimination is None and series is None
         solved = "field" if self.watched else "derivative"
@@ -270,10 +272,10 @@ class System:
         starts, elements = self.pattern
         plan = self.plan
         sizes = {} if self.newton is None else self.newton.sizes
-        if self.met is not None:
+        if self.moreau is not None:
             sizes = {
-                "met": len(self.equations.multipliers),
-                "inertial": self.met.inertial, "sloping": len(self.met.columns),
+                "row_count": len(self.equations.multipliers),
+                "inertial": self.moreau.inertial, "sloping": len(self.moreau.columns),
             }  # fmt: skip
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
         p = memory.made(
@@ -284,8 +286,8 @@ class System:
         )  # fmt: skip
         if self.newton is not None:
             self.newton.fill(p)
-        if self.met is not None:
-            fill(p, self.equations, self.met)
+        if self.moreau is not None:
+            fill(p, self.equations, self.moreau)
         p.augmented, p.expected, p.reference = (
             plan.augmented,
             plan.rank,
@@ -332,7 +334,7 @@ class System:
             if law.normal < 0:  # that of a slip is none of these
                 p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
         motion = e.accelerations
-        if self.met is None:
+        if self.moreau is None:
             motion = (*motion, *e.multipliers)
         p |= {name: memory.place("motion") + k for k, name in enumerate(motion)}
         return Layout(

@@ -236,7 +236,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
         "dynamics": _dynamics(e),
         "quadratures": e.quadrature_rates,
         "columns": list(columns.nodes.values()),
-        "loads": _loads(e),
+        "force_rounding": _force_rounding(e),
     }
     if rows:
         found["geometry"] = [
@@ -247,7 +247,8 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             *(row.residual_scale for row in rows),
             *(row.rate_scale for row in rows),
         ]  # fmt: skip
-        found["bends"] = [*(_bend(e, row) for row in rows), *_unknown(g, rows)]
+        found["second_order"] = [_second_order(e, row) for row in rows]
+        found["second_order"] += _unknown(g, rows)
     if e.laws:
         found["gaps"] = [
             law.row.residual if law.kind is Kind.CONTACT else law.row.rate
@@ -275,7 +276,7 @@ def _unknown(g: Graph, rows: Iterable[Row]) -> list[int]:
     return [g.zero if row.holonomic or row.pfaffian else g.one for row in rows]
 
 
-def _bend(e: Equations, row: Row) -> int:
+def _second_order(e: Equations, row: Row) -> int:
     """Return what a Newton step leaves of a residual, against its scale.
 
     The step stands in the place of the velocities: the residual and its first two
@@ -329,13 +330,13 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
-    p.met_kind[:] = [ALWAYS] * count + [CODES[law.kind] for law in laws]
+    p.row_kind[:] = [ALWAYS] * count + [CODES[law.kind] for law in laws]
     # Equalities come first.
     for name in ("normal", "pair"):
         numbers = (getattr(law, name) for law in laws)
         shifted = [k + count if k >= 0 else -1 for k in numbers]
-        getattr(p, f"met_{name}")[:] = [-1] * count + shifted
-    p.met_restitution[:] = [0.0] * count + [law.restitution for law in laws]
+        getattr(p, f"row_{name}")[:] = [-1] * count + shifted
+    p.row_restitution[:] = [0.0] * count + [law.restitution for law in laws]
 
 
 def stepping_functions(
@@ -433,7 +434,7 @@ def functions(
     plan: Plan,
     columns: Columns,
     needs: Sequence[str] = (),
-    met: Pattern | None = None,
+    moreau: Pattern | None = None,
     *,
     switching: bool = False,
 ) -> dict[str, list[int]]:
@@ -444,14 +445,14 @@ def functions(
     g = equations.graph
     rest = g.call("sub", equations.energy, equations.kinetic_form)
     found = {
-        "measure": [equations.kinetic_form, rest, *equations.inertias, g.zero],
+        "energies_masses": [equations.kinetic_form, rest, *equations.inertias, g.zero],
         "terms": pushes(equations),
         "inertias": list(varying_inertias(equations, plan).values()),
     }
     if equations.model.until:
         found["until"] = [equations.model.until.node]
-    if met is not None:
-        found |= stepping_functions(equations, columns, met)
+    if moreau is not None:
+        found |= stepping_functions(equations, columns, moreau)
     elif equations.laws or plan.elimination is None:
         found |= loop_functions(equations, columns)
     else:
@@ -524,7 +525,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     off = [_against(g, x, r.residual_scale) for x, r in zip(held, rows, strict=True)]
     off_rates = [_against(g, r.rate, r.rate_scale) for r in rows]
     step = elimination.correction(held)
-    left = _largest(g, [_bend(e, r) for r in rows])
+    left = _largest(g, [_second_order(e, r) for r in rows])
     velocities = map(g.variable, e.velocities)
     left_by_step = g.substitute([left], dict(zip(velocities, step, strict=True)))
     return {
@@ -536,7 +537,7 @@ def _steps(e: Equations, elimination: Elimination) -> dict[str, list[int]]:
     }  # fmt: skip
 
 
-def _loads(e: Equations) -> list[int]:
+def _force_rounding(e: Equations) -> list[int]:
     """Return the rounding of the forces, each with a sign and by a part of its own.
 
     All together they do something to every acceleration that any of them reaches: what
@@ -545,18 +546,18 @@ def _loads(e: Equations) -> list[int]:
     g = e.graph
     state = (*e.q, *e.velocities)
     found = roundings(g, (*e.f, *e.quadrature_rates), (*state, "t"), state)
-    loads = [
+    force_rounding = [
         g.call("add", g.call("abs", force), error)
         for force, error in zip(e.f, found, strict=False)
     ]
-    return [*_in_parts(g, loads), *found[len(loads) :]]
+    return [*_in_parts(g, force_rounding), *found[len(force_rounding) :]]
 
 
 def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     """Return the rounding of M q'', where M varies and is no diagonal (n,).
 
     Where M is close to singular (angles near gimbal lock) it is all that there is.
-    Signs are those of `_loads`.
+    Signs are those of `_force_rounding`.
     """
     g, moving = e.graph, frozenset((*e.q, "t"))
     rates = [g.call("abs", x) for x in elimination.motion()[0]]
@@ -588,8 +589,8 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
     """Bounds of the rounding of accelerations, as `solve.dense.rounding` gives them."""
     g, n = e.graph, len(e.q)
-    loads = _loads(e)
-    pairs = zip(loads, _inertial(e, elimination), strict=False)
+    force_rounding = _force_rounding(e)
+    pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
     forces = [g.call("add", *pair) for pair in pairs]
     found = [g.call("abs", x) for x in elimination.response(forces)]
     label = coupled(e)
@@ -602,7 +603,7 @@ def _rounding(e: Equations, elimination: Elimination) -> list[int]:
             share = g.call("div", shares[label[i]], inertia)
             root = g.call("sqrt", g.call("max", share, g.zero))
             found[i] = g.call("add", found[i], root)
-    return [*found, *loads[n:]]
+    return [*found, *force_rounding[n:]]
 
 
 def _largest(g: Graph, sizes: Iterable[int]) -> int:
@@ -636,7 +637,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
     M = [node for row in e.M for node in row]
     by_position = [s for p in e.momenta for s in gradient(g, p, positions)]
-    bends = [
+    second = [
         slope
         for variables in (positions, rates)
         for force in forces
@@ -644,7 +645,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     ]
     return {
         "lagrangian": [*e.momenta, *forces, *e.powers],
-        "lagrangian_slopes": [*by_position, *M, *bends],
+        "lagrangian_slopes": [*by_position, *M, *second],
         "inertia": M,
     }
 

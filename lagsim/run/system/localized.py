@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
-from lagsim.language.graph import once, remembered
+from lagsim.language.graph import memoize, memoized
 from lagsim.methods.parts.missed import LARGE, LARGEST, NEAR_ZERO, SMALL
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def indicators(
         some += _Search(equations, ends).among(g.dependent(ends, (*state, "t")))
         return list(dict.fromkeys(some))
 
-    return once(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
+    return memoize(g, (indicators, *_key(equations, tuple(nodes), tuple(ends))), found)
 
 
 def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indicator]:
@@ -90,7 +90,7 @@ def is_localized_in_time(equations: Equations) -> bool:
     """Whether a term of the motion that depends on t alone is localized."""
     nodes = motion_nodes(equations)
     key = is_localized_in_time, *_key(equations, tuple(nodes))
-    found = once(equations.graph, key, lambda: indicators_in_time(equations, nodes))
+    found = memoize(equations.graph, key, lambda: indicators_in_time(equations, nodes))
     return bool(found)
 
 
@@ -107,7 +107,7 @@ def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[s
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
 
 
-@remembered
+@memoized
 def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
     """Return the names in exponents."""
     powers = [n for n in g.cone(chain(*nodes)) if g.ops[n] == "pow"]

@@ -70,7 +70,7 @@ class Runner:
         self._prepare = self.engine.function("prepare", *FUNCTION)
         self._advance = self.engine.function("advance", *_ADVANCE)
         if system.watched > 0:
-            self._pull = self.engine.function("pull", *_PULL)
+            self._pull = self.engine.function("project_sliding", *_PULL)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
@@ -124,11 +124,11 @@ class Runner:
         self._functions[name, length] = evaluate
         return evaluate
 
-    def margins(self, t: float, y: Floats) -> Floats:
+    def event_functions(self, t: float, y: Floats) -> Floats:
         """How far the state is from leaving each mode: of surfaces, then laws."""
-        return self.function("margins", self.system.watched)(t, y)
+        return self.function("event_functions", self.system.watched)(t, y)
 
-    def pull(self, t: float, y: Floats) -> None:
+    def project_sliding(self, t: float, y: Floats) -> None:
         """Take y back, in place, onto the surfaces that the motion slides along."""
         self._pull(t, y.ctypes.data, self.system.p.address)
 

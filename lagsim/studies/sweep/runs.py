@@ -483,7 +483,7 @@ class Runs:
             complete,
             None if isinstance(bar, str) else bar.relative,
             "" if complete else trajectory.reason,
-            extremes.end[None] if self.work.ends else extremes.told,
+            extremes.end[None] if self.work.ends else extremes.stacked,
             _mark(session),
         )
 

@@ -70,7 +70,10 @@ def box_on_legs(mu):
     rows, normals, pairs = [], [], []
     for corner in ((-1, -1, -0.5), (-1, 1, -0.5), (1, -1, -0.5), (1, 1, -0.5)):
         k = len(rows)
-        rows += [[*way, *np.cross(corner, way)] for way in np.eye(3)[[2, 0, 1]]]
+        rows += [
+            [*direction, *np.cross(corner, direction)]
+            for direction in np.eye(3)[[2, 0, 1]]
+        ]
         normals += [-1, k, k]
         pairs += [-1, k + 2, k + 1]
     kinds = [CONTACT, SLIP, SLIP] * 4
@@ -96,18 +99,18 @@ def test_a_box_rests_on_four_legs(pull):
     force = np.array([*pull[:2], -10.0, 0.0, 0.0, pull[2]])
     found = modes(body, rows @ (force / CUBE), none(12), none(12), none(12))
     assert not found.paradox
-    assert set(found.mode[::3]) <= {Mode.HELD, Mode.IMPLIED}
+    assert set(found.mode[::3]) <= {Mode.HELD, Mode.REDUNDANT}
     assert found.mode.count(Mode.HELD) == 6
-    assert Mode.IMPLIED in found.mode
+    assert Mode.REDUNDANT in found.mode
     assert rows.T @ found.multipliers == pytest.approx(-force, abs=1e-12)
     p = found.multipliers.reshape(-1, 3)
     assert p[:, 0].min() >= 0.0
     assert (np.hypot(p[:, 1], p[:, 2]) <= 0.5 * p[:, 0] + 1e-12).all()
     for k, mode in enumerate(found.mode):
-        if mode is Mode.IMPLIED:
+        if mode is Mode.REDUNDANT:
             n = body.normals[k]
             bound = 0.5 * found.multipliers[n] if n >= 0 else 0.0
-            assert found.multipliers[k] == pytest.approx(found.way[k] * bound)
+            assert found.multipliers[k] == pytest.approx(found.direction[k] * bound)
 
 
 @pytest.mark.parametrize("seed", [55, 193, 197, 381])

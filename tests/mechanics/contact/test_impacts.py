@@ -45,9 +45,9 @@ def test_targets_that_contradict_give_no_rebound():
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1e-8, 1e-3])
-@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("direction", [-1.0, 1.0])
 @pytest.mark.parametrize("speed", [1e-2, 1.0, 40.0, 1e4, 1e8])
-def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, way, tilt):
+def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, direction, tilt):
     """Friction is mu times each impulse against the slip; the other corner may lift."""
     a, h, m, mu, e, v = 0.4, 0.5, 2.0, 0.05, 0.3, 0.9
     rows = []
@@ -56,7 +56,7 @@ def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, way, tilt
         rows += [[0.0, 1.0, x], [1.0, 0.0, -y]]
     J, M = np.array(rows), np.diag([m, m, m * (a**2 + h**2) / 3])
     D = J @ np.linalg.inv(M) @ J.T
-    rates = np.array([-v, way * speed, 0.0, way * speed])
+    rates = np.array([-v, direction * speed, 0.0, direction * speed])
     kinds = (CONTACT, SLIP, CONTACT, SLIP)
     problem = Closed(
         D=D, kinds=kinds, normals=(-1, 0, -1, 2), pairs=(-1,) * 4,
@@ -66,13 +66,13 @@ def test_a_box_that_slides_fast_is_struck_at_one_of_two_corners(speed, way, tilt
     found = impact(problem, rates, np.full(4, 1e-14))
     assert found.found
     if speed >= 1.0:
-        pushed = D[::2, ::2] - way * mu * D[::2, 1::2]
+        pushed = D[::2, ::2] - direction * mu * D[::2, 1::2]
         asked = np.array([(1 + e) * v, 0.0])
         p = np.array([asked[0] / pushed[0, 0], 0.0])
         if pushed[1, 0] < 0.0:  # no lift: it is pressed down
             p = np.linalg.solve(pushed, asked)
         assert found.impulses[::2] == pytest.approx(p, abs=1e-9)
-        assert found.impulses[1::2] == pytest.approx(-way * mu * p, abs=1e-9)
+        assert found.impulses[1::2] == pytest.approx(-direction * mu * p, abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [40.0, 1.0, -1e-3])
@@ -91,8 +91,8 @@ def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
     normals = [-1, *[0] * len(slips), -1, *[k] * len(slips)]
     pairs = [-1] * 4 if k == 2 else [-1, 2, 1, -1, 5, 4]
     masses = [m, m, m * (a**2 + h**2) / 3, m]
-    way = np.array([np.cos(turn or 0.0), np.sin(turn or 0.0)])
-    slip = speed * way
+    direction = np.array([np.cos(turn or 0.0), np.sin(turn or 0.0)])
+    slip = speed * direction
     before = np.array([slip[0] + h * v / 2 / a, -v / 2, -v / 2 / a, slip[1]])
     body = closed(masses, rows, kinds, normals, pairs, mu)
     found = impact(body, rows @ before, none(2 * k))
@@ -106,7 +106,7 @@ def test_friction_of_contacts_that_are_stopped_is_in_proportion(speed, turn):
     assert pushes[0] < 0.0 < pushes[1]
     for first, push in zip((1, k + 1), pushes, strict=True):
         friction = found.impulses[first : first + k - 1]
-        assert friction == pytest.approx(-mu * push * way[: k - 1], abs=1e-12)
+        assert friction == pytest.approx(-mu * push * direction[: k - 1], abs=1e-12)
 
 
 def test_a_body_that_is_crushed_has_no_solution():

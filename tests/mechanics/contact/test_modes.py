@@ -9,18 +9,18 @@ from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import Mode, modes
 from tests.mechanics.contact._bodies import CONTACT, SLIP, G, closed, none
 
-OFF, HELD, DRIVEN, IMPLIED = Mode
+OFF, HELD, SLIDING, REDUNDANT = Mode
 
 LEGS = np.array([[1, y, -x] for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1))], float)
 
 
-@pytest.mark.parametrize("lean", [-1.0, 1.0])
-def test_a_contact_on_the_edge_goes_where_it_leans(lean):
+@pytest.mark.parametrize("ties", [-1.0, 1.0])
+def test_a_contact_on_the_edge_goes_where_it_leans(ties):
     body = closed([2.0], [[1.0]], [CONTACT])
     found = modes(
-        body, np.array([1e-13]), none(1), np.array([1e-12]), none(1), np.array([lean])
+        body, np.array([1e-13]), none(1), np.array([1e-12]), none(1), np.array([ties])
     )
-    assert found.mode == ((OFF,) if lean > 0 else (HELD,))
+    assert found.mode == ((OFF,) if ties > 0 else (HELD,))
 
 
 def test_static_friction_holds_more_and_slides_with_the_dynamic_one():
@@ -29,7 +29,7 @@ def test_static_friction_holds_more_and_slides_with_the_dynamic_one():
     )
     for pull, slides in ((4.9, False), (5.1, True)):
         found = modes(body, np.array([-10.0, pull]), none(2), none(2), none(2))
-        assert found.mode == (HELD, DRIVEN if slides else HELD)
+        assert found.mode == (HELD, SLIDING if slides else HELD)
         assert found.multipliers[1] == pytest.approx(-2.0 if slides else -pull)
 
 
@@ -59,11 +59,11 @@ def test_a_box_on_two_corners_shares_its_friction():
     rows = [[0.0, 1.0, -1.0], [1.0, 0.0, 0.5], [0.0, 1.0, 1.0], [1.0, 0.0, 0.5]]
     kinds, normals = [CONTACT, SLIP] * 2, [-1, 0, -1, 2]
     body = closed([1.0, 1.0, 0.4], rows, kinds, normals, mu=0.5)
-    for pull, mode in ((4.9, IMPLIED), (5.1, DRIVEN)):
+    for pull, mode in ((4.9, REDUNDANT), (5.1, SLIDING)):
         free = np.asarray(rows) @ [pull, -10.0, 0.0]
         found = modes(body, free, none(4), none(4), none(4))
         p = found.multipliers
-        assert found.mode.count(mode) == (1 if mode is IMPLIED else 2)
+        assert found.mode.count(mode) == (1 if mode is REDUNDANT else 2)
         assert p[1] + p[3] == pytest.approx(-min(pull, 5.0), rel=1e-14)
         assert p[0] + p[2] == pytest.approx(10.0, rel=1e-14)
         # Moments about the centre.
@@ -74,9 +74,9 @@ def test_a_box_on_two_corners_shares_its_friction():
 def test_a_bound_within_rounding_holds_unless_it_leans():
     body = closed([1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.5)
     free = np.array([-10.0, 5.0 + 1e-13])
-    noise = np.full(2, 1e-12)
-    for lean, mode in ((0.0, HELD), (1.0, DRIVEN)):
-        found = modes(body, free, none(2), noise, none(2), np.array([0.0, lean]))
+    roundoff = np.full(2, 1e-12)
+    for ties, mode in ((0.0, HELD), (1.0, SLIDING)):
+        found = modes(body, free, none(2), roundoff, none(2), np.array([0.0, ties]))
         assert found.mode == (HELD, mode)
 
 
@@ -88,7 +88,7 @@ def test_rows_at_a_small_angle_both_hold():
     assert found.mode == (HELD, HELD)
     twice = closed([1.0, 1.0], [rows[0], rows[0]], [Kind.TIMED] * 2)
     found = modes(twice, np.array([-1.0, -1.0]), none(2), none(2), none(2))
-    assert found.mode == (HELD, IMPLIED)
+    assert found.mode == (HELD, REDUNDANT)
     assert found.multipliers == pytest.approx([1.0, 0.0])
 
 

@@ -8,7 +8,7 @@ import pytest
 from lagsim.mechanics.contact import Mode, modes
 from tests.mechanics.contact._bodies import CONTACT, SLIP, closed, none
 
-OFF, HELD, DRIVEN, IMPLIED = Mode
+OFF, HELD, SLIDING, REDUNDANT = Mode
 MU = 0.5
 # Of whole numbers below 100, after a few solves with condition numbers below 100.
 ROUNDING = 1e-11
@@ -33,20 +33,20 @@ def wrong_contact(mode, p, w):
     """Tell how a contact breaks Signorini's law, if it does."""
     if min(p, w) < -ROUNDING or p * w > ROUNDING:
         return "law"
-    if mode in (HELD, IMPLIED) and w > ROUNDING:
+    if mode in (HELD, REDUNDANT) and w > ROUNDING:
         return "does not hold"
     return "pushes" if mode is OFF and p else None
 
 
-def wrong_slip(mode, way, p, w, bound, rate):
+def wrong_slip(mode, direction, p, w, bound, rate):
     """Tell how a slip breaks Coulomb's law, if it does."""
     if abs(p) > bound + ROUNDING:
         return "bound"
-    if mode in (HELD, IMPLIED):
+    if mode in (HELD, REDUNDANT):
         return "slides" if rate or abs(w) > ROUNDING else None
-    if mode is DRIVEN:
-        against = way == -np.sign(rate) if rate else way * w <= ROUNDING
-        full = abs(p - way * bound) <= ROUNDING
+    if mode is SLIDING:
+        against = direction == -np.sign(rate) if rate else direction * w <= ROUNDING
+        full = abs(p - direction * bound) <= ROUNDING
         return None if against and full else "not against it"
     return "pushes" if p else None
 
@@ -68,12 +68,14 @@ def test_laws_hold_on_every_edge(friction):
             wrong = (
                 wrong_contact(mode, p[k], w[k])
                 if n < 0
-                else wrong_slip(mode, found.way[k], p[k], w[k], MU * p[n], rates[k])
+                else wrong_slip(
+                    mode, found.direction[k], p[k], w[k], MU * p[n], rates[k]
+                )
             )
             assert wrong is None, (seed, k)
         held = [k for k, mode in enumerate(found.mode) if mode is HELD]
         assert not held or np.linalg.matrix_rank(rows[held]) == len(held)
-        dependent += IMPLIED in found.mode
+        dependent += REDUNDANT in found.mode
     # The scenes are what they are meant to be.
     assert dependent > 40
 
@@ -94,10 +96,11 @@ def test_static_friction_that_is_more_than_dynamic():
         p, w = found.multipliers, body.D @ found.multipliers + free
         for k in range(1, 2 * count, 2):
             mode = found.mode[k]
-            mu = dynamic if mode is DRIVEN else static
+            mu = dynamic if mode is SLIDING else static
             assert wrong_contact(found.mode[k - 1], p[k - 1], w[k - 1]) is None
             assert (
-                wrong_slip(mode, found.way[k], p[k], w[k], mu * p[k - 1], 0.0) is None
+                wrong_slip(mode, found.direction[k], p[k], w[k], mu * p[k - 1], 0.0)
+                is None
             )
 
 
@@ -129,4 +132,4 @@ def test_a_column_of_boxes_rests_under_its_weight(count):
     assert found.multipliers[::2] == pytest.approx(above / 2.0, abs=known)
     # Each body is held by two normals and one slip; the other slip is the same row.
     assert found.mode.count(HELD) == 3 * count
-    assert found.mode.count(IMPLIED) == count
+    assert found.mode.count(REDUNDANT) == count

@@ -40,13 +40,13 @@ SLIDES = scene("x^2/2", "-0.5*sign(x_dot - 0.2)", v=1, duration=5)
 
 
 def test_a_jump_ends_the_run(monkeypatch):
-    before = Runner.pull
+    before = Runner.project_sliding
 
     def far(self, t, y):
         before(self, t, y)
         y[0] += 1e-3
 
-    monkeypatch.setattr(Runner, "pull", far)
+    monkeypatch.setattr(Runner, "project_sliding", far)
     found = run(SLIDES)
     assert found.trajectory.outcome.name == "STATE_JUMPS"
     assert found.trajectory.outcome.word == "failed"
