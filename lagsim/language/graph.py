@@ -55,7 +55,7 @@ class Graph:
         The arguments of each node.
     place : Place or None
         Of the longest expression, where there is a file.
-    remembered : dict
+    memoized : dict
         What has been found out, see `memoize`.
     """
 

@@ -54,7 +54,7 @@ class Sums(Turning[Any]):
     ----------
     inner
         What becomes of the arguments of functions, and of sums that stay whole.
-    meter
+    budget
         Counts the products of terms.
     whole
         Tells which sums stay as they are where they are factors.
