@@ -79,6 +79,22 @@ unknown-name | sin(...) | definitions: {a: ⟪sin⟫}
 expression-syntax | write `*` | definitions: {a: 2 ⟪x⟫}
 expression-parenthesis | never closed | LAW ⟪(⟫x - y}}
 unknown-name | `zz` | definitions:¶  a: >-¶    x +¶    2*⟪zz⟫
+unknown-name | `zz` | definitions: {a:   1 +   ⟪zz⟫}
+unknown-name | `zz` | definitions: {a: '⟪zz⟫'}
+unknown-name | `zz` | definitions: {a: "1 + ⟪zz⟫"}
+unknown-name | `zz` | definitions: {a: "\t1\x20+\u0020 ⟪zz⟫"}
+unknown-name | `zz` | definitions:¶  a: 1 +¶     ⟪zz⟫
+unknown-name | `zz` | definitions:¶  a: 1 +¶¶     2 + ⟪zz⟫
+unknown-name | `zz` | definitions:¶  a: '1 +¶  ⟪zz⟫'
+unknown-name | `zz` | definitions:¶  a: "1 + \¶   ⟪zz⟫"
+unknown-name | `zz` | definitions:¶  a: |¶   1 +¶   ⟪zz⟫
+unknown-name | `zz` | definitions:¶  a: >2 # comment¶     1 +¶¶    2 + ⟪zz⟫
+unknown-name | `zz` | definitions:¶  a:¶    1 + ⟪zz⟫
+unknown-name | `zz` | parameters: {é: 1}¶definitions: {a: é + ⟪zz⟫}
+unknown-name | `nil` | parameters: {k: ⟪nil⟫}
+expression-syntax | unexpected character | definitions: {a: 'x⟪''⟫ + 1'}
+expression-syntax | expected | parameters: {k: '⟪'⟫}
+not-an-expression | found nothing | parameters: {k: ⟪null⟫}
 # energy
 missing-key | neither | ⟪energy⟫: {}
 missing-key | `potential: 0` | ⟪energy⟫: {kinetic: x_dot^2}

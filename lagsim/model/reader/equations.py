@@ -114,8 +114,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
 
 def _degrees(node: int, x: Expressions) -> frozenset[int]:
     """Give the degrees in the velocities of the terms of a node, or {-1} for others."""
-    velocities = {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)}
-    found = x.graph.degree(node, velocities)
+    found = x.graph.degree(node, x.names.velocities())
     return frozenset((-1,)) if found is None else found
 
 
@@ -361,8 +360,7 @@ class _Reader:
 
 
 def _has_velocity(node: int, x: Expressions) -> bool:
-    velocities = {f"{q}_dot" for q in x.names.of(Kind.COORDINATE)}
-    return not velocities.isdisjoint(x.graph.depends([node]))
+    return not x.names.velocities().isdisjoint(x.graph.depends([node]))
 
 
 def _once(relation: Relation, x: Expressions) -> Relation:

@@ -159,6 +159,10 @@ class Names:
         """Give the names of one kind, in the order of the file."""
         return [name for name, k in self.variables.items() if k is kind]
 
+    def velocities(self) -> set[str]:
+        """Give the names of the velocities."""
+        return {f"{q}_dot" for q in self.of(Kind.COORDINATE)}
+
     def moving(self) -> list[str]:
         """Give the names that have rates: coordinates and definitions."""
         return self.of(Kind.COORDINATE) + self.of(Kind.DEFINITION)
@@ -402,13 +406,31 @@ class Expressions:
         try:
             return scalar, parser(scalar.text)
         except ExpressionError as fault:
-            token = scalar.text[fault.offset : fault.offset + fault.length]
-            if token not in self.names.faulty:
-                known, relation = self.names.variables, parser is parse_relation
-                self.faults.add_expression(
-                    fault, scalar, known, beside=beside, relation=relation
-                )
+            relation = parser is parse_relation
+            self._report(fault, scalar, beside=beside, relation=relation)
             return None
+
+    def _report(
+        self, fault: ExpressionError, scalar: Scalar, *, beside: bool, relation: bool
+    ) -> None:
+        """Report what the parser found, in a relation or in another expression."""
+        text, hint = scalar.text, ""
+        token = text[fault.offset : fault.offset + fault.length]
+        if token in self.names.faulty:
+            return
+        if relation:
+            hint = hints.of_relation(text, token)
+        hint = hint or self._meant(scalar, fault.offset, beside=beside)
+        hint = hint or hints.of_expression(fault, text, self.names.variables)
+        place = scalar.place_of(fault.offset, fault.length)
+        self.faults.add(f"expression-{fault.code}", fault.text, place, hint)
+
+    def _meant(self, scalar: Scalar, offset: int, *, beside: bool = False) -> str:
+        """Give a hint from what stands around a fault, or an empty text."""
+        if not self.faults.may_guess():
+            return ""
+        known = self.names.variables
+        return hints.of_text(scalar.text, offset, known, beside=beside)
 
     # Building nodes
 
@@ -519,7 +541,7 @@ class Expressions:
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
         if not hint and not hints.spelt_call(name, ""):
-            hint = self.faults.meant(scalar, used.offset, names.variables)
+            hint = self._meant(scalar, used.offset)
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
         self.refuse(used, scalar, "unknown-name", text, hint)
 

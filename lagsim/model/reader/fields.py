@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
     from lagsim.errors import Place
-    from lagsim.language.parser import ExpressionError
 
 # Comparing a name with all others is slow where both are many; past these bounds a
 # file is no longer one that a person mistyped.
@@ -43,42 +42,8 @@ class Faults:
         """Add a fault."""
         self._problems.append(Problem(code, text, place, hint))
 
-    def add_expression(
-        self,
-        fault: ExpressionError,
-        scalar: Scalar,
-        known: Collection[str],
-        *,
-        beside: bool = False,
-        relation: bool = False,
-    ) -> None:
-        """Add a fault of the expression, or of the `relation`, in `scalar`.
-
-        `known` are the variables of the file; `beside`: a unit may stand beside it.
-        """
-        text, hint = scalar.text, ""
-        if relation:
-            end = fault.offset + fault.length
-            hint = hints.of_relation(text, text[fault.offset : end])
-        hint = hint or self.meant(scalar, fault.offset, known, beside=beside)
-        hint = hint or hints.of_expression(fault, text, known)
-        place = scalar.place_of(fault.offset, fault.length)
-        self.add(f"expression-{fault.code}", fault.text, place, hint)
-
-    def meant(
-        self,
-        scalar: Scalar,
-        offset: int,
-        known: Collection[str],
-        *,
-        beside: bool = False,
-    ) -> str:
-        """Give a hint from what stands around a fault, see `add_expression`."""
-        if not self._may_guess():
-            return ""
-        return hints.of_text(scalar.text, offset, known, beside=beside)
-
-    def _may_guess(self) -> bool:
+    def may_guess(self) -> bool:
+        """Tell whether a hint may still be looked for, and count it."""
         self._guesses += 1
         return self._guesses <= MAX_GUESSES
 
@@ -86,7 +51,7 @@ class Faults:
         """Give the candidate most like `word`, or an empty text."""
         among = list(candidates)
         several = len(among) > MAX_CANDIDATES or len(word) > MAX_GUESSED_LENGTH
-        if not self._may_guess() or several:
+        if not self.may_guess() or several:
             return ""
         plain = hints.spelt_out(word)
         alike = (other for other in among if hints.spelt_out(other) == plain)

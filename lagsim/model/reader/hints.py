@@ -17,7 +17,7 @@ from lagsim.model.reader import quantities
 from lagsim.model.reader.quantities import NUMBER
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable
+    from collections.abc import Callable, Collection
 
     from lagsim.language.parser import ExpressionError
     from lagsim.model.nodes import Entry, Node
@@ -454,7 +454,7 @@ def of_text(
         return hint
     if "\\" in text and text == whole:
         return f"write {latex(text)}"
-    hint = _matching(patterns(), text, offset, known) or _of_unit(
+    hint = _matching(text, offset, known) or _of_unit(
         text, offset, known, beside=beside and text == whole
     )
     # A Greek word by the variable that is called as it is.
@@ -464,14 +464,18 @@ def of_text(
 
 
 def _matching(
-    table: Iterable[tuple[re.Pattern[str], Meant]],
-    text: str,
-    offset: int,
-    variables: Collection[str] = (),
+    text: str, offset: int, known: Collection[str] = (), *, parsed: bool = False
 ) -> str:
-    for pattern, meant in table:
+    """Give the hint of the first spelling around an offset, or an empty text.
+
+    `known`: names that are variables, and call nothing; `parsed`: only of what parses
+    as an expression and is meant otherwise.
+    """
+    for pattern, meant in patterns():
+        if parsed and meant is not _exponential and pattern.pattern not in _PARSED:
+            continue
         for found in pattern.finditer(text):
-            if meant is _call and found[1] in variables:
+            if meant is _call and found[1] in known:
                 continue
             if found.start() <= offset <= found.end():
                 if not isinstance(meant, str):
@@ -483,8 +487,7 @@ def _matching(
 def of_unknown(text: str, offset: int) -> str:
     """Give a hint for a name at `offset` that has a meaning with what is around it."""
     first = max(0, offset - WINDOW)
-    parsed = (r for r in patterns() if r[1] is _exponential or r[0].pattern in _PARSED)
-    return _matching(parsed, text[first : offset + WINDOW], offset - first)
+    return _matching(text[first : offset + WINDOW], offset - first, parsed=True)
 
 
 def _of_comparison(text: str, offset: int) -> str:
@@ -637,7 +640,7 @@ def rate_within(text: str, moving: Collection[str]) -> str:
     """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
     text = text[:WINDOW]
     plain = latex(text) if "\\" in text else ""
-    hint = f"the rate is written {plain}" if plain else _matching(patterns(), text, 0)
+    hint = f"the rate is written {plain}" if plain else _matching(text, 0)
     found = re.fullmatch(r"the (?:second )?rate is written ((.+)_dd?ot)", hint)
     return found[1] if found and found[2] in moving else ""
 

@@ -7,7 +7,7 @@ import re
 from contextlib import suppress
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
-    from lagsim.model.reader.expressions import Expressions, Rule
+    from lagsim.model.reader.expressions import Expressions, Meaning, Rule
 
 
 def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ...]:
@@ -79,47 +79,43 @@ def _value_entry(
     return value, found.text("unit"), found.text("description")
 
 
-class _Given(NamedTuple):
-    """A definition as it is written; `text` is None where a fault was reported."""
-
-    text: tuple[Scalar, Parsed] | None
-    unit: str
-    description: str
-
-    @property
-    def names(self) -> list[Name]:
-        return list(self.text[1].names) if self.text else []
-
-
 class Definitions:
     """Reads the definitions; those for output wait until the energies are built."""
 
     def __init__(self, given: list[Entry], x: Expressions) -> None:
         self.x = x
-        self._given: dict[str, _Given] = {}
+        self._about: dict[str, tuple[str, str]] = {}
+        self._texts: dict[str, tuple[Scalar, Parsed]] = {}  # those without a fault
         for key, node in given:
-            what = f"the definition `{key.text}`"
-            expression, unit, about = _value_entry(key, node, what, x)
+            name, what = key.text, f"the definition `{key.text}`"
+            expression, *about = _value_entry(key, node, what, x)
+            self._about[name] = about[0], about[1]
             text = x.text(expression, what, parse, beside=expression is node)
-            self._given[key.text] = _Given(text, unit, about)
-        self._uses = {name: self._used(one) for name, one in self._given.items()}
+            if text is not None:
+                self._texts[name] = text
+        self._uses = {name: self._used(name) for name in self._about}
         self._order = self._in_order()
         self._report_cycles()
         self._find_levels()
 
-    def _used(self, given: _Given) -> dict[str, Name]:
-        """Give the definitions that an expression names, each at its first place."""
+    def _named(self, name: str) -> list[tuple[Name, Meaning]]:
+        """Give the names in a definition that mean something."""
+        parsed = [self._texts[name][1]] if name in self._texts else []
+        names = ((n, self.x.names.meaning(n.text)) for p in parsed for n in p.names)
+        return [(name, meaning) for name, meaning in names if meaning]
+
+    def _used(self, name: str) -> dict[str, Name]:
+        """Give the definitions that one names, each at its first place."""
         found: dict[str, Name] = {}
-        for used in given.names:
-            meaning = self.x.names.meaning(used.text)
-            defined = meaning and meaning.kind in OF_DEFINITIONS
-            if meaning and defined and meaning.base in self._given:
-                found.setdefault(meaning.base, used)
+        for used, (kind, base) in self._named(name):
+            if kind in OF_DEFINITIONS and base in self._about:
+                found.setdefault(base, used)
         return found
 
     def _in_order(self) -> list[str]:
         """Give the definitions, each after those it uses; cycles are left out."""
-        sorter = TopologicalSorter(dict.fromkeys(self._given, ()))
+        # Those that are ready come in the order of the file.
+        sorter = TopologicalSorter(dict.fromkeys(self._about, ()))
         for name, uses in self._uses.items():
             sorter.add(name, *uses)
         with suppress(CycleError):
@@ -131,10 +127,10 @@ class Definitions:
         return order
 
     def _report_cycles(self) -> None:
-        cyclic = self._given.keys() - set(self._order)
-        position = {name: k for k, name in enumerate(self._given)}
+        cyclic = self._about.keys() - set(self._order)
+        position = {name: k for k, name in enumerate(self._about)}
         seen: set[str] = set()
-        for start in self._given:
+        for start in self._about:
             name, path = start, list[str]()
             while name in cyclic and name not in seen:
                 seen.add(name)
@@ -146,20 +142,18 @@ class Definitions:
                 self._report_cycle(cycle[at:] + cycle[:at])
 
     def _report_cycle(self, cycle: list[str]) -> None:
-        text, at = self._given[cycle[0]].text, self._uses[cycle[0]][[*cycle, *cycle][1]]
-        assert text is not None
+        scalar, at = self._texts[cycle[0]][0], self._uses[cycle[0]][(cycle * 2)[1]]
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
         about = f"the definition `{cycle[0]}` depends on itself: "
         about += " -> ".join([*shown, cycle[0]])
-        place = text[0].place_of(at.offset, len(at.text))
+        place = scalar.place_of(at.offset, len(at.text))
         self.x.faults.add("cycle", about, place)
 
     def _find_levels(self) -> None:
         """Enter what each definition depends on, by the names in it."""
         known = self.x.definitions
         for name in self._order:
-            named = (self.x.names.meaning(n.text) for n in self._given[name].names)
-            levels = [meaning.kind.level for meaning in named if meaning]
+            levels = [meaning.kind.level for _, meaning in self._named(name)]
             levels += [known[used].level for used in self._uses[name]]
             known[name] = Resolved(None, max((Level.POSITION, *levels)))
 
@@ -172,9 +166,9 @@ class Definitions:
                     known[name] = Resolved(self._node(name, level), level)
 
     def _node(self, name: str, level: Level) -> int | None:
-        if (text := self._given[name].text) is None:
+        if name not in self._texts:
             return None
-        scalar, parsed = text
+        scalar, parsed = self._texts[name]
         what, most = f"the definition `{name}`", max(level, Level.VELOCITY)
         sound = self.x.check(parsed.names, scalar, what, most)
         return self.x.build(parsed) if sound else None
@@ -182,8 +176,8 @@ class Definitions:
     def read(self) -> tuple[Definition, ...]:
         """Give the definitions in the order of the file, those that are sound."""
         return tuple(
-            Definition(name, known.node, known.level, given.unit, given.description)
-            for name, given in self._given.items()
+            Definition(name, known.node, known.level, *about)
+            for name, about in self._about.items()
             if (known := self.x.definitions.get(name)) and known.node is not None
         )
 
