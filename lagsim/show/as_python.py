@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import keyword
 import re
-from typing import TYPE_CHECKING, Any
+from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +30,8 @@ _OWN = (
     "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED",
     "CONDITIONS", "PARAMETERS",
 )  # fmt: skip
+# An expression of more operations than this gets a name, for people.
+LONGEST = 6
 _TAKEN = frozenset((*keyword.kwlist, *_OWN))
 _HEAD = '''"""Equations of motion of {name}, written by lagsim {version}.
 
@@ -103,7 +106,7 @@ def _function(
     ]
     filled = [(k, node) for k, node in enumerate(nodes) if node != g.zero]
     if filled:
-        steps, values = _Steps(e, [node for _, node in filled]).written()
+        steps, values = _steps(e, [node for _, node in filled])
         lines.append('    with np.errstate(all="ignore"):')
         lines += [f"        {step}" for step in steps]
         for (k, _), value in zip(filled, values, strict=True):
@@ -113,72 +116,63 @@ def _function(
     return "\n".join(lines) + "\n"
 
 
-class _Steps:
-    """Assignments that compute nodes; what is used once is written where it is used."""
+def _steps(e: Equations, nodes: Sequence[int]) -> tuple[list[str], list[str]]:
+    """Give assignments that compute nodes, and an expression for each node.
 
-    # An expression of more operations than this gets a name, for people.
-    LONGEST = 6
+    What is used once is written where it is used.
+    """
+    g = e.graph
+    cone = g.cone(nodes)
+    uses = Counter(a for n in cone for a in g.args[n])
+    texts = _inputs(e, cone)
+    lines = [f"{name} = np.float64({source})" for name, source in texts.values()]
+    written = {n: (name, 0) for n, (name, _) in texts.items()}  # and its operations
+    prefix, count = "z", 0
+    while any(name.startswith(prefix) for name, _ in texts.values()):
+        prefix += "_"
+    for n in cone:
+        if n in written:
+            continue
+        code, operations = _code(g, n, written)
+        if g.args[n] and (uses[n] > 1 or operations > LONGEST):
+            count += 1
+            lines.append(f"{prefix}{count} = {code}")
+            code, operations = f"{prefix}{count}", 0
+        written[n] = code, operations
+    return lines, [written[n][0] for n in nodes]
 
-    def __init__(self, e: Equations, nodes: list[int]) -> None:
-        self.g: Graph = e.graph
-        self.nodes = nodes
-        self.cone = self.g.cone(nodes)
-        self.sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
-        self.sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
-        self.sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
-        self.sources["t"] = "t"
-        self.text: dict[int, tuple[str, int]] = {}  # and its number of operations
 
-    def written(self) -> tuple[list[str], list[str]]:
-        """Give the assignments, and an expression for each of the nodes."""
-        g = self.g
-        uses = dict.fromkeys(self.cone, 0)
-        for n in self.cone:
-            for a in g.args[n]:
-                uses[a] += 1
-        used: set[str] = set()
-        inputs = [n for n in self.cone if g.ops[n] == VARIABLE]
-        lines = [self._input(n, used) for n in inputs]
-        prefix = "z"
-        while any(name.startswith(prefix) for name in used):
-            prefix += "_"
-        count = 0
-        for n in self.cone:
-            if n in self.text:
-                continue
-            code, operations = self._code(n)
-            if g.args[n] and (uses[n] > 1 or operations > self.LONGEST):
-                count += 1
-                lines.append(f"{prefix}{count} = {code}")
-                code, operations = f"{prefix}{count}", 0
-            self.text[n] = code, operations
-        return lines, [self.text[n][0] for n in self.nodes]
-
-    def _input(self, n: int, used: set[str]) -> str:
-        name = str(self.g.payload(n))
-        local = name
+def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
+    """Give the variables of a function: node -> local name, and what it stands for."""
+    sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
+    sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
+    sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
+    found: dict[int, tuple[str, str]] = {}
+    taken = set(_TAKEN)
+    for n in cone:
+        if e.graph.ops[n] != VARIABLE:
+            continue
+        name = str(e.graph.payload(n))
+        local = name if name.isidentifier() else f"x{n}"
         # `t` is an argument already, and becomes what divides without raising.
-        if not local.isidentifier():
-            local = f"x{n}"
-        while (local in _TAKEN or local in used) and name != "t":
+        while local in taken and name != "t":
             local += "_"
-        used.add(local)
-        self.text[n] = local, 0
-        return f"{local} = np.float64({self.sources[name]})"
+        taken.add(local)
+        found[n] = local, sources.get(name, "t")
+    return found
 
-    def _code(self, n: int) -> tuple[str, int]:
-        g: Any = self.g
-        op = g.ops[n]
-        if op in (CONSTANT, TRUTH):
-            value = repr(g.payload(n))
-            return (f"({value})" if value.startswith("-") else value), 0
-        parts = [self.text[a] for a in g.args[n]]
-        held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
-        if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
-            held[0] = f"np.float64({held[0]})"  # which divides by 0 without raising
-        return OPERATIONS[op].python.format(*held), 1 + sum(
-            operations for _, operations in parts
-        )
+
+def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
+    """Give a node as code, and its number of operations."""
+    op = g.ops[n]
+    if op in (CONSTANT, TRUTH):
+        value = repr(g.payload(n))
+        return (f"({value})" if value.startswith("-") else value), 0
+    parts = [written[a] for a in g.args[n]]
+    held = [text if _is_atom(text) else f"({text})" for text, _ in parts]
+    if op in ("div", "pow") and all(g.ops[a] == CONSTANT for a in g.args[n]):
+        held[0] = f"np.float64({held[0]})"  # which divides by 0 without raising
+    return OPERATIONS[op].python.format(*held), 1 + sum(k for _, k in parts)
 
 
 _ATOM = re.compile(r"[\w.]+(\([^()]*\))?\Z")

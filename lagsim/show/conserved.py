@@ -79,7 +79,7 @@ def _energy(
     if any(row.transport != g.zero for row in e.rows) or e.laws:
         return []
     worked = (line["Q"] * v for line, v in zip(lines, x.v, strict=True))
-    if not x.tidy.is_zero(sp.Add(-dL_dt, *worked)):
+    if x.tidy(sp.Add(-dL_dt, *worked)) != 0:
         return []
     if e.energy_is_sum:
         total = sp.Add(*x.sympy([e.model.kinetic, e.model.potential], written=True))
@@ -112,7 +112,7 @@ def _momentum(
     if any(x.free(c) & {*x.q, *x.v, x.t} for c in coefficients):
         return None
     rest = sp.Add(*(c * v for c, v in zip(coefficients, x.v, strict=True)))
-    if not x.tidy.is_zero(slope - rest):
+    if x.tidy(slope - rest) != 0:
         return None
     name = x.q[j].name
     if slope == 0:

@@ -15,6 +15,7 @@ gain K = -A^T (A M^-1 A^T)^-1. It is given for equality constraints that always 
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -34,7 +35,7 @@ from lagsim.show.conserved import conserved_quantities
 from lagsim.show.content import Content, always, law_of
 from lagsim.show.names import Name
 from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
-from lagsim.show.tidy import cost
+from lagsim.show.tidy import MOST_PRODUCTS, cost
 from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
@@ -170,7 +171,10 @@ class _Solver:
         lacking = without_inertia(x.equations)
         if lacking is not None:
             raise InputError([singular(lacking)])
-        free = [_unconstrained(x, q.name, j) for j, q in enumerate(x.q)]
+        free = [
+            x.add(symbol(f"a.{q}"), Name(q.name, 0, "unconstrained"), (4, len(x.q) + j))
+            for j, q in enumerate(x.q)
+        ]
         apart = [a - b for a, b in zip(x.a, free, strict=True)]
         G = sp.Add(
             *(
@@ -249,40 +253,20 @@ def _readable(parts: Sequence[Any]) -> bool:
 def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str, Any]:
     """Name what is used more than once; leave the value of each node in `known`."""
     g = x.g
-    seen, uses = set(wanted), dict.fromkeys(wanted, 1)
-    stack = list(seen)
-    while stack:
-        n = stack.pop()
-        for a in g.args[n] if n not in known else ():
-            uses[a] = uses.get(a, 0) + 1
-            if a not in seen:
-                seen.add(a)
-                stack.append(a)
-    prefix = _free_letter(x)
+    cone = g.cone(wanted, ends=known)
+    uses = Counter({*wanted})
+    uses.update(a for n in cone if n not in known for a in g.args[n])
+    letters, names = ("s", "k", "z", "step", "step_"), [s.name for s in x.names]
+    prefix = next(p for p in letters if not any(n.startswith(p) for n in names))
     steps: dict[str, Any] = {}
-    for n in sorted(seen):
+    for n in cone:
         if n not in known:
             known[n] = to_sympy(g, [n], known=known)[0]
         if uses[n] > 1 and cost(known[n]) > 2:
-            s = symbol(f"{prefix}{len(steps) + 1}")
-            x.names[s] = Name(s.name)
-            x.rank[s] = 1, len(x.rank)
-            steps[s.name] = known[n]
-            known[n] = s
+            name = f"{prefix}{len(steps) + 1}"
+            s = x.add(symbol(name), Name(name), (1, len(x.rank)))
+            steps[name], known[n] = known[n], s
     return steps
-
-
-def _free_letter(x: Translation) -> str:
-    names = {s.name for s in x.names}
-    letters = ("s", "k", "z", "step", "step_")
-    return next(p for p in letters if not any(n.startswith(p) for n in names))
-
-
-def _unconstrained(x: Translation, q: str, j: int) -> Any:
-    s = symbol(f"a.{q}")
-    x.names[s] = Name(q, 0, "unconstrained")
-    x.rank[s] = 4, len(x.q) + j
-    return s
 
 
 def singular(coordinate: str) -> Problem:
@@ -442,7 +426,7 @@ class _Derivation:
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "
-                f"cut after {x.tidy.most:,} products of terms in one, or "
+                f"cut after {MOST_PRODUCTS:,} products of terms in one, or "
                 f"{limits.TIDYING_PRODUCTS:,} in all"
             )
         return Content(x, document)

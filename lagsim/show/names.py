@@ -6,29 +6,26 @@ the later one is written letter by letter.
 
 from __future__ import annotations
 
+import itertools
 import re
 import unicodedata
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
-GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "epsilon": "ε", "zeta": "ζ",
-    "eta": "η", "theta": "θ", "iota": "ι", "kappa": "κ", "lambda": "λ", "mu": "μ",
-    "nu": "ν", "xi": "ξ", "omicron": "ο", "pi": "π", "rho": "ρ", "sigma": "σ",
-    "tau": "τ", "upsilon": "υ", "phi": "φ", "chi": "χ", "psi": "ψ", "omega": "ω",
-}  # fmt: skip
+_NAMES = """
+alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho
+sigma tau upsilon phi chi psi omega
+"""
+GREEK = dict(zip(_NAMES.split(), "αβγδεζηθικλμνξοπρστυφχψω", strict=True))
 GREEK |= {name.capitalize(): letter.upper() for name, letter in GREEK.items()}
 _OF_LETTER = {letter: name for name, letter in GREEK.items()}
 # Letters that look like Latin ones have no command of their own.
-_LATIN = {
-    "omicron": "o", "Alpha": "A", "Beta": "B", "Epsilon": "E", "Zeta": "Z", "Eta": "H",
-    "Iota": "I", "Kappa": "K", "Mu": "M", "Nu": "N", "Omicron": "O", "Rho": "P",
-    "Tau": "T", "Chi": "X",
-}  # fmt: skip
+_ALIKE = "omicron Alpha Beta Epsilon Zeta Eta Iota Kappa Mu Nu Omicron Rho Tau Chi"
+_LATIN = dict(zip(_ALIKE.split(), "oABEZHIKMNOPTX", strict=True))
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
@@ -69,6 +66,11 @@ class ModelNames:
     names: Iterable[str]
     _shown: dict[str, tuple[str, str]] = field(init=False)
 
+    of_multiplier: ClassVar[str] = "lambda_{}"
+    """The multiplier of a constraint, whose name is written letter by letter."""
+    unconstrained: ClassVar[tuple[str, ...]] = ("a_{}",)
+    """An acceleration without constraints, the best look first."""
+
     def __post_init__(self) -> None:
         taken: set[str] = set()
         self._shown = {}
@@ -82,11 +84,13 @@ class ModelNames:
     def show(self, name: Name) -> str:
         """Give `name` typeset."""
         if name.kind == "multiplier":
-            return self.multiplier(name.base)
+            return self.of_multiplier.format(self.verbatim(name.base)[0])
         if name.kind == "unconstrained":
             taken = {self.joined(*parts, 0) for parts in self._shown.values()}
-            looks = self.accelerations(self.show(Name(name.base)))
-            return next(x for x in looks if x not in taken)
+            shown = self.show(Name(name.base))
+            looks = [look.format(shown) for look in self.unconstrained]
+            more = (looks[0] + "_" * k for k in itertools.count(1))
+            return next(x for x in itertools.chain(looks, more) if x not in taken)
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
 
@@ -102,17 +106,11 @@ class ModelNames:
         """Put letter, subscript and derivative together: `q`, `q_dot`, `q_ddot`."""
         return f"{base}{below}" + (f"_{DOTS[order]}" if order else "")
 
-    def multiplier(self, constraint: str) -> str:
-        """Give the multiplier of a constraint: `lambda_c`."""
-        return f"lambda_{constraint}"
-
-    def accelerations(self, shown: str) -> tuple[str, ...]:
-        """Give looks of an acceleration without constraints, the best first."""
-        return tuple(f"a_{shown}{'_' * k}" for k in range(len(self._shown) + 1))
-
 
 class UnicodeNames(ModelNames):
     """Greek letters, subscripts, and dots above."""
+
+    of_multiplier, unconstrained = "λ_{}", ("a_{}", "a\u0304_{}")
 
     def split(self, name: str) -> tuple[str, str]:
         """Give θ, ₁ for `theta1`."""
@@ -128,17 +126,12 @@ class UnicodeNames(ModelNames):
             return f"{base}{below}_{DOTS[order]}"
         return base + ("", "\u0307", "\u0308")[order] + below
 
-    def multiplier(self, constraint: str) -> str:
-        """Give λ with the constraint as a subscript."""
-        return f"λ_{constraint}"
-
-    def accelerations(self, shown: str) -> tuple[str, ...]:
-        """Give `a_q`, or that with a bar."""
-        return f"a_{shown}", f"a\u0304_{shown}"
-
 
 class LatexNames(ModelNames):
     """Commands for Greek letters, subscripts, and dots above."""
+
+    of_multiplier = r"\lambda_{{{}}}"
+    unconstrained = "a_{{{}}}", r"\bar{{a}}_{{{}}}"
 
     def split(self, name: str) -> tuple[str, str]:
         r"""Give \theta, 1 for `theta1`."""
@@ -158,14 +151,6 @@ class LatexNames(ModelNames):
         """Put dots over the letter and hang the subscript on it."""
         over = f"\\{DOTS[order]}{{{base}}}" if order else base
         return f"{over}_{{{below}}}" if below else over
-
-    def multiplier(self, constraint: str) -> str:
-        """Give lambda with the constraint as an upright subscript."""
-        return rf"\lambda_{{{upright_latex(constraint)}}}"
-
-    def accelerations(self, shown: str) -> tuple[str, ...]:
-        """Give `a_{q}`, or that with a bar."""
-        return f"a_{{{shown}}}", rf"\bar{{a}}_{{{shown}}}"
 
     @staticmethod
     def letter(name: str) -> str:

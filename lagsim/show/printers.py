@@ -159,14 +159,14 @@ class Printer:
     def _print_Mul(self, e: Any) -> str:
         negative, e = signed(e)
         over, under = self.fraction(e)
-        text = self.product(over) or "1"
-        if under:
-            if len(under) == 1:
-                below = self.factor(under[0], loosely=False)
-            else:
-                below = f"({self.product(under)})"
-            text = self._over(text, below)
+        text = self._quotient(over, under) if under else self.product(over)
         return self.negative + text if negative else text
+
+    def _quotient(self, over: list[Any], under: list[Any]) -> str:
+        below = f"({self.product(under)})"
+        if len(under) == 1:
+            below = self.factor(under[0], loosely=False)
+        return self._over(self.product(over) or "1", below)
 
     def product(self, factors: list[Any]) -> str:
         """Give the text of a product of factors; that of none is empty."""
@@ -313,15 +313,12 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
     def _over(self, over: str, under: str) -> str:
         return rf"\frac{{{over}}}{{{under}}}"
 
-    def _print_Mul(self, e: Any) -> str:
-        negative, e = signed(e)
-        over, under = self.fraction(e)
-        text = self.product(over) or "1"
-        if under:
-            below = self._print(under[0]) if len(under) == 1 else self.product(under)
-            above = self._print(over[0]) if len(over) == 1 else text
-            text = self._over(above, below)
-        return self.negative + text if negative else text
+    def _quotient(self, over: list[Any], under: list[Any]) -> str:
+        parts = (
+            self._print(x[0]) if len(x) == 1 else self.product(x) or "1"
+            for x in (over, under)
+        )
+        return self._over(*parts)
 
     def _print_Function(self, e: Any, exp: str | None = None) -> str:
         row = FUNCTIONS.get(_name(e))

@@ -49,14 +49,9 @@ def symbol(name: str) -> Any:
 
 
 class Spelled(sp.Function):  # type: ignore[misc]
-    """A real function; `row` is its row in the table."""
+    """A real function; `spelled` is its name in the model language."""
 
-    row: ClassVar[Function]
-
-    @property
-    def spelled(self) -> str:
-        """Its name in the model language."""
-        return self.row.name
+    spelled: ClassVar[str]
 
     def _eval_is_extended_real(self) -> bool:
         return True
@@ -99,7 +94,7 @@ def _refuse_digits(base: Any, exponent: Any) -> None:
 
 def _twin(row: Function) -> Callable[..., Any]:
     if row.sympy is None:
-        return type(_class_name(row), (Spelled,), {"row": row})
+        return type(_class_name(row), (Spelled,), {"spelled": row.name})
     return partial(row.sympy, sp)
 
 
@@ -319,6 +314,11 @@ class Translation:
             s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
         }
         return names, rank
+
+    def add(self, s: Any, name: Name, rank: tuple[int, int]) -> Any:
+        """Give a symbol, which shows a name from now on, at a place."""
+        self.names[s], self.rank[s] = name, rank
+        return s
 
     @property
     def own_names(self) -> list[str]:

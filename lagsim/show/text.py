@@ -5,6 +5,7 @@ The outline, sections and their order, is that of LaTeX, too.
 
 from __future__ import annotations
 
+import itertools
 import re
 import textwrap
 import unicodedata
@@ -416,10 +417,8 @@ def _folded(line: str) -> list[str]:
 
 def _break(line: str, fits: int, margin: int) -> int:
     """Give where a line is broken of which so much fits; 0 where it cannot be."""
-    depth, depths = 0, []
-    for c in line[: fits + 1]:
-        depth += (c in "([") - (c in ")]")
-        depths.append(depth)
+    nested = ((c in "([") - (c in ")]") for c in line[: fits + 1])
+    depths = list(itertools.accumulate(nested))
     for least in (WIDTH // 2, margin + 8):
         for sign in (_SIGN, _SPACE):
             places = [m.start() for m in sign.finditer(line)]
@@ -431,9 +430,5 @@ def _break(line: str, fits: int, margin: int) -> int:
 
 def _cut(line: str) -> int:
     """Give how many characters of it fit; marks above letters take no column."""
-    columns = 0
-    for k, c in enumerate(line):
-        columns += not unicodedata.combining(c)
-        if columns > WIDTH:
-            return k
-    return len(line)
+    columns = itertools.accumulate(not unicodedata.combining(c) for c in line)
+    return sum(taken <= WIDTH for taken in columns)

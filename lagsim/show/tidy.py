@@ -11,7 +11,6 @@ from __future__ import annotations
 import functools
 import math
 import time
-from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -192,33 +191,28 @@ DRAWN_TOGETHER = 0.6
 AS_IT_COMES = 1.5
 
 
-@dataclass
 class Tidier:
     """Tidies expressions of one model.
 
-    Attributes
+    Parameters
     ----------
     constants, moving
         Parameters, and definitions of parameters only; velocities, accelerations and
         multipliers, by which terms are sorted.
+
+    Attributes
+    ----------
     left : int
-        Products of terms for all expressions.
-    most : int
-        For one form of one expression.
-    seconds : float
-        Of the processor, for a whole derivation.
+        Products of terms for all expressions that follow.
     cut : bool
         Some expression was left longer than it might have been: the budget was spent.
     """
 
-    constants: frozenset[Any]
-    moving: frozenset[Any]
-    left: int = field(default_factory=lambda: limits.TIDYING_PRODUCTS)
-    most: int = MOST_PRODUCTS
-    seconds: float = field(default_factory=lambda: limits.DERIVING_SECONDS)
-    cut: bool = False
-    _known: dict[tuple[Any, bool, bool], Any] = field(default_factory=dict)
-    _began: float = field(default_factory=time.process_time)
+    def __init__(self, constants: frozenset[Any], moving: frozenset[Any]) -> None:
+        self.constants, self.moving = constants, moving
+        self.left, self.cut = limits.TIDYING_PRODUCTS, False
+        self._known: dict[tuple[Any, bool, bool], Any] = {}
+        self._began = time.process_time()
 
     def __call__(self, e: Any, *, factored: bool = False, written: bool = False) -> Any:
         """Give the shortest form of `e`.
@@ -237,10 +231,10 @@ class Tidier:
         InputError
             Where it has no value, because it divides by 0, or the time is up.
         """
-        if time.process_time() > self._began + self.seconds:
+        most = limits.DERIVING_SECONDS
+        if time.process_time() > self._began + most:
             raise too_long(
-                f"the equations are not derived within {self.seconds:.3g} s, which is "
-                "the limit"
+                f"the equations are not derived within {most:.3g} s, which is the limit"
             )
         if e.is_Symbol or e.is_Rational:
             return e
@@ -259,10 +253,6 @@ class Tidier:
         found = self._terms(e, self._plain)
         return e if found is None else self._factored(*found[:2])
 
-    def is_zero(self, e: Any) -> bool:
-        """Tell whether `e` is seen to vanish identically."""
-        return bool(self(e) == 0)
-
     def _shortest(self, e: Any, *, factored: bool, written: bool) -> Any:
         forms = [((1.0 if written else AS_IT_COMES) * cost(e), e)]
         for whole in (self._still, self._plain, lambda _: False):
@@ -280,14 +270,11 @@ class Tidier:
                 break  # the others are the same
         return min(forms, key=lambda form: form[0])[1]  # the first of equals
 
-    def _piecewise(self, e: Any) -> Any:
-        return sp.Piecewise(*((self(x), c) for x, c in e.args), evaluate=False)
-
     def _terms(
         self, e: Any, whole: Callable[[Any], bool]
     ) -> tuple[Sums, Terms, int] | None:
         """Give a sum of products, and how many of its terms were joined."""
-        budget = Budget(min(self.most, self.left))
+        budget = Budget(min(MOST_PRODUCTS, self.left))
         sums = Sums(self.inner, budget, whole)
         try:
             terms = sums.of(e)
@@ -303,7 +290,8 @@ class Tidier:
         if e.is_Add:
             return self(e)
         if isinstance(e, sp.Piecewise):
-            return self._piecewise(e)
+            cases = ((self(x), condition) for x, condition in e.args)
+            return sp.Piecewise(*cases, evaluate=False)
         if e.is_Function:
             args = tuple(self(a) for a in e.args)
             return e if args == e.args else e.func(*args)
