@@ -423,7 +423,7 @@ class Result:
         return name
 
     def _summary(self) -> list[tuple[str, str]]:
-        """Say in a few lines what came of it."""
+        """Return the outcome in a few lines."""
         record, bar, unit = self.record, self.error, self.units["energy"]
         span = f"t = {record['start']:g} to {record['end']:.9g}"
         kept = "energy - work" if "work" in self.columns else "energy"

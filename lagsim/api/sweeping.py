@@ -115,7 +115,7 @@ class Sweep:
         return block(head, self._summary())
 
     def _summary(self) -> list[tuple[str, str]]:
-        """Say what was swept, and which runs have no result."""
+        """Return the swept values, and the runs without a result."""
         lines = []
         for axis in self._found.grid.axes:
             unit = f" {axis.unit}" if axis.unit else ""

@@ -748,7 +748,7 @@ def _file(draw: Callable[[], Picture], form: str) -> bytes:
 # Inches: how high a panel is where there are so many; and at least.
 OVERLAID = (2.9, 1.9, 1.5, 1.3)
 LEAST_OVERLAID = 1.1
-# Runs that a legend names; of more, colours tell which is which: a bar of them, how
+# Runs that a legend names; more are distinguished by colour: a bar of colours, how
 # long and how high it is, where it begins, and what it takes with its numbers.
 MOST_NAMED = 12
 BAR_LONG, BAR_HIGH, BAR_AT, BAR = 2.6, 0.1, 1.7, 0.3

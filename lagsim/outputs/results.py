@@ -289,7 +289,7 @@ def _held(folder: Path, until: float) -> Iterator[None]:
 
 
 def _locked(handle: int) -> bool:
-    """Lock an open folder; tell if another process has."""
+    """Lock an open folder; return False where another process has."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

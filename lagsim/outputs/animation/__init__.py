@@ -238,7 +238,7 @@ def _tracks(
 
 
 def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
-    """Tell what no rate follows up to the next frame."""
+    """Return the frames whose rates say nothing up to the next one (frames,)."""
     steps = np.append(np.diff(t), 0.0)[:, np.newaxis]
     size = extent(tracks)
     found = np.zeros(len(t), dtype=bool)
@@ -563,7 +563,7 @@ def _box(film: Film) -> list[list[float]]:
 
 
 def _link(film: Film, names: Sequence[str], a: str, b: str) -> dict[str, Any]:
-    """Say what a link is like: a rod, a spring, or a string that may be slack."""
+    """Return a link and its kind: a rod, a spring, or a string that may be slack."""
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)
     lengths = lengths[np.isfinite(lengths)]
