@@ -23,16 +23,6 @@ def test_a_contact_on_the_edge_goes_where_it_leans(ties):
     assert found.mode == ((OFF,) if ties > 0 else (HELD,))
 
 
-def test_static_friction_holds_more_and_slides_with_the_dynamic_one():
-    body = closed(
-        [1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.2, static=0.5
-    )
-    for pull, slides in ((4.9, False), (5.1, True)):
-        found = modes(body, np.array([-10.0, pull]), none(2), none(2), none(2))
-        assert found.mode == (HELD, SLIDING if slides else HELD)
-        assert found.multipliers[1] == pytest.approx(-2.0 if slides else -pull)
-
-
 def rod(angle, mu):
     """Give a sliding rod of mass 1 and half-length 1 on its end; x, y, angle."""
     s, c = np.sin(angle), np.cos(angle)
