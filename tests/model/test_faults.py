@@ -94,7 +94,7 @@ unknown-name | `zz` | parameters: {é: 1}¶definitions: {a: é + ⟪zz⟫}
 unknown-name | `nil` | parameters: {k: ⟪nil⟫}
 expression-syntax | unexpected character | definitions: {a: 'x⟪''⟫ + 1'}
 expression-syntax | expected | parameters: {k: '⟪'⟫}
-not-an-expression | found nothing | parameters: {k: ⟪null⟫}
+not-an-expression | found nothing | parameters: {k: ⟪~⟫}
 # energy
 missing-key | neither | ⟪energy⟫: {}
 missing-key | `potential: 0` | ⟪energy⟫: {kinetic: x_dot^2}
