@@ -55,7 +55,7 @@ def test_long_fuzzing(module, name, record_property):
         test.hypothesis.fuzz_one_input(source.randbytes(source.choice((64, 512, 4096))))
 
 
-@pytest.mark.nightly(one_in=6)
+@pytest.mark.nightly(one_in=2)
 @pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
 def test_every_chart(name, lagsim):  # noqa: F811
     text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
@@ -79,7 +79,7 @@ def test_every_chart(name, lagsim):  # noqa: F811
     print(name, best, file=sys.stderr)  # noqa: T201  for the night's record
 
 
-@pytest.mark.nightly(one_in=6)
+@pytest.mark.nightly(one_in=2)
 @pytest.mark.parametrize("name", sorted(p.stem for p in MODELS.glob("*.yaml")))
 def test_every_map_of_stability(name, lagsim):  # noqa: F811
     called = lagsim("stability", MODELS / f"{name}.yaml", "-o", "out")

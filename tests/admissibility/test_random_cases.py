@@ -91,7 +91,7 @@ def test_rank_combinations_and_consistency(block):
         check(seed)
 
 
-@pytest.mark.nightly(one_in=4)
+@pytest.mark.nightly(one_in=2)
 @pytest.mark.parametrize("block", range(20))
 def test_rank_combinations_and_consistency_of_2000(block):
     for seed in range(1000 + 100 * block, 1100 + 100 * block):

@@ -311,7 +311,7 @@ def cost(tmp_path_factory):
     return cost
 
 
-@pytest.mark.nightly(one_in=3)
+@pytest.mark.nightly(one_in=2)
 @pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.yaml")))
 def test_a_check_costs_at_most_two_and_a_half_times_its_imports(name, cost):
     bare = ("-c", "import numpy, yaml, typer")

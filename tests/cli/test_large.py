@@ -71,7 +71,7 @@ def test_large_files_are_checked_and_derived(lagsim, tmp_path, shape):
     calm(lagsim("derive", "model.yaml", "--format", "python"))
 
 
-@pytest.mark.nightly(one_in=4)
+@pytest.mark.nightly(one_in=2)
 @pytest.mark.parametrize("name", ["check", "derive"])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_files_of_a_hundred_thousand_letters(lagsim, tmp_path, shape, name):

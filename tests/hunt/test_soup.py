@@ -85,7 +85,7 @@ def test_kills(tmp_path):
 def test_very_many_kills(tmp_path, record_property):
     seed = secrets.randbits(32)
     record_property("seed", seed)
-    killed(400, tmp_path, seed)
+    killed(500, tmp_path, seed)
 
 
 def test_what_is_torn_is_noticed(tmp_path):

@@ -324,7 +324,9 @@ class Copy:
         return code != 0
 
 
-def exercising(mutant: Mutant, clean: Sequence[Clean]) -> tuple[list[str], float]:
+def exercising(
+    mutant: Mutant, text: str, clean: Sequence[Clean]
+) -> tuple[list[str], float]:
     """Give tests that may notice a mutant, the soonest first, and their time limit.
 
     Tests of a file with a like name come first, then one case of each test, then what
@@ -334,8 +336,7 @@ def exercising(mutant: Mutant, clean: Sequence[Clean]) -> tuple[list[str], float
     running: set[str] = set()
     for one in clean:
         running |= one.lines.get(mutant.path, {}).get(mutant.line, set())
-    source = (ROOT / mutant.path).read_text("utf-8")
-    if _KERNELS.search(source) or not running:
+    if _KERNELS.search(text) or not running:
         running |= seconds.keys()
     stem, known = Path(mutant.path).stem, set()
     ranked = []
@@ -387,12 +388,12 @@ class Trial:
         # Its own tests alone run the page's script.
         del stages[1 if mutant.room == "page" else 2 :]
         with self._copy() as copy:
-            return not any(
-                copy.notices(
-                    mutant, *exercising(mutant, [self.clean[x] for x in tests])
-                )
-                for tests in stages
-            )
+            text = (copy.tree / mutant.path).read_text("utf-8")
+            for stage in stages:
+                clean = [self.clean[tests] for tests in stage]
+                if copy.notices(mutant, *exercising(mutant, text, clean)):
+                    return False
+        return True
 
     def survivors(self, mutants: Sequence[Mutant]) -> Iterator[tuple[Mutant, bool]]:
         """Give each mutant, and whether no test notices it."""

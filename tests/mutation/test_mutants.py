@@ -104,10 +104,13 @@ def test_tests_that_may_notice_a_mutant_come_soonest_first_and_not_all():
     mutant = Mutant("outputs", "lagsim/outputs/units.py", 7, 0, "+", "-")
     clean = Clean(seconds, {mutant.path: {7: {*seconds}, 8: {long}}})
     # What has a like name, one case of each test; more than 60 s of them are too many.
-    assert exercising(mutant, [clean]) == ([named, short, other], STARTING + 150.0)
-    assert exercising(mutant._replace(line=8), [clean]) == ([long], STARTING + 150.0)
+    assert exercising(mutant, "", [clean]) == ([named, short, other], STARTING + 150.0)
+    assert exercising(mutant._replace(line=8), "", [clean]) == (
+        [long],
+        STARTING + 150.0,
+    )
     # No test is known to run its line: all of them may.
-    assert exercising(mutant._replace(line=9), [clean])[0] == [named, short, other]
+    assert exercising(mutant._replace(line=9), "", [clean])[0] == [named, short, other]
 
 
 @pytest.mark.slow
