@@ -236,8 +236,7 @@ class Clean(NamedTuple):
 class Copy:
     """A copy of the tree in which tests run, with native code of its own.
 
-    Byte code lies beside the source and is checked by its content: of the files of a
-    mutant one alone is compiled again.
+    Byte code is checked by the source's content: a mutant compiles its own file alone.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -384,9 +383,8 @@ class Trial:
             self.clean[tests] = copy.clean(tests, cases)
 
     def _survives(self, mutant: Mutant) -> bool:
-        stages = [ROOMS[mutant.room].tests, WAISTS]
         # Its own tests alone run the page's script.
-        del stages[1 if mutant.room == "page" else 2 :]
+        stages = [ROOMS[mutant.room].tests, *[WAISTS] * (mutant.room != "page")]
         with self._copy() as copy:
             text = (copy.tree / mutant.path).read_text("utf-8")
             for stage in stages:
