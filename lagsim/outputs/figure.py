@@ -50,6 +50,8 @@ LEVEL, TITLE, NAMES, LINE = 0.22, 0.34, 0.2, 0.14
 BELOW_PANELS = 0.45
 # How much longer than its panel a name at its side, or below it, may be.
 SPARE = 0.4
+# A name above a panel is written smaller before it is cut.
+SIZES = 7.5, 7.0, 6.5, 6.0, 5.5
 
 # Points, as printed.
 SMALL, NORMAL, HEADING = 7.5, 8.5, 9.5
@@ -373,7 +375,10 @@ def frame(
     if above is None:
         above = text_width(label(axes.yaxis, *up)) > height + SPARE
     if above:
-        axes.set_title(_named(axes.yaxis, up, width, SMALL))
+        text, room = label(axes.yaxis, *up), width + RIGHT
+        fits = (size for size in SIZES if text_width(text, size) <= room)
+        size = next(fits, SIZES[-1])
+        axes.set_title(_named(axes.yaxis, up, room, size), fontsize=size)
     else:
         axes.set_ylabel(_named(axes.yaxis, up, height + SPARE), color=colour)
     axes.tick_params("y", labelcolor=colour)

@@ -6,8 +6,10 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 import math
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import (
     FixedLocator,
@@ -42,6 +44,9 @@ LEAST_TICKS = 3
 
 # Inches: what a number across takes, in a panel that is no wider than the second.
 ROOMY, BRIEFLY, CROWDED = 0.67, 0.38, 3.0
+# Beside a panel no wider than this there is room for a number of six characters:
+# digits that ticks share, if there are so many, stand in the label.
+NARROW, SHARED = 2.0, 2
 
 # A spike lasts for no more than this part of the time, and is so many times as high as
 # anything else.
@@ -103,7 +108,10 @@ class Scale(NamedTuple):
                 most = int(width / ROOMY)
         elif most and not self.log:
             most = max(most, LEAST_TICKS)
-        locator, formatter = scale.ticks(most)
+        briefly = mpl.rc_context({"axes.formatter.offset_threshold": SHARED})
+        narrow = not across and size_of(axes)[0] <= NARROW
+        with briefly if narrow else nullcontext():
+            locator, formatter = scale.ticks(most)
         axis.set_major_locator(locator)
         axis.set_minor_locator(NullLocator())
         axis.set_major_formatter(formatter)

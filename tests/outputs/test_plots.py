@@ -262,6 +262,21 @@ def test_a_name_too_long_for_the_side_of_its_panel_stands_above_it():
     assert labels[-1][2] == names[-1]
 
 
+@pytest.mark.parametrize("count", [4, 16, 40])
+def test_numbers_of_panels_side_by_side_have_room(count):
+    t = np.linspace(0, 1, 9)
+    sizes = [0.0515, 0.1285, 12.4, -0.41, 1e3, 1e5, 3e-3, 0.9995]
+    names = [f"x{k}" for k in range(count)]
+    columns = {"t": t} | {
+        name: sizes[k % len(sizes)] * (1 + 2e-3 * t) for k, name in enumerate(names)
+    }
+    found = coordinates(columns, names, units=dict.fromkeys(names, "m"))
+    assert not any("…" in text.said for text in found.texts)
+    for text in found.texts:
+        assert text.box.x1 < 7 * DPI
+        assert not any(panel.box.overlaps(text.box) for panel in found.panels), text
+
+
 def test_long_names_share_a_legend():
     t = np.linspace(0, 1, 9)
     columns = {"t": t, "plot.0.x": t, "plot.0.y.1": t, "plot.0.y.2": 2 * t}
