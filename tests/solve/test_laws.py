@@ -179,6 +179,20 @@ def test_steps_to_what_holds(name, kernel, level):
     assert found[N + 2] < np.max(left)
 
 
+@pytest.mark.parametrize("first", [kept.HELD, kept.REDUNDANT])
+def test_two_slips_that_stick_share_their_bound(first):
+    # Of two that hold the first tells; where that hangs on others, the second does.
+    x = System(5, (HELD, first, HELD, HELD, HELD, OFF, HELD, HELD))
+    p = x.p
+    found = x.call("law_event_functions", p)[:LAWS]
+    lam = p.multipliers[ALWAYS:]
+    tells, silent = (1, 2) if first == HELD else (2, 1)
+    left = x.statics[tells] * lam[0] - np.hypot(lam[1], lam[2])
+    assert found[tells] == pytest.approx(left)
+    assert found[silent] == laws.ENDLESS
+    assert (lam[1] != 0.0) == (first == HELD)
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.1, 2.0, np.pi, -0.5, -1.1, -2.0])
 @pytest.mark.parametrize("speed", [0.1, 0.25, 0.3, 7.0])
 def test_the_margin_of_a_disc_is_its_speed_until_its_way_has_turned(angle, speed):
