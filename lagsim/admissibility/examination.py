@@ -359,7 +359,7 @@ class _Examiner:
         return nearest(relations, self._metric(free), far=far)
 
     def _solved(self, relations: Relations) -> Found:
-        """Solve for the values, from where they are; say what was odd about that."""
+        """Solve for the values, from where they are; return remarks on the solution."""
         found = self._nearest(relations)
         if not relations.wanted:
             return found

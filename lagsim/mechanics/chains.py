@@ -80,7 +80,7 @@ class Chains(NamedTuple):
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What is equal for equal chains."""
+        """Key that is equal for equal chains."""
         sums = (tuple(form.items()) for form in self.sums)
         return (*sums, tuple(self.squares.items()))
 

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
 
 class Mode(IntEnum):
-    """What a row does."""
+    """Mode of a row."""
 
     OFF = 0  # no multiplier
     HELD = 1  # an equality with its multiplier
@@ -235,7 +235,7 @@ def _judged(
 
 
 def _residual(problem: Problem, p: Floats) -> float:
-    """How far p (r,) is from what its law makes of p - w.
+    """Residual of p (r,): its distance from the projection of p - w.
 
     Relative to the largest terms of w; to be asked where the problem is scaled.
     """

@@ -140,7 +140,7 @@ def scale_of(
 
 
 class Kind(Enum):
-    """What ends the time for which a row holds."""
+    """Kind of a row: the condition that ends its time in force."""
 
     CONTACT = "a gap that stays >= 0"
     FREEWHEEL = "a rate that stays >= 0"

@@ -151,7 +151,7 @@ def delassus(M: Floats, A: Floats, rows: Floats) -> Delassus:
 
 @dataclass(frozen=True, slots=True)
 class Impact:
-    """What an impact does.
+    """Result of an impact: impulses, and its kind.
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """What all rows do, r of them.
+    """Modes of all rows, r of them.
 
     Attributes
     ----------
@@ -356,7 +356,7 @@ def _at_rates(
 
 
 def _known(problem: Problem, solution: Solution, roundoff: Floats) -> Floats:
-    """How well the accelerations of rows are known (r,).
+    """Bounds of the rounding of the accelerations of rows (r,).
 
     Against all that could push: what rests without a force has its friction's scale.
     """

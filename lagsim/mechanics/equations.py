@@ -153,7 +153,7 @@ class Work(NamedTuple):
 
 
 class Quadrature(NamedTuple):
-    """What stands in no equation: only its rate is integrated.
+    """Quantity that occurs in no equation: only its rate is integrated.
 
     A coordinate, or the action. `rate` and `mass` (its entry of M's diagonal; zero for
     the action) are nodes.
@@ -363,7 +363,7 @@ Found = TypeVar("Found")
 
 
 def memoized_by_motion(find: Callable[[Equations], Found]) -> Callable[..., Found]:
-    """Let what depends on the motion alone be found once for all parameters."""
+    """Memoize what depends on the motion alone, for all parameters."""
 
     @wraps(find)
     def known(e: Equations) -> Found:
@@ -480,7 +480,7 @@ def _energy(
 
 
 def pushes(e: Equations) -> list[int]:
-    """How large the terms are that each force, and each other rate, sums."""
+    """Magnitudes of the terms of each force, and of each other rate."""
     g = e.graph
     rates = (*e.f, *e.quadrature_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
@@ -593,7 +593,7 @@ def coordinates_of(e: Equations) -> dict[str, int]:
 def shared(
     e: Equations, found: Sequence[Sequence[int]], node: int
 ) -> tuple[list[int], int]:
-    """Shares of the groups in a sum, and the rest that is nobody's, up to a constant.
+    """Shares of the groups in a sum, and the rest of no group, up to a constant.
 
     What touches several groups and is no sum goes to each of them.
     """

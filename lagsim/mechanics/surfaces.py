@@ -143,7 +143,7 @@ def between(g: Graph, op: str, side: int, sign: int) -> int:
 
 
 def share(g: Graph, op: str, side: int, sign: int) -> int:
-    """How far a condition holds, from 0 to 1, while its mode variable is between.
+    """Degree of truth of a condition, from 0 to 1, while its mode variable is between.
 
     Filippov's combination of the two sides.
     """

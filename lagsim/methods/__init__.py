@@ -21,7 +21,7 @@ WIDTH = 88
 
 
 class Structure(NamedTuple):
-    """What the equations of motion are made of.
+    """Structure of the equations of motion.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Structure(NamedTuple):
 
     @property
     def constant_parts(self) -> int:
-        """What is factored once: 2 M and A, 1 only M, 0 neither."""
+        """Matrices that are factored once: 2 M and A, 1 only M, 0 neither."""
         return (1 + self.constant_rows) * self.constant_mass
 
     @property

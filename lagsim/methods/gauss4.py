@@ -114,7 +114,7 @@ class Gauss(Fixed):
 
 
 def refusal(scene: Structure) -> str:
-    """Say why momenta do not tell the motion, or return ""."""
+    """Say why momenta do not determine the motion, or return ""."""
     if scene.constraints == "holonomic":
         return (
             "it has constraints (`rattle` is symplectic on holonomic ones, `dop853` "

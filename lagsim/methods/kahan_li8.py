@@ -187,7 +187,7 @@ def correct(s: Composition, first: int, end: int) -> None:
 
 
 def steepness(s: Composition, i: int, x: float) -> float:
-    """How steep the cubic of component i is, times the step."""
+    """Greatest slope of the cubic of component i, times the step."""
     h = s.step_h
     u = 1.0 - x
     change = s.y[i] - s.old[i]

@@ -371,7 +371,7 @@ def rate(p: Impulses, k: int, v: Floats) -> float:
 
 
 def reach(p: Impulses, k: int, v: Floats, w: Floats) -> float:
-    """How large the rate of row k is at velocities v, and at w."""
+    """Magnitude of the rate of row k at velocities v, and at w."""
     found = abs(p.row_offsets[k])
     for e in range(int(p.slope_starts[k]), int(p.slope_starts[k + 1])):
         j = int(p.slope_columns[e])

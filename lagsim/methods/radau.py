@@ -305,7 +305,7 @@ ROUNDING = 20.0 * UNIT_ROUNDOFF
 
 
 class Radau(State):
-    """What is carried from step to step, stages, and factors."""
+    """Values carried from step to step, stages, and factors."""
 
     rate: float  # of convergence, in the last step
     left_over: float  # rate/(1 - rate), carried from step to step

@@ -66,7 +66,7 @@ MOST = 30
 
 
 class Rattle(Fixed):
-    """What holds the positions."""
+    """Multipliers that keep the positions on the constraints."""
 
     probe: Floats = array("size")  # a state to ask at
     change: Floats = array(lambda s: s.size + 4)  # what a Newton step gives

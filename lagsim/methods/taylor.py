@@ -391,7 +391,7 @@ def sum_rates(size: int, first: int, c: Floats, h: float, out: Floats) -> None:
 
 
 def lead(size: int, c: Floats, h: float, out: Floats) -> None:
-    """How far off (size,) the terms of a series may lead in a step."""
+    """Error (size,) that the terms of a series may cause in a step."""
     order = int(c[0])
     for i in range(size):
         far = 0.0

@@ -49,7 +49,7 @@ ERRED = 1e4
 
 
 def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float:
-    """How far a change goes, against the reach of what it moves.
+    """Size of a change, against the reach of the coordinates that it moves.
 
     As `methods.parts.driver.projected`: each coordinate
     counts by its own push.
@@ -63,7 +63,7 @@ def shift(masses: Floats, change: Floats, reach: Floats, sizes: Floats) -> float
 
 
 def largest_shift(rtol: float | None) -> float:
-    """How far a state may be pulled, against the motion, before it jumps."""
+    """Largest shift by a projection, against the motion, that is no jump."""
     if rtol is None:
         return MOST_PULLED
     return min(MOST_PULLED, max(LEAST_PULLED, ERRED * rtol))
@@ -152,7 +152,7 @@ class Arc(NamedTuple):
 
     @property
     def ranges(self) -> Floats:
-        """How far each component has moved, also to the state reached."""
+        """Range of each component, including the state reached."""
         return self.ranges_to(self.y)
 
     @property
@@ -176,7 +176,7 @@ class Arc(NamedTuple):
         return self.system.surfaces > 0 and self.steps % NEAR == 0
 
     def ranges_to(self, y: Floats) -> Floats:
-        """How far each component has moved, also to y."""
+        """Range of each component, including y."""
         state = self.state
         return np.asarray(np.maximum(state.high, y) - np.minimum(state.low, y))
 
@@ -215,7 +215,7 @@ class Arc(NamedTuple):
             self.state.t = near
 
     def advance(self, rows: int, budget: int) -> int:
-        """Integrate on, by one call of the kernel; return what it says."""
+        """Integrate on, by one call of the kernel; return its code."""
         if self.settings.moments and self.state.extras:
             self.state.extra = self._moment
         return self.runner.advance(self.state, rows, budget)

@@ -136,7 +136,7 @@ class Recorder:
         self.last = math.nan
 
     def keep(self, decision: Decision) -> None:
-        """Keep what a decision says."""
+        """Record a decision."""
         for event in decision.events:
             kind = event.kind
             self.counts[kind] = self.counts.get(kind, 0) + 1
@@ -274,7 +274,7 @@ class Run:
         return Ending(Outcome.NOT_FINITE)
 
     def _is_stopped(self, code: int) -> bool:
-        """Whether somebody wants an end, and the run has not come to its own."""
+        """Whether an end has been requested before the run's own."""
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
@@ -283,7 +283,7 @@ class Run:
         return not over
 
     def _decide(self, code: int) -> Ending | None:
-        """Do what the first source says that has an answer to the kernel."""
+        """Apply the decision of the first source that has an answer to the kernel."""
         arc = self.arc
         before = self._before(code)
         corner = self._corner(code)
@@ -381,7 +381,7 @@ class Run:
         return None
 
     def _take(self, decision: Decision) -> None:
-        """Take over what a decision says of the arc, and keep the rest."""
+        """Apply a decision to the arc, and record the rest."""
         if decision is GO_ON:
             return
         self.recorder.keep(decision)

@@ -1,4 +1,4 @@
-"""What a repeat says of a run."""
+"""Error estimate of a run, from its repeat at a tighter tolerance."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CoordinateError(NamedTuple):
 
 
 class ErrorBar(NamedTuple):
-    """What a repeat says of a run.
+    """Error estimate of a run, from its repeat at a tighter tolerance.
 
     Attributes
     ----------

@@ -150,17 +150,17 @@ APART = 10_000
 
 
 class Unmet(Source):
-    """Looks from time to time whether the constraints are met."""
+    """Periodic check that the constraints are satisfied."""
 
     def __init__(self) -> None:
         self._looks = 0
 
     def ask_at(self, arc: Arc) -> int:
-        """Return when it looks next."""
+        """Return the step of the next check."""
         return (arc.steps // APART + 1) * APART
 
     def decide(self, arc: Arc, code: int) -> Decision | None:
-        """End a run whose constraints have not been met for a long time."""
+        """End a run whose constraints have long not been satisfied."""
         held = arc.system.m and arc.plan.projected
         if code != at.PAUSED or arc.steps % APART or not held:
             return None

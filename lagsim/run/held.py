@@ -1,4 +1,4 @@
-"""How far what rests would go if nothing held it, by what pushes it along a motion.
+"""Displacement of resting coordinates if nothing held them, by the forces on them.
 
 See `mechanics.equations`. A coordinate that moves no farther than the rounding of its
 forces could take it is at rest.
@@ -28,7 +28,7 @@ MOST_OPERATIONS = 2e5
 
 
 class Held(NamedTuple):
-    """What pushes each coordinate at most, and how far it could (n,)."""
+    """Largest force on each coordinate, and its possible displacement (n,)."""
 
     forces: Floats
     reach: Floats

@@ -125,7 +125,7 @@ class Interrupt:
 
     @property
     def asked(self) -> bool:
-        """Whether somebody wants an end."""
+        """Whether an end has been requested."""
         return self._stopped or self.signal is not None
 
     def stop(self) -> None:

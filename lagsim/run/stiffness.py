@@ -292,7 +292,7 @@ def _trial(arc: Arc) -> tuple[State, State]:
 
 
 def _cost(arc: Arc, before: State, after: State) -> float:
-    """How many operations a unit of time took."""
+    """Operations per unit of time."""
     n = arc.system.n
     passed = after.t - before.t
     if passed == 0.0:
@@ -308,7 +308,7 @@ def _cost(arc: Arc, before: State, after: State) -> float:
 
 
 def _gain(arc: Arc, stiff: Arc) -> float:
-    """How many times larger the stiff method's step is; 0 where it costs more."""
+    """Ratio of the stiff method's step to this one's; 0 where it costs more."""
     before, after = _trial(stiff)
     h = arc.state.step_h
     if _cost(stiff, before, after) > stiff.system.operations * STAGES / h:

@@ -106,7 +106,7 @@ class Trajectory(NamedTuple):
 
 
 class Turn(Enum):
-    """How a run goes on."""
+    """Continuation of a run."""
 
     NONE = "the arc goes on"
     ARC = "another arc begins, in the mode that there is"
@@ -122,7 +122,7 @@ class Ending(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What a source has found.
+    """Decision of a source of events.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ GO_ON = Decision()
 
 
 class Source:
-    """Something that pauses or ends arcs, and knows how the motion goes on.
+    """Source of events, which pause or end arcs, and of the motion after them.
 
     It may remember what it has seen, and changes nothing else than the mode that it
     answers for.
@@ -181,7 +181,7 @@ class Source:
         return GO_ON
 
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002
-        """Return the number of steps after which it wants to be asked."""
+        """Return the number of steps after which `decide` is called next."""
         return MOST_STEPS
 
     def decide(self, arc: Arc, code: int) -> Decision | None:  # noqa: ARG002

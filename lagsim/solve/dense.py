@@ -393,7 +393,7 @@ def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return what Newton steps leave; y holds them in the place of the velocities.
+    """Second-order residuals after Newton steps, which y holds in place of velocities.
 
     Of the residuals (m,) and of the rates (m,), against their scales.
     """
@@ -440,7 +440,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return what rounding does to q'' (n,), and that of other rates.
+    """Bounds of the rounding of q'' (n,) and of other rates.
 
     In units of the unit roundoff: that of the forces, each with its sign, and that of
     the constraint forces. In the metric of M reflections leave it anywhere among the
@@ -458,7 +458,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def gather(p: Parameters, out: Floats) -> None:
-    """Return what constraint forces could do to each coordinate (n,), as accelerations.
+    """Bound of the accelerations of coordinates (n,) by constraint forces.
 
     The norm of them all in the metric of diag M, among what is joined by rows or by M.
     Where they cancel, what the addends of their rows could do counts.
@@ -518,7 +518,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = left_over(0, p.m, t, y, p, out)
+    out[p.n + 2] = residual_left(0, p.m, t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -526,15 +526,15 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = p.sigma
-    out[p.n + 2] = left_over(p.m, p.m, t, y, p, out)
+    out[p.n + 2] = residual_left(p.m, p.m, t, y, p, out)
     keep_lengths(p)
     p.reference = max(p.reference, p.sigma)
 
 
-def left_over(
+def residual_left(
     first: int, count: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
-    """Return what a Newton step leaves at most of the first rows in the order.
+    """Largest second-order residual after a Newton step, of the first rows in order.
 
     Of their residuals (first = 0), or of their rates (first = m).
     """
@@ -604,7 +604,7 @@ def free_motion(p: Parameters) -> None:
 
 
 def missing(p: Parameters, i: int) -> float:
-    """Return what the motion lacks of the acceleration that row i asks for."""
+    """Residual of row i in the accelerations: b_i - A_i q''."""
     A = p.A[i * p.n :]
     value = p.b[i]
     for j in range(p.n):

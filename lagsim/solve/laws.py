@@ -52,10 +52,10 @@ from lagsim.solve.dense import (
     free_motion,
     gather,
     geometry,
-    left_over,
     missing,
     product,
     rates,
+    residual_left,
 )
 from lagsim.tolerances import OVERFLOW
 
@@ -107,7 +107,7 @@ def impress(p: Parameters, sliding: int) -> None:
 
 
 def share_out(p: Parameters) -> None:
-    """Leave the multiplier of each row."""
+    """Store the multiplier of each row."""
     first = p.m - p.laws
     out = p.multipliers
     p.multipliers[:] = 0.0
@@ -198,7 +198,7 @@ def shared(p: Parameters, count: int, k: int) -> float:
 
 
 def weigh(p: Parameters) -> None:
-    """Note the square of what makes the largest element of each coordinate 1."""
+    """Store the square of the factor that scales each column's largest element to 1."""
     n = p.n
     first = p.m - p.laws
     weights = p.u
@@ -257,7 +257,7 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return what rounding does to q'' (n,), and that of other rates; see `dense`."""
+    """Bounds of the rounding of q'' (n,) and of other rates; see `dense`."""
     n = p.n
     first = p.m - p.laws
     reaction = out[p.size :]
@@ -282,7 +282,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = left_over(0, int(p.ranked), t, y, p, out)
+    out[p.n + 2] = residual_left(0, int(p.ranked), t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -290,7 +290,7 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = 1.0
-    out[p.n + 2] = left_over(p.m, int(p.ranked), t, y, p, out)
+    out[p.n + 2] = residual_left(p.m, int(p.ranked), t, y, p, out)
 
 
 def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
@@ -337,7 +337,7 @@ def hold(p: Parameters) -> None:
 
 
 def drive(p: Parameters) -> None:
-    """Note what slides, and add the forces of limited rows that do."""
+    """Store the parts of sliding rows, and add the forces of limited ones."""
     first = p.m - p.laws
     direction, part = p.law_direction, p.law_part
     for k in range(p.laws):
@@ -376,7 +376,7 @@ def respond(p: Parameters) -> None:
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """How far each law is from the end of its mode (L,): below 0 it is over."""
+    """Event functions of the laws (L,): below 0 the mode of a law is over."""
     mode = p.law_mode
     if p.law_forces > 0.0:
         solve_motion(t, y, p)
@@ -397,7 +397,7 @@ def is_one_sided(p: Parameters, k: int) -> bool:
 
 
 def hold_left(p: Parameters, k: int) -> float:
-    """How much less, or more, a row that holds could bear."""
+    """Event function of a held row: the distance of its multiplier from its bound."""
     lam = p.multipliers
     i = p.m - p.laws + k
     if is_one_sided(p, k):
@@ -408,7 +408,7 @@ def hold_left(p: Parameters, k: int) -> float:
 
 
 def slide_left(p: Parameters, k: int, speed: float) -> float:
-    """How fast something slides; two slips together, of which one tells.
+    """Event function of a sliding row: its speed; of two slips one has that of both.
 
     Until their way has turned, and has to be noted anew. Of those that begin, how much
     they are below what they begin with, and forward.
@@ -431,7 +431,7 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """How much more a slip that sticks could bear; of two the first one tells."""
+    """Event function of a sticking slip; of two slips the first has that of both."""
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])

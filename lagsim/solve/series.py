@@ -55,7 +55,7 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
 
 
 class Cost(NamedTuple):
-    """What one step's series takes, in operations of straight-line code."""
+    """Cost of one step's series, in operations of straight-line code."""
 
     operations: int
     loop: bool

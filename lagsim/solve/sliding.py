@@ -47,7 +47,7 @@ def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """How far each law is from the end of its mode (L,)."""
+    """Event functions of the laws (L,)."""
 
 
 @external
@@ -89,7 +89,7 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """How far the state is from the end of each mode: below 0 it is over.
+    """Event functions of all modes: below 0 a mode is over.
 
     Of the surfaces (K,), then of the laws (L,).
     """
@@ -108,7 +108,7 @@ def event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
-    """Take a state back onto the surfaces that the motion slides along.
+    """Project a state onto the surfaces that the motion slides along.
 
     Along the change of the force there, as the force itself would. A step that does not
     bring it closer is not made: where the surface's slope vanishes there is no way.
@@ -141,7 +141,7 @@ def weigh(p: Parameters) -> None:
 
 
 def distance(p: Parameters) -> float:
-    """How far the state is from the surfaces that it slides along."""
+    """Distance of the state from the surfaces that it slides along."""
     far = 0.0
     for k in range(p.surfaces):
         if p.B[k] > 0.0:

@@ -229,7 +229,7 @@ def record_sigma(s: Rank, sigma: float, h: float) -> None:
 
 
 def record_between(s: Rank, p: Parameters, sigma: float, h: float) -> None:
-    """Do the same for a method whose steps are long: by way of the middle of the step.
+    """Take sigma after a long step: also at the middle of the step.
 
     Sigma at both ends of one may be the same while it vanishes in between.
     """
@@ -388,7 +388,7 @@ def lowest_part(s: Rank, p: Parameters) -> float:
 
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
-    """How independent the rows are at the fraction x of the last step."""
+    """Sigma, the independence of the rows, at the fraction x of the last step."""
     interpolate(s, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])

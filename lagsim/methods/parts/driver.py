@@ -224,7 +224,7 @@ def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
 
 
 def projected(s: State, y: Floats, former: Floats, first: int) -> float:
-    """How far positions (first = 0) or velocities (first = n) were pulled.
+    """Shift of positions (first = 0) or velocities (first = n) by the projection.
 
     Against how far those have moved that were pulled, and what their forces' terms do
     in a step, which may cancel. Each counts by the push that it got: bodies that the
@@ -457,7 +457,7 @@ NARROW = 1e-8
 
 
 def watched(p: Parameters) -> int:
-    """How many event functions there are (C); that of `until` is the last one."""
+    """Count of the event functions (C); that of `until` is the last one."""
     count = 0
     if SWITCHES:
         count = p.surfaces + p.laws
@@ -626,7 +626,7 @@ def rounding_of(p: Parameters, k: int) -> float:
 
 
 def is_nothing(p: Parameters, k: int, value: float) -> bool:
-    """Whether the event function of a law is rounding: slopes of that say nothing."""
+    """Whether the event function of a law is rounding, and its slopes with it."""
     if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
         return value <= -least_allowed(p, k)
     return False
@@ -640,7 +640,7 @@ def least_allowed(p: Parameters, k: int) -> float:
 
 
 def over(p: Parameters, k: int, value: float) -> bool:
-    """Whether event function k says that the mode is over."""
+    """Whether the mode is over by event function k."""
     if UNTIL and k == watched(p) - 1:
         return not value > 0.0
     return not value >= least_allowed(p, k)
@@ -759,7 +759,7 @@ def end_of(
 
 
 def shorten(s: State, x: float) -> None:
-    """Let the last step end at its fraction x.
+    """End the last step at its fraction x.
 
     Its state stays until the rows before that moment are written: methods may
     interpolate from it.

@@ -439,7 +439,7 @@ def find_defect(s: Signals, p: Parameters) -> float:
 
 
 def expect(s: Signals) -> None:
-    """Let the defect at a row count as a size of the motion, before it is there.
+    """Count the defect at a row as a size of the motion, before it is reached.
 
     Or the first traces of it would be controlled as finely as denormal numbers are.
     """

@@ -39,7 +39,7 @@ def progress(iteration: int, change: float, previous: float) -> int:
 
 
 def take_finite(count: int, slopes: Floats) -> None:
-    """Let slopes (count,) without a value be 0, for Newton's method.
+    """Set slopes (count,) without a value to 0, for Newton's method.
 
     The force |v| v has the slope 0 where v = 0, but written with a root its derivative
     is 0/0 there. Where such a slope is more than nothing, steps that are short enough

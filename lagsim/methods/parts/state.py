@@ -155,7 +155,7 @@ signals = of_model("signals")
 
 @external
 def project_sliding(t: float, y: Floats, p: Parameters) -> None:
-    """Take a state back onto the surfaces that the motion slides along."""
+    """Project a state onto the surfaces that the motion slides along."""
 
 
 @external

@@ -1,4 +1,4 @@
-"""What the code of a graph is made from, told without making it.
+"""Digest of the sources of a graph's code, found without generating it.
 
 Writing the IR of a model takes longer than all else that a warm run does to it. Two
 graphs with the same digest have the same code: it covers the operations, how they hang

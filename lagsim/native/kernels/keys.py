@@ -1,4 +1,4 @@
-"""What kernels are made from, told without translating them.
+"""Digest of the sources of kernels, found without translating them.
 
 A warm run finds their objects by it, and never imports the translator.
 """

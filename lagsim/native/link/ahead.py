@@ -64,7 +64,7 @@ def bring(make: Callable[[], bytes]) -> Callable[[], bytes]:
 
 
 class Helper:
-    """Another process, which makes itself ready, and works when it is told on what.
+    """Second process, which is prepared in advance and works on the task sent to it.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""What happens on the way: switches in time and state, features, impacts, lost rank."""
+"""Events of a run: switches in time and state, features, impacts, lost rank."""

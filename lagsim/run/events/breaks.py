@@ -244,7 +244,7 @@ def finest(start: float, end: float) -> float:
 
 
 def _divided(cells: Cells) -> Cells:
-    """Divide the cells that want it, and keep the others."""
+    """Divide the undecided cells, and keep the others."""
     split = cells["task"] == _SPLIT
     lo, hi = cells["lo"], cells["hi"]
     edges = (hi - lo)[:, None] * (np.arange(PARTS + 1) / PARTS) + lo[:, None]

@@ -216,7 +216,7 @@ HEAVY = 1e-3
 
 
 class RankLosses(Source):
-    """The losses of rank of a run, and of which constraints it has been told."""
+    """Losses of rank of a run, and the constraints reported so far."""
 
     def __init__(self) -> None:
         self._told: set[tuple[str, ...]] = set()

@@ -73,7 +73,7 @@ WARNINGS = {
 
 @dataclass(slots=True)
 class Found:
-    """What happens at one time."""
+    """Events at one time."""
 
     y: Floats
     events: list[Event] = field(default_factory=list)
@@ -247,7 +247,7 @@ class Contacts(Source):
         ends: dict[int, float],
         found: Found,
     ) -> None:
-        """Let impulses change the velocities.
+        """Apply impulses to the velocities.
 
         Parameters
         ----------
@@ -438,7 +438,7 @@ class Chosen(NamedTuple):
 
 
 def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chosen:
-    """Let the accelerations choose among what is closed and does not separate."""
+    """Select modes by the accelerations of what is closed and does not separate."""
     laws, L, rates = here.laws, here.count, here.rates
     closed = here.is_closed(also)
     some: list[int] = []
@@ -514,7 +514,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 
 
 def _set_slack(here: Kinematics, found: Chosen) -> None:
-    """Let rounding not end a mode that has just begun."""
+    """Set the slack by which rounding does not end a mode that has just begun."""
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
     rtol = arc.plan.tolerance
     slack = p.slack[K:]

@@ -54,7 +54,7 @@ SLOW = 2.0**-20
 
 
 def come_to_rest(modes: Modes, levels: Mapping[int, float], sizes: Floats) -> bool:
-    """Select rest at the end of a switching curve, if it holds; tell whether.
+    """Select rest at the end of a switching curve, if it holds; return whether.
 
     Where the others that the state is on depend on its side, and the forces on both
     sides of it lead back.
@@ -91,12 +91,12 @@ def _rests(
         size = float(np.abs(J) @ arc.seen[:n])
         aside = SLOW * float(np.abs(J) @ arc.seen[n : 2 * n])
     found = {}
-    for way, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
+    for side, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
         beside = arc.y.copy()
         beside[n : 2 * n] -= speed / square * J
         part = slice(n, 2 * n) if moving else slice(n)
         beside[part] += (sign * aside - rows.residuals[k]) / square * J
-        modes.put(k, levels[k], way)
+        modes.put(k, levels[k], side)
         for j in others:
             modes.write()
             modes.put_clear(j, float(modes.values(arc.t, beside)[j]))
@@ -106,7 +106,7 @@ def _rests(
             back > 0.0 and speed * speed <= 2.0 * FEW * RESIDUAL_ROUNDOFF * size * back
         ):
             return False
-        found[way] = modes.value.copy()
+        found[side] = modes.value.copy()
     modes.value[:] = found[BELOW]
     for j in others:
         if found[BELOW][j] != found[ABOVE][j]:
@@ -218,7 +218,7 @@ class Crossing:
     levels: Mapping[int, float]  # of each surface that the state is on
     sizes: Floats  # of the terms of all surfaces (K,)
     at_rest: Collection[int]  # surfaces whose rate is zero
-    held: Mapping[int, int]  # the way of surfaces where it is known
+    held: Mapping[int, int]  # the side of surfaces where it is known
     settled: bool  # the motion has come to rest on the surfaces, by itself,
     left: float  # in so much time
     hit: int | None  # the surface that has ended the arc before
@@ -276,8 +276,8 @@ class Crossing:
     def _follows(self, k: int) -> bool:
         """Whether a surface's side is known on each side of the open ones."""
         modes = self.modes
-        for way in (BELOW, ABOVE):
-            self._settle((way,) * len(self.open))
+        for side in (BELOW, ABOVE):
+            self._settle((side,) * len(self.open))
             modes.write()
             if not (modes.keeps(k) or self._parallel(modes.rows(), k)):
                 return False
@@ -302,8 +302,8 @@ class Crossing:
     def _settle(self, corner: Sequence[int]) -> None:
         """Put the open surfaces on these sides, and what hangs on them where it is."""
         modes, arc = self.modes, self.modes.arc
-        for k, way in zip(self.open, corner, strict=True):
-            modes.put(k, self.levels[k], way)
+        for k, side in zip(self.open, corner, strict=True):
+            modes.put(k, self.levels[k], side)
         for k in self.loose:
             modes.write()
             value = float(modes.values(arc.t, arc.y)[k])
@@ -321,8 +321,8 @@ class Crossing:
             found = self._parallel(rows, k)
             if found is not None:
                 leader, factor = found
-                way = corner[self.open.index(leader)]
-                modes.put(k, level, way if factor > 0.0 else 1 - way)
+                side = corner[self.open.index(leader)]
+                modes.put(k, level, side if factor > 0.0 else 1 - side)
         modes.write()
 
     def _by_forces(self, now: list[int]) -> None:
@@ -336,10 +336,10 @@ class Crossing:
                 return
             if resting:
                 now = [
-                    way for k, way in zip(several, now, strict=True) if k in self.open
+                    side for k, side in zip(several, now, strict=True) if k in self.open
                 ]
                 cone = self._cone(held)
-        found = cone.way(now)
+        found = cone.select(now)
         if found is None or cone.is_fork(found):
             self.undecided = self.open
         self._take(found or now)
@@ -367,9 +367,9 @@ class Crossing:
         for k in resting:
             modes.put(k, self.levels[k], LEVEL)
         others = [k for k in self.open if k not in resting]
-        for way in (BELOW, ABOVE) if others else ():
+        for side in (BELOW, ABOVE) if others else ():
             for k in others:
-                modes.put(k, self.levels[k], way)
+                modes.put(k, self.levels[k], side)
             if not all(self._stays(k, most[k]) for k in resting):
                 resting = []
         if not resting or set(resting).isdisjoint(self.open):
@@ -415,13 +415,13 @@ class Crossing:
             step *= LONGER
         return None
 
-    def _take(self, ways: Sequence[int]) -> None:
-        """Take a way, with what steps together with the surfaces that it follows."""
+    def _take(self, sides: Sequence[int]) -> None:
+        """Take sides, with what steps together with the surfaces that it follows."""
         modes = self.modes
-        base = [BELOW if way == SLIDING else way for way in ways]
+        base = [BELOW if side == SLIDING else side for side in sides]
         self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
-        along = [i for i, way in enumerate(ways) if way == SLIDING]
+        along = [i for i, side in enumerate(sides) if side == SLIDING]
         carried = {}
         for i in along:
             self._settle([*base[:i], ABOVE, *base[i + 1 :]])

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
-# All ways are tried up to this many surfaces; beyond it they are exchanged one by one.
+# All modes are tried up to this many surfaces; beyond it they are exchanged one by one.
 FEW = 5
 MOST_EXCHANGES = 1000
 
@@ -53,9 +53,9 @@ class FilippovCone:
     roundoff : ndarray, shape (count,)
         What the rounding of the state does to them.
     held
-        Surfaces whose way is known.
+        Surfaces whose side is known.
     stays
-        Whether the motion from a corner stays in it, as far as can be told.
+        Whether the motion from a corner stays in it, as far as is known.
     settled
         The motion has come to rest on the surfaces, or some of them have no rates.
     """
@@ -79,7 +79,7 @@ class FilippovCone:
         few = self.count <= FEW
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
 
-    def way(self, now: Sequence[int]) -> list[int] | None:
+    def select(self, now: Sequence[int]) -> list[int] | None:
         """Select BELOW, ABOVE or SLIDING for each surface; None where none meets them.
 
         Of several selections, those with fewer sliding surfaces and with the sides
@@ -93,14 +93,14 @@ class FilippovCone:
         leading = next((w for w in candidates if self.holds(w, self._clear)), None)
         if leading is not None:
             return leading
-        creeping = [way for way in candidates if self.holds(way, -self.tolerance)]
+        creeping = [mode for mode in candidates if self.holds(mode, -self.tolerance)]
         doubtful = []
-        for way in creeping:
-            stays = SLIDING in way or self.stays(tuple(way))
+        for mode in creeping:
+            stays = SLIDING in mode or self.stays(tuple(mode))
             if stays:
-                return way
+                return mode
             if stays is None:
-                doubtful.append(way)
+                doubtful.append(mode)
         if doubtful or not self.settled:
             return doubtful[0] if doubtful else None
         # No side leads away: the motion stays, though no surface attracts alone.
@@ -112,38 +112,38 @@ class FilippovCone:
         low = (BELOW,) * self.count
         return float(self.rates(_above(low, k))[k] - self.rates(low)[k])
 
-    def is_fork(self, way: Sequence[int]) -> bool:
+    def is_fork(self, mode: Sequence[int]) -> bool:
         """Whether the other side of some surface would do as well."""
-        for i, k in enumerate(way):
+        for i, k in enumerate(mode):
             if k == SLIDING or i in self.held:
                 continue
-            other = [*way[:i], 1 - k, *way[i + 1 :]]
+            other = [*mode[:i], 1 - k, *mode[i + 1 :]]
             if self.holds(other, self._clear) or self._leads_off(other):
                 return True
         return False
 
-    def _leads_off(self, way: Sequence[int]) -> bool:
+    def _leads_off(self, mode: Sequence[int]) -> bool:
         """Whether the motion stays on these sides though no rate says so."""
-        if self.count > FEW or SLIDING in way or not self.holds(way, -self.tolerance):
+        if self.count > FEW or SLIDING in mode or not self.holds(mode, -self.tolerance):
             return False
-        return self.stays(tuple(way)) is True
+        return self.stays(tuple(mode)) is True
 
     def _candidates(self, now: Sequence[int]) -> Iterator[list[int]]:
         choices = [
             [self.held[k]] if k in self.held else [now[k], 1 - now[k], SLIDING]
             for k in range(self.count)
         ]
-        every = [list(way) for way in product(*choices)]
-        yield from sorted(every, key=lambda way: way.count(SLIDING))
+        every = [list(mode) for mode in product(*choices)]
+        yield from sorted(every, key=lambda mode: mode.count(SLIDING))
 
-    def _solved(self, way: Sequence[int]) -> tuple[Floats, Floats, Floats]:
+    def _solved(self, mode: Sequence[int]) -> tuple[Floats, Floats, Floats]:
         """Shares that keep sliding surfaces, rates, and attractions (count,).
 
         The attraction of a surface is what its own upper side adds to its rate: below 0
         where the sides push onto the surface.
         """
-        along = [i for i, k in enumerate(way) if k == SLIDING]
-        corner = tuple(BELOW if k == SLIDING else k for k in way)
+        along = [i for i, k in enumerate(mode) if k == SLIDING]
+        corner = tuple(BELOW if k == SLIDING else k for k in mode)
         rho = self.rates(corner)
         w = np.array(corner, dtype=float)
         own = np.zeros(self.count)
@@ -163,19 +163,19 @@ class FilippovCone:
             own[along] = np.diag(inner)
         return w, rho, own
 
-    def holds(self, way: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
-        """Whether a selection meets the conditions, at rates of `least` or more.
+    def holds(self, mode: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
+        """Whether a mode meets the conditions, at rates of `least` or more.
 
         And whether each sliding surface attracts alone.
         """
-        w, rho, own = self._solved(way)
+        w, rho, own = self._solved(mode)
         known = [i in self.held for i in range(self.count)]
-        ways = np.array(way)
+        sides = np.array(mode)
         inside = (w >= -SOLUTION_ROUNDOFF) & (w <= 1.0 + SOLUTION_ROUNDOFF)
         attracts = (own < 0.0) | (not alone)
         follows = inside & attracts & (np.abs(rho) <= self.tolerance)
-        leaves = np.where(ways == ABOVE, rho, -rho) >= least
-        return bool(np.all(known | np.where(ways == SLIDING, follows, leaves)))
+        leaves = np.where(sides == ABOVE, rho, -rho) >= least
+        return bool(np.all(known | np.where(sides == SLIDING, follows, leaves)))
 
     def _exchanged(self, now: Sequence[int]) -> list[int] | None:
         """Exchange the first surface that violates its condition until none does.
@@ -185,21 +185,21 @@ class FilippovCone:
         bounds above).
         """
         attracts = [self.attraction(i) < 0.0 for i in range(self.count)]
-        way = [
+        mode = [
             self.held.get(i, SLIDING if attracts[i] else now[i])
             for i in range(self.count)
         ]
         for _ in range(MOST_EXCHANGES):
-            w, rho, _ = self._solved(way)
-            for i, k in enumerate(way):
+            w, rho, _ = self._solved(mode)
+            for i, k in enumerate(mode):
                 if i in self.held:
                     continue
                 new = _better(k, w[i], rho[i], self.tolerance[i])
                 if new != k:
-                    way[i] = SLIDING if attracts[i] and k != SLIDING else new
+                    mode[i] = SLIDING if attracts[i] and k != SLIDING else new
                     break
             else:
-                return way
+                return mode
         return None
 
 
@@ -293,7 +293,7 @@ class Modes:
 
     @property
     def bound(self) -> Floats:
-        """Which surfaces the expression does not tell the mode of (K,)."""
+        """Surfaces whose expression does not determine the mode (K,)."""
         return np.asarray((self.kind != 0.0) & (self.kind != kept.CHOSEN))
 
     def choose(self, several: Collection[int]) -> None:
@@ -325,12 +325,12 @@ class Modes:
         self.carried = {}
         self.watched = []
 
-    def put(self, k: int, level: float, way: int) -> None:
+    def put(self, k: int, level: float, mode: int) -> None:
         """Put surface k below or above its level, along it, or at rest on it."""
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
-        self.kind[k] = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(way, 0.0)
-        self.value[k] = {ABOVE: above, LEVEL: 0.5 * (below + above)}.get(way, below)
+        self.kind[k] = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(mode, 0.0)
+        self.value[k] = {ABOVE: above, LEVEL: 0.5 * (below + above)}.get(mode, below)
 
     def put_clear(self, k: int, value: float) -> None:
         """Put surface k on the side on which its expression has this value."""

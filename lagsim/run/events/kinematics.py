@@ -1,4 +1,4 @@
-"""What the laws of a run are at a state, in numbers: which could act, and how.
+"""Kinematics of the laws of a run at a state: gaps, rates, and which could act.
 
 Gaps and rates count as zero within rounding: of their terms, and of the time at which
 a step was cut.
@@ -56,7 +56,7 @@ class Shape:
 
     @cached_property
     def reply(self) -> Delassus:
-        """How all laws answer to multipliers, beside the equalities."""
+        """Accelerations of all laws per multiplier, beside the equalities."""
         return delassus(self.M, self.equalities, self.rows)
 
 
@@ -98,7 +98,7 @@ class Kinematics:
         t: float | None = None,
         known: Shape | None = None,
     ) -> None:
-        """Look at the state y.
+        """Evaluate the laws at the state y.
 
         known : the shape at another state, which that of this one may be.
         """
@@ -176,7 +176,7 @@ class Kinematics:
 
     @cached_property
     def roundoff(self) -> Floats:
-        """What is rounding of `accelerations` (L,): their terms, and the state."""
+        """Rounding bounds of `accelerations` (L,): by their terms, and by the state."""
         a, b, *_ = self._free(self.t, self.y + _aside(len(self.y)) * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))

@@ -54,7 +54,7 @@ class Sequence:
         return sorted({k for _, k in list(self.recent)[-2 * self.window :]})
 
     def ratio(self) -> float:
-        """How much faster the last switches came than those before; else inf."""
+        """Ratio of intervals between the last switches to those before; else inf."""
         if len(self.recent) <= 2 * self.window:
             return math.inf
         last, former = self._stretch(0), self._stretch(1)

@@ -191,7 +191,7 @@ class Switching(Source):
         return ", ".join(f"`{self.sides[k].text}`" for k in sorted(several))
 
     def _set_slack(self, levels: dict[int, float], rows: Rows, sizes: Floats) -> None:
-        """Let rounding not end a mode that has just begun, and noise none at all."""
+        """Set slack and band, so that no mode ends by rounding or tolerated errors."""
         slides, modes, arc = self.slides, self.modes, self.modes.arc
         slack = np.zeros(modes.count)
         modes.store(slack=slack)
@@ -200,7 +200,7 @@ class Switching(Source):
             least = SOLUTION_ROUNDOFF if slides[k] else RESIDUAL_ROUNDOFF * sizes[k]
             slack[k] = least + 2.0 * max(0.0, -event_functions[k])
         # Within its floor a root is the same to either side.
-        roundoff = np.maximum(self._noise(rows), 0.5 * modes.p.floor)
+        roundoff = np.maximum(self._roundoff(rows), 0.5 * modes.p.floor)
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
@@ -218,7 +218,7 @@ class Switching(Source):
         ranges[:n] += step * ranges[n:]
         return ranges
 
-    def _noise(self, rows: Rows) -> Floats:
+    def _roundoff(self, rows: Rows) -> Floats:
         """Change of each surface (K,) by errors within the tolerance.
 
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
@@ -280,7 +280,7 @@ class Switching(Source):
         return Decision(turn=Turn.ARC, ahead=time) if k is None else self._meet(arc, k)
 
     def _time_ahead(self, arc: Arc) -> tuple[int | None, float] | None:
-        """Time ahead of the next surface, and its number if it is met already.
+        """Time ahead of the next surface, and its number if it has been reached.
 
         None where no surface is near.
         """
@@ -310,7 +310,7 @@ class Switching(Source):
         return handed_over(arc, BENT, {})._replace(turn=Turn.MODE)
 
     def _next(self, arc: Arc) -> tuple[int, float]:
-        """Surface that is met next, at the rates there are, and how soon."""
+        """Next surface on the path, at the present rates, and the time to it."""
         modes = self.modes
         rows = modes.rows()
         speeds = np.where(self.of_velocities, modes.forced(rows), rows.rates)

@@ -1,4 +1,4 @@
-"""What happens at times that are known before: switches of t alone, and features.
+"""Events at times known in advance: switches of t alone, and features.
 
 The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
 of t alone is flat to rounding before it begins; no step sees it coming. Where such a
@@ -44,7 +44,7 @@ WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 
 
 class _Ahead(Source):
-    """What lies ahead in a run, in order, found as the run gets to it.
+    """Future breaks or features of a run, in order, found as the run gets to them.
 
     A run that is resumed finds it anew, past what it has taken.
     """
@@ -142,7 +142,7 @@ class Feature(NamedTuple):
 
 
 class Features(_Ahead):
-    """What is still to come in a run, in order."""
+    """Future features of a run, in order."""
 
     def __init__(self, arc: Arc) -> None:
         super().__init__(arc)
@@ -274,7 +274,7 @@ class _Line:
         return Caution("short-times", text)
 
     def _distance(self, t: float) -> float:
-        """How far from waking it is, see `methods.parts.missed`."""
+        """Distance of the argument from activity, see `methods.parts.missed`."""
         (u,) = self.argument(t)
         kind, power = self.indicator.kind, self.indicator.power
         return math.inf if math.isnan(u) else distance(kind, power, u)
@@ -284,7 +284,7 @@ class _Line:
         return [self._distance(time - width), self._distance(time + width)]
 
     def _at(self, time: float) -> Feature | None:
-        """Return what happens at a time, or None if nothing short does."""
+        """Return the feature at a time, or None."""
         least = self._distance(time)
         beside = max(8.0 * math.ulp(time), self.finest)
         width = None

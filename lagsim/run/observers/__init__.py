@@ -1,4 +1,4 @@
-"""What follows the rows of a run while they pass.
+"""Observers of the rows of a run.
 
 An observer takes rows, block by block, and is asked afterwards for what it has kept:
 in bounded memory, but for `Keep`. `Relay` hands rows to a store first, and to the
@@ -128,7 +128,7 @@ class Corners:
         self.events: list[tuple[Floats, Floats]] = []
 
     def __bool__(self) -> bool:
-        """Whether more are wanted."""
+        """Whether more rows are requested."""
         return len(self.events) < MOST
 
     def add(self, before: Floats, after: Floats) -> None:

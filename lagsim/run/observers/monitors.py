@@ -113,7 +113,7 @@ WRONG = 0.3
 
 
 def gained(balance: Floats) -> float:
-    """How much energy - work (k,) has grown; 0 where that is only part of a swing.
+    """Growth of energy - work (k,); 0 where that is only part of a swing.
 
     By the medians of the first and the last tenth, where one of them varies by less;
     from the first value where nothing comes near it again; to the last one where all of
@@ -264,7 +264,7 @@ class EnergyMonitor:
 
     @property
     def fastest_rate(self) -> float:
-        """How fast the fastest motion is that the rows show: |q''| against |q'|."""
+        """Rate of the fastest motion in the rows: |q''| against |q'|."""
         n, rows = self.count, self._rows
         rates, accelerations = (
             np.sqrt(np.sum(rows[:, 3 + k * n :][:, :n] ** 2, axis=0)) for k in (1, 2)

@@ -30,7 +30,7 @@ MOST_NUMBERS = 2**20
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
-_PULL = (None, (ctypes.c_double, _POINTER, _POINTER))
+_PROJECTION = (None, (ctypes.c_double, _POINTER, _POINTER))
 _ADVANCE = (
     ctypes.c_int64,
     (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
@@ -70,7 +70,7 @@ class Runner:
         self._prepare = self.engine.function("prepare", *FUNCTION)
         self._advance = self.engine.function("advance", *_ADVANCE)
         if system.watched > 0:
-            self._pull = self.engine.function("project_sliding", *_PULL)
+            self._project = self.engine.function("project_sliding", *_PROJECTION)
         self._tabulate = self.engine.function("tabulate", *_TABULATE)
         columns, width = system.rows_observed, 1 + system.size
         self._columns, self._width = columns, width
@@ -125,12 +125,12 @@ class Runner:
         return evaluate
 
     def event_functions(self, t: float, y: Floats) -> Floats:
-        """How far the state is from leaving each mode: of surfaces, then laws."""
+        """Event functions of the modes: of surfaces, then laws."""
         return self.function("event_functions", self.system.watched)(t, y)
 
     def project_sliding(self, t: float, y: Floats) -> None:
-        """Take y back, in place, onto the surfaces that the motion slides along."""
-        self._pull(t, y.ctypes.data, self.system.p.address)
+        """Project y, in place, onto the surfaces that the motion slides along."""
+        self._project(t, y.ctypes.data, self.system.p.address)
 
     def prepare(self) -> None:
         """Compute what depends on parameters and modes alone, before each arc.
