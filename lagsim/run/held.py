@@ -66,7 +66,8 @@ def could_push(
     """
     e, g, n = equations, equations.graph, len(equations.q)
     state = (*e.q, *e.velocities, "t")
-    known = [f for f in e.f if not g.dependent([f], (*e.multipliers, *e.accelerations))]
+    reacting = g.dependent(e.f, (*e.multipliers, *e.accelerations))
+    known = [f for f in e.f if f not in reacting]
     bounds = dict(zip(known, roundings(g, known, state), strict=True))
     sizes = zip(pushes(e), (bounds.get(f, g.zero) for f in e.f), strict=False)
     nodes = [*(g.call("add", *pair) for pair in sizes), *e.inertias]
