@@ -275,9 +275,11 @@ class Copy:
             try:
                 out, _ = process.communicate(timeout=4.0 * PATIENCE * limit)
             except subprocess.TimeoutExpired:
-                # Those that it has started, too.
                 os.killpg(process.pid, signal.SIGKILL)
                 out, _ = process.communicate()
+            # A browser or node that a test has left.
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
         code = process.returncode
         return None if code < 0 else code, out.decode(errors="replace")
 
