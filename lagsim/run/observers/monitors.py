@@ -310,6 +310,10 @@ class Growth:
         self._noted: list[tuple[float, float]] = []
         self._next = 0.0
 
+    def grows(self, size: float, noted: float) -> bool:
+        """Whether rows with these largest sizes, or a nan, have something to note."""
+        return not (size <= self.size and noted <= self._next)
+
     def add(self, rows: Floats, sizes: Floats, noted: Floats | None = None) -> None:
         """Take rows (k, columns), the time first, and sizes in them (k,).
 
@@ -354,8 +358,6 @@ class ResidualMonitor:
     Attributes
     ----------
     first_energy : float
-    scales : dict
-        The largest scale of each constraint.
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -364,9 +366,16 @@ class ResidualMonitor:
         self._start: float | None = None
         self.first_energy = 0.0
         self._drift = Growth()
-        self._judged = judged_columns(columns)
-        self._residuals = {name: Growth() for name in self._judged}
-        self.scales = dict.fromkeys(self._judged, 0.0)
+        judged = judged_columns(columns)
+        places = np.array([*judged.values()], dtype=np.intp).reshape(-1, 2)
+        self._residual_at, self._scale_at = places.T
+        self._residuals = {name: Growth() for name in judged}
+        self._scales = np.zeros(len(judged))
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """The largest scale of each constraint."""
+        return dict(zip(self._residuals, self._scales.tolist(), strict=True))
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
@@ -376,12 +385,14 @@ class ResidualMonitor:
             self.first_energy = float(rows[0, self._energy])
         with np.errstate(invalid="ignore"):
             self._drift.add(rows, np.abs(balance - self._start))
-        for name, (residual, scale) in self._judged.items():
-            sizes, scales = np.abs(rows[:, residual]), rows[:, scale]
-            so_far = np.fmax(np.fmax.accumulate(scales), self.scales[name])
-            parts = np.divide(sizes, so_far, out=np.zeros_like(sizes), where=so_far > 0)
-            self._residuals[name].add(rows, sizes, parts)
-            self.scales[name] = float(np.maximum(self.scales[name], np.max(scales)))
+        sizes, scales = np.abs(rows[:, self._residual_at]), rows[:, self._scale_at]
+        so_far = np.fmax(np.fmax.accumulate(scales), self._scales)
+        parts = np.divide(sizes, so_far, out=np.zeros_like(sizes), where=so_far > 0)
+        largest, most = np.max(sizes, axis=0), np.max(parts, axis=0)
+        for k, growth in enumerate(self._residuals.values()):
+            if growth.grows(largest[k], most[k]):
+                growth.add(rows, sizes[:, k], parts[:, k])
+        self._scales = np.maximum(self._scales, np.max(scales, axis=0))
 
     @property
     def energy_drift(self) -> float:
@@ -429,8 +440,8 @@ class ResidualMonitor:
     def _parts(self) -> dict[str, float]:
         """Each residual as a part of its scale; 0 where that is 0."""
         return {
-            name: 0.0 if self.scales[name] <= 0.0 else worst.size / self.scales[name]
-            for name, worst in self._residuals.items()
+            name: 0.0 if scale <= 0.0 else self._residuals[name].size / scale
+            for name, scale in self.scales.items()
         }
 
 
