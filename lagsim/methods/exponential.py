@@ -241,7 +241,7 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
 
 
 def make_terms(m: int, tau: float, a: Floats, terms: Floats) -> None:
-    """Return z_k = (A tau)^k z_0 / k! from z_0 on."""
+    """Write z_k = (A tau)^k z_0 / k! from z_0 on."""
     for k in range(1, TERMS + 1):
         before = terms[(k - 1) * m :]
         for i in range(m):

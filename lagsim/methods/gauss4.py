@@ -273,7 +273,7 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 
 
 def conclude(s: Gauss, h: float) -> None:
-    """Return the new positions, momenta and work; the velocities go on for a start."""
+    """Write the new positions, momenta and work; the velocities go on for a start."""
     n, new, compensation = s.n, s.new, s.compensation
     stages = s.stages
     s.new[:] = s.y

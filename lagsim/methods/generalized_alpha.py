@@ -217,7 +217,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
-    """Return the new positions and velocities that belong to the new acceleration."""
+    """Write the new positions and velocities that belong to the new acceleration."""
     n, y = s.n, s.y
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)

@@ -360,7 +360,7 @@ def frame(
     above: bool | None = None,
     colour: str = INK,
 ) -> None:
-    """Return a panel its scales, and name what they show.
+    """Give a panel its scales, and name what they show.
 
     Parameters
     ----------

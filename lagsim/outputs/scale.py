@@ -86,7 +86,7 @@ class Scale(NamedTuple):
         *,
         bare: bool = False,
     ) -> None:
-        """Return Axes this range and at most so many ticks, by default as many as fit.
+        """Give Axes this range and at most so many ticks, by default as many as fit.
 
         What numbers count in stands in the `label`; `bare` axes have none.
         """

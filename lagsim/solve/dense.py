@@ -296,7 +296,7 @@ def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
 
 
 def impress(p: Parameters, rank: int) -> None:
-    """Return u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
+    """Write u = Q w (n,) with R^T w = right side: the constraint forces times L^-1."""
     n, u, w, diagonal = p.n, p.u, p.w, p.diagonal
     for k in range(rank):
         for j in range(k):
@@ -383,7 +383,7 @@ def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the rates of what follows the velocities, from q'' and lambda in p."""
+    """Write the rates of what follows the velocities, from q'' and lambda in p."""
 
 
 @external
@@ -401,7 +401,7 @@ def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 @external
 def force_rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the rounding of the forces (n,), and of the rates that follow."""
+    """Write the rounding of the forces (n,), and of the rates that follow."""
 
 
 @external
@@ -511,7 +511,7 @@ def join(n: int, m: int, terms: Floats, label: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the least change (n,) in the metric of M that removes the residuals.
+    """Write the least change (n,) in the metric of M that removes the residuals.
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
@@ -522,7 +522,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the same for the velocities and the rates, with sigma instead of 0."""
+    """Write the same for the velocities and the rates, with sigma instead of 0."""
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = p.sigma
@@ -614,7 +614,7 @@ def missing(p: Parameters, i: int) -> float:
 
 @external
 def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
+    """Write dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
 
     y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
     zero identically is not written: the room for it holds zeros from the start.
@@ -622,7 +622,7 @@ def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
+    """Write dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
@@ -648,7 +648,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def solve_again(p: Parameters, rank: int, out: Floats) -> None:
-    """Return q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
+    """Write q'' (n,) and lambda (m,) for the f and b in the terms, which are used up.
 
     With what `factor` and `reflect` left: L^T q'' = Q w + (1 - Q Q^T) L^-1 f, where
     R^T w = b, and R lambda = w - Q^T L^-1 f.

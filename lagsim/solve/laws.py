@@ -244,7 +244,7 @@ TURNED = 0.5
 
 @external
 def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return of each law (L,) the gap, or the speed of what has none."""
+    """Write of each law (L,) the gap, or the speed of what has none."""
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -275,7 +275,7 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the least change (n,) in the metric of M that removes the residuals.
+    """Write the least change (n,) in the metric of M that removes the residuals.
 
     Then the largest residual against its scale, 0, and what the change leaves, (3,).
     """
@@ -286,7 +286,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Return the same for the velocities and the rates, with 1 instead of 0."""
+    """Write the same for the velocities and the rates, with 1 instead of 0."""
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = 1.0

@@ -467,7 +467,7 @@ def bound_roundoff(
 
 
 def move_aside(size: int, y: Floats, change: float, out: Floats) -> None:
-    """Return y with a relative change.
+    """Write y with a relative change.
 
     Components change by different parts, or a change of the whole scene's size or
     place would hide what cancels.

@@ -207,7 +207,7 @@ def square(width: Static, g: Floats) -> None:
 
 
 def combine(width: Static, n: int, g: Floats, r: Floats, out: Floats) -> None:
-    """Return s + g r (n,)."""
+    """Write s + g r (n,)."""
     for i in range(n):
         own = out[width * i :]
         take(width, r[width * (n + i) :], own)

@@ -95,7 +95,7 @@ def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
     """
 
     def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-        """Return what the declaration says."""
+        """Write what the declaration says."""
 
     function.__name__ = function.__qualname__ = name
     return external(function)

@@ -28,7 +28,7 @@ def cone(B, r, held=None):
 )
 def test_one_surface(low, high, way):
     here = cone([[high - low]], [-low])
-    assert here.way([ABOVE]) == [way]
+    assert here.select([ABOVE]) == [way]
     assert here.is_fork([way]) == (low < 0 < high)
 
 
@@ -41,7 +41,7 @@ def test_friction_has_one_way_and_it_is_found(count):
         B = -J @ J.T
         r = B @ random.uniform(-0.5, 1.5, count)
         here = cone(B, r)
-        way = here.way([BELOW] * count)
+        way = here.select([BELOW] * count)
         # The conditions by their own words.
         w = np.array([1.0 if k == ABOVE else 0.0 for k in way])
         along = [i for i, k in enumerate(way) if k == SLIDING]
@@ -56,4 +56,4 @@ def test_friction_has_one_way_and_it_is_found(count):
 def test_no_way():
     # Each wants what the other does not let: only unstable ways are left.
     here = cone([[0.0, -2.0], [2.0, 0.0]], [-1.0, 1.0])
-    assert here.way([BELOW, BELOW]) is None
+    assert here.select([BELOW, BELOW]) is None
