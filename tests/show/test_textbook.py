@@ -135,18 +135,33 @@ coordinates: {{x1: {{}}, y1: {{}}, x2: {{}}, y2: {{}}, u: {{}}, w: {{}}}}
 energy:
   kinetic: >
     {m1}*(x1_dot^2 + y1_dot^2)/2 + {m2}*(x2_dot^2 + y2_dot^2)/2
-    + (u_dot^2 + w_dot^2)/2
+    + {beside}*(u_dot^2 + w_dot^2)/2
   potential: -{k}/hypot(x1 - x2, y1 - y2) {more}
 initial: {{x1: 0, y1: 0, x2: 1, y2: 0, u: 0, w: 1}}
 """
 SUN_AND_EARTH = {"m1": "1.98847e30", "m2": "5.9722e24", "k": "7.926e44"}
 PROTON_AND_ELECTRON = {"m1": "1.6726e-27", "m2": "9.1094e-31", "k": "2.3071e-28"}
+MOMENTA = {(), ("x1", "x2"), ("y1", "y2"), ("x1", "y1", "x2", "y2")}
+
+
+@pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
+@pytest.mark.parametrize("beside", ["1e-30", "1", "1e40"])
+@pytest.mark.parametrize("scale", ["1e-25", "1", "1e35"])
+def test_symmetries_in_any_units(bodies: Any, beside: str, scale: str) -> None:
+    # Of six coordinates: the bodies' momenta, and those that a spring leaves the two
+    # bystanders. Turns of u and w keep T; a spring between them has no such turn.
+    more = f"+ {scale}*(u - w)^2"
+    text = ATTRACTED.format(beside=beside, more=more, **bodies)
+    found = small(text).document["conserved"]
+    assert {tuple(k["of"]) for k in found} == {*MOMENTA, ("u", "w")}
+    assert sum(k["kind"] == "angular momentum" for k in found) == 1
+    assert len(found) == 5
 
 
 @pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
 @pytest.mark.parametrize("field", ["1e-20", "1", "1e20"])
 def test_a_weak_or_strong_field_breaks_a_symmetry(bodies: Any, field: str) -> None:
-    text = ATTRACTED.format(more=f"+ {field}*x1 + u^2 + 3*w^4", **bodies)
+    text = ATTRACTED.format(beside="1", more=f"+ {field}*x1 + u^2 + 3*w^4", **bodies)
     assert kept(small(text)).keys() == {(), ("y1", "y2")}
 
 

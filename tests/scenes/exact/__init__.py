@@ -39,7 +39,7 @@ class Exact:
     also : the same of other columns, which other words change
     events : kind -> times of all that happens after the start, and of impacts at it
     fails : the code and the time of a run that cannot go on
-    still : coordinates that rest to the last bit, or in other words to rounding
+    still : coordinates that rest to the last bit
     within : of the largest of all coordinates, or of 1 where none moves
     steps : it takes fewer, and rejects fewer than a tenth of that
     error : the error bar, as a part of the range, is less
@@ -85,15 +85,14 @@ def check(scene: Exact, word: str = "") -> None:
         assert found.complete, found.reason
     _compared(found, scene.motion(t), within, rounding)
     for name in scene.still.split():
-        assert np.ptp(found[name]) <= (100.0 * EPS if word else 0.0) + rounding, name
+        assert np.ptp(found[name]) == 0.0, name
     if scene.events is not None:
         _happened(found, scene, (t[0], shift, scale), within + rounding, word)
     shared = found.t[1:][np.diff(found.t) == 0.0]
     assert [*shared] == sorted({e.time for e in found.events if e.kind == "impact"})
     if scene.steps is not None:
         assert found.record["steps"] < scene.steps
-        # Far from the origin a step fails by rounding now and then.
-        assert rounding or found.record["rejections"] < scene.steps / 10
+        assert found.record["rejections"] < scene.steps / 10
     if scene.error is not None:
         assert found.record["error"]["horizon"] is None
         assert found.record["error"]["relative"] < scene.error
