@@ -49,7 +49,7 @@ class Place(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """One fault of the input: a stable code, a sentence, its place and a hint.
+    """Fault of the input: a stable code, a sentence, its place and a hint.
 
     `lagsim.codes` has the code's number, and what more is known of such faults.
     """
@@ -66,7 +66,7 @@ class Problem(NamedTuple):
 
     @property
     def expected(self) -> str:
-        """What is expected there."""
+        """Description of valid input at this place."""
         return self._row.expected
 
     @property

@@ -1,4 +1,4 @@
-"""What lagsim takes at most: every budget that a stranger's file could exceed.
+"""Budgets: the largest input and work that lagsim accepts from a file.
 
 Each is far beyond what a person writes, and holds memory and time in bounds: a file of
 100 kB is checked in 10 s and 1 GB, and derived, or refused, within 20 s. What is beyond

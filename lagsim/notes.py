@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 
 class Choice(NamedTuple):
-    """One choice, and its reason."""
+    """Choice, and its reason."""
 
     choice: str
     reason: str

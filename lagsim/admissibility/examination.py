@@ -124,7 +124,7 @@ class StartReport(NamedTuple):
 
     @property
     def start(self) -> Start:
-        """What a run begins with."""
+        """Start of a run: time, state and ranks."""
         at = self.state
         return Start(at.t, at.q, at.v, self.lasting, self.augmented)
 
@@ -207,7 +207,7 @@ def start_at(equations: Equations, state: Instant) -> Start:
 
 
 class _Judged(NamedTuple):
-    """Where the rows are analysed, their ranks there, and what contradicts."""
+    """State at which the rows are analysed, their ranks there, contradictions."""
 
     point: Point
     ranks: RankReport
@@ -590,7 +590,7 @@ class _Examiner:
 
 
 def _spread(relations: Relations, x: Floats) -> Floats:
-    """How far around a root x, found from x0, others are looked for."""
+    """Radius, per unknown, of the search for further roots around x, found from x0."""
     if relations.velocities:  # 0 may be found as 1e-60
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)

@@ -41,7 +41,7 @@ MOST_NODES = 40_000
 
 
 class Reach(NamedTuple):
-    """What the motion can reach.
+    """Configurations that the motion can reach.
 
     Attributes
     ----------

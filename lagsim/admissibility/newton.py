@@ -237,7 +237,7 @@ SHORTER = 0.9
 
 
 class Trouble(Enum):
-    """Why the relations could not be reached, or what was odd about the root."""
+    """Reason why no root was found, or a peculiarity of the root."""
 
     NONE = ""
     DOUBLE_ROOT = "double root"
@@ -247,7 +247,7 @@ class Trouble(Enum):
 
 
 class Found(NamedTuple):
-    """Where the iteration ended, and whether the relations hold there.
+    """End of the iteration, and whether the relations hold there.
 
     Where they are not, also in words: why, and the least residual.
     """
@@ -351,7 +351,7 @@ def _others(
 
 
 def _curved(relations: Relations, x0: Floats, L: Floats) -> float:
-    """How far away relations hold to second order; 0: not known."""
+    """Distance, to second order, at which the relations hold; 0: not known."""
     r = relations(x0)[0]
     found = 0.0
     for one, residual in zip(np.eye(len(r)), r, strict=True):

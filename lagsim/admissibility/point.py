@@ -271,7 +271,7 @@ FITTED = 1000.0
 
 
 class Condition(NamedTuple):
-    """What is asked of positions, or of velocities: the value that a node should have.
+    """Equation for positions, or for velocities: a node and the value it should have.
 
     Attributes
     ----------
@@ -412,7 +412,7 @@ class Lengths:
 
     @cached_property
     def spread(self) -> Floats:
-        """How far around the state each coordinate is varied, shape (n,).
+        """Variation of each coordinate around the state, shape (n,).
 
         Its length; 0 where no gradient depends on it. Where one does whose length
         cannot be told here (at a double root) it is the others', in the metric of M;
@@ -486,7 +486,7 @@ def of_rows(point: Point, rows: Sequence[Row]) -> Lengths:
 
 
 def _length(size: float, first: float, second: float) -> float:
-    """How far a gradient of this size and these derivatives stays what it is."""
+    """Distance within which a gradient of this size, with these derivatives, holds."""
     if not (np.isfinite(size) and np.isfinite(first) and np.isfinite(second)):
         return np.inf
     linear = size / first if first > 0.0 else np.inf

@@ -107,7 +107,7 @@ def _open(point: Point) -> set[str]:
 
 
 class _Source(NamedTuple):
-    """What the file says that has no value, or no slope, at the start."""
+    """Expression of the file that has no value, or no slope, at the start."""
 
     what: str
     node: int
@@ -373,7 +373,7 @@ def needs_no_solve(equations: Equations) -> bool:
 def clear_starts(
     equations: Equations, values: Mapping[str, float | Floats], count: int
 ) -> Flags:
-    """Which of `count` starts are admissible, as far as that is clear (count,).
+    """Whether each of `count` starts is clearly admissible, shape (count,).
 
     Parameters
     ----------

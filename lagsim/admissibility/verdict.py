@@ -54,7 +54,7 @@ _HELD = (Mode.HELD, Mode.REDUNDANT)
 
 
 class Residual(NamedTuple):
-    """How far a relation, or its rate, is from being satisfied.
+    """Residual of a relation, or of its rate.
 
     Attributes
     ----------
@@ -76,12 +76,12 @@ class Residual(NamedTuple):
 
     @property
     def bound(self) -> float:
-        """What |value| may be."""
+        """Upper bound of |value| where the relation is satisfied."""
         return max(SATISFIED * self.scale, self.rounding, self.floor)
 
     @property
     def why(self) -> str:
-        """Why the bound is that."""
+        """Reason for the bound."""
         if self.rounding == self.bound:
             return "the rounding error of the start"
         if self.floor == self.bound:
@@ -108,7 +108,7 @@ class Residual(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """One relation at the start.
+    """Residuals of one relation at the start.
 
     Attributes
     ----------
@@ -483,7 +483,7 @@ class _Rows:
         )
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
-        """Those without forces of these laws, the rates, and their rounding."""
+        """Accelerations without the forces of these laws; rates; their roundoff."""
         point, e = self.point, self.point.e
         M, A, R = point.mass_matrix, point.gradients, self.R
         f, b = point.array(e.f), point.array([row.b for row in self.rows])

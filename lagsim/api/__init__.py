@@ -1,1 +1,1 @@
-"""What `import lagsim` shows, one file for each thing that it does."""
+"""Public Python interface (`import lagsim`), one file for each task."""

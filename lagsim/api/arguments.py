@@ -35,7 +35,7 @@ class Settings(TypedDict, total=False):
 if TYPE_CHECKING:
 
     class Options(Settings, generalized_alpha.Options, total=False):
-        """These, and the options of methods, for type checkers."""
+        """Settings and the options of methods, for type checkers."""
 
 
 E = TypeVar("E", bound=Enum)

@@ -31,7 +31,7 @@ Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
 
 
 class Motion(NamedTuple):
-    """What acts at a state.
+    """Accelerations and multipliers at a state.
 
     Attributes
     ----------

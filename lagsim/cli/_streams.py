@@ -36,7 +36,7 @@ _NO_WIDTH = dict.fromkeys(map(ord, "\ufeff\u200b\u180e"))
 
 
 class UnwritableError(LagsimError):
-    """What was computed has nowhere to go (exit 3), as when a disk fills up."""
+    """Results cannot be written (exit 3), as when a disk fills up."""
 
     exit_code = 3
     code = "no-room"

@@ -185,7 +185,7 @@ KEPT_AFTER_SECONDS = 3.0
 
 
 class Wish(NamedTuple):
-    """How a run is made and written, see the options of the command."""
+    """Options of a run and of its files, see the help of the command."""
 
     error_bars: ErrorBars
     table: Format
@@ -198,7 +198,7 @@ class Wish(NamedTuple):
 
 
 class Job:
-    """One run of one model, with its clock.
+    """Run of one model, with its clock.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One row of the table of messages."""
+"""Row of the table of messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CHECK = (f"lagsim check {MODEL}",)
 
 
 class Row(NamedTuple):
-    """One message.
+    """Message: number, expectation, advice and example of a code.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What arrays are called in signatures: nothing of numpy is loaded for it."""
+"""Names of array types for signatures, which do not load numpy."""
 
 from __future__ import annotations
 

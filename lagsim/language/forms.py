@@ -347,7 +347,7 @@ class _Expansion(Turning[int]):
 
 
 def _linear(g: Graph, n: int) -> dict[int, int]:
-    """How often each addend stands in a node, through differences and signs."""
+    """Integer coefficient of each addend of a sum, through differences and signs."""
     found: dict[int, int] = {}
     waiting = [(n, 1)]
     while waiting:

@@ -29,7 +29,7 @@ TRANSCENDENTAL = 16
 
 
 class Function(NamedTuple):
-    """One row; defaults are what most functions have.
+    """Row of the table of functions; most functions have the defaults.
 
     Attributes
     ----------

@@ -218,7 +218,7 @@ class Graph:
         )
 
     def dependent(self, nodes: Iterable[int], names: Collection[str]) -> set[int]:
-        """Those nodes of the cone of `nodes` that depend on any of `names`."""
+        """Nodes in the cone of `nodes` that depend on any of `names`."""
         names, found = frozenset(names), set[int]()
         for n in self.cone(nodes):
             if self.ops[n] == VARIABLE:

@@ -55,12 +55,12 @@ class Interval:
 
     @property
     def undefined(self) -> Flags:
-        """Where the expression is nan throughout."""
+        """Whether the expression is nan throughout."""
         return np.asarray(np.isnan(self.lo))
 
     @property
     def single(self) -> Flags:
-        """Where one value is taken throughout (nan counts as one)."""
+        """Whether the expression is constant (nan counts as a value)."""
         return np.asarray(self.undefined | ((self.lo == self.hi) & ~self.partial))
 
     @property
@@ -70,12 +70,12 @@ class Interval:
 
     @property
     def has_zero(self) -> Flags:
-        """Where zero is among the values."""
+        """Whether zero is among the values."""
         return np.asarray((self.lo <= 0.0) & (self.hi >= 0.0))
 
     @property
     def unbounded(self) -> Flags:
-        """Where a bound is infinite."""
+        """Whether a bound is infinite."""
         return np.isinf(self.lo) | np.isinf(self.hi)
 
     def __getitem__(self, where: slice) -> Interval:
@@ -176,7 +176,7 @@ def _corners(
 
 
 def _whole(x: Interval) -> Flags:
-    """Where both bounds are whole numbers and small enough for exact products."""
+    """Whether both bounds are whole numbers, small enough for exact products."""
     whole = (np.floor(x.lo) == x.lo) & (np.floor(x.hi) == x.hi)
     return np.asarray(whole & (np.maximum(np.abs(x.lo), np.abs(x.hi)) < 2.0**26))
 
@@ -352,7 +352,7 @@ def acos(x: Interval) -> Interval:
 
 
 def _meets(x: Interval, first: float, period: float) -> Flags:
-    """Where x may contain a point of first + k * period."""
+    """Whether x may contain a point of first + k * period."""
     a, b = x.lo / period - first / period, x.hi / period - first / period
     slack = 8.0 * np.finfo(np.float64).eps
     a, b = a - slack * (np.abs(a) + 1.0), b + slack * (np.abs(b) + 1.0)

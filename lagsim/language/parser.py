@@ -240,7 +240,7 @@ class _Pending:
 
 
 class _Parser:
-    """One pass over the tokens: `output` is postfix, `kinds` what each value is."""
+    """Pass over the tokens: `output` is postfix, `kinds` has the kind of each value."""
 
     def __init__(self, text: str, part: list[Token]) -> None:
         self.text = text

@@ -42,7 +42,7 @@ LARGEST_PRODUCT = 64
 
 
 class Recurrence(NamedTuple):
-    """One order of the series of y' = f(t, y), from the inner sums of its products.
+    """Order k of the series of y' = f(t, y), from the inner sums of its products.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Recurrence(NamedTuple):
 
     @property
     def made(self) -> list[int]:
-        """All nodes that an order makes."""
+        """Nodes that an order computes."""
         return [*self.following, *(n for pair in self.factors for n in pair)]
 
     @property
@@ -75,7 +75,7 @@ class Recurrence(NamedTuple):
 
     @property
     def nodes(self) -> tuple[list[int], list[int]]:
-        """All nodes of order 0, and of an order."""
+        """Nodes of order 0, and nodes of an order."""
         order = [*self.variables, *self.made]
         return [*self.state, *self.rates], order
 

@@ -1,4 +1,4 @@
-"""What operations become that are simpler written otherwise; None: nothing.
+"""Simpler forms of operations; None where there is none.
 
 A quotient by its own absolute value is a sign: u/abs(u), abs(u)/u, u/sqrt(u^2),
 u/abs(u)^q. That is how many write the direction of a velocity. At rest it would be 0/0,

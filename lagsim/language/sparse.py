@@ -123,13 +123,13 @@ def minimum_degree(
 
 
 def squares(Z: Sequence[Collection[int]]) -> int:
-    """How many operations the products Z^T D^-1 Z take, of where Z has entries."""
+    """Count of operations of the products Z^T D^-1 Z, from the pattern of Z."""
     holders = Counter(k for z in Z for k in z)
     return sum(count * (count + 1) for count in holders.values())
 
 
 def fill(Z: Sequence[Collection[int]]) -> int:
-    """How many operations it takes to eliminate in Z^T D^-1 Z.
+    """Count of operations of the elimination in Z^T D^-1 Z.
 
     From where its columns have entries; no two products of theirs cancel.
     """

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Row(NamedTuple):
-    """One constraint where it holds as an equality, as nodes.
+    """Constraint that holds as an equality, as nodes.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class Kind(Enum):
 
 
 class Law(NamedTuple):
-    """One such row.
+    """Constraint row with the law of its multiplier.
 
     Attributes
     ----------

@@ -302,7 +302,7 @@ class Equations:
 
     @property
     def mass_nodes(self) -> list[int]:
-        """What M is made of: its entries, or the factors in its chains."""
+        """Nodes of M: its entries, or the factors in its chains."""
         chains = self.chains
         return list(self.mass_entries.values()) if chains is None else chains.nodes
 

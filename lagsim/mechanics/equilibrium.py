@@ -40,7 +40,7 @@ REACH = 0.5
 
 
 class Mode(NamedTuple):
-    """One motion of the linearised equations.
+    """Mode of the linearised equations.
 
     Attributes
     ----------

@@ -83,7 +83,7 @@ WORTH = 4
 
 
 def affordable(n: int, m: int) -> int:
-    """How many multiplications an elimination may take before loops win."""
+    """Count of multiplications from which loops are faster than an elimination."""
     return max(BUDGET, dense_operations(n, m) // WORTH)
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 class Eigenmodes(NamedTuple):
-    """Some of the modes of a matrix.
+    """Eigenvalues of a matrix, with right and left eigenvectors.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Eigenmodes(NamedTuple):
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
 
     def swing(self, part: float) -> Flags:
-        """Which decay by less than `part` of their rate (k,)."""
+        """Whether each mode decays by less than `part` of its rate, shape (k,)."""
         flags: Flags = -self.values.real < part * np.abs(self.values)
         return flags
 

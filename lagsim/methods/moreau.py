@@ -65,7 +65,7 @@ CONSTRAINED = False  # for what is shared with methods that can be
 
 
 class Moreau(Fixed):
-    """Where the multipliers are, and room for the step it makes."""
+    """State of Moreau's method: place of the multipliers, working memory of a step."""
 
     # Rows ask for no slopes.
     before: Floats = array(lambda _: 0)

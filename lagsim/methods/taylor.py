@@ -282,7 +282,7 @@ STATE = Taylor
 
 
 def buffer(size: int, which: float) -> int:
-    """Where one of the two series lies; of both, how long they are."""
+    """Offset of one of the two series; for `which` = 2 the length of both."""
     return int(which) * (1 + (MOST_ORDER + 1) * size)
 
 

@@ -1,4 +1,4 @@
-"""What a model file says: the model, and the settings of its integration.
+"""Content of a model file: the model, and the settings of its integration.
 
 Both are frozen and complete, nothing half-built.
 
@@ -33,7 +33,7 @@ ROWS_TO_DECAY = 10
 
 
 class Settings(NamedTuple):
-    """When to start and end, how finely to show the motion, and how to integrate.
+    """Start, end, spacing of the rows, and integration of a run.
 
     None where nothing was asked for; the properties say what holds then.
 
@@ -69,7 +69,7 @@ class Settings(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """How long the run lasts; 0 where that is not given."""
+        """Length of the run in time; 0 where it is not given."""
         return self.end - self.start
 
     @property
@@ -110,7 +110,7 @@ class Coordinate(NamedTuple):
 
 
 class Level(IntEnum):
-    """What an expression depends on at most, and therefore where it may stand."""
+    """Quantities on which an expression may depend, in ascending order."""
 
     NUMBER = 0
     POSITION = 1
@@ -119,7 +119,7 @@ class Level(IntEnum):
 
     @property
     def text(self) -> str:
-        """What that is, for messages."""
+        """Description of these quantities, for messages."""
         found = "positions and time", "velocities"
         return ("numbers", *found, "accelerations, multipliers or energies")[self]
 
@@ -247,7 +247,7 @@ class Plot(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Which definitions become columns, the extra plots, and the optional columns.
+    """Definitions that become columns, extra plots, and optional columns.
 
     `reactions` are definitions whose reactions are asked for; `event_marks`, whether
     pictures mark events.
@@ -300,7 +300,7 @@ class Stated(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What is simulated: all that the file holds but how to integrate.
+    """Mechanical model: all that the file holds but the settings of its integration.
 
     `kinetic` and `potential` are None where the file gives `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and

@@ -97,7 +97,7 @@ class Option(Field):
 
 
 def address(flat: Floats) -> int:
-    """Where an array begins: three times as fast as `flat.ctypes.data`."""
+    """Address of an array, three times as fast as `flat.ctypes.data`."""
     return addressof(c_char.from_buffer(flat.data))
 
 
@@ -211,11 +211,11 @@ class Memory:
         return memory
 
     def place(self, name: str) -> int:
-        """Where an array begins in the flat one."""
+        """Index in the flat array at which an array begins."""
         return int(self.numbers[self.fields[name].word])
 
     def place_after(self, name: str) -> int:
-        """Where an array ends in the flat one."""
+        """Index in the flat array at which an array ends."""
         word = self.fields[name].word
         return int(self.numbers[word] + self.numbers[word + 1])
 

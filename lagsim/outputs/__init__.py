@@ -1,4 +1,4 @@
-"""What a run leaves behind: one file per thing written, each whole or not at all."""
+"""Files of a run, one module for each kind; each is written whole or not at all."""
 
 from __future__ import annotations
 

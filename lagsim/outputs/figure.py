@@ -1,4 +1,4 @@
-"""One picture: a matplotlib Figure with a header, panels of given sides, small print.
+"""Picture: a matplotlib Figure with a header, panels of given sides, small print.
 
 Lengths are inches, places those from the upper left corner. They are known before
 anything is drawn: a layout engine would take as long as all the drawing.
@@ -394,7 +394,7 @@ GREY = "#444444"
 
 
 class Mark(NamedTuple):
-    """How events of a kind are called and marked at the top of a panel."""
+    """Name of a kind of event, and its mark at the top of a panel."""
 
     name: str
     top: Pen

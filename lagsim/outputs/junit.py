@@ -14,7 +14,7 @@ _UNSPEAKABLE = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010fff
 
 
 class Outcome(NamedTuple):
-    """One case and what came of it.
+    """Test case and its outcome.
 
     `kind` is empty for one that passed, `failure` for one that was judged and failed,
     `error` for one that could not be judged; `code` and `text` say why.

@@ -55,7 +55,7 @@ class PictureNames(UnicodeNames):
 
 
 class Letters:
-    """How the names of one model are written; those that come first look best."""
+    """Typeset names of one model; the names that come first look best."""
 
     def __init__(self, names: Iterable[str] = ()) -> None:
         self._typeset = PictureNames(names)

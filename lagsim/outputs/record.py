@@ -1,4 +1,4 @@
-"""What the pictures of one run have in common: its rows, names, units, events."""
+"""Data that the pictures of one run share: rows, names, units, events."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ IMPACTS = ("impact", "zeno")
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What the pictures of one run have in common.
+    """Data that the pictures of one run share.
 
     Attributes
     ----------

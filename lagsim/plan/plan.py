@@ -97,7 +97,7 @@ class Plan:
 
     @property
     def form(self) -> tuple[object, ...]:
-        """What decides, for given equations, on the functions that are compiled.
+        """Key of the functions that are compiled for given equations.
 
         Of all that a start, or values of parameters, may change.
         """
@@ -118,5 +118,5 @@ class Plan:
 
     @property
     def tolerance(self) -> float:
-        """That of whatever controls its error, be it asked to or not."""
+        """Relative tolerance of all that controls its error, given or by default."""
         return DEFAULT_RTOL if self.rtol is None else self.rtol

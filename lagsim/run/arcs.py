@@ -94,7 +94,7 @@ def unless_overflow(
 
 
 def finite_rows(rows: Floats, columns: int) -> int:
-    """How many rows there are before one with a value that is not finite.
+    """Count the rows before the first with a value that is not finite.
 
     Only the first columns are looked at, of which there are so many.
     """

@@ -18,7 +18,7 @@ TIMES = 20
 
 
 class Failed(str):
-    """Why there is no error bar though the run has been repeated."""
+    """Reason why a repeat gave no error bar."""
 
     __slots__ = ()
 

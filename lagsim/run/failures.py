@@ -1,4 +1,4 @@
-"""Where a method cannot go on: another one does, or the run ends, and why, in words.
+"""Failures of a method: another method goes on, or the run ends with its reason.
 
 A series has no finite coefficients where an expression has a value and no derivative
 (drag that grows with the speed, from rest; a root of the time); an implicit step may

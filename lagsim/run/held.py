@@ -35,7 +35,7 @@ class Held(NamedTuple):
 
     @property
     def moved(self) -> Floats:
-        """How far rounding moves it, where the forces on it balance."""
+        """Displacement by roundoff of a body whose forces balance."""
         return np.asarray(SUM_ROUNDOFF * self.reach)
 
 

@@ -59,7 +59,7 @@ SLOWER = 0.75
 
 
 class Horizon:
-    """Where the time converges as steps are made: no number of them passes it.
+    """Time to which the steps converge: no number of steps passes it.
 
     Near t0, steps through sin(1/(t - t0)) are proportional to (t - t0)^2, so that each
     doubling of their number brings half of the time that the one before has brought.

@@ -34,7 +34,7 @@ LAPS = (
 
 
 class Clock:
-    """What each stage has taken, in seconds."""
+    """Time in seconds that each stage has taken."""
 
     def __init__(self) -> None:
         self.timings = dict.fromkeys(LAPS, 0.0)
@@ -74,7 +74,7 @@ class StartError(LagsimError):
 
 
 class Case(NamedTuple):
-    """What to simulate, and how: equations, their start, settings."""
+    """Case of a simulation: equations, start, settings."""
 
     equations: Equations
     examined: StartReport
@@ -82,7 +82,7 @@ class Case(NamedTuple):
 
     @property
     def start(self) -> Start:
-        """What a run begins with."""
+        """Start of the run."""
         return self.examined.start
 
     def bind(self, parameters: Mapping[str, float | str]) -> Case:
@@ -301,7 +301,7 @@ def wanted(
     options: Mapping[str, float | str] | None = None,
     hint: str = "add it",
 ) -> Settings:
-    """How the file wants to be run; refuse what this version cannot run.
+    """Return the file's settings; refuse what this version cannot run.
 
     Parameters
     ----------

@@ -272,7 +272,7 @@ def _is_excited(
 
 
 def _fast(speeds: Floats) -> Flags:
-    """Which rates are large: all of them where none moves."""
+    """Whether each rate is large: all of them where nothing moves."""
     fast: Flags = speeds >= FAST * np.max(speeds, initial=0.0)
     return fast
 

@@ -1,4 +1,4 @@
-"""What a run gives, its outcome, counts and events; and what decides on the way.
+"""Result of a run: outcome, counts, events; and the sources of events.
 
 A `Source` pauses or ends arcs and answers with a `Decision`, on which the run acts.
 """
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Outcome(Enum):
-    """How a run ended: as a word, or as the code of what kept it from its end."""
+    """Outcome of a run: a word, or the code of its failure."""
 
     DONE = "done"
     UNTIL = "until"
@@ -43,12 +43,12 @@ class Outcome(Enum):
 
     @property
     def word(self) -> str:
-        """What run.json says."""
+        """Outcome in run.json."""
         return "failed" if self.failed else str(self.value)
 
     @property
     def failure(self) -> dict[str, Any] | None:
-        """What run.json says more of a failure: code, number, what to try."""
+        """Entry of run.json for a failure: code, number, advice."""
         if not self.failed:
             return None
         from lagsim.codes import failure
@@ -57,7 +57,7 @@ class Outcome(Enum):
 
     @property
     def advice(self) -> str:
-        """What to try where it failed."""
+        """Advice for a failure."""
         found = self.failure
         return found["hint"] if found else ""
 
@@ -115,7 +115,7 @@ class Turn(Enum):
 
 
 class Ending(NamedTuple):
-    """How a run ends; `about` names the constraints or switches that end it."""
+    """End of a run; `about` names the constraints or switches that end it."""
 
     outcome: Outcome
     about: str = ""

@@ -83,12 +83,12 @@ class _Solver:
 
     @cached_property
     def inverse(self) -> Inverse | None:
-        """That of M."""
+        """Inverse of M."""
         return _inverted(self.x, self.M)
 
     @cached_property
     def gram(self) -> Inverse | None:
-        """That of A M^-1 A^T, of the constraints that always hold."""
+        """Inverse of A M^-1 A^T, for the constraints that always hold."""
         x, inverse = self.x, self.inverse
         if inverse is None or len(self.held) > LARGEST_BLOCK:
             return None

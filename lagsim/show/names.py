@@ -1,4 +1,4 @@
-"""How the names of a model are typeset: Greek letters, subscripts, dots, multipliers.
+"""Typeset names of a model: Greek letters, subscripts, dots, multipliers.
 
 Different names stay different: where two would look the same (`theta1` and `theta_1`),
 the later one is written letter by letter.
@@ -42,7 +42,7 @@ DOTS = ("", "dot", "ddot")
 
 @dataclass(frozen=True, slots=True)
 class Name:
-    """What a symbol shows: a name, how often it is differentiated, and what it is.
+    """Symbol to print: a name, its order of differentiation, and its kind.
 
     `kind` is "" for a name of the file, "multiplier" for that of a constraint, and
     "unconstrained" for the acceleration of a coordinate without constraints.

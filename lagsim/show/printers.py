@@ -37,7 +37,7 @@ _MOVING = {4: 0, 3: 1, 5: 2}
 
 
 class Printer:
-    """What the printers share: order, signs, and numbers as people write them.
+    """Base of the printers: order of terms, signs, and numbers as people write them.
 
     Parameters
     ----------

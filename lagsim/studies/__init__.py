@@ -1,1 +1,1 @@
-"""What runs a model several times, or judges what a run gave."""
+"""Studies that run a model several times, or judge the result of a run."""

@@ -65,7 +65,7 @@ if TYPE_CHECKING:
 
 
 class Evidence:
-    """What a run is judged by: monitors of its rows, then its end and its error bar.
+    """Evidence for the warnings of a run: monitors of its rows, its end, its error bar.
 
     A repeat has it as well: rows that are not valid themselves accuse no run.
 

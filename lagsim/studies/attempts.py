@@ -395,7 +395,7 @@ ENOUGH = 20_000
 
 
 class ErrorBars(Enum):
-    """When a run is repeated to estimate its error."""
+    """Condition under which a run is repeated to estimate its error."""
 
     AUTO = "auto"
     ALWAYS = "always"

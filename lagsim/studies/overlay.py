@@ -49,7 +49,7 @@ class Shown(NamedTuple):
 
     @property
     def horizon(self) -> float:
-        """Where its forecast ends."""
+        """Time at which its forecast ends."""
         found = (self.record.get("error") or {}).get("horizon")
         return np.inf if found is None else float(found)
 

@@ -133,7 +133,7 @@ def of_another_run(
 
 
 class _FaultError(Exception):
-    """Why a file is not a table of numbers."""
+    """Reason why a file is not a table of numbers."""
 
 
 def read_table(path: Path) -> Table:

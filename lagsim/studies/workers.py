@@ -79,7 +79,7 @@ def cores() -> int:
 
 
 class _Process(ProcessPoolExecutor):
-    """One process, which does not run the script again that this one is running.
+    """Worker process, which does not execute the user's script again.
 
     It looks for work in lagsim alone; a script without `if __name__ == "__main__"`
     would begin again in it.

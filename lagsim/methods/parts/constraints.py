@@ -368,7 +368,7 @@ def watch(s: Rank, p: Parameters) -> int:
 
 
 def lowest_part(s: Rank, p: Parameters) -> float:
-    """Where in the last step the rows are least independent.
+    """Fraction of the last step at which the smallest singular value is least.
 
     0 where it is somewhere in it, and below 0 where it is at an end. What the sigma is
     told as jumps a little where rows change their order: close to an end that hides

@@ -485,7 +485,7 @@ def find_end(s: State, p: Parameters) -> None:
 
 
 def end_of_truth(s: State, p: Parameters) -> float:
-    """Where in the last step `until` becomes false, which it was not.
+    """Fraction of the last step at which `until` becomes false.
 
     From then on it counts. -1 where it does not, or where a switch comes first.
     """
@@ -692,7 +692,7 @@ def touches(width: float, a: float, fall: float, b: float, rise: float) -> bool:
 
 
 def least_event(s: State, p: Parameters, k: int, low: float, high: float) -> float:
-    """Where a event function is least, by golden section."""
+    """Minimum of event function k in [low, high], by golden section."""
     left = high - GOLDEN * (high - low)
     right = low + GOLDEN * (high - low)
     at_left = event_function_at(s, p, k, left)

@@ -28,7 +28,7 @@ CONSTRAINED = True
 
 
 class Fixed(State):
-    """What a method with a fixed step keeps: the last step, and the one it makes."""
+    """State of methods with a fixed step: the last step, and the current one."""
 
     old: Floats = array("size")  # the state before the last step ...
     before: Floats = array("size")  # ... y' there ...

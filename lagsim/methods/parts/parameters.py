@@ -143,7 +143,7 @@ class Laws(Surfaces):
 
 
 class Parameters(Laws):
-    """All of it, the rank of the constraint rows, and working memory."""
+    """Complete parameters: laws, rank of the constraint rows, working memory."""
 
     expected: float  # the rank that the rows have in general
     reference: float  # the largest sigma so far, against which it is small

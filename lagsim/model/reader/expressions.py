@@ -53,7 +53,7 @@ _A_COLUMN = "it is in the table and in its pictures in any case: leave it out he
 
 
 class Kind(Enum):
-    """What a name in an expression denotes, for messages, and what that depends on."""
+    """Kinds of names in expressions: a text for messages, and the level."""
 
     PI = "the number pi", Level.NUMBER
     PARAMETER = "a parameter", Level.NUMBER
@@ -86,7 +86,7 @@ _DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
 
 
 class Meaning(NamedTuple):
-    """What a name denotes, and of what: `x` for `x_dot`, `c` for `lambda_c`."""
+    """Meaning of a name: its kind and base (`x` for `x_dot`, `c` for `lambda_c`)."""
 
     kind: Kind
     base: str
@@ -94,7 +94,7 @@ class Meaning(NamedTuple):
 
 @dataclass(slots=True)
 class Names:
-    """All names of a file.
+    """Names of a file.
 
     Attributes
     ----------
@@ -321,7 +321,7 @@ _FOR_OUTPUT = "such names are allowed only in definitions for output, and in plo
 
 
 class Resolved(NamedTuple):
-    """What is known of a definition; `node` is None where a fault was reported."""
+    """Node and level of a definition; `node` is None where a fault was reported."""
 
     node: int | None
     level: Level

@@ -1,4 +1,4 @@
-"""How to run, what to draw and to write: sections `simulation`, `scene`, `output`."""
+"""Reader of the sections `simulation`, `scene` and `output`."""
 
 from __future__ import annotations
 

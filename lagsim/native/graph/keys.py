@@ -27,7 +27,7 @@ PIECE = 400
 
 
 class Layout(NamedTuple):
-    """Where the variables are: name -> index in y, name -> index in p.
+    """Index of each variable by name, in y and in p.
 
     `fixed` names those in p that do not change while a kernel runs (parameters,
     modes); `size` is how much of p is used before what the code adds.

@@ -130,7 +130,7 @@ _STATIC_CALLS: Final = frozenset({abs, min, max, int, float, len, bool}) | {
 
 
 class Folding:
-    """What is static at the present place of a function.
+    """Static values at the present place of a function.
 
     Attributes
     ----------

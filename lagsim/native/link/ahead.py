@@ -1,4 +1,4 @@
-"""What a second process makes, while the first goes on: kernels, and pictures.
+"""Second process, which compiles kernels and draws pictures beside the first.
 
 LLVM works in one thread at a time, and so does matplotlib. The second process hands
 its contents over by a pipe; what it has not made, the first makes itself; so it does

@@ -52,7 +52,7 @@ class NativeError(RuntimeError):
 
 
 class Target(NamedTuple):
-    """What object code depends on besides its IR."""
+    """Target of compilation: what object code depends on besides its IR."""
 
     llvmlite: str
     llvm: str

@@ -64,7 +64,7 @@ FEW_POINTS, MOST_PUSHES = 24, 64
 
 
 class Track(NamedTuple):
-    """Where a point is, and its velocity: (frames, components)."""
+    """Position and velocity of a point, each (frames, components)."""
 
     place: Floats
     rate: Floats
@@ -259,7 +259,7 @@ def extent(tracks: Mapping[str, Track]) -> float:
 
 
 class Carriers:
-    """Which points carry the constraints of a scene, and by which forces.
+    """Points at which the constraints of a scene act, and their forces.
 
     Parameters
     ----------

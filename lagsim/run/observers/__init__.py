@@ -27,7 +27,7 @@ class Observer(Protocol):
 
 
 class Store(Observer, Protocol):
-    """Where rows go to stay; OSError where there is no room for all of them.
+    """Storage of rows; raises OSError where there is no room for them.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Keep:
 
     @property
     def table(self) -> Floats:
-        """What is kept (k, columns)."""
+        """Stored rows (k, columns)."""
         nothing = np.empty((0, self._columns or 0))
         return np.concatenate(self._blocks) if self._blocks else nothing
 
@@ -197,7 +197,7 @@ class Extremes:
 
     @property
     def stacked(self) -> Floats:
-        """All three of them (3, columns)."""
+        """Last, least and greatest values (3, columns)."""
         return np.stack([self.end, self.low, self.high])
 
     def add(self, rows: Floats) -> None:

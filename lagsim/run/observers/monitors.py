@@ -200,7 +200,7 @@ class EnergyMonitor:
 
     @property
     def _rows(self) -> Floats:
-        """What is kept and finite, from the start to where it ceases to be."""
+        """Stored rows from the start to the first that is not finite."""
         rows = self._kept
         lost = np.flatnonzero(~np.all(np.isfinite(rows), axis=1))
         return rows[: lost[0]] if len(lost) else rows
@@ -337,7 +337,7 @@ class Growth:
 
 
 def judged_columns(columns: Sequence[str]) -> dict[str, tuple[int, int]]:
-    """Where each constraint's residual, or what it falls short of, is; its scale.
+    """Return the columns of each constraint's residual and of its scale.
 
     What holds at times has none.
     """
@@ -401,7 +401,7 @@ class ResidualMonitor:
 
     @property
     def worst_row(self) -> Floats | None:
-        """Where energy - work is farthest from its first value, if it changes."""
+        """Row where energy - work is farthest from its first value, if it changes."""
         return self._drift.row
 
     @property

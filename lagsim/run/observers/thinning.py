@@ -135,7 +135,7 @@ def _pick(v: Array, at: NDArray[np.intp]) -> Array:
 
 
 class _Sample:
-    """One true row of `width` columns from each stretch of `stride` rows."""
+    """Sample of true rows (k, width), one from each `stride` rows."""
 
     def __init__(self, width: int) -> None:
         self._points = np.empty((0, width))
@@ -399,7 +399,7 @@ class Frames:
         self._keep(done[self._wanted(done)])
 
     def _struck_in(self, block: Floats) -> Flags:
-        """Which rows are kept for their impact."""
+        """Whether each row is kept for its impact."""
         pair = block[:, PAIR]
         found: Flags = (pair > 0) & (pair % self._of_impacts == 0)
         return found
@@ -431,7 +431,7 @@ class Frames:
 
     @property
     def table(self) -> Floats:
-        """What is kept (k, names), in order of time."""
+        """Stored rows (k, names), in order of time."""
         return self._whole()[:, OWN:]
 
     @property

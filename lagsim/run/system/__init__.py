@@ -345,7 +345,7 @@ class System:
         )
 
     def place(self, name: str) -> int:
-        """Where in p a parameter is."""
+        """Index of a parameter in p."""
         return self._layout_of[name]
 
     def link(self, name: str) -> Runner:

@@ -47,7 +47,7 @@ class Indicator(NamedTuple):
 
 
 def motion_nodes(equations: Equations) -> list[int]:
-    """All that the motion depends on."""
+    """Nodes on which the motion depends."""
     e = equations
     nodes = [*e.mass_nodes, *e.f, *e.quadrature_rates]
     for row in (*e.rows, *(law.row for law in e.laws)):
@@ -220,7 +220,7 @@ class _Search:
         return []
 
     def _sum(self, args: Sequence[int]) -> list[Indicator]:
-        """Where two exponentials, or one and a constant, are of one size."""
+        """Return where two exponentials, or one and a constant, are of equal size."""
         first, second = (self._logarithm(n) for n in args)
         if first is None or second is None:
             return []

@@ -1,4 +1,4 @@
-"""One solve of a model, timed as users get it: rows and all, warm, least of several.
+"""Timed solve of a model, rows included, warm, the least of several times.
 
 By lagsim's own methods, and by scipy's solvers on the same compiled right-hand side.
 Those know nothing of constraints: they solve such models as the ordinary differential
@@ -108,7 +108,7 @@ def asking(
 
 
 class Own:
-    """One of lagsim's methods in a formulation, through lagsim's own run.
+    """Solver: a method of lagsim in a formulation.
 
     Attributes
     ----------
@@ -234,7 +234,7 @@ def scipy_refusal(own: Own) -> str:
 
 
 class Scipy:
-    """One of scipy's solvers.
+    """Solver of scipy.
 
     Parameters
     ----------

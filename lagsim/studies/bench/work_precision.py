@@ -548,7 +548,7 @@ def _curves(
 
 @dataclass
 class Curve:
-    """One solver, from loose to tight settings, until that makes no more sense.
+    """Work-precision curve of a solver, from loose to tight settings.
 
     Attributes
     ----------

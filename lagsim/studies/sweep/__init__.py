@@ -1,4 +1,4 @@
-"""One model at many values of parameters and of its start: all combinations of them.
+"""Sweep of a model over all combinations of values of parameters and of its start.
 
 `runs` is the grid, and makes rows in pieces that any process can do, `sweeping` has
 them made and keeps them on the way, and `chart` shows them.

@@ -115,7 +115,7 @@ class Axis(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """All combinations of the values of axes; the first axis is the slowest."""
+    """Combinations of the values of axes; the first axis varies most slowly."""
 
     axes: tuple[Axis, ...]
 
@@ -126,7 +126,7 @@ class Grid(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """How many values each axis has."""
+        """Number of values of each axis."""
         return tuple(len(axis.texts) for axis in self.axes)
 
     def at(self, number: int) -> list[int]:
