@@ -15,7 +15,7 @@ import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import yaml
 
@@ -262,51 +262,41 @@ class _Builder:
     # Expressions that a comma has split, between the braces and brackets of YAML
 
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
-        """Give the parts of a collection with `Broken` for what a comma has split.
+        """Give the parts of a collection, those within parentheses in one piece.
 
         In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
         """
         whole: list[Node] = []
         step, i = 1 + mapping, 0
         while i < len(parts):
-            whole += parts[i : i + step]
-            last = _end_of_split(parts, i + step - 1, step)
-            if last is not None:
-                whole[-1] = self._split(whole[-1], parts[last])
-                i = last
-            i += step
+            pieces = _pieces(parts, i + mapping, step)
+            whole += parts[i : i + mapping]
+            whole.append(self._in_one(pieces) if len(pieces) > 1 else pieces[0])
+            i += step * len(pieces)
         return whole
 
-    def _split(self, first: Node, last: Node) -> Broken:
-        assert isinstance(first, Scalar)
-        assert isinstance(last, Scalar)
-        start, stop = first.start, last.end
-        place = self.source.place(start, stop - start)
-        written = " ".join(self.source.text[start:stop].split())
-        text = "the comma inside the parentheses ends the value here"
-        self._fault("split-by-comma", text, place, f'quote the expression: "{written}"')
-        return Broken(place)
+    def _in_one(self, pieces: list[Scalar]) -> Scalar:
+        start, end = pieces[0].start, pieces[-1].end
+        place = self.source.place(start, end - start)
+        text = ", ".join(piece.text for piece in pieces)
+        return Scalar(text, place, self.source, start, end)
 
 
-# A call has no more arguments than this, so a longer search is in vain (and slow).
-_MOST_PIECES = 20
+def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
+    """Give part i, with the parts that follow up to where its parentheses close.
 
-
-def _end_of_split(parts: list[Node], i: int, step: int) -> int | None:
-    """Give the index of the piece that closes the parenthesis left open by part i."""
-    depth = _left_open(parts[i])
-    if depth <= 0:
-        return None
-    for j in range(i + 1, min(len(parts), i + 1 + step * _MOST_PIECES), step):
+    Part i of a mapping is a value, and what follows it are keys without a value.
+    """
+    pieces, depth = [parts[i]], _left_open(parts[i])
+    for j in range(i + 1, len(parts), step):
         piece, value = parts[j], parts[j + step - 1]
-        if not isinstance(piece, Scalar) or piece.style:
-            return None
+        if depth <= 0 or not isinstance(piece, Scalar) or piece.style:
+            break
         if step == 2 and not (isinstance(value, Scalar) and value.empty):
-            return None
+            break
+        pieces.append(piece)
         depth += _left_open(piece)
-        if depth <= 0:
-            return j
-    return None
+    return pieces
 
 
 def _left_open(part: Node) -> int:

@@ -184,8 +184,9 @@ not-an-expression |  | output: {plots: [{x: ⟪[t, x]⟫, y: x}]}
 # YAML that models do not use, and what a person writes by mistake
 yaml-syntax | quoted | x-x: -y⟪:⟫ 3
 yaml-syntax | comma | x-a: {b: c⟪:⟫ d}
-split-by-comma | "atan2(y, x) = 0" | x-a: {r: ⟪atan2(y, x) = 0⟫}
-split-by-comma | "if(x > 0, 1, 2)" | x-a: [⟪if(x > 0, 1, 2)⟫, 3]
+unknown-name | `zz` | definitions: {a: atan2(y, ⟪zz⟫), b: 1}
+unknown-name | `zz` | output: {plots: [{x: t, y: [if(x > 0,¶    1, ⟪zz⟫), y]}]}
+expression-parenthesis | never closed | definitions: {a: ⟪max⟫(x, y}
 missing-space | `theta: 1` | x-i:¶  ⟪theta:1⟫¶  u: 2
 missing-space | `theta: 1` | x-i:¶  u: 2¶  ⟪theta:1⟫
 missing-space | `theta: 1` | x-i: {u: 2, ⟪theta:1⟫}

@@ -33,6 +33,19 @@ def test_sections_given_twice_are_read_together():
     assert (problem.code, problem.hint) == ("duplicate-key", "the first is in line 1")
 
 
+@pytest.mark.parametrize(
+    "text", ["atan2(y, x) = 0", "if(x > 0,\n  max(x, min(1, y)), 2) + 1"]
+)
+def test_a_comma_within_parentheses_ends_no_value(text):
+    """What stands unquoted between braces and brackets is read as quoted."""
+    root, faults = load(f"a: {{b: {text}, c: {text}}}\nd: [{text}, [{text}]]", "f")
+    values = {key.text: value for key, value in root.entries}
+    read = [value for _, value in values["a"].entries]
+    read += [values["d"].items[0], *values["d"].items[1].items]
+    assert {x.text for x in read} == {" ".join(text.split())}
+    assert (faults, [key.text for key, _ in values["a"].entries]) == ((), ["b", "c"])
+
+
 def test_the_rest_is_still_read():
     root, faults = load("a: -y: 3\nb: * x\n   + 1\nc: {d: e: f}\ng: 1\n", "f")
     assert [p.place.line for p in faults] == [1, 2, 4]
@@ -50,7 +63,7 @@ def test_many_accidents_end():
 READ = [
     re.sub("[⟪⟫]", "", text)
     for code, _, text in CASES.values()
-    if code in ("yaml-syntax", "yaml-tab", "missing-space", "split-by-comma")
+    if code in ("yaml-syntax", "yaml-tab", "missing-space")
     or "⟪zz⟫" in text
 ]
 
