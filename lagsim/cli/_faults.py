@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import platform
@@ -17,13 +18,15 @@ from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
 # Exit codes of what is no fault of the input.
 BUG, STARVED = 70, 3
 # Has lagsim print what a report of a bug holds as well.
 TRACEBACK = "--traceback"
+# What keeps a path from being looked at, before anything is read or written there.
+_NO_PATH = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES)
 # Their faults are not the model's.
 _OUTSIDE = ("usage", "output-folder", "failed", "no-room", "no-reference")
 
@@ -38,7 +41,8 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
     def called(**given: Any) -> int:
         documents: list[Any] = []
         try:
-            return command(**given)
+            with _paths_told():
+                return command(**given)
         except LagsimError as error:
             as_json = given.get("as_json") or str(given.get("form")) == "json"
             several = given.get("models", ())
@@ -49,6 +53,25 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
         return code
 
     return called
+
+
+@contextlib.contextmanager
+def _paths_told() -> Iterator[None]:
+    """Report a path that cannot be looked at as an argument that is wrong.
+
+    Raises
+    ------
+    InputError
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        # `Path.resolve` raises RuntimeError of a loop of links, up to Python 3.12.
+        found = error if isinstance(error, OSError) else error.__context__
+        if not isinstance(found, OSError) or found.errno not in _NO_PATH:
+            raise
+        text = f"{found.filename} cannot be used: {found.strerror}"
+        raise InputError([Problem("usage", text)]) from None
 
 
 def reported(

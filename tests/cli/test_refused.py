@@ -208,6 +208,16 @@ LINES |= {
     "run a.yaml --format gif": "png",
     "run a.yaml --error-bar sometimes": "sometimes",
 }
+# A name longer than any system takes, and a link to itself.
+LINES |= {
+    line.replace("PATH", path): path
+    for path in ("x" * 300, "loop")
+    for line in (
+        "run PATH", "derive PATH", "run swing.yaml -o PATH", "spectrum PATH x",
+        "derive swing.yaml --output PATH", "golden swing.yaml --dir PATH",
+        "sweep swing.yaml g=1:2:2 -o PATH", "compare PATH good.csv",
+    )
+}  # fmt: skip
 NO_JSON = ("derive", "new", "overlay")
 
 
@@ -225,6 +235,7 @@ def files(write):
         write(text, f"garbled-{k}.csv")
     Path("folder").mkdir()
     os.mkfifo("pipe.yaml")
+    Path("loop").symlink_to("loop")
     return names(".")
 
 

@@ -239,7 +239,6 @@ UNUSABLE = {
     "a place where nothing can be made": ("/proc/out", "cannot be written"),
     "a folder named like a result": ("taken", "has a folder where trajectory.csv"),
     "a folder named run.json": ("kept", "has a folder where run.json"),
-    "a name that is too long": ("x" * 300, "cannot be written: File name too long"),
 }
 
 

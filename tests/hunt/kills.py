@@ -96,7 +96,7 @@ def wrong(folder: Path, whole: bytes) -> str:
         said = json.loads((folder / "run.json").read_bytes())["rows"]
         if rows != said:
             return f"{rows} rows, and run.json says {said}"
-    if {"pendulum.csv", "pendulum.json"} & names:
+    if "pendulum.json" in names:  # the record, taken away first and put back last
         load(folder, "pendulum")
     if "equations.txt" in names:
         text = (folder / "equations.txt").read_bytes()

@@ -63,8 +63,7 @@ def test_many_accidents_end():
 READ = [
     re.sub("[⟪⟫]", "", text)
     for code, _, text in CASES.values()
-    if code in ("yaml-syntax", "yaml-tab", "missing-space")
-    or "⟪zz⟫" in text
+    if code in ("yaml-syntax", "yaml-tab", "missing-space") or "⟪zz⟫" in text
 ]
 
 
