@@ -25,9 +25,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, NamedTuple, overload
 
-from lagsim.language.derivatives import pulled, slopes, tangent
+from lagsim.language.derivatives import local_slopes, pulled, slopes, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.sparse import (
     Budget,
@@ -145,15 +146,12 @@ class Chains(NamedTuple):
             found[place[i]][0].append(weight)
         return found
 
-    def neighbours(self) -> list[int]:
-        """Pattern of M: for each velocity the coupled ones, as the bits of a number."""
-        reach = [1 << j for j in range(self.size)]
+    def neighbours(self) -> list[set[int]]:
+        """Pattern of M: for each velocity the coupled ones."""
+        reach = [{j} for j in range(self.size)]
         for form in self.sums:
-            mask = 0
-            for i in form:
-                mask |= reach[i]
-            reach.append(mask)
-        met = [0] * len(reach)
+            reach.append(set().union(*(reach[i] for i in form)))
+        met = [set[int]() for _ in reach]
         for i, j in self.squares:
             met[i] |= reach[j]
             met[j] |= reach[i]
@@ -176,7 +174,8 @@ def chains(
 ) -> Chains | None:
     """Find how `lagrangian` is written with sums of the velocities `rates`.
 
-    None where it is no polynomial of second degree in them, as far as is seen.
+    None where it is no polynomial of second degree in them, as far as is seen. The sums
+    that are unknowns are those needed more than once, and those squared.
 
     Parameters
     ----------
@@ -190,9 +189,38 @@ def chains(
         return None
     try:
         products = _products(g, cone, degrees)
-        return _Reader(g, degrees, rates, products).chains(frozenset(moving))
+        uses = Counter(a for pair in products for a in set(pair))
+        parts = _parts(g, cone, degrees, uses, set(rates))
     except _NotFoundError:
         return None
+    squared, moving = {a for pair in products for a in pair}, frozenset(moving)
+    forms = {v: {j: g.one} for j, v in enumerate(rates)}
+    sums: dict[int, Vector] = {}
+    for n in sorted(parts):
+        form = _joined(g, [(s, forms[a]) for a, s in parts[n]])
+        several = len(form) > 1 and (uses[n] > 1 or n in squared)
+        turning = n in squared and not moving.isdisjoint(g.depends(form.values()))
+        if several or turning:
+            sums[n], form = form, {len(rates) + len(sums): g.one}
+        forms[n] = form
+    squares: dict[tuple[int, int], int] = {}
+    for (a, b), weight in products.items():
+        for (i, one), (j, other) in product(forms[a].items(), forms[b].items()):
+            term = g.call("mul", weight, g.call("mul", one, other))
+            if i == j:
+                term = g.call("mul", g.constant(2.0), term)
+            key = min(i, j), max(i, j)
+            squares[key] = g.call("add", squares.get(key, g.zero), term)
+    return Chains(len(rates), tuple(sums.values()), squares, tuple(sums))
+
+
+def _joined(g: Graph, parts: Iterable[tuple[int, Vector]]) -> Vector:
+    """Return the sum of vectors times nodes."""
+    total = Vector()
+    for scale, form in parts:
+        for i, factor in form.items():
+            add_to(g, total, i, g.call("mul", scale, factor))
+    return {i: node for i, node in total.items() if node != g.zero}
 
 
 def _degree(powers: frozenset[int] | None) -> int:
@@ -230,82 +258,30 @@ def _factors(g: Graph, n: int, degrees: Mapping[int, int]) -> tuple[int, int] | 
     return None
 
 
+def _parts(
+    g: Graph,
+    cone: Sequence[int],
+    degrees: Mapping[int, int],
+    uses: Counter[int],
+    ends: Collection[int],
+) -> dict[int, list[tuple[int, int]]]:
+    """Addends of each node in use, as `_slopes` gives them; counts their uses."""
+    found = {}
+    for n in reversed(cone):
+        if uses[n] and n not in ends:
+            found[n] = _slopes(g, n, degrees)
+            uses.update(a for a, _ in found[n])
+    return found
+
+
 def _slopes(g: Graph, n: int, degrees: Mapping[int, int]) -> list[tuple[int, int]]:
     """Addends of `n` that depend on velocities, each with its factor."""
     op, args = g.ops[n], g.args[n]
-    one, minus = g.one, g.constant(-1.0)
-    flat = [degrees[a] == FLAT for a in args]
-    if op in ("add", "sub"):
-        terms = zip(args, (one, one if op == "add" else minus), flat, strict=True)
-        return [(a, scale) for a, scale, still in terms if not still]
-    if op == "neg":
-        return [(args[0], minus)]
-    if op == "mul" and any(flat):
-        return [(args[1], args[0])] if flat[0] else [(args[0], args[1])]
-    if op == "div" and flat[1]:
-        return [(args[0], g.call("div", one, args[1]))]
-    raise _NotFoundError
-
-
-class _Reader:
-    """Names the sums that are unknowns: those needed more than once, and squared."""
-
-    def __init__(
-        self,
-        g: Graph,
-        degrees: Mapping[int, int],
-        rates: Sequence[int],
-        products: Mapping[tuple[int, int], int],
-    ) -> None:
-        self.g, self.products, self.size = g, products, len(rates)
-        ends = set(rates)
-        self.parts: dict[int, list[tuple[int, int]]] = {}
-        self.uses = Counter(a for pair in products for a in set(pair))
-        stack = list(self.uses)
-        while stack:
-            n = stack.pop()
-            if n in ends or n in self.parts:
-                continue
-            self.parts[n] = _slopes(g, n, degrees)
-            self.uses.update(a for a, _ in self.parts[n])
-            stack += [a for a, _ in self.parts[n]]
-        self.forms = {v: {j: g.one} for j, v in enumerate(rates)}
-        self.sums: list[Vector] = []
-        self.rates: list[int] = []
-
-    def chains(self, moving: frozenset[str]) -> Chains:
-        g, squared = self.g, {a for pair in self.products for a in pair}
-        for n in sorted(self.parts):
-            form = self._sum(self.parts[n])
-            several = len(form) > 1 and (self.uses[n] > 1 or n in squared)
-            turning = n in squared and not moving.isdisjoint(g.depends(form.values()))
-            if several or turning:
-                self.sums.append(form)
-                self.rates.append(n)
-                form = {self.size + len(self.sums) - 1: g.one}
-            self.forms[n] = form
-        sums, rates = tuple(self.sums), tuple(self.rates)
-        return Chains(self.size, sums, self._squares(), rates)
-
-    def _sum(self, parts: Sequence[tuple[int, int]]) -> Vector:
-        g, total = self.g, Vector()
-        for a, scale in parts:
-            for i, factor in self.forms[a].items():
-                add_to(g, total, i, g.call("mul", scale, factor))
-        return {i: node for i, node in total.items() if node != g.zero}
-
-    def _squares(self) -> dict[tuple[int, int], int]:
-        g = self.g
-        found: dict[tuple[int, int], int] = {}
-        for (a, b), weight in self.products.items():
-            for i, one in self.forms[a].items():
-                for j, other in self.forms[b].items():
-                    term = g.call("mul", weight, g.call("mul", one, other))
-                    if i == j:
-                        term = g.call("mul", g.constant(2.0), term)
-                    key = min(i, j), max(i, j)
-                    found[key] = g.call("add", found.get(key, g.zero), term)
-        return found
+    moving = [a for a in args if degrees[a] != FLAT]
+    linear = op in ("add", "sub", "neg") or (op == "mul" and len(moving) == 1)
+    if not linear and not (op == "div" and moving == [args[0]]):
+        raise _NotFoundError
+    return [(a, slope) for a, slope in local_slopes(g, n) if a in moving]
 
 
 # For each velocity and each term of a sum: what hangs in chains takes some tens.
@@ -375,10 +351,9 @@ def shorter_chains(
         found.factorisation(g, budget)
     except TooLongError:
         return None
-    neighbours = found.neighbours()
-    if sum(map(int.bit_count, neighbours)) // 2 > budget.operations:
+    rows = found.neighbours()
+    if sum(map(len, rows)) // 2 > budget.operations:
         return found  # each entry takes one multiplication at least
-    rows = [{i for i in range(len(rates)) if x >> i & 1} for x in neighbours]
     try:
         minimum_degree(rows, Budget(budget.operations))
     except TooLongError:

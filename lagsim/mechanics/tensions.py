@@ -30,7 +30,7 @@ Automation 11 (1995) 389: the constraint force algorithm.
 from __future__ import annotations
 
 from collections import Counter
-from itertools import combinations
+from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import rate_of, slopes
@@ -43,7 +43,7 @@ from lagsim.mechanics.factorisation import Factorisation, Vector, add_to
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
@@ -90,23 +90,21 @@ def newton(e: Equations) -> Newton | None:
         places[k] = g.variable(f"place.{k}")
         new[place] = g.call("mul", sign, places[k])
         back[places[k]] = g.call("mul", sign, place)
+    works = [(x.node, x.level, x.direction) for x in model.forces]
+    if model.dissipation is not None:
+        works.append((g.constant(-1.0), Level.VELOCITY, model.dissipation))
+    written = g.substitute([model.lagrangian, *(x for _, _, x in works)], new)
     variables = frozenset((*rates.values(), *places.values(), g.variable("t")))
-    [lagrangian] = g.substitute([model.lagrangian], new)
-    slope = slopes(g, lagrangian, variables)
+    slope, *levers = (slopes(g, x, variables) for x in written)
     momenta = {u: slope[v] for u, v in rates.items() if v in slope}
     masses = _masses(g, momenta, rates, variables)
-    if masses is None or any(u not in places for u in masses):
+    if masses is None or not masses.keys() <= places.keys():
         return None
     forces = {u: slope[v] for u, v in places.items() if v in slope}
-    works = [(x.direction, x.level, x.node) for x in model.forces]
-    if model.dissipation is not None:
-        works.append((model.dissipation, Level.VELOCITY, g.constant(-1.0)))
-    for direction, level, work in works:
-        [written] = g.substitute([direction], new)
-        lever = slopes(g, written, variables)
+    for (force, level, _), lever in zip(works, levers, strict=True):
         for u, v in (places if level is Level.POSITION else rates).items():
             if v in lever:
-                add_to(g, forces, u, g.call("mul", work, lever[v]))
+                add_to(g, forces, u, g.call("mul", force, lever[v]))
     pushes = g.substitute(forces.values(), back)
     forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
     sums = dict(enumerate(found.rates, found.size))
@@ -143,7 +141,7 @@ def _places(
     return places
 
 
-def _drifts(g: Graph, flow: Flow, sums: dict[int, int]) -> Vector:
+def _drifts(g: Graph, flow: Flow, sums: Mapping[int, int]) -> Vector:
     """Return the rate of each sum where velocities, and the sums in it, keep theirs."""
     of = {node: k for k, node in sums.items()}
     moving = dict(flow.forward)
@@ -157,11 +155,6 @@ def _drifts(g: Graph, flow: Flow, sums: dict[int, int]) -> Vector:
         else:
             moving[n] = rate
     return drifts
-
-
-# How many velocities without inertia may stand together in how many sums: along lines,
-# in a plane and in space; on rigid links, or with what these may stretch by.
-KINDS = {(1, 1), (1, 2), (2, 2), (2, 3), (3, 3)}
 
 
 class Turn(NamedTuple):
@@ -192,30 +185,29 @@ class Joints(NamedTuple):
 
 
 def joints(
-    g: Graph, held: Newton, free: Collection[int], moving: frozenset[str]
+    g: Graph, held: Newton, free: Iterable[int], moving: frozenset[str]
 ) -> Joints | None:
-    """Joints; None where there are others than of KINDS."""
+    """Joints of the massless velocities `free`; None where `_join` knows some not."""
     moved = g.dependent((c for x in held.sums.values() for c in x.values()), moving)
-    found, places = Joints([], [], {}), {u: j for j, u in enumerate(free)}
-    sets = DisjointSets(len(places))
+    found = Joints([], [], {})
     sums_of: dict[int, list[int]] = {u: [] for u in free}
+    sets = DisjointSets(1 + max(sums_of, default=-1))
     for k, form in held.sums.items():
         massless = [i for i in form if i not in held.masses]
-        if k not in held.masses or any(i not in places for i in massless):
+        if k not in held.masses or any(i not in sums_of for i in massless):
             return None
         if any(form[i] in moved for i in form if i in held.masses):
             return None  # of little inertia, it would take digits
         for i in massless:
             sums_of[i].append(k)
-            sets.merge(places[massless[0]], places[i])
+            sets.merge(massless[0], i)
         if not massless:
             found.along.append({k: g.one})
-    names = list(places)
-    for group in sets.sets():
-        velocities = sorted(names[j] for j in group)
-        sums = sorted({k for u in velocities for k in sums_of[u]})
-        if not _join(g, found, held, velocities, sums, moving):
-            return None
+    for velocities in sets.sets():
+        if velocities[0] in sums_of:
+            sums = sorted({k for u in velocities for k in sums_of[u]})
+            if not _join(g, found, held, velocities, sums, moving):
+                return None
     return found
 
 
@@ -227,40 +219,32 @@ def _join(
     sums: Sequence[int],
     moving: frozenset[str],
 ) -> bool:
-    """Add a joint of `velocities` that stand in `sums`, if it is of a known kind."""
-    kind = len(velocities), len(sums)
-    if kind not in KINDS:
+    """Add a joint of `velocities` that stand in `sums`: as many, or one sum more.
+
+    Along lines and in planes, directions in which nothing moves stand for the missing
+    velocities of space.
+    """
+    flat = 3 - len(sums)
+    if flat < 0 or flat + len(velocities) not in (2, 3):
         return False
-    rows, lengths = [], []
-    for u in velocities:
-        factors = [held.sums[k].get(u, g.zero) for k in sums]
-        length, rest = common_factor(g, factors)
-        lengths.append(length)
-        rows.append(rest)
-    along: list[int] = []
-    if kind[0] == 1:
-        across = rows
-        along = _normal(g, rows[0]) if kind == (1, 2) else []
-    elif kind == (2, 2):
-        across = [_normal(g, rows[1]), _normal(g, rows[0])]
-    else:
-        third = rows[2] if kind == (3, 3) else _across(g, rows[0], rows[1], moving)
-        along = third if kind == (2, 3) else []
-        pairs = ((rows[1], third), (third, rows[0]), (rows[0], rows[1]))
-        across = [_across(g, a, b, moving) for a, b in pairs[: kind[0]]]
-    if along:
-        found.along.append(dict(zip(sums, along, strict=True)))
-    for u, row, turned, length in zip(velocities, rows, across, lengths, strict=True):
-        both = [dict(zip(sums, x, strict=True)) for x in (row, turned)]
-        found.turns.append(Turn(u, both[0], both[1], length))
+    factors = [[held.sums[k].get(u, g.zero) for k in sums] for u in velocities]
+    lengths, rests = zip(*(common_factor(g, row) for row in factors), strict=True)
+    rows = [[g.zero] * 3 for _ in range(flat)]
+    for k, row in enumerate(rows):
+        row[len(sums) + k] = g.one
+    rows += [[*rest, *[g.zero] * flat] for rest in rests]
+    third = rows[2] if len(rows) == 3 else _across(g, rows[0], rows[1], moving)
+    if len(rows) == 2:
+        found.along.append(dict(zip(sums, third, strict=False)))
+    pairs = ((rows[1], third), (third, rows[0]), (rows[0], rows[1]))
+    across = [_across(g, a, b, moving) for a, b in pairs[flat : len(rows)]]
+    for u, row, turned, length in zip(velocities, rests, across, lengths, strict=True):
+        one, other = (dict(zip(sums, x, strict=False)) for x in (row, turned))
+        found.turns.append(Turn(u, one, other, length))
     still = [x for x in lengths if not g.depends([x]) & moving]
     if still:
         found.lengths.update(dict.fromkeys(sums, still[0]))
     return True
-
-
-def _normal(g: Graph, a: Sequence[int]) -> list[int]:
-    return [g.call("neg", a[1]), a[0]]
 
 
 def _across(
@@ -282,15 +266,15 @@ class Group(NamedTuple):
 
     Attributes
     ----------
-    norms : dict
-        i -> |p_i|^2.
+    members : tuple of int
+        i in ascending order.
     dots : dict
-        (i, j), i < j -> p_i p_j.
+        (i, j), i <= j -> p_i p_j.
     areas : dict
         (i, j), i < j -> for each u < v: w_u w_v, and p_iu p_jv - p_iv p_ju.
     """
 
-    norms: Vector
+    members: tuple[int, ...]
     dots: dict[Pair, int]
     areas: dict[Pair, list[Pair]]
 
@@ -298,34 +282,30 @@ class Group(NamedTuple):
     def nodes(self) -> list[int]:
         """All but weights."""
         areas = (area for found in self.areas.values() for _, area in found)
-        return [*self.norms.values(), *self.dots.values(), *areas]
-
-    def written(self, new: Mapping[int, int]) -> Group:
-        """Return the same with other nodes."""
-        return Group(
-            {i: new[n] for i, n in self.norms.items()},
-            {key: new[n] for key, n in self.dots.items()},
-            {key: [(w, new[n]) for w, n in x] for key, x in self.areas.items()},
-        )
+        return [*self.dots.values(), *areas]
 
 
-def groups(g: Graph, parts: Mapping[int, Vector], weights: Vector) -> list[Group]:
+def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group]:
     """Return the groups of p, t -> u -> p_tu, and w, u -> w_u."""
-    members: dict[int, list[int]] = {}
-    for t in sorted(parts):
-        for u in parts[t]:
-            members.setdefault(u, []).append(t)
-    alike: dict[tuple[int, ...], list[int]] = {}
-    for u, met in members.items():
-        alike.setdefault(tuple(met), []).append(u)
+    alike: dict[tuple[int, ...], Vector] = {}
+    for u, members in _holders(pulls).items():
+        alike.setdefault(tuple(members), {})[u] = weights[u]
     found = []
-    for those, us in alike.items():
-        p = {t: {u: parts[t][u] for u in us} for t in those}
-        pairs = list(combinations(those, 2))
-        norms = {i: weighted(g, p[i], p[i], weights) for i in those}
-        dots = {(i, j): weighted(g, p[i], p[j], weights) for i, j in pairs}
-        areas = {(i, j): _areas(g, p[i], p[j], weights) for i, j in pairs}
-        found.append(Group(norms, dots, areas))
+    for those, w in alike.items():
+        p = {t: {u: pulls[t][u] for u in w} for t in those}
+        pairs = combinations_with_replacement(those, 2)
+        dots = {(i, j): weighted(g, p[i], p[j], w) for i, j in pairs}
+        areas = {(i, j): _areas(g, p[i], p[j], w) for i, j in combinations(those, 2)}
+        found.append(Group(those, dots, areas))
+    return found
+
+
+def _holders(pulls: Mapping[int, Vector]) -> dict[int, list[int]]:
+    """Return where each mass stands."""
+    found: dict[int, list[int]] = {}
+    for t, pull in pulls.items():
+        for u in pull:
+            found.setdefault(u, []).append(t)
     return found
 
 
@@ -347,46 +327,46 @@ def _areas(g: Graph, one: Vector, other: Vector, weights: Vector) -> list[Pair]:
 
 
 class Squares(Factorisation):
-    """S of groups of squares: what stands in one group alone is left of as squares."""
+    """S of groups of squares: what stands in one group alone is left of as squares.
 
-    def __init__(self, g: Graph, found: Sequence[Group]) -> None:
-        size = 1 + max((i for group in found for i in group.norms), default=-1)
-        rows = [Vector() for _ in range(size)]
-        self.groups: dict[int, Group] = {}
-        self.those = [set[int]() for _ in range(size)]  # the groups of each unknown
+    Parameters
+    ----------
+    new
+        What stands for each node of the groups.
+    """
+
+    def __init__(
+        self, g: Graph, found: Sequence[Group], new: Mapping[int, int]
+    ) -> None:
+        some = {i for group in found for i in group.members}
+        rows = [Vector() for _ in range(1 + max(some, default=-1))]
+        self.groups, self.new = dict[int, Group](), new
+        self.those = [set[int]() for _ in rows]  # the groups of each unknown
         for k, group in enumerate(found):
-            if len(group.norms) > 1:
-                self.groups[k] = group
-            for i, norm in group.norms.items():
-                if len(group.norms) > 1:
-                    self.those[i].add(k)
-                else:
-                    add_to(g, rows[i], i, norm)
-        self.after = [0] * size
-        super().__init__(g, rows, Budget(), some={i for x in found for i in x.norms})
+            if len(group.members) == 1:
+                [((i, _), norm)] = group.dots.items()
+                add_to(g, rows[i], i, new[norm])
+                continue
+            self.groups[k] = group
+            for i in group.members:
+                self.those[i].add(k)
+        self.after = [0] * len(rows)
+        super().__init__(g, rows, Budget(), some=some)
 
     def _rank(self, k: int) -> tuple[int, int, int, int]:
         """Rank in the elimination: fewest neighbours, then least depth."""
-        met = {k, *self.rows[k]}.union(*(self.groups[x].norms for x in self.those[k]))
+        met = {k, *self.rows[k]}.union(*(self.groups[x].members for x in self.those[k]))
         return 0, len(met), self.after[k], k
 
-    def _leave(self, group: int) -> Group:
-        """Take a group apart."""
-        found = self.groups.pop(group)
-        for i in found.norms:
-            self.those[i].discard(group)
-        return found
-
     def _eliminate(self, k: int) -> Iterable[int]:
-        g, left = self.g, Vector()
-        if len(self.those[k]) == 1 and not self.rows[k].keys() - {k}:
-            left = self._alone(k, *self.those[k])
+        g, left = self.g, self._alone(k)
         for group in sorted(self.those[k]):
-            found = self._leave(group)
-            for i, norm in found.norms.items():
-                self._add(i, i, norm)
+            found = self.groups.pop(group)
+            for i in found.members:
+                self.those[i].discard(group)
             for (i, j), dot in found.dots.items():
-                self._add(i, j, dot)
+                if i != j or i not in left:
+                    self._add(i, j, self.new[dot])
         pivot, row = self._taken(k)
         self.pivots[k] = pivot, pivot
         column = {i: g.call("div", node, pivot) for i, node in row.items()}
@@ -399,19 +379,20 @@ class Squares(Factorisation):
             self.after[i] = max(self.after[i], self.after[k] + 1)
         return row
 
-    def _alone(self, k: int, group: int) -> Vector:
-        """Take apart the group that k stands in alone; give what is left, by pivot."""
+    def _alone(self, k: int) -> Vector:
+        """Pivot times what is left of each square, of k that stands in one group."""
         g, own = self.g, self.rows[k].get(k, self.g.zero)
-        found, left = self._leave(group), Vector()
-        self._add(k, k, found.norms[k])
-        for (i, j), dot in found.dots.items():
-            self._add(i, j, dot)
-        for i, norm in found.norms.items():
+        if len(self.those[k]) != 1 or self.rows[k].keys() - {k}:
+            return {}
+        [group] = (self.groups[x] for x in self.those[k])
+        left: Vector = {}
+        for i in group.members:
             if i != k:
-                areas = found.areas[min(i, k), max(i, k)]
-                squares = ((w, g.call("mul", area, area)) for w, area in areas)
-                rest = g.call("mul", own, norm)
-                left[i] = g.call("add", rest, g.product_sum(squares))
+                areas = group.areas[min(i, k), max(i, k)]
+                found = ((w, self.new[area]) for w, area in areas)
+                squares = g.product_sum((w, g.call("mul", x, x)) for w, x in found)
+                norm = g.call("mul", own, self.new[group.dots[i, i]])
+                left[i] = g.call("add", norm, squares)
         return left
 
     def _over_pivot(self, node: int, k: int) -> int:
@@ -425,17 +406,16 @@ def accelerations(e: Equations) -> list[int] | None:
     if laws is None or not _heavy(e, laws):
         return None
     moving = frozenset((*e.q, *e.velocities, "t"))
-    held, followers = _led(g, laws, n)
+    held, leaders = _led(g, laws, n)
     given = {*range(n), *laws.sums} - held.sums.keys()
-    free = given - held.masses.keys() - {x.velocity for x in followers}
-    met = joints(g, held, sorted(free), moving)
+    met = joints(g, held, sorted(given - held.masses.keys() - leaders.keys()), moving)
     if met is None:
         return None
-    found = _Motion(g, held, met, moving).accelerations()
-    for x in followers:
-        others = ((c, found[i]) for i, c in x.others.items())
-        rest = g.call("add", g.product_sum(others), x.drift)
-        found[x.velocity] = g.call("sub", found[x.leader], rest)
+    found = _solution(g, held, met, moving)
+    for velocity, k in leaders.items():
+        others = ((c, found[i]) for i, c in laws.sums[k].items() if i != velocity)
+        rest = g.call("add", g.product_sum(others), laws.drifts.get(k, g.zero))
+        found[velocity] = g.call("sub", found[k], rest)
     return [found[j] for j in range(n)]
 
 
@@ -445,32 +425,81 @@ def _heavy(e: Equations, laws: Newton) -> bool:
     return all(m > 0.0 for m in evaluate(e.graph, [*laws.masses.values()], values))
 
 
-class _Follower(NamedTuple):
-    """A velocity that stands in one sum alone: `leader` less `others` and `drift`."""
+def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
+    """Take sums for velocities in place of those that stand in them alone.
 
-    velocity: int
-    leader: int
-    others: Vector
-    drift: int
-
-
-def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, list[_Follower]]:
-    """Take sums for velocities in place of those that stand in them alone."""
+    The sum of each of these is returned as well.
+    """
     users = Counter(i for form in laws.sums.values() for i in form)
-    sums, forces, followers = dict(laws.sums), dict(laws.forces), []
+    sums, forces, leaders = dict(laws.sums), dict(laws.forces), dict[int, int]()
     for k, form in laws.sums.items():
         alone = (i for i in form if i < size and users[i] == 1 and form[i] == g.one)
         velocity = next((i for i in alone if i not in laws.masses), None)
         if velocity is None:
             continue
-        others = {i: c for i, c in sums.pop(k).items() if i != velocity}
-        followers.append(_Follower(velocity, k, others, laws.drifts.get(k, g.zero)))
+        leaders[velocity] = k
         force = forces.pop(velocity, g.zero)
         add_to(g, forces, k, force)
-        for i, c in others.items():
-            add_to(g, forces, i, g.call("neg", g.call("mul", c, force)))
+        for i, c in sums.pop(k).items():
+            if i != velocity:
+                add_to(g, forces, i, g.call("neg", g.call("mul", c, force)))
     forces = {u: node for u, node in forces.items() if node != g.zero}
-    return laws._replace(sums=sums, forces=forces), followers
+    return laws._replace(sums=sums, forces=forces), leaders
+
+
+def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Vector:
+    """Accelerations of masses and of massless velocities.
+
+    In units of the commonest mass and length. Sines and cosines are joined to those of
+    differences of angles in the drifts, and in what links and joints do to each other;
+    forces stay as they are given.
+    """
+    mass, length = (_commonest(g, x.values()) for x in (held.masses, met.lengths))
+    weights = _quotients(g, dict.fromkeys(held.masses, mass), held.masses)
+    drifts, fall = _drifts_over(g, held, met, length), _fall(g, held, length, moving)
+    lost = {}
+    for k, form in held.sums.items():
+        parts = ((c, fall[i]) for i, c in form.items() if i in fall)
+        lost[k] = g.call("sub", fall[k], g.product_sum(parts))
+    # E of each link, N of each joint; and what their forces do to the masses.
+    forces = dict(enumerate((*met.along, *(x.across for x in met.turns))))
+    turns = dict(enumerate(met.turns, len(met.along)))
+    pulls = {t: _back(g, held, x) for t, x in forces.items()}
+    links = {t: pulls[t] for t in pulls.keys() - turns.keys()}
+    torques = {t: x for t, x in turns.items() if x.velocity in held.forces}
+
+    changes = {t: _dot(g, x, drifts) for t, x in forces.items()}
+    squares = {t: _dot(g, x.factors, x.across) for t, x in turns.items()}
+    levers = _products(g, {t: pulls[t] for t in turns}, links, weights)
+    twists = _products(g, pulls, {t: pulls[t] for t in torques}, weights)
+    met_in = groups(g, links, weights)
+    nodes = [*changes.values(), *squares.values()]
+    nodes += [n for x in (levers, twists) for row in x.values() for n in row.values()]
+    nodes += [n for group in met_in for n in group.nodes]
+    new = dict(zip(nodes, fewer_terms(g, nodes, moving), strict=True))
+
+    known: Vector = {}
+    for t, turn in torques.items():
+        unit = g.call("mul", g.call("mul", mass, length), turn.length)
+        torque = g.call("div", held.forces[turn.velocity], unit)
+        known[t] = g.call("div", torque, new[squares[t]])
+    missing: Vector = {}
+    for t, x in forces.items():
+        change = g.call("sub", new[changes[t]], _dot(g, x, lost))
+        turned = g.product_sum((new[n], known[j]) for j, n in twists[t].items())
+        missing[t] = g.call("sub", change, turned)
+    known |= Squares(g, met_in, new).solve({t: missing[t] for t in links})
+    found: Vector = {}
+    scales = dict.fromkeys(turns, length), {t: x.length for t, x in turns.items()}
+    for t, scale in _quotients(g, *scales).items():
+        pulled = ((new[n], known[i]) for i, n in levers[t].items() if i in known)
+        moved = g.call("sub", g.product_sum(pulled), missing[t])
+        factor = g.call("div", scale, new[squares[t]])
+        found[turns[t].velocity] = g.call("mul", factor, moved)
+    for t, force in known.items():
+        for u, part in pulls[t].items():
+            add_to(g, fall, u, g.call("mul", weights[u], g.call("mul", part, force)))
+    return found | {u: g.call("mul", length, x) for u, x in fall.items()}
 
 
 def _commonest(g: Graph, nodes: Iterable[int]) -> int:
@@ -478,145 +507,61 @@ def _commonest(g: Graph, nodes: Iterable[int]) -> int:
     return node
 
 
-class _Motion:
-    """The equations of the tensions, in units of the commonest mass and length.
+def _quotients(g: Graph, tops: Vector, bottoms: Vector) -> Vector:
+    """Quotients, with common factors cancelled."""
+    nodes = [g.call("div", node, bottoms[k]) for k, node in tops.items()]
+    found = normal_form(g, nodes, set(g.cone(nodes)))
+    return dict(zip(tops, found, strict=True))
 
-    Attributes
-    ----------
-    pulls, turns : dict
-        Link -> C^T E, and C^T c of it: masses -> nodes.
-    fall : dict
-        u'' of masses without tensions.
-    missing : dict
-        Sum -> (drift - C fall): what tensions have to change.
-    """
 
-    def __init__(
-        self, g: Graph, held: Newton, met: Joints, moving: frozenset[str]
-    ) -> None:
-        self.g, self.held, self.moving = g, held, moving
-        self.along, self.joints, self.lengths = met
-        self.mass = _commonest(g, held.masses.values())
-        self.length = _commonest(g, met.lengths.values())
-        self.weights = self._over(dict.fromkeys(held.masses, self.mass), held.masses)
-        self.pulls = dict(enumerate(map(self._back, met.along)))
-        self.turns = {t: self._back(x.across) for t, x in enumerate(met.turns)}
-        # Forces over the units, and over N's: variables until all is joined.
-        self.known: Vector = {}
-        self.torques = {
-            t: g.variable(f"torque.{t}")
-            for t, x in enumerate(met.turns)
-            if x.velocity in held.forces
-        }
-        self.fall = self._fall()
-        self.missing = self._missing()
+def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector:
+    """Return u'' / length of masses without tensions and torques."""
+    pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
+    moved = g.dependent(pushed.values(), moving)
+    # Over mass first: all that weigh fall alike. Most are -m g, m may be a number.
+    still = {u: g.call("neg", x) for u, x in pushed.items() if x not in moved}
+    still = _quotients(g, still, held.masses)
+    still = _quotients(g, still, dict.fromkeys(still, length))
+    return {
+        u: g.call("neg", still[u])
+        if u in still
+        else g.call("div", x, g.call("mul", held.masses[u], length))
+        for u, x in pushed.items()
+    }
 
-    def _over(self, tops: Vector, bottoms: Vector) -> Vector:
-        """Quotients, with common factors cancelled."""
-        g = self.g
-        nodes = [g.call("div", node, bottoms[k]) for k, node in tops.items()]
-        found = normal_form(g, nodes, set(g.cone(nodes)))
-        return dict(zip(tops, found, strict=True))
 
-    def _back(self, parts: Vector) -> Vector:
-        """C^T of forces on sums."""
-        g, masses, total = self.g, self.held.masses, dict(parts)
-        for k, part in parts.items():
-            for i, c in self.held.sums[k].items():
-                if i in masses:
-                    add_to(g, total, i, g.call("neg", g.call("mul", c, part)))
-        return total
+def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
+    """Drifts of sums / length: over their own lengths first."""
+    own = dict.fromkeys(held.sums, length) | met.lengths
+    drifts = _quotients(g, {k: held.drifts.get(k, g.zero) for k in own}, own)
+    scales = _quotients(g, own, dict.fromkeys(own, length))
+    return {k: g.call("mul", scales[k], drifts[k]) for k in held.sums}
 
-    def _fall(self) -> Vector:
-        g, held = self.g, self.held
-        unit = {u: g.call("mul", m, self.length) for u, m in held.masses.items()}
-        pushed = {u: held.forces.get(u, g.zero) for u in held.masses}
-        moved = g.dependent(pushed.values(), self.moving)
-        still = {u: node for u, node in pushed.items() if node not in moved}
-        fall = self._over(still, unit)
-        for u in pushed.keys() - still.keys():
-            fall[u] = g.variable(f"fall.{u}")
-            self.known[fall[u]] = g.call("div", pushed[u], unit[u])
-        for t, torque in self.torques.items():
-            for u, part in self.turns[t].items():
-                force = g.call("mul", g.call("mul", self.weights[u], part), torque)
-                add_to(g, fall, u, force)
-        return fall
 
-    def _missing(self) -> Vector:
-        g, held = self.g, self.held
-        drifts = {k: held.drifts.get(k, g.zero) for k in held.sums}
-        lengths = dict.fromkeys(drifts, self.length)
-        lengths |= self.lengths
-        drifts = self._over(drifts, lengths)
-        scales = self._over(lengths, dict.fromkeys(drifts, self.length))
-        found = {k: g.call("mul", scales[k], drift) for k, drift in drifts.items()}
-        for k, form in held.sums.items():
-            along = ((c, self.fall[i]) for i, c in form.items() if i in held.masses)
-            fallen = g.call("sub", self.fall[k], g.product_sum(along))
-            found[k] = g.call("sub", found[k], fallen)
-        return found
+def _back(g: Graph, held: Newton, parts: Vector) -> Vector:
+    """C^T of forces on sums: on masses."""
+    total = dict(parts)
+    for k, part in parts.items():
+        for i, c in held.sums[k].items():
+            if i in held.masses:
+                add_to(g, total, i, g.call("neg", g.call("mul", c, part)))
+    return total
 
-    def accelerations(self) -> Vector:
-        """Accelerations u'' of masses and of massless velocities."""
-        g, turns = self.g, dict(enumerate(self.joints))
-        right = {t: self._dot(x, self.missing) for t, x in enumerate(self.along)}
-        rest = {t: self._dot(x.across, self.missing) for t, x in turns.items()}
-        squares = {t: self._dot(x.factors, x.across) for t, x in turns.items()}
-        levers = self._levers()
-        met = groups(g, self.pulls, self.weights)
-        nodes = [*right.values(), *rest.values(), *squares.values()]
-        nodes += [n for lever in levers.values() for n in lever.values()]
-        nodes += [n for group in met for n in group.nodes]
-        forces = g.depends([*self.known, *self.torques.values()])
-        joined = fewer_terms(g, nodes, self.moving | forces)
-        new = dict(zip(nodes, joined, strict=True))
-        known = self._known({t: new[n] for t, n in squares.items()})
-        new = dict(zip(nodes, g.substitute(joined, known), strict=True))
 
-        solved = Squares(g, [group.written(new) for group in met])
-        x = solved.solve({t: new[n] for t, n in right.items()})
-        units = dict.fromkeys(turns, self.length)
-        scales = self._over(units, {t: x.length for t, x in turns.items()})
-        found = {}
-        for t, lever in levers.items():
-            moved = g.product_sum((new[n], x[i]) for i, n in lever.items() if i in x)
-            moved = g.call("sub", moved, new[rest[t]])
-            scale = g.call("div", scales[t], new[squares[t]])
-            found[turns[t].velocity] = g.call("mul", scale, moved)
-        fall = g.substitute(self.fall.values(), known)
-        found |= dict(zip(self.fall, fall, strict=True))
-        for t, tension in x.items():
-            for u, part in self.pulls[t].items():
-                change = g.call("mul", self.weights[u], g.call("mul", part, tension))
-                add_to(g, found, u, change)
-        masses = self.fall.keys()
-        return found | {u: g.call("mul", self.length, found[u]) for u in masses}
+def _dot(g: Graph, one: Vector, other: Vector) -> int:
+    return g.product_sum((a, other[k]) for k, a in one.items())
 
-    def _dot(self, one: Vector, other: Vector) -> int:
-        return weighted(self.g, one, other, dict.fromkeys(one, self.g.one))
 
-    def _known(self, squares: Vector) -> Vector:
-        """Expressions of the variables in place of forces and torques."""
-        g, known = self.g, dict(self.known)
-        unit = g.call("mul", self.mass, self.length)
-        for t, variable in self.torques.items():
-            joint = self.joints[t]
-            force = self.held.forces[joint.velocity]
-            force = g.call("div", force, g.call("mul", unit, joint.length))
-            known[variable] = g.call("div", force, squares[t])
-        return known
-
-    def _levers(self) -> dict[int, Vector]:
-        """Angular accelerations of each angle per unit of the tensions."""
-        pulled: dict[int, list[int]] = {}
-        for t, pull in self.pulls.items():
-            for u in pull:
-                pulled.setdefault(u, []).append(t)
-        found = {}
-        for t, turn in self.turns.items():
-            near = sorted({i for u in turn for i in pulled.get(u, ())})
-            found[t] = {
-                i: weighted(self.g, turn, self.pulls[i], self.weights) for i in near
-            }
-        return found
+def _products(
+    g: Graph,
+    rows: Mapping[int, Vector],
+    columns: Mapping[int, Vector],
+    weights: Vector,
+) -> dict[int, Vector]:
+    """Weighted inner products of all that have masses in common."""
+    holders = _holders(columns)
+    found = {}
+    for t, row in rows.items():
+        near = sorted({i for u in row for i in holders.get(u, ())})
+        found[t] = {i: weighted(g, row, columns[i], weights) for i in near}
+    return found
