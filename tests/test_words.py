@@ -60,16 +60,3 @@ def test_help_avoids_these_words(command, lagsim):  # noqa: F811
     shown = lagsim(*command.split(), "--help").out
     assert "Usage" in shown
     assert avoided(re.sub(r"[│╭╰─]", " ", shown)) == []
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("the energy\nledger stands\nfor it", ["ledger", "stands for"]),
-        ("the scene runs; points of the scene", ["scene"]),
-        ("it rests on\nrows, and they rest on it", ["rests on", "rest on"]),
-        ("`told`, methods, metal; at rest on a floor, comes to rest on it", []),
-    ],
-)
-def test_the_words_are_found(text, words):
-    assert avoided(text) == words

@@ -11,7 +11,6 @@ import sys
 import pytest
 
 from tests.hunt import kills, soup_runs
-from tests.hunt.soup import case
 from tests.support import ROOT
 
 SEED = 16
@@ -48,11 +47,6 @@ def test_very_many_cases(tmp_path, monkeypatch, record_property):
     seed = int(os.environ.get("LAGSIM_SEED", secrets.randbits(32)))
     record_property("seed", seed)
     assert hunted(tmp_path, monkeypatch, seed, range(NIGHTLY)) == NIGHTLY
-
-
-def test_a_case_follows_from_its_number():
-    assert case(3, 17) == case(3, 17)
-    assert len({case(3, n) for n in range(100)}) > 80
 
 
 # --- kills ----------------------------------------------------------------------------

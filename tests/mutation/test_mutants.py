@@ -18,52 +18,16 @@ import pytest
 from tests.mutation.mutants import (
     ROOMS,
     ROOT,
-    STARTING,
-    Clean,
     Copy,
     Mutant,
     Trial,
     chosen,
     compiles,
-    exercising,
-    mutants_of,
     over_budget,
 )  # fmt: skip
 
 needs_node = pytest.mark.skipif(not shutil.which("node"), reason="no node on PATH")
 needs_git = pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a clone")
-
-
-def made(path, text):
-    return [mutant.applied(text) for mutant in mutants_of("page", path, text)]
-
-
-def test_mutants_of_python():
-    text = (
-        'def f(a, *b):  # 1 + 1\n    """2 < 3."""\n    return a - 2 if not b else 0.5\n'
-    )
-    head, _ = text.split("return")
-    assert made("zero.py", "x = 0.0\n") == ["x = 1.0\n"]
-    assert made("zip.py", "zip(a, b, strict=True)\n") == []
-    assert made("f.py", text) == [
-        f"{head}return a + 2 if not b else 0.5\n",
-        f"{head}return a - 3 if not b else 0.5\n",
-        f"{head}return a - 2 if  b else 0.5\n",
-        f"{head}return a - 2 if not b else 0.75\n",
-    ]
-
-
-def test_mutants_of_the_script():
-    text = 'const f = (x) => x <= 1 && "1 < 2"; // 3 + 4\n'
-    text += "y += x === 2 ? Math.min(x) : `-${x}`;"
-    line, other = text.split("\n")
-    assert made("f.js", text) == [
-        f"{line.replace('<= 1', '< 1')}\n{other}",
-        f"{line.replace('= 1', '= 2')}\n{other}",
-        f"{line.replace('&&', '||')}\n{other}",
-        *(f"{line}\n{other.replace(a, b)}" for a, b in (
-            ("+=", "-="), ("===", "!=="), ("= 2", "= 3"), ("min", "max"))),
-    ]  # fmt: skip
 
 
 @needs_node
@@ -80,37 +44,6 @@ def test_the_same_of_a_commit_others_of_another(rooms):
         text = (ROOT / mutant.path).read_text("utf-8")
         assert mutant.applied(text) != text
         assert compiles(mutant, text)
-
-
-def test_rooms_and_all_of_them_over_their_budgets():
-    mutant = Mutant("page", "view.js", 1, 0, "+", "-")
-    # A quarter of eight and twice their spread, 2.4, are less than five.
-    tried = [(mutant, k < 5) for k in range(8)]
-    assert over_budget(tried) == ["page: 5 of 8 live", "all: 5 of 8 live"]
-    assert over_budget([(mutant, k < 4) for k in range(8)]) == []
-    assert over_budget([(mutant, True)]) == []
-    # Two of three in each say nothing of it; of all rooms together they do.
-    every = [mutant._replace(room=room) for room in ROOMS for _ in range(3)]
-    [told] = over_budget([(one, k % 3 < 2) for k, one in enumerate(every)])
-    assert told == f"all: {2 * len(ROOMS)} of {3 * len(ROOMS)} live"
-    assert over_budget([(one, k % 3 == 0) for k, one in enumerate(every)]) == []
-
-
-def test_tests_that_may_notice_a_mutant_come_soonest_first_and_not_all():
-    long, short, other, named = (f"tests/{name}" for name in (
-        "test_a.py::test_x[0]", "test_a.py::test_x[1]", "test_a.py::test_y",
-        "test_units.py::test_z"))  # fmt: skip
-    seconds = {long: 50.0, other: 8.0, short: 2.0, named: 40.0}
-    mutant = Mutant("outputs", "lagsim/outputs/units.py", 7, 0, "+", "-")
-    clean = Clean(seconds, {mutant.path: {7: {*seconds}, 8: {long}}})
-    # What has a like name, one case of each test; more than 60 s of them are too many.
-    assert exercising(mutant, "", [clean]) == ([named, short, other], STARTING + 150.0)
-    assert exercising(mutant._replace(line=8), "", [clean]) == (
-        [long],
-        STARTING + 150.0,
-    )
-    # No test is known to run its line: all of them may.
-    assert exercising(mutant._replace(line=9), "", [clean])[0] == [named, short, other]
 
 
 @pytest.mark.slow

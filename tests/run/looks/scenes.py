@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 from tests.run.switching.scenes import scene
 
+METHODS = (
+    pytest.param("auto", marks=pytest.mark.slow),
+    "taylor",
+    pytest.param("dop853", marks=pytest.mark.slow),
+    pytest.param("radau", marks=pytest.mark.slow),
+)
 PLANE = """
 coordinates: {{x: {{}}, y: {{}}}}
 energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: "{potential}"}}

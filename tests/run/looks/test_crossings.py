@@ -5,60 +5,41 @@ import math
 import pytest
 
 from lagsim.run.trajectory import Outcome
-from tests.run.looks.scenes import line
+from tests.run.looks.scenes import METHODS, line
 from tests.support import run
 
-METHODS = (
-    pytest.param("auto", marks=pytest.mark.slow),
-    "taylor",
-    pytest.param("dop853", marks=pytest.mark.slow),
-    pytest.param("radau", marks=pytest.mark.slow),
-)
 DEPTHS = (1e-2, 1e-5, 1e-8)
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("depth", DEPTHS)
-def test_until_sees_the_top_of_a_throw(depth, method):
-    g, v = 9.81, 5.0
-    height = v**2 / (2 * g)
-    text = line(
-        f"{g}*x", v=v, duration=3, step=3, method=method,
-        until=f"x >= {height - depth!r}",
-    )  # fmt: skip
-    found = run(text)
-    assert found.trajectory.outcome is Outcome.UNTIL
-    expected = v / g - math.sqrt(2 * depth / g)
+TOP = 25 / (2 * 9.81)
+THROW = {"potential": "9.81*x", "v": 5, "duration": 3, "step": 3}
+# A free motion in one step, of which the duration may be a whole period.
+FREE = {"v": 1, "duration": 20, "step": 20}
+LOW, SEEN = -0.9999999, math.sqrt(math.log(2))
+# `until`, when it is met, None where never, and how well that is known.
+UNTIL = [
     # At a grazing angle a height known to 1e-15 is a time known to its root.
-    assert found.trajectory.end == pytest.approx(expected, abs=1e-14 / depth)
+    *((f"x >= {TOP - d!r}", 5 / 9.81 - math.sqrt(2 * d / 9.81), 1e-14 / d, THROW)
+      for d in DEPTHS),
+    *((f"x >= {TOP + d!r}", None, 0, THROW) for d in DEPTHS),
+    # The first of many dips.
+    *((f"cos(x) {sign} {LOW}", math.acos(LOW), 1e-8,
+       FREE | {"duration": T, "step": T / 2})
+      for sign in ("<=", "=") for T in (40 * math.pi, 1e4)),
+    # It counts once it has been false.
+    ("cos(x) >= 0.99", 2 * math.pi - math.acos(0.99), 1e-9, FREE),
+    # It is flat but for a moment.
+    ("exp(-((x - 7)/1e-4)^2/2) >= 0.5", 7 - 1e-4 * math.sqrt(2) * SEEN, 1e-9, FREE),
+    ("x_dot*exp(-((t - 7)/1e-3)^2) >= 0.5", 7 - 1e-3 * SEEN, 1e-9, FREE),
+    ("tanh(1e4*(x - 3)) - tanh(1e4*(x - 3.1)) >= 1", 3, 1e-9, FREE),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("depth", DEPTHS)
-def test_until_invents_no_touch(depth, method):
-    height = 25 / (2 * 9.81)
-    text = line(
-        "9.81*x", v=5, duration=3, step=3, method=method,
-        until=f"x >= {height + depth!r}",
-    )  # fmt: skip
-    assert run(text).trajectory.outcome is Outcome.DONE
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("until", ["cos(x) <= -0.9999999", "cos(x) = -0.9999999"])
-@pytest.mark.parametrize("duration", [40 * math.pi, 1e4])
-def test_until_sees_the_first_of_many_dips(duration, until, method):
-    """A free motion, in one step, of which the duration may be a whole period."""
-    text = line(v=1, duration=duration, step=duration / 2, method=method, until=until)
-    end = run(text).trajectory.end
-    assert end == pytest.approx(math.acos(-0.9999999), abs=1e-8)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_until_counts_once_it_has_been_false(method):
-    text = line(v=1, duration=20, step=20, method=method, until="cos(x) >= 0.99")
-    end = run(text).trajectory.end
-    assert end == pytest.approx(2 * math.pi - math.acos(0.99), abs=1e-9)
+@pytest.mark.parametrize(("until", "time", "off", "motion"), UNTIL)
+def test_when_until_is_met(until, time, off, motion, method):
+    found = run(line(**motion, method=method, until=until)).trajectory
+    assert found.outcome is (Outcome.DONE if time is None else Outcome.UNTIL)
+    if time is not None:
+        assert found.end == pytest.approx(time, abs=off)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -122,20 +103,6 @@ def test_narrow_windows_of_a_force(method):
     expected = math.sqrt(1 + 2 * passed * 2 * half)
     assert found["x_dot"][-1] == pytest.approx(expected, abs=1e-9)
     assert len(found.trajectory.events) == 2 * passed
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("until", "expected"),
-    [
-        ("exp(-((x - 7)/1e-4)^2/2) >= 0.5", 7 - 1e-4 * math.sqrt(2 * math.log(2))),
-        ("x_dot*exp(-((t - 7)/1e-3)^2) >= 0.5", 7 - 1e-3 * math.sqrt(math.log(2))),
-        ("tanh(1e4*(x - 3)) - tanh(1e4*(x - 3.1)) >= 1", 3),
-    ],
-)
-def test_until_is_flat_but_for_a_moment(until, expected, method):
-    text = line(v=1, duration=20, step=20, method=method, until=until)
-    assert run(text).trajectory.end == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ive
 
-from tests.run.looks.scenes import line
+from tests.run.looks.scenes import METHODS, line
 from tests.support import run
 
-METHODS = (
-    pytest.param("auto", marks=pytest.mark.slow),
-    "taylor",
-    pytest.param("dop853", marks=pytest.mark.slow),
-    pytest.param("radau", marks=pytest.mark.slow),
-)
 ROOT = math.sqrt(2 * math.pi)
 
 # Forces on a body of mass 1 at rest, the time that they take, and their impulse.
