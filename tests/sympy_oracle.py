@@ -57,11 +57,16 @@ def symbol(name: str) -> sp.Symbol:
     return sp.Symbol(name, real=True)
 
 
+def decimal(value: float) -> sp.Rational:
+    """Give a literal as it is written."""
+    return sp.Rational(str(value))
+
+
 def expression(
     text: str,
     scope: Any,
     functions: Mapping[str, Any] = FUNCTIONS,
-    number: Any = lambda value: sp.Rational(str(value)),
+    number: Any = decimal,
 ) -> sp.Expr:
     """Read `text`; `scope` gives what stands for a name, `number` for a literal."""
     # `^` binds as Python's `**` does; an underscore keeps names off its keywords.
@@ -110,6 +115,10 @@ class Oracle:
     M : Matrix (n, n), f : list (n,), A : Matrix (m, n), b : list (m,)
     """
 
+    functions: Mapping[str, Any] = FUNCTIONS
+    number = staticmethod(decimal)
+    pi: sp.Expr = sp.pi
+
     def __init__(self, text: str) -> None:
         # BaseLoader keeps all scalars text: `y` and `on` are names.
         document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
@@ -119,7 +128,7 @@ class Oracle:
         self.v = [symbol(f"{q.name}_dot") for q in self.q]
         self.a = [symbol(f"{q.name}_ddot") for q in self.q]
         self.t = symbol("t")
-        self._names: dict[str, sp.Expr] = {"pi": sp.pi, "t": self.t}
+        self._names: dict[str, sp.Expr] = {"pi": self.pi, "t": self.t}
         self._names |= {s.name: s for s in (*self.q, *self.v)}
         self._names |= {name: symbol(name) for name in self.parameter_texts}
         self._lagrangian(document["energy"])
@@ -144,7 +153,7 @@ class Oracle:
         return self._names[name]
 
     def read(self, text: str) -> sp.Expr:
-        return expression(text, self.name)
+        return expression(text, self.name, self.functions, self.number)
 
     def rate(self, e: sp.Expr) -> sp.Expr:
         """Give d/dt by the chain rule."""
@@ -197,10 +206,9 @@ class Oracle:
         for g in self.constraints:
             holonomic = not g.free_symbols & set(self.v)
             phi = self.rate(g) if holonomic else g
-            acceleration = self.rate(phi)
             self.rates.append(phi)
-            self.A.append([sp.diff(acceleration, a) for a in self.a])
-            self.b.append(-acceleration.subs(dict.fromkeys(self.a, 0)))
+            self.A.append([sp.diff(phi, v) for v in self.v])
+            self.b.append(-self.drift(phi))
         self.power_without_constraints = sp.Add(
             *(Q * v for Q, v in zip(self.Q, self.v, strict=True)),
             -sp.diff(self.L, self.t),

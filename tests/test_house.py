@@ -10,7 +10,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 220
 LINES = 64_400
-LINES_OF_TESTS = 49_750
+LINES_OF_TESTS = 49_500
 
 
 def lines(folder):

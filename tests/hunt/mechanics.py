@@ -16,7 +16,7 @@ import numpy as np
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
-from tests.sympy_oracle import FUNCTIONS, expression, symbol
+from tests.sympy_oracle import FUNCTIONS, Oracle, symbol
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -28,56 +28,33 @@ Long = np.longdouble
 MOST_FACTORS = 24
 
 
-class Mechanics:
+class Mechanics(Oracle):
     """Equations of a scene, as functions of t, y = (q, v), parameters p and sides u.
 
     acceleration(t, y, p, u) -> list (n,)
     multipliers(t, y, p, u) -> list (m,)
     positions(t, y, p) -> (displacement (n,), residuals (m,))
-    rates(t, y, p) -> (change of velocity (n,), residuals (m,))
+    velocities(t, y, p) -> (change of velocity (n,), residuals (m,))
     surfaces(t, y, p, u) -> list (k,); their `slopes` take the accelerations too
     """
 
+    number = sp.Rational  # as the double that it is
+    pi = sp.Rational(float(sp.pi))
+
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.q = [symbol(name) for name in scene.q]
-        self.v = [symbol(f"{name}_dot") for name in scene.q]
-        self.a = [symbol(f"{name}_ddot") for name in scene.q]
-        self.t = symbol("t")
-        self._definitions = scene.gathered("definitions")
-        parameters = scene.gathered("parameters")
-        self.p = [symbol(name) for name in parameters]
-        self.values = [Long(value) for value in parameters.values()]
-        known = [self.t, *self.q, *self.v, *self.p]
-        self._names: dict[str, sp.Expr] = {s.name: s for s in known}
-        self._names["pi"] = sp.Rational(float(sp.pi))
         self.sides: list[sp.Symbol] = []
         self._surfaces: list[sp.Expr] = []
-        self._functions = FUNCTIONS | {
+        self.functions = FUNCTIONS | {
             "sign": self._side,
             "abs": lambda x: self._side(x) * x,
             "max": lambda x, y: (x + y + self._side(x - y) * (x - y)) / 2,
             "min": lambda x, y: (x + y - self._side(x - y) * (x - y)) / 2,
             "if": self._if,
         }
-        self._derive()
+        super().__init__(scene.text())
+        self.values = [Long(x) for x in scene.gathered("parameters").values()]
         self._compile()
-
-    def read(self, text: str) -> sp.Expr:
-        return expression(text, self._name, self._functions, sp.Rational)
-
-    def _name(self, name: str) -> sp.Expr:
-        if name not in self._names:
-            if name in self._definitions:
-                self._names[name] = self.read(self._definitions[name])
-            else:
-                self._names[name] = self._rate(self._name(name.removesuffix("_dot")))
-        return self._names[name]
-
-    def _rate(self, e: sp.Expr) -> sp.Expr:
-        """Give d/dt of what holds no velocities."""
-        moved = (sp.diff(e, q) * v for q, v in zip(self.q, self.v, strict=True))
-        return sp.Add(sp.diff(e, self.t), *moved)
 
     def _side(self, surface: sp.Expr) -> sp.Expr:
         """Give the side of a surface, the same for the same surface."""
@@ -106,74 +83,35 @@ class Mechanics:
         side = self._truth(condition)
         return (1 + side) / 2 * a + (1 - side) / 2 * b
 
-    def _total(self, name: str) -> sp.Expr:
-        return sp.Add(*map(self.read, self.scene.terms(name)))
-
-    def _derive(self) -> None:
-        lagrangian = self._total("kinetic") - self._total("potential")
-        momenta = [sp.diff(lagrangian, v) for v in self.v]
-        self.M = [[sp.diff(p, v) for v in self.v] for p in momenta]
-        loss = self._total("dissipation")
-        self.f = [
-            sp.diff(lagrangian, q) - self._rate(p) - sp.diff(loss, v)
-            for q, v, p in zip(self.q, self.v, momenta, strict=True)
-        ]
-        for key, text in self.scene.terms("forces"):
-            self._push(self._name(key), self.read(text))
-        self.g, self.g_dot, self.A, self.b = [], [], [], []
-        for text in self.scene.gathered("constraints").values():
-            left, right = text.split("=")
-            self._constrain(self.read(left) - self.read(right))
-        self.until = None
-        if self.scene.until:
-            left, right = self.scene.until.replace(">", "<").split("<=")
-            self.until = self.read(left) - self.read(right)
+    def _compile(self) -> None:
+        sides = self.scene.until.replace(">", "<").split("<=")
+        end = [self.read(sides[0]) - self.read(sides[1])] if self.scene.until else []
         self.features = [
             self.read(text) / sp.Rational(width)
             for text, width in self.scene.terms("features")
         ]
-
-    def _push(self, at: sp.Expr, force: sp.Expr) -> None:
-        along = self.v if at.has(*self.v) else self.q
-        for i, x in enumerate(along):
-            self.f[i] += force * sp.diff(at, x)
-
-    def _constrain(self, g: sp.Expr) -> None:
-        rate = g if g.has(*self.v) else self._rate(g)
-        row = [sp.diff(rate, v) for v in self.v]
-        self.g.append(sp.Integer(0) if rate is g else g)
-        self.g_dot.append(rate)
-        self.A.append(row)
-        self.b.append(-self._rate(rate))
-
-    def _compile(self) -> None:
         y = [*self.q, *self.v]
-        inputs = [[self.t], y, self.p]
+        inputs = [[self.t], y, [symbol(name) for name in self.parameter_texts]]
         solve = _Solver(self.M, self.A)
         self.acceleration = function([*inputs, self.sides], *solve(self.f, self.b))
         self.multipliers = function(
             [*inputs, self.sides], *solve(self.f, self.b, multipliers=True)
         )
-        zero = [sp.Integer(0)] * len(y[: len(self.q)])
-        self.positions = function(inputs, *solve(zero, [-g for g in self.g]), self.g)
-        self.rates = function(
-            inputs, *solve(zero, [-g for g in self.g_dot]), self.g_dot
+        zero = [sp.Integer(0)] * len(self.q)
+        g = [sp.Integer(0) if g.has(*self.v) else g for g in self.constraints]
+        self.positions = function(inputs, *solve(zero, [-x for x in g]), g)
+        self.velocities = function(
+            inputs, *solve(zero, [-x for x in self.rates]), self.rates
         )
-        watched = [*self._surfaces, *([self.until] if self.until is not None else [])]
+        watched = [*self._surfaces, *end]
         self.surfaces = function([*inputs, self.sides], [], watched)
         self.slopes = function(
-            [*inputs, self.sides, self.a], [], [self._whole_rate(s) for s in watched]
+            [*inputs, self.sides, self.a], [], [self.rate(s) for s in watched]
         )
         self.jerky = [s.has(*self.v) for s in self._surfaces]
         self.timed = [not s.has(*y) for s in self._surfaces]
-        rates = [self._whole_rate(s) for s in self.features]
+        rates = [self.rate(s) for s in self.features]
         self.looks = function([*inputs, self.a], [], [*self.features, *rates])
-        terms = [*map(self.read, self.scene.terms("kinetic"))]
-        self.kinetic = function(inputs, [], terms)
-
-    def _whole_rate(self, e: sp.Expr) -> sp.Expr:
-        pushed = (sp.diff(e, v) * a for v, a in zip(self.v, self.a, strict=True))
-        return sp.Add(self._rate(e), *pushed)
 
 
 class _Solver:

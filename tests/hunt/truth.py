@@ -123,20 +123,20 @@ class Run:
         unit = Long(self.effort.nudge) * Long(2) ** -52
         y = y * (1 + unit * rng.choice([-1, 1], len(y)))
         signs = rng.choice([-1, 1], len(self.p))
-        if not self.m.g:  # else a length and a start no longer fit
+        if not self.m.constraints:  # else a length and a start no longer fit
             self.p = [p * (1 + unit * s) for p, s in zip(self.p, signs, strict=True)]
         t = Long(scene.start)
         return t, self.projected(t, y, far=True)
 
     def projected(self, t: Any, y: Any, *, far: bool = False) -> Any:
         """Bring a state back onto the constraints, by the least change in M."""
-        if not self.m.g:
+        if not self.m.constraints:
             return y
         y = y.copy()
         for _ in range(PROJECTIONS if far else 1):
             moved, _ = self.m.positions([t], list(y), self.p)
             y[: self.n] += np.array(moved, Long)
-        moved, _ = self.m.rates([t], list(y), self.p)
+        moved, _ = self.m.velocities([t], list(y), self.p)
         y[self.n :] += np.array(moved, Long)
         return y
 
@@ -304,7 +304,7 @@ class Referee(Run):
         for k, on_time in enumerate(self.m.timed):
             if on_time:
                 watched[k] = Long(1)
-        if self.m.until is not None:
+        if self.m.scene.until:
             sign = 1 if "<" in self.m.scene.until else -1
             watched.append(sign * values[-1])
         return watched
@@ -313,7 +313,7 @@ class Referee(Run):
         self, t: Any, y: Any, dy: Any, h: Any, found: Any
     ) -> tuple[Any, int] | None:
         """Give the first event within a step: after how long, and which."""
-        if not self.u and self.m.until is None:
+        if not self.u and not self.m.scene.until:
             return None
         before, rates = self._watched(t, y), self._rates(t, y)
 
@@ -347,7 +347,7 @@ class Referee(Run):
         for k in self.stuck:
             rates[k] = Long(0)
         sign = 1 if "<" in self.m.scene.until else -1
-        return rates if self.m.until is None else [*rates, sign * slopes[-1]]
+        return [*rates, sign * slopes[-1]] if self.m.scene.until else rates
 
     def _positive(self, at: Any, k: int, end: Any, before: Any) -> Any:
         """Give a time before `end` at which the watched number is positive."""

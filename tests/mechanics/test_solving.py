@@ -200,24 +200,10 @@ CHAINS = {
     "chain": chain(20),
     "by velocities": BY_VELOCITIES,
 }
-# Rows: of relations between positions, between velocities, and both.
-ROWS = (
-    "andrews",
-    "appell-hamel",
-    "bead-hoop-cartesian",
-    "car-axis",
-    "chain-cartesian",
-    "chaplygin-sleigh",
-    "elastic-pendulum-steered",
-    "pendulum-cartesian",
-    "rolling-disk",
-)
 
 
 @cache
 def equations_of(name: str, *, chained: bool = True) -> Equations:
-    if name in ROWS:
-        return derive(read_file(str(MODELS / f"{name}.yaml")), chained=chained)
     return derive(read((LINKS | CHAINS)[name], "links"), chained=chained)
 
 
@@ -258,7 +244,7 @@ def moving_operations(e: Equations, nodes: Iterable[int]) -> int:
     return sum(bool(e.graph.args[k]) for k in e.graph.dependent(nodes, e.moving))
 
 
-@pytest.mark.parametrize("name", [*LINKS, *CHAINS, *ROWS])
+@pytest.mark.parametrize("name", [*LINKS, *CHAINS])
 def test_motion_is_that_of_the_matrices(name: str) -> None:
     full = equations_of(name, chained=False)
     e = full if name in LINKS else equations_of(name)
