@@ -1,7 +1,5 @@
 """Small scenes as text, their exact solutions, and the times of their rows."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -7,8 +7,6 @@ coordinates is a model, `console` shows what its commands print, `sh` does not,
 Numbers are masked by their shape: digits change with processors, words do not.
 """
 
-from __future__ import annotations
-
 import doctest
 import json
 import re

@@ -1,7 +1,5 @@
 """What no linter holds: how much there is to read, and what is outside the rooms."""
 
-from __future__ import annotations
-
 from tests.support import ROOT
 
 HOUSE = ROOT / "lagsim"
@@ -10,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 220
 LINES = 64_400
-LINES_OF_TESTS = 49_500
+LINES_OF_TESTS = 49_100
 
 
 def lines(folder):

@@ -1,7 +1,5 @@
 """Long fuzzing of whatever takes random input, and charts of all models in turn."""
 
-from __future__ import annotations
-
 import csv
 import importlib
 import os

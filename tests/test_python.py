@@ -1,7 +1,5 @@
 """The Python interface: its page, its bytes, its faults, and what it loads."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import re

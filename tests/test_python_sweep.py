@@ -1,7 +1,5 @@
 """`lagsim.sweep`: the table of a sweep as arrays."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The models of docs/recipes.md against the formulas that stand beside them."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import re

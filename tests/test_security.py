@@ -1,7 +1,5 @@
 """What SECURITY.md says that a file may cost is what the code refuses."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

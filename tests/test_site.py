@@ -1,7 +1,5 @@
 """What binds the pages together: links, anchors, commands in the text, pages made."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from importlib import import_module

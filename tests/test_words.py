@@ -5,8 +5,6 @@ is the section of a model file; everything else is a model. Code and outputs are
 out here: they are the program's messages, which tests/codes looks at.
 """
 
-from __future__ import annotations
-
 import re
 
 import pytest

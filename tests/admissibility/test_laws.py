@@ -1,7 +1,5 @@
 """Constraints that hold at times, at the start: closed forms say what each does."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

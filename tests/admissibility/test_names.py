@@ -1,7 +1,5 @@
 """What is said of names and places: unused, in degrees, without a value or inertia."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.errors import InputError

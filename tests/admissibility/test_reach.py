@@ -1,7 +1,5 @@
 """Integrability: what velocity constraints let the motion reach."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

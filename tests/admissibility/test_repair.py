@@ -1,7 +1,5 @@
 """Guesses, repair, and states that must not be harmed."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sets on which constraints lose their rank all over, multiple roots, cones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

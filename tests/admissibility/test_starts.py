@@ -1,7 +1,5 @@
 """Starts and what is said of them: residuals, ranks, contradictions, thin sets."""
 
-from __future__ import annotations
-
 import math
 import re
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """`model.rhs`: the accelerations as a function of the state."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

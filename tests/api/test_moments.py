@@ -1,7 +1,5 @@
 """`result.at`: the state at any time of a run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

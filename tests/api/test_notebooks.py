@@ -1,7 +1,5 @@
 """What notebooks show: figures, small pages, formulas."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """What people read of an object at a prompt, and see of it in a notebook."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

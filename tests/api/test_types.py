@@ -1,7 +1,5 @@
 """The types of what `import lagsim` shows, as mypy sees them in a user's script."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

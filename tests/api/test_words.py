@@ -1,7 +1,5 @@
 """Arguments: what stands for a model, and faults in Python's words."""
 
-from __future__ import annotations
-
 import inspect
 import re
 

@@ -1,7 +1,5 @@
 """Unusable input: exit 2, every fault with its place, no traceback, nothing written."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

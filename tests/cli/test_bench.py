@@ -1,7 +1,5 @@
 """`lagsim bench`: the command and its files."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

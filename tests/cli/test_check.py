@@ -1,7 +1,5 @@
 """`lagsim check`: the verdict, the contract's keys, the exit codes."""
 
-from __future__ import annotations
-
 import json
 import os
 import statistics

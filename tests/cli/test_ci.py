@@ -1,7 +1,5 @@
 """What continuous integration asks for: strictness, JUnit's XML, annotations."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """`lagsim compare`: verdicts, exit codes, reports."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`lagsim run --error-bar`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

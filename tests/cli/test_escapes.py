@@ -1,7 +1,5 @@
 """Nothing that a file or a command line holds makes a terminal act."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys

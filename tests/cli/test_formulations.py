@@ -1,7 +1,5 @@
 """The formulations on the command line: choices, refusals, what run.json says."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

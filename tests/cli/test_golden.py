@@ -1,7 +1,5 @@
 """`lagsim golden`: storing, comparing, exit codes, notes."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Numbers that doubles hardly hold, and a system that has no more to give."""
 
-from __future__ import annotations
-
 import errno
 import os
 

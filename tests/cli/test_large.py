@@ -1,7 +1,5 @@
 """Files of 100 kB, whatever they are full of: checked, derived or refused."""
 
-from __future__ import annotations
-
 import time
 
 import pytest

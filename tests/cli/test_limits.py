@@ -1,7 +1,5 @@
 """What is too large is told with the limit, however it comes."""
 
-from __future__ import annotations
-
 import io
 import shutil
 import sys

@@ -1,7 +1,5 @@
 """`lagsim methods`."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.methods import names

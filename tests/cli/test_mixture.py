@@ -1,7 +1,5 @@
 """A folder with files of two runs is told: run.json has the sha256 of each."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`lagsim new`: files to begin from."""
 
-from __future__ import annotations
-
 import tomllib
 
 import pytest

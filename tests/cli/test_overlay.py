@@ -1,7 +1,5 @@
 """Pages: `lagsim run --animate`; `lagsim overlay`: several results in one picture."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

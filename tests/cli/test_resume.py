@@ -1,7 +1,5 @@
 """`run --resume`: what is gone on with has the bytes of what was never interrupted."""
 
-from __future__ import annotations
-
 import hmac
 import importlib
 import json

@@ -1,7 +1,5 @@
 """`lagsim run`: what it writes, what it says, and how it ends."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import math

@@ -1,7 +1,5 @@
 """How a run ends that does not end well, and what becomes of the files then."""
 
-from __future__ import annotations
-
 import math
 import os
 import resource

@@ -1,7 +1,5 @@
 """`lagsim run` on constraints that hold at times: events.csv, run.json, the summary."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`lagsim run` of several models: each as if it were run alone."""
 
-from __future__ import annotations
-
 import signal
 from pathlib import Path
 

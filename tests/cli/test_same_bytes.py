@@ -1,7 +1,5 @@
 """The same files, byte by byte, whatever goes on around a command."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

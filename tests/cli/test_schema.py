@@ -1,7 +1,5 @@
 """`lagsim schema`: it takes what the reader takes, and refuses wrong shapes."""
 
-from __future__ import annotations
-
 import json
 import re
 

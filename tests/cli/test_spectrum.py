@@ -1,7 +1,5 @@
 """`lagsim spectrum`: what is told, what is written, what is refused."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 

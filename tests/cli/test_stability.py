@@ -1,7 +1,5 @@
 """`lagsim stability`: the command and its files."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

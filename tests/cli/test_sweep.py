@@ -1,7 +1,5 @@
 """`lagsim sweep`: the rows are those of single runs, whoever makes them."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

@@ -1,7 +1,5 @@
 """`run --table` and `--units`: the same numbers, whatever they are kept in."""
 
-from __future__ import annotations
-
 import csv
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command line itself: help, usage, streams, colours, bugs."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

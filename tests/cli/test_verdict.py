@@ -1,7 +1,5 @@
 """The energy balance as a verdict: rejected rows are computed again, or not valid."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.cli._results import manifest, table

@@ -4,8 +4,6 @@ The runner takes a line that begins with `::`, after blanks too, for a command, 
 `##[` anywhere in a line (actions/runner, ActionCommand.cs, TryParseV2 and TryParse).
 """
 
-from __future__ import annotations
-
 import json
 import re
 

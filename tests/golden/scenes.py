@@ -1,7 +1,5 @@
 """Scenes of the shipped models, and what may happen to them."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What `golden --update` measures: bounds of rows, of invariants, and of impacts."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from types import SimpleNamespace

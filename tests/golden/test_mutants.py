@@ -3,8 +3,6 @@
 That is variants of a run, other processors, other libraries of functions.
 """
 
-from __future__ import annotations
-
 import functools
 import platform
 import re

@@ -6,8 +6,6 @@ and to be looked at before they are stored anew: a model that differs has change
 at up to a hundred times the tolerance pass, as the page on goldens promises.
 """
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.methods import method

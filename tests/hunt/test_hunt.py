@@ -4,8 +4,6 @@ HUNT_SEED, HUNT_SCENES (100) and HUNT_CONTACTS (60) choose what a night tries,
 HUNT_FOLDER its failures. A scene takes 0.6 s of one core, one with contacts 1.3 s.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import os
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A referee that is wrong disagrees with lagsim in the scenes of a hunt.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

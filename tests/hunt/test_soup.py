@@ -1,7 +1,5 @@
 """No expression, file or command line, and no kill, does what nobody expects."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

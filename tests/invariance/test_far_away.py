@@ -1,7 +1,5 @@
 """Where the origin lies, how fast it moves and what the units are changes nothing."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Methods with a fixed step solve each component's equation to its own rounding."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

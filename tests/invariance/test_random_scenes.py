@@ -1,7 +1,5 @@
 """Random scenes of the hunt's grammar in other words, against the hunt's referee."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 Elsewhere, moving, in other units, later, beside others, in another order.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Sums of products: known identities, what cancels, and small differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Taylor coefficients on the graph against mpmath, for every row of the table."""
 
-from __future__ import annotations
-
 import math
 
 import mpmath as mp

@@ -1,7 +1,5 @@
 """Reduced equations: what is left out, and the same motion as of the full ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

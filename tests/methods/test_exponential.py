@@ -1,7 +1,5 @@
 """The method `exponential`: exact for what is linear, and refused for all else."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

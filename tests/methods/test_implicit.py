@@ -1,7 +1,5 @@
 """Implicit methods: their linear algebra, what they keep, and how they fail."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

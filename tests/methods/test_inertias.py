@@ -1,7 +1,5 @@
 """Inertias that are followed on the way, and when one is smallest."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lagsim.methods.parts import driver

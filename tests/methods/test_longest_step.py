@@ -1,7 +1,5 @@
 """Steps that are forced to be short, and the ranges that they show."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """What every method must have and do: a new file in `methods` is tested at once."""
 
-from __future__ import annotations
-
 import math
 import re
 

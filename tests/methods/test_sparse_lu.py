@@ -1,7 +1,5 @@
 """Radau's sparse matrices: against full ones, closed forms and counts."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """What the symplectic methods keep: structure over one step, energy over many."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 A tableau checks itself; what its orders are is seen in `order`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

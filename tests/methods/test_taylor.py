@@ -1,7 +1,5 @@
 """The method `taylor`: accuracy, its order, its guard, and what it refuses."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

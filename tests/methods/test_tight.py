@@ -6,8 +6,6 @@ II.9), from the doubles of the models, by textbook equations. Half of the step
 changed the ends by less than 1e-14 (double pendulum), two thirds by 4e-21.
 """
 
-from __future__ import annotations
-
 import math
 from fractions import Fraction
 from statistics import median

@@ -1,7 +1,5 @@
 """A model bound to other values is the one that the text with them gives."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.errors import InputError

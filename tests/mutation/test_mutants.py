@@ -6,8 +6,6 @@ tries 50 mutants of this commit; `LAGSIM_MUTANTS=20` that many, and
 `LAGSIM_MUTATED=page,run` in these rooms alone.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What a second process makes while the first goes on."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """A real browser, without a window: what a page has drawn."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

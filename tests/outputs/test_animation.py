@@ -1,7 +1,5 @@
 """The motion on a page: points, rates, forces of constraints, what links are like."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of rows that no curve can be drawn of: huge, tiny, missing, in one place."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """JUnit's XML: what CI servers read, whatever stands in names and texts."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 from lagsim.outputs.junit import Outcome, document

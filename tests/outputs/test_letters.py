@@ -1,7 +1,5 @@
 """Names and units as pictures write them."""
 
-from __future__ import annotations
-
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure

@@ -1,7 +1,5 @@
 """run.json: one document that any reader of JSON takes."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

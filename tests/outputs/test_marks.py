@@ -1,7 +1,5 @@
 """Impacts, rest and other events in pictures, and what jumps at them."""
 
-from __future__ import annotations
-
 from itertools import groupby
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The picture of several runs: one panel a column, one pen a run."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lagsim.outputs import plots

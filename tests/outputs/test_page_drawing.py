@@ -1,7 +1,5 @@
 """What the page draws of a plane, call by call, against closed forms of the motion."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the page draws, asked of a real browser, against closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What stands around a picture: clock, bars, line of time, buttons, keys and mouse."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scales: what is flat, what is offset, what is a spike, and ticks where they say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure

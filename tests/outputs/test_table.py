@@ -1,7 +1,5 @@
 """Tables: the same bits come back, in bounded memory, and no half rows."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io

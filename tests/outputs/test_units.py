@@ -1,7 +1,5 @@
 """Units that follow from those of a file, and those that do not."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """What is chosen for a scene, and that the reason is told."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.errors import InputError

@@ -1,7 +1,5 @@
 """Subsystems that do not touch: found, and integrated apart with the same answer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What begins and ends arcs: breaks in time, `until`, constraints that jump."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A system bound to other values of parameters, or compiled anew where it has to be."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

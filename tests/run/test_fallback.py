@@ -1,7 +1,5 @@
 """Where a series does not exist and the motion does, asked for or not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

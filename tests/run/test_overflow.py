@@ -1,7 +1,5 @@
 """Numbers that leave the range of doubles end a run in order, or are told."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

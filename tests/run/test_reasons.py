@@ -1,7 +1,5 @@
 """What a run says when it ends: the right names, numbers and times."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -1,7 +1,5 @@
 """The way of a model to its rows: cases, what they ask for, and sessions."""
 
-from __future__ import annotations
-
 import itertools
 import time
 

@@ -1,7 +1,5 @@
 """The run: rows, blocks, outcomes, singular positions, equilibrium."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import signal

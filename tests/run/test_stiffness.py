@@ -1,7 +1,5 @@
 """A step held by stability: the stiff method takes over where that is cheaper."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

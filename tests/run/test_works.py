@@ -1,7 +1,5 @@
 """The work done on each group of coordinates is that of the group alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A four-bar linkage through its change points, where two branches of motion cross."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import sympy as sp

@@ -1,7 +1,5 @@
 """Tops in Euler angles close to gimbal lock, where M is singular but for rounding."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """Scenes that are hard on the solver: rows that lose rank, loads that are balanced."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -3,8 +3,6 @@
 H. P. Gavin, "Generalized Coordinates, Lagrange's Equations, and Constraints", CEE 541.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ ends off by kappa times that, and so will errors of the size of the tolerance ma
 the way. That number is found without lagsim.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Motions through configurations in which the constraints lose their independence."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

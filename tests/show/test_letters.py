@@ -1,7 +1,5 @@
 """Greek letters by their names, in text and in LaTeX, from Unicode's own tables."""
 
-from __future__ import annotations
-
 import unicodedata
 
 import pytest

@@ -1,7 +1,5 @@
 """Derivations have their time; numbers that sympy keeps exactly have their digits."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """A derivation takes work in proportion to the equations that it writes."""
 
-from __future__ import annotations
-
 import functools
 import subprocess
 import sys

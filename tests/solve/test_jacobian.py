@@ -1,7 +1,5 @@
 """The exact Jacobian of the accelerations, against differences."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

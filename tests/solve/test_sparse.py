@@ -1,7 +1,5 @@
 """Sparse elimination run from a tape: its cost, and its answers against the others."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs as `lagsim run` judges them: their evidence, alarms, finding and error bar."""
 
-from __future__ import annotations
-
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.session import Clock, open_case

@@ -1,7 +1,5 @@
 """Pictures are the same whoever draws them, and whoever loaded matplotlib."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Objects as JSON and arrays: what was encoded comes back, and nothing else can."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """Spectra of known sums of sines, of rows with impacts, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Work over processes: all of it is done, whoever dies, and nobody outlives it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

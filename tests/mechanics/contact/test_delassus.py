@@ -1,7 +1,5 @@
 """The Delassus matrix against the equations it comes from, and in other units."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Friction on a disc: it opposes the slip, whatever the directions are called."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

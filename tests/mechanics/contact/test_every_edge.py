@@ -1,7 +1,5 @@
 """Random contacts against all edges of their laws, tried one after the other."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

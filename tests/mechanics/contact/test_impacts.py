@@ -1,7 +1,5 @@
 """Impulses of impacts against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

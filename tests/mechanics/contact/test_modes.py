@@ -1,7 +1,5 @@
 """What holds, slides and lets go, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Modes of contacts with small whole numbers, full of ties and of dependent rows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

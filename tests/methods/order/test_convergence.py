@@ -1,7 +1,5 @@
 """Observed orders of convergence: slopes of log(error) against log(step)."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

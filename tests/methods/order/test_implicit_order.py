@@ -1,7 +1,5 @@
 """Orders of implicit methods on stiff motion."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

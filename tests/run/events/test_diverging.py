@@ -1,7 +1,5 @@
 """A motion that grows past all numbers ends as one, whatever it crosses on its way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

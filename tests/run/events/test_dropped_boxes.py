@@ -4,8 +4,6 @@ A corner that is pulled to the floor before it is there, or too late, ends elsew
 another tolerance: what ends alike at both has been closed at its own gap.
 """
 
-from __future__ import annotations
-
 import random
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Switches and strikes that come ever faster: by closed forms of geometric series."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.run.events.sequence import SHORT, Flights, Sequence

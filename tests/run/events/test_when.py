@@ -1,7 +1,5 @@
 """One-sided constraints with `when`: they are judged while they are in force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

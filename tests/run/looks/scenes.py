@@ -1,7 +1,5 @@
 """Scenes with something short in them, and their motion by an independent solver."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp

@@ -1,7 +1,5 @@
 """One margin dips and comes back while another one ends the same stretch of a step."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

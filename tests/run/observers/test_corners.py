@@ -1,7 +1,5 @@
 """Rows at events between output times, for pictures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Rows for moving pictures: an even stride, both rows of each impact, bounded."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

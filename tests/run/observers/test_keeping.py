@@ -1,7 +1,5 @@
 """Rows that are kept, and rows that a store has no room for."""
 
-from __future__ import annotations
-
 import errno
 import os
 

@@ -1,7 +1,5 @@
 """The accounts of a run: drift, residuals against their scales."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

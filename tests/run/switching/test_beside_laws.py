@@ -1,7 +1,5 @@
 """Switches in forces beside constraints that come and go: both act as if alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws with a root at their switch, met where positions have few places left."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Positions never jump, velocities only by an impact that is accounted for."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

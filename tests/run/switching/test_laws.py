@@ -1,7 +1,5 @@
 """Laws that are finite and continuous at a switch, and branches that have no value."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

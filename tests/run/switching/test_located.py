@@ -1,7 +1,5 @@
 """Switches in the state are met exactly, so that a method keeps its order."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

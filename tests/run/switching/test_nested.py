@@ -4,8 +4,6 @@ Between switches the accelerations are constant, so that the times of all switch
 follow from square roots.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where switches lead to rest: switching curves, accumulations, levels, dead zones."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

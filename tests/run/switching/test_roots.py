@@ -1,7 +1,5 @@
 """Roots of velocities: finite and continuous at rest, and steeper than any slope."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Filippov's conditions at a point on several surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

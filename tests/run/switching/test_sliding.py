@@ -1,7 +1,5 @@
 """Where both sides push onto a surface the motion follows it: friction, and more."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bounces: the reference problems, infinitely many in finite time, and 10^4 of them."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

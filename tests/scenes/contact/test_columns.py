@@ -1,7 +1,5 @@
 """Columns of balls that come to rest: accumulations of a group are one accumulation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

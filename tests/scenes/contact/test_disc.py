@@ -1,7 +1,5 @@
 """Friction on the disc at any step, where its way turns; where it stops: in pairs."""
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Impacts where they are easily missed, invented, or met together with something."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

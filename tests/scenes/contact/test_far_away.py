@@ -1,7 +1,5 @@
 """Short flights far from the origin: they begin a rounding below the ground."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Friction: spheres, inclines, belts, discs, rods."""
 
-from __future__ import annotations
-
 import math
 import re
 

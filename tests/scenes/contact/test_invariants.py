@@ -1,7 +1,5 @@
 """What holds in every row of every scene with one-sided constraints."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Laws of equalities and of velocities: freewheels, limits, times."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

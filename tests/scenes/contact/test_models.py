@@ -1,7 +1,5 @@
 """What the headers of the shipped models with contacts say to expect."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Moreau's time stepping: first order in impacts, many contacts, friction, laws."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

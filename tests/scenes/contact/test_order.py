@@ -1,7 +1,5 @@
 """With impacts located, errors fall with the tolerance as without them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Contacts that end without an impact: where the force that holds them has gone."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

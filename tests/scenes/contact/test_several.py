@@ -1,7 +1,5 @@
 """Several contacts at once: one law, where another could say otherwise."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What becomes of the constraints without projection: drift, and a penalty's price."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """docs/failing.md: its commands run, and raise the alarms that it names."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -4,8 +4,6 @@ The amplitude after N steps is a power of the stability function (Hairer and Wan
 Solving ODEs II, section IV.2), or of the matrix of the step for partitioned methods.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes where methods fail: by how much, and that what is chosen does not."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

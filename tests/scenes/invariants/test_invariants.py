@@ -1,7 +1,5 @@
 """What must stay: energies, momenta, the motion in other units and tolerances."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

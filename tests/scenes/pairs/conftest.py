@@ -1,7 +1,5 @@
 """The command, called in this process."""
 
-from __future__ import annotations
-
 from tests.cli.conftest import lagsim, write
 from tests.cli.test_resume import begun
 

@@ -1,7 +1,5 @@
 """Each method, and what is asked for besides, with each physical feature."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

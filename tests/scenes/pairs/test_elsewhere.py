@@ -1,7 +1,5 @@
 """Pairs of features in other words: far away, moving, in other units, later, beside."""
 
-from __future__ import annotations
-
 import zlib
 
 import pytest

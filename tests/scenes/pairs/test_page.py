@@ -1,7 +1,5 @@
 """The page of features in pairs is that of the table."""
 
-from __future__ import annotations
-
 from tests.scenes.pairs.page import PAGE, page
 from tests.support import ROOT
 

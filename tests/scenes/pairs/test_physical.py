@@ -1,7 +1,5 @@
 """Each pair of physical features moves as each of them does alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

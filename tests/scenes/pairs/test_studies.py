@@ -1,7 +1,5 @@
 """Golden, resume, animation, bench, stability, derive: beside each feature."""
 
-from __future__ import annotations
-
 import base64
 import os
 import signal

@@ -3,8 +3,6 @@
 Of the whole and of groups that touch no other; jumps of an expression are no error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Costs read off curves, a textbook's equations, docs/speed.png."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

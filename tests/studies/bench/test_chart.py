@@ -1,7 +1,5 @@
 """The charts of bench and stability: read off what is drawn."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

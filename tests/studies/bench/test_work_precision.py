@@ -3,8 +3,6 @@
 Of scenes with impacts, too: orders are kept, and what cannot handle laws says so.
 """
 
-from __future__ import annotations
-
 import cmath
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Reading tables: to the bit, and the first cell that is no number is named."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """What columns are measured by, and which rows belong together."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

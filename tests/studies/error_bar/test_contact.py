@@ -1,7 +1,5 @@
 """What a run with impacts tells of its error, against closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The error bar: its estimate, its scales, rows that are compared, means and costs."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

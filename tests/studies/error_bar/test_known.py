@@ -1,7 +1,5 @@
 """What a run tells of its error, against motions that are known in closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

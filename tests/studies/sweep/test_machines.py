@@ -1,7 +1,5 @@
 """Runs by Dask: the rows are the same, wherever they are made."""
 
-from __future__ import annotations
-
 import pytest
 
 from lagsim.errors import InputError

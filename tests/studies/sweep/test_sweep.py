@@ -1,7 +1,5 @@
 """A sweep: what is swept, its picture, and rows that are those of runs alone."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import math
