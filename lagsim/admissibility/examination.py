@@ -238,7 +238,7 @@ class _Examiner:
         self.e = with_timed(equations, self.off)
         self.initial = {x.name: x for x in equations.model.initial}
         self.errors = {x.name: x.error for x in equations.model.initial}
-        own = [self.initial[x] for x in (*equations.q, *equations.velocities)]
+        own = [self.initial[x] for x in equations.state]
         n = self.n = len(equations.q)
         values = np.array([x.value for x in own])
         self.origin = values[:n], values[n:]
@@ -497,7 +497,7 @@ class _Examiner:
 
     def _inexact(self, point: Point) -> Point:
         """Point with the errors of its values: as stated, or solved for."""
-        here = {x: point.values[x] for x in (*self.e.q, *self.e.velocities)}
+        here = {x: point.values[x] for x in self.e.state}
         same = {name for name, x in here.items() if x == self.initial[name].value}
         if same == here.keys():
             return point.at(errors=dict(self.errors))
@@ -577,7 +577,7 @@ class _Examiner:
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
         """Return what changes by more than rounding: name -> (old, new)."""
-        names = (*self.e.q, *self.e.velocities)
+        names = self.e.state
         errors = new.solved_errors((old.q, old.v))
         pairs: Mapping[str, tuple[float, float]] = {
             name: (old.values[name], new.values[name]) for name in names

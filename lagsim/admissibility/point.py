@@ -134,7 +134,7 @@ class Point:
         should be zero is left with that of its neighbours.
         """
         rows, weights, state = self.e.rows, self.sizes, (self.q, self.v)
-        names = (*self.e.q, *self.e.velocities)
+        names = self.e.state
         own = [STATE_ROUNDOFF * np.abs(x) for x in state]
         for k, (x, x0) in enumerate(zip(state, origin or state, strict=True)):
             own[k] += STATE_ROUNDOFF * np.linalg.norm(weights * (x - x0)) / weights
@@ -304,7 +304,7 @@ def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
     """Slopes of a node: index among positions, then velocities -> node."""
-    names = (*point.e.q, *point.e.velocities)
+    names = point.e.state
     places = {point.g.variable(name): j for j, name in enumerate(names)}
     found = slopes(point.g, node, frozenset(places))
     return {places[x]: slope for x, slope in found.items()}

@@ -162,7 +162,7 @@ GOLDEN = (5**0.5 - 1) / 2
 def _values_and_slopes(point: Point, nodes: Sequence[int]) -> Floats:
     """Values and slopes (2, k) of nodes, in a direction in which none vanishes."""
     g = point.g
-    moving = [g.variable(name) for name in (*point.e.q, *point.e.velocities)]
+    moving = [g.variable(name) for name in point.e.state]
     along = {x: g.constant((k * GOLDEN) % 1.0 + 1.0) for k, x in enumerate(moving)}
     return point.array([*nodes, *tangent(g, nodes, along)]).reshape(2, -1)
 

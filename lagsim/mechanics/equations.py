@@ -224,7 +224,6 @@ class Equations:
     @property
     def nodes(self) -> tuple[object, ...]:
         """The names and nodes of the motion, the same for all values of parameters."""
-        rows = (*self.rows, *(law.row for law in self.laws))
         return (
             self.q,
             self.chains.key
@@ -232,7 +231,8 @@ class Equations:
             else tuple(tuple(row.entries.items()) for row in self.M),
             self.f,
             tuple(
-                (x.name, x.residual, x.rate, x.b, *x.A.entries.items()) for x in rows
+                (x.name, x.residual, x.rate, x.b, *x.A.entries.items())
+                for x in self.every_row
             ),
             len(self.rows),
             self.works,
@@ -245,9 +245,14 @@ class Equations:
         return tuple(f"{q}_ddot" for q in self.q)
 
     @property
+    def state(self) -> tuple[str, ...]:
+        """The names of the variables that the motion depends on, and t."""
+        return (*self.q, *self.velocities)
+
+    @property
     def moving(self) -> tuple[str, ...]:
         """The names of the variables that change along a motion."""
-        return (*self.q, *self.velocities, "t")
+        return (*self.state, "t")
 
     @property
     def powers(self) -> list[int]:
@@ -279,12 +284,24 @@ class Equations:
     @property
     def slopes(self) -> tuple[SparseVector, ...]:
         """A of all rows, in the order of the multipliers."""
-        return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
+        return tuple(row.A for row in self.every_row)
+
+    @property
+    def every_row(self) -> tuple[Row, ...]:
+        """The rows that always hold, then those of the laws."""
+        return (*self.rows, *(law.row for law in self.laws))
+
+    @property
+    def of_motion(self) -> list[int]:
+        """All that the motion depends on: nodes."""
+        nodes = [*self.mass_nodes, *self.f, *self.quadrature_rates]
+        for row in self.every_row:
+            nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
+        return nodes + [x for law in self.laws for x in (law.bound, law.static)]
 
     def row(self, name: str) -> Row:
         """Row of a constraint."""
-        rows = (*self.rows, *(law.row for law in self.laws))
-        return next(row for row in rows if row.name == name)
+        return next(row for row in self.every_row if row.name == name)
 
     @property
     def mass_entries(self) -> dict[tuple[int, int], int]:
@@ -692,7 +709,7 @@ def _of_groups(
     made: list[Work] = []
     for group, energy, late in zip(found, energies, rates, strict=True):
         own = {names[j] for names in (e.q, e.velocities) for j in group}
-        others = {*e.q, *e.velocities} - own
+        others = {*e.state} - own
         power = _power(e, Q, late, group)
         if g.depends([energy, power]) & others:
             return ()

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.methods.parts.parameters import Blocks
 
 
 # The nodes of each, beside the slopes of a row.
@@ -264,15 +265,9 @@ def momentum_of(coordinate: str) -> str:
 def conserved(equations: Equations) -> list[int]:
     """Coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
-    nodes = [*e.mass_nodes, *e.f, e.energy, *e.momenta]
-    nodes += e.powers
-    rows = [*e.rows, *(law.row for law in e.laws)]
-    for row in rows:
-        nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
-    nodes += [bound for law in e.laws for bound in (law.bound, law.static)]
-    seen = g.depends(nodes)
+    seen = g.depends([*e.of_motion, e.energy, *e.momenta])
     inertias = e.inertias
-    held = {c for row in rows for c in row.A.entries}
+    held = {c for A in e.slopes for c in A.entries}
     return [
         c
         for c, name in enumerate(e.q)
@@ -426,17 +421,16 @@ class Reduction(NamedTuple):
         found = evaluate(model.graph, list(self.momenta.values()), values)
         return dict(zip(self.momenta, found, strict=True))
 
-    def state(self, start: Instant, size: int) -> Floats:
+    def state(self, start: Instant, blocks: Blocks) -> Floats:
         """State y (size,) at a full start: q, q', the quadratures; all else from 0."""
-        e, n = self.equations, len(self.equations.q)
-        y = np.zeros(size)
-        y[:n], y[n : 2 * n] = self.kept(start.q), self.kept(start.v)
+        e, y = self.equations, np.zeros(blocks.size)
+        y[blocks.positions] = self.kept(start.q)
+        y[blocks.velocities] = self.kept(start.v)
         if e.quadratures:
-            first = 2 * n + len(e.works)
             names = (c.name for c in e.model.coordinates)
             values = dict(zip(names, start.q, strict=True))
-            for k, x in enumerate(e.quadratures, first):
-                y[k] = values.get(x.name, 0.0)
+            found = [values.get(x.name, 0.0) for x in e.quadratures]
+            y[blocks.quadratures][len(e.works) :][: len(found)] = found
         return y
 
     def _followed_by(

@@ -678,19 +678,9 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     no difference to the motion. Those of time alone count where others are not located.
     """
     e = equations
-    dynamics = [*e.mass_nodes, *e.f, *e.quadrature_rates]
-    for law in e.laws:
-        dynamics += [law.bound, law.static]
-        dynamics += [] if law.when is None else [law.when]
-    for row in (*e.rows, *(law.row for law in e.laws)):
-        dynamics += [
-            row.residual,
-            row.rate,
-            *row.A.entries.values(),
-            row.b,
-            row.transport,
-        ]
-    state = [*e.q, *e.velocities]
+    dynamics = [*e.of_motion, *(row.transport for row in e.every_row)]
+    dynamics += [law.when for law in e.laws if law.when is not None]
+    state = e.state
     works = (x.name for x in e.works)
     moving = (*state, *works, *e.accelerations, *e.multipliers)
     sided = tuple(dynamics) if located else ()

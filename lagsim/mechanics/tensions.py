@@ -405,7 +405,7 @@ def accelerations(e: Equations) -> list[int] | None:
     laws = None if e.rows or e.laws else newton(e)
     if laws is None or not _heavy(e, laws):
         return None
-    moving = frozenset((*e.q, *e.velocities, "t"))
+    moving = frozenset(e.moving)
     held, leaders = _led(g, laws, n)
     given = {*range(n), *laws.sums} - held.sums.keys()
     met = joints(g, held, sorted(given - held.masses.keys() - leaders.keys()), moving)

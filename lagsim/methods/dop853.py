@@ -169,26 +169,23 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
-    tolerances = s.tolerances
-    error = error_norm(s.n, size, h, errors, tolerances)
+    error = error_norm(s, h, errors)
     # Perhaps it is nothing but rounding.
     doubtful = error >= 1.0
     if SWITCHES:
         doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, p, h, k))
     if doubtful and allow_roundoff(s, p, h, new, k, sigma):
-        error = error_norm(s.n, size, h, errors, tolerances)
+        error = error_norm(s, h, errors)
     if CONSTRAINED and error >= 1.0 and hides_error(s, p):
         note_directions(s, p, t + h, new)
         removed = h * h * forget_removed(s, p, h, errors)
         forget_removed(s, p, h, errors[size:])
-        error = bent(s, removed, error_norm(s.n, size, h, errors, tolerances))
+        error = bent(s, removed, error_norm(s, h, errors))
         error = passable(s, error)
     return error
 
 
-def error_norm(
-    n: int, size: int, h: float, errors: Floats, tolerances: Floats
-) -> float:
+def error_norm(s: Dop853, h: float, errors: Floats) -> float:
     """Combine the estimates of order 5 and 3 (II.10, (10.17)); errors : (2 size,).
 
     Each work together with the motion, where that is more than the motion alone: a
@@ -197,6 +194,7 @@ def error_norm(
     over the components which have an error: others rest. What is nan stays so, and its
     step is refused.
     """
+    size, moving, tolerances = s.size, s.dynamic.stop, s.tolerances
     error5 = 0.0
     error3 = 0.0
     controlled = 0
@@ -206,12 +204,12 @@ def error_norm(
             e3 = against(errors[size + i], tolerances[i])
             if e5 > 0.0:
                 controlled += 1
-            if i < 2 * n:
+            if i < moving:
                 error5 += e5 * e5
                 error3 += e3 * e3
     motion = combined(error5, error3)
     error = motion
-    for i in range(2 * n, size):
+    for i in range(moving, size):
         if tolerances[i] > 0.0:
             e5 = against(errors[i], tolerances[i])
             e3 = against(errors[size + i], tolerances[i])

@@ -82,14 +82,19 @@ def amplification(z: complex) -> float:
     return abs(cmath.exp(z))
 
 
+def width(s: Exponential) -> int:
+    """Components of z."""
+    return s.dynamic.stop + 1
+
+
 def square(s: Exponential) -> int:
     """Entries of a matrix for z."""
-    return (2 * s.n + 1) ** 2
+    return width(s) ** 2
 
 
 def works(s: Exponential) -> int:
     """Return the number of works."""
-    return s.size - 2 * s.n
+    return s.size - s.dynamic.stop
 
 
 def squares(s: Exponential) -> int:
@@ -114,10 +119,10 @@ class Exponential(Fixed):
     x: Floats = after("F", square)
     second: Floats = after("x", square)
     Q: Floats = array(squares)  # the forms of the works over a step
-    d: Floats = array(lambda s: 2 * s.n + 1)  # the scales
-    z: Floats = array(lambda s: 2 * s.n + 1)  # at the start of the step
-    moved: Floats = array(lambda s: 2 * s.n + 1)
-    terms: Floats = array(lambda s: (TERMS + 1) * (2 * s.n + 1))
+    d: Floats = array(width)  # the scales
+    z: Floats = array(width)  # at the start of the step
+    moved: Floats = array(width)
+    terms: Floats = array(lambda s: (TERMS + 1) * width(s))
 
 
 STATE = Exponential
@@ -125,13 +130,13 @@ STATE = Exponential
 
 def start(s: Exponential, p: Parameters) -> None:
     """Begin an arc: the matrices for its steps."""
-    m = 2 * s.n + 1
+    m = width(s)
     linear(s.t, s.y, p, s.given)
     s.A[:] = 0.0
     s.forms[:] = 0.0
     count = fill(m, s.given, s.A)
     balance(m, s.A, s.d)
-    for k in range(s.size - 2 * s.n):
+    for k in range(works(s)):
         form = s.forms[k * m * m :]
         count += fill(m, s.given[count:], form)
         for i in range(m):
@@ -162,7 +167,7 @@ def make_matrices(s: Exponential, h: float) -> None:
     over a step is z^T Q z, with Q the integral of exp(A^T x) P exp(A x) over it, and
     over twice the step Q <- Q + exp(A^T h) Q exp(A h).
     """
-    m = 2 * s.n + 1
+    m = width(s)
     entries = m * m
     F, Q, x, d = s.F, s.Q, s.x, s.d
     s.made_for = h
@@ -171,7 +176,7 @@ def make_matrices(s: Exponential, h: float) -> None:
     while s.norm * tau > SMALL and doublings < 1000:
         tau = 0.5 * tau
         doublings += 1
-    count = s.size - 2 * s.n
+    count = works(s)
     for k in range(count):
         begin_form(m, tau, s.A, s.forms[k * entries :], Q[k * entries :], x, s.second)
     # A tau (1 + A tau/2 (1 + A tau/3 (...))).
@@ -194,8 +199,7 @@ def make_matrices(s: Exponential, h: float) -> None:
 
 def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
     """Make one step, see `fixed.make`."""
-    n = s.n
-    m = 2 * n + 1
+    m = width(s)
     y, z, moved, new = s.y, s.z, s.moved, s.new
     if abs(h - s.made_for) > SAME_STEP * s.made_for:
         make_matrices(s, h)
@@ -207,11 +211,12 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
         return NOT_FINITE
     if CONSTRAINED and project_step(s, p, after, h, new) == 0:
         return PROJECTION_FAILED
-    for k in range(s.size - 2 * n):
-        new[2 * n + k] = y[2 * n + k]
+    done = new[s.quadratures]
+    new[s.quadratures] = y[s.quadratures]
+    for k in range(works(s)):
         times_columns(m, s.Q[k * m * m :], z, moved)
         for i in range(m):
-            new[2 * n + k] += z[i] * moved[i]
+            done[k] += z[i] * moved[i]
     s.evaluations += 1.0
     return DONE
 
@@ -221,10 +226,10 @@ def interpolate(s: Exponential, x: float, out: Floats) -> None:
 
     N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).
     """
-    m = 2 * s.n + 1
-    count = s.size - 2 * s.n
-    terms, found = s.terms, out[2 * s.n :]
-    found[:count] = s.old[2 * s.n :]
+    m = width(s)
+    count = works(s)
+    terms, found = s.terms, out[s.quadratures]
+    out[s.quadratures] = s.old[s.quadratures]
     length = x * s.step_h
     parts = int(s.norm * length / SMALL) + 1
     terms[:m] = s.z / s.d

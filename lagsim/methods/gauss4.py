@@ -132,7 +132,7 @@ def start(s: Gauss, p: Parameters) -> None:
     lagrangian(s.t, s.y, p, s.found)
     s.momenta[:] = s.found[:n]
     for stage in range(s.stages):
-        s.V[stage * n : (stage + 1) * n] = s.y[n : 2 * n]
+        s.V[stage * n : (stage + 1) * n] = s.y[s.velocities]
     s.due = 1.0
 
 
@@ -153,7 +153,7 @@ def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
 
 def predict(s: Gauss) -> None:
     """Extend the polynomial through the stages' velocities and the last one."""
-    n, nodes, stages = s.n, s.nodes, s.stages
+    n, nodes, stages, v = s.n, s.nodes, s.stages, s.y[s.velocities]
     s.V_before[:] = s.V
     if s.step_h == 0.0:
         return
@@ -164,7 +164,7 @@ def predict(s: Gauss) -> None:
             value = 0.0
             for j in range(stages + 1):
                 node = nodes[j] if j < stages else 1.0
-                part = s.V_before[j * n + i] if j < stages else s.y[n + i]
+                part = s.V_before[j * n + i] if j < stages else v[i]
                 for k in range(stages + 1):
                     if k != j:
                         other = nodes[k] if k < stages else 1.0
@@ -225,14 +225,14 @@ def residual(s: Gauss, p: Parameters, h: float) -> None:
 
 def place(s: Gauss, stage: int, h: float, z: Floats) -> None:
     """State (Q, V) of a stage."""
-    n = s.n
+    n, v = s.n, z[s.velocities]
     for i in range(n):
         moved = 0.0
         for j in range(s.stages):
             moved += s.coefficients[stage * s.stages + j] * s.V[j * n + i]
         z[i] = s.y[i] + h * moved
-        z[n + i] = s.V[stage * n + i]
-    z[2 * n : s.size] = s.y[2 * n :]
+        v[i] = s.V[stage * n + i]
+    z[s.quadratures] = s.y[s.quadratures]
 
 
 def renew(s: Gauss, p: Parameters, h: float) -> int:
@@ -275,20 +275,21 @@ def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
 def conclude(s: Gauss, h: float) -> None:
     """Write the new positions, momenta and work; the velocities go on for a start."""
     n, new, compensation = s.n, s.new, s.compensation
-    stages = s.stages
+    stages, works, lost = s.stages, new[s.quadratures], compensation[s.quadratures]
     s.new[:] = s.y
     for stage in range(stages):
         weight = h * s.weights[stage]
         forces = s.found[stage * s.size + n :]
         add(n, new, compensation, weight, s.V[stage * n :])
-        add(n, s.momenta, compensation[n:], weight, forces)
-        add(s.size - 2 * n, new[2 * n :], compensation[2 * n :], weight, forces[n:])
-    new[n : 2 * n] = s.V[(stages - 1) * n : (stages - 1) * n + n]
+        add(n, s.momenta, compensation[s.velocities], weight, forces)
+        add(s.size - s.quadratures.start, works, lost, weight, forces[n:])
+    new[s.velocities] = s.V[(stages - 1) * n :]
 
 
 def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     """Solve dL/dq' = p for the velocities; return 0 where Newton's method fails."""
     n, new, M, change = s.n, s.new, s.M, s.change
+    v = new[s.velocities]
     previous = 0.0
     renewing = RENEW
     for iteration in range(MOST):
@@ -301,9 +302,9 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
         s.evaluations += 1.0
         s.change[:] = s.momenta - s.found[:n]
         solve(1, n, M, s.M_pivots, change)
-        moved = largest_part(1, s, h, new[n:], change)
-        new[n : 2 * n] += change
-        renewing = judge(s, p, h, new[n:], change, iteration, moved, previous)
+        moved = largest_part(1, s, h, v, change)
+        new[s.velocities] += change
+        renewing = judge(s, p, h, v, change, iteration, moved, previous)
         if renewing == SOLVED:
             return 1
         if renewing == LOST:

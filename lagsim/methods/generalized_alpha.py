@@ -126,7 +126,7 @@ class GeneralizedAlpha(Fixed):
     a: Floats = array("n")
     a_new: Floats = array("n")
     change: Floats = array("n")
-    J: Floats = array(lambda s: (s.size - s.n) * 2 * s.n)
+    J: Floats = array(lambda s: (s.size - s.n) * s.dynamic.stop)
     factors: Floats = array(lambda s: s.n * s.n)
     pivots: Floats = array("n")
 
@@ -152,16 +152,17 @@ def aim(s: GeneralizedAlpha, p: Parameters) -> None:
     radius = s.spectral_radius
     off = share(radius) - radius / (radius + 1.0)
     ahead = abs(off) * h
-    z[:n] = y[:n] + ahead * (y[n : 2 * n] + 0.5 * ahead * k[n : 2 * n])
-    z[n : 2 * n] = y[n : 2 * n] + ahead * k[n : 2 * n]
+    v, a, ahead_a = y[s.velocities], k[s.velocities], s.slope[s.velocities]
+    z[:n] = y[:n] + ahead * (v[:n] + 0.5 * ahead * a[:n])
+    z[s.velocities] = v[:n] + ahead * a[:n]
     derivative(s.t + ahead, z, p, s.slope)
     s.evaluations += 1.0
     jacobian(s.t, y, p, s.J)
     for i in range(n):
-        s.a[i] = k[n + i]
-        row = s.J[2 * i * n :]
+        s.a[i] = a[i]
+        row = s.J[i * s.dynamic.stop :]
         if ahead * (h * abs(row[i]) + abs(row[n + i])) < RESOLVED:
-            change = s.slope[n + i] - k[n + i]
+            change = ahead_a[i] - a[i]
             s.a[i] += change if off >= 0.0 else -change
 
 
@@ -170,7 +171,7 @@ def make(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     code = balance(s, p, after, h)
     if code != DONE:
         return code
-    for i in range(2 * s.n, s.size):
+    for i in range(s.quadratures.start, s.size):
         s.new[i] = s.y[i] + 0.5 * h * (s.k[i] + s.slope[i])
     s.a[:] = s.a_new
     return conclude(s, p, after, h)
@@ -182,6 +183,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) F1 + alpha_f F0.
     """
     n, new = s.n, s.new
+    v, force, old_force = new[s.velocities], s.slope[s.velocities], s.k[s.velocities]
     change, radius = s.change, s.spectral_radius
     alpha_m = share(radius)
     alpha_f = radius / (radius + 1.0)
@@ -198,14 +200,14 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
         derivative(after, new, p, s.slope)
         s.evaluations += 1.0
         for i in range(n):
-            new_force = (1.0 - alpha_f) * s.slope[n + i] + alpha_f * s.k[n + i]
+            new_force = (1.0 - alpha_f) * force[i] + alpha_f * old_force[i]
             change[i] = new_force - (1.0 - alpha_m) * s.a_new[i] - alpha_m * s.a[i]
         solve(1, n, s.factors, s.pivots, change)
         s.a_new[:] += change
         s.change[:] *= h * gamma
         advance(s, h)
-        moved = largest_part(1, s, h, new[n:], change)
-        state = judge(s, p, h, new[n:], change, iteration, moved, previous)
+        moved = largest_part(1, s, h, v, change)
+        state = judge(s, p, h, v, change, iteration, moved, previous)
         if state == SOLVED:
             return DONE
         if state == LOST:
@@ -218,13 +220,13 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
 
 def advance(s: GeneralizedAlpha, h: float) -> None:
     """Write the new positions and velocities that belong to the new acceleration."""
-    n, y = s.n, s.y
+    y, v, new_v = s.y, s.y[s.velocities], s.new[s.velocities]
     gamma = weight(s.spectral_radius)
     beta = displacement(s.spectral_radius)
-    for i in range(n):
+    for i in range(s.n):
         mean = (0.5 - beta) * s.a[i] + beta * s.a_new[i]
-        s.new[i] = y[i] + h * (y[n + i] + h * mean)
-        s.new[n + i] = y[n + i] + h * ((1.0 - gamma) * s.a[i] + gamma * s.a_new[i])
+        s.new[i] = y[i] + h * (v[i] + h * mean)
+        new_v[i] = v[i] + h * ((1.0 - gamma) * s.a[i] + gamma * s.a_new[i])
 
 
 def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
@@ -234,13 +236,14 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     positions = part * h * h * displacement(radius)
     velocities = part * h * weight(radius)
     jacobian(after, s.new, p, J)
-    take_finite(2 * n * n, J)
+    width = s.dynamic.stop
+    take_finite(n * width, J)
     s.factorisations += 2.0
     s.factored_h = h
     for i in range(n):
-        row = J[2 * i * n :]
+        row = J[i * width :]
         factors[i * n : (i + 1) * n] = (
-            -positions * row[:n] - velocities * row[n : 2 * n]
+            -positions * row[:n] - velocities * row[s.velocities]
         )
         factors[i * n + i] += 1.0 - share(radius)
     return decompose(1, n, factors, s.pivots)

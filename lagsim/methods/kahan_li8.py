@@ -130,20 +130,21 @@ def make_dense(s: Composition, p: Parameters) -> None:
                     BEND[m][j] * s.residuals[j * size + i] for j in unrolled(4)
                 )
                 s.r[m * size + i] = some
-        correct(s, n, 2 * n)
-        if size > 2 * n:
+        correct(s, s.velocities.start, s.velocities.stop)
+        if size > s.quadratures.start:
             look_at_power(s, p)
-            correct(s, 2 * n, size)
+            correct(s, s.quadratures.start, size)
 
 
 def quintic(s: Composition) -> None:
     """Coefficients of x^3, x^4, x^5 in the quintics (3, size) of the positions."""
-    n, h, old = s.n, s.step_h, s.old
-    for i in range(n):
-        a0 = h * h * s.before[n + i]
-        rest = s.y[i] - old[i] - h * old[n + i] - 0.5 * a0
-        turn = h * (s.y[n + i] - old[n + i]) - a0
-        change = h * h * s.k[n + i] - a0
+    h, old, v, old_v = s.step_h, s.old, s.y[s.velocities], s.old[s.velocities]
+    a, old_a = s.k[s.velocities], s.before[s.velocities]
+    for i in range(s.n):
+        a0 = h * h * old_a[i]
+        rest = s.y[i] - old[i] - h * old_v[i] - 0.5 * a0
+        turn = h * (v[i] - old_v[i]) - a0
+        change = h * h * a[i] - a0
         s.c3[i] = 10.0 * rest - 4.0 * turn + 0.5 * change
         s.c4[i] = -15.0 * rest + 7.0 * turn - change
         s.c5[i] = 6.0 * rest - 3.0 * turn + 0.5 * change
@@ -151,24 +152,24 @@ def quintic(s: Composition) -> None:
 
 def look_within(s: Composition, p: Parameters) -> None:
     """Residuals of the accelerations at the nodes (4, size)."""
-    n, h, slope = s.n, s.step_h, s.slope
+    h, slope, first = s.step_h, s.slope, s.velocities.start
+    a, old_a = slope[s.velocities], s.before[s.velocities]
     for j in unrolled(4):
         x = NODES[j]
         interpolate(s, x, s.z)
         derivative(s.step_t + x * h, s.z, p, slope)
         s.evaluations += 1.0
-        for i in range(n):
+        rates = s.residuals[j * s.size :]
+        for i in range(s.n):
             curved = x * (6.0 * s.c3[i] + x * (12.0 * s.c4[i] + x * 20.0 * s.c5[i]))
-            s.residuals[j * s.size + i] = (
-                h * h * (slope[n + i] - s.before[n + i]) - curved
-            )
-            s.residuals[j * s.size + n + i] = h * slope[n + i] - steepness(s, n + i, x)
+            rates[i] = h * h * (a[i] - old_a[i]) - curved
+            rates[first + i] = h * a[i] - steepness(s, first + i, x)
 
 
 def look_at_power(s: Composition, p: Parameters) -> None:
     """Residuals of the powers at the nodes, along the corrected path."""
     h = s.step_h
-    first = 2 * s.n
+    first = s.quadratures.start
     for j in unrolled(4):
         x = NODES[j]
         interpolate(s, x, s.z)
@@ -198,14 +199,14 @@ def steepness(s: Composition, i: int, x: float) -> float:
 
 def interpolate(s: Composition, x: float, out: Floats) -> None:
     """State y (size,) at the fraction x of the last step."""
-    n, h = s.n, s.step_h
+    h, old_v, old_a = s.step_h, s.old[s.velocities], s.before[s.velocities]
     w = x * (1.0 - x)
     hermite(s, x, out)
-    for i in range(n):
-        straight = x * h * (s.old[n + i] + 0.5 * x * h * s.before[n + i])
+    for i in range(s.n):
+        straight = x * h * (old_v[i] + 0.5 * x * h * old_a[i])
         far = x * x * x * (s.c3[i] + x * (s.c4[i] + x * s.c5[i]))
         out[i] = s.old[i] + straight + far + w * w * w * polynomial(s, i, x)
-    for i in range(n, s.size):
+    for i in range(s.velocities.start, s.size):
         out[i] += w * w * polynomial(s, i, x)
 
 

@@ -160,8 +160,9 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
     middle = s.t + 0.5 * h
     s.z[:] = y
     s.new[:] = y
-    z[:n] += 0.5 * h * y[n : 2 * n]
-    s.room[:n] = y[n : 2 * n]
+    v = y[s.velocities]
+    z[:n] += 0.5 * h * v[:n]
+    s.room[:n] = v[:n]
     balance(middle, z, p, p.balance)
     s.evaluations += 1.0
     factor(p)
@@ -170,7 +171,7 @@ def attempt(s: Moreau, p: Impulses, h: float) -> int:
     s.w[:] = s.room[:n] + h * w
     sweeps = satisfy_rows(s, p, h)
     s.new[:n] = z[:n] + 0.5 * h * w
-    s.new[n : 2 * n] = w
+    s.new[s.velocities] = w
     if p.works > 0:
         add_work(s, p, middle, h)
     return sweeps
@@ -182,11 +183,11 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
     The last ones are the guess.
     """
     first = s.size - p.row_count
-    count = gather(p, s.z[s.n :], s.w, h, s.room)
+    count = gather(p, s.z[s.velocities], s.w, h, s.room)
     s.new[first : first + p.row_count] = 0.0
     for i in range(count):
         p.struck[i] = h * s.y[first + int(p.acting[i])]
-    sweeps = relax(p, count, h, s.z[s.n :], s.w)
+    sweeps = relax(p, count, h, s.z[s.velocities], s.w)
     for i in range(count):
         s.new[first + int(p.acting[i])] = p.struck[i] / h
     return sweeps
@@ -194,17 +195,17 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
 
 def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
     """Add the works of the forces, and of the impulses at the mean velocities."""
-    n, works = s.n, p.works
     z, new = s.z, s.new
-    z[n : 2 * n] = 0.5 * (s.y[n : 2 * n] + new[n : 2 * n])
+    works, before = new[s.quadratures], s.y[s.quadratures]
+    z[s.velocities] = 0.5 * (s.y[s.velocities] + new[s.velocities])
     effort(middle, z, p, s.room)
-    new[2 * n : 2 * n + works] = s.y[2 * n : 2 * n + works] + h * s.room[:works]
+    works[: p.works] = before[: p.works] + h * s.room[: p.works]
     for k in range(p.row_count):
         impulse = h * new[s.size - p.row_count + k]
         if impulse != 0.0:
             own = int(p.worked[int(p.slope_columns[int(p.slope_starts[k])])])
-            moved = rate(p, k, z[n:]) - p.row_offsets[k]
-            new[2 * n + own] += impulse * moved
+            moved = rate(p, k, z[s.velocities]) - p.row_offsets[k]
+            works[own] += impulse * moved
 
 
 def interpolate(s: Moreau, x: float, out: Floats) -> None:

@@ -329,7 +329,7 @@ class Radau(State):
     F: Floats = array(lambda s: 3 * s.size)  # their slopes
     # The right side, then the change of T^-1 Z: real numbers, then complex ones.
     W: Floats = array(lambda s: 3 * s.size)
-    J: Floats = array(lambda s: s.entries or (s.size - s.n) * 2 * s.n)
+    J: Floats = array(lambda s: s.entries or (s.size - s.n) * s.dynamic.stop)
     # The factors of the real matrix and of the complex one; their pivots where they
     # are full; the eigenvalues over h and their squares; room.
     K: Floats = array(lambda s: s.filled or s.n * s.n)
@@ -347,7 +347,7 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; return 0 where singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
-        take_finite(s.entries if SPARSE else (s.size - s.n) * 2 * s.n, s.J)
+        take_finite(s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop, s.J)
         s.factorisations += 1.0
         s.jacobian = 2.0
         s.factored_h = 0.0
@@ -370,7 +370,7 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
     square(width, g)
     if SPARSE:
         return decompose_sparse(width, p, g, s.J, K, s.x)
-    return decompose_newton(width, s.n, g, s.J, K, s.pivots[(width - 1) * s.n :])
+    return decompose_newton(width, s, g, s.J, K, s.pivots[(width - 1) * s.n :])
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
@@ -381,7 +381,7 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
         solve_sparse(width, p, g, s.J, K, r, s.x)
     else:
         pivots = s.pivots[(width - 1) * s.n :]
-        solve_newton(width, s.n, s.size - 2 * s.n, g, s.J, K, pivots, r, s.x)
+        solve_newton(width, s, g, s.J, K, pivots, r, s.x)
 
 
 def converge(s: Radau, p: SparseNewton, h: float) -> int:

@@ -89,26 +89,28 @@ def refusal(scene: Structure) -> str:
 def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
     """Make one step, see `fixed.make`."""
     n, y, slope, new = s.n, s.y, s.slope, s.new
-    new[n : 2 * n] = y[n : 2 * n] + 0.5 * h * s.k[n : 2 * n]
-    new[:n] = y[:n] + h * new[n : 2 * n]
+    v = new[s.velocities]
+    new[s.velocities] = y[s.velocities] + 0.5 * h * s.k[s.velocities]
+    new[:n] = y[:n] + h * v[:n]
     # The forces of the constraints that k holds are those of y'': what they lack, or
     # have too much, is along the same gradients.
     if CONSTRAINED and hold(s, p, after, h) == 0:
         return PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 1.0
-    new[n : 2 * n] += 0.5 * h * slope[n : 2 * n]
+    new[s.velocities] += 0.5 * h * slope[s.velocities]
     if CONSTRAINED:
         if project_level(1, s, p, after, h, new, s.change) == 0:
             return PROJECTION_FAILED
         record_sigma(s, s.change[n + 1], h)
-    if s.size > 2 * n:
+    if s.size > s.quadratures.start:
         derivative(after, new, p, slope)
         s.evaluations += 1.0
-        s.new[2 * n :] = y[2 * n :] + 0.5 * h * (s.k[2 * n :] + slope[2 * n :])
+        for i in range(s.quadratures.start, s.size):
+            new[i] = y[i] + 0.5 * h * (s.k[i] + slope[i])
     if not is_finite(s.size, new):
         return NOT_FINITE
-    slope[:n] = new[n : 2 * n]
+    slope[:n] = v[:n]
     return DONE
 
 
@@ -122,6 +124,7 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
     Nonlinear Equations, SIAM 1995, section 7.3: only the steps are kept).
     """
     n, new, work = s.n, s.new, s.change
+    v = new[s.velocities]
     previous = OVERFLOW
     for made in range(MOST):
         position_step(after, new, p, work)
@@ -139,8 +142,8 @@ def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:
         moved = s.history[made * n :]
         along_old(s, p, h, moved)
         learn(n, made, s.masses, s.history)
-        new[n : 2 * n] += moved[:n]
-        new[:n] = s.y[:n] + h * new[n : 2 * n]
+        v[:n] += moved[:n]
+        new[:n] = s.y[:n] + h * v[:n]
     return 0
 
 
@@ -148,7 +151,7 @@ def along_old(s: Rattle, p: Parameters, h: float, moved: Floats) -> None:
     """Project the step of the positions, over h, onto the span of the old gradients."""
     n, probe, work = s.n, s.probe, s.change
     probe[:n] = s.y[:n]
-    probe[n : 2 * n] = s.y[n : 2 * n] + work[:n] / h
+    probe[s.velocities] = s.y[s.velocities] + work[:n] / h
     # The old velocities are tangent: what is taken away is the part that is looked for.
     velocity_step(s.t, probe, p, work)
     moved[:n] = -work[:n]

@@ -172,25 +172,27 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
 def drift(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Drift: move the positions for a time h, and evaluate the forces at t."""
     new = s.new
-    add(s.n, new, s.compensation, h, new[s.n :])
+    add(s.n, new, s.compensation, h, new[s.velocities])
     derivative(t, new, p, s.slope)
 
 
 def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
     """Move the velocities, and `work`, by the forces at the positions reached."""
-    n, slope, new, compensation = s.n, s.slope, s.new, s.compensation
-    if s.size > 2 * n:
-        add(n, new[n:], compensation[n:], 0.5 * h, slope[n:])
-        power(t, new, p, slope[2 * n :])
-        add(s.size - 2 * n, new[2 * n :], compensation[2 * n :], h, slope[2 * n :])
-        add(n, new[n:], compensation[n:], 0.5 * h, slope[n:])
+    n, new = s.n, s.new
+    v, lost, a = new[s.velocities], s.compensation[s.velocities], s.slope[s.velocities]
+    if s.size > s.quadratures.start:
+        work, rate = new[s.quadratures], s.slope[s.quadratures]
+        add(n, v, lost, 0.5 * h, a)
+        power(t, new, p, rate)
+        count = s.size - s.quadratures.start
+        add(count, work, s.compensation[s.quadratures], h, rate)
+        add(n, v, lost, 0.5 * h, a)
     else:
-        add(n, new[n:], compensation[n:], h, slope[n:])
+        add(n, v, lost, h, a)
 
 
 def arrive(s: Symplectic, p: Parameters, t: float) -> None:
     """Make y' after the step: the velocities have moved since the forces were found."""
-    n = s.n
-    s.slope[:n] = s.new[n : 2 * n]
-    if s.size > 2 * n:
-        power(t, s.new, p, s.slope[2 * n :])
+    s.slope[s.positions] = s.new[s.velocities]
+    if s.size > s.quadratures.start:
+        power(t, s.new, p, s.slope[s.quadratures])

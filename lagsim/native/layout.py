@@ -5,6 +5,7 @@
         size: int  # a size: given when the memory is made; kernels only read it
         stages: int = 4  # one that is always the same
         y: Floats = array("size")
+        half: Block = block("size", lambda s: s.size // 2)  # a stretch of vectors
         slopes: Floats = array(lambda s: s.stages * s.size)
         first: Floats = part("slopes", "size")  # within `slopes`, at its beginning
         second: Floats = after("first", "size")
@@ -14,11 +15,12 @@ All of it lies in one flat array of numbers, so that it can be copied, kept and 
 to native code as it is: first the words of each name, in the order of the declarations
 (those of a base class before its own, which may give some another value), then the
 arrays. The word of a number or a size is its value; an array has two, where it begins
-and its length.
+and its length, and a block two, where it begins and where it ends.
 
-A kernel whose parameter `s` is annotated with such a class writes `s.t`, `s.y[i]`; the
-translator makes loads and stores of that. Under CPython, and beside numpy, an instance
-is a view of the flat array: arrays are views in it, of their exact length.
+A kernel whose parameter `s` is annotated with such a class writes `s.t`, `s.y[i]`,
+`s.y[s.half]`; the translator makes loads and stores of that. Under CPython, and beside
+numpy, an instance is a view of the flat array: arrays are views in it, of their exact
+length.
 """
 
 from __future__ import annotations
@@ -35,10 +37,13 @@ if TYPE_CHECKING:
 
 # The name of a size, or a function of a memory's sizes.
 Length: TypeAlias = "str | Callable[[Any], int]"
+# A stretch of vectors, under CPython.
+Block: TypeAlias = "slice[int, int, None]"
 
 NUMBER: Final = "float"
 SIZE: Final = "int"
 ARRAY: Final = "Floats"
+BLOCK: Final = "Block"
 
 
 class Field:
@@ -47,9 +52,10 @@ class Field:
     Attributes
     ----------
     kind : str
-        NUMBER, SIZE or ARRAY.
+        NUMBER, SIZE, ARRAY or BLOCK.
     word : int
-        Its index in the flat array; that of an array's length follows.
+        Its index in the flat array; that of an array's length, or of a block's end,
+        follows.
     value
         What is there at first.
     """
@@ -65,7 +71,7 @@ class Field:
         self.word = 0
         self.value = value
         self.length = length
-        self.within = within  # gives where it begins in the flat array
+        self.within = within  # gives where it begins in the flat array, or a block
 
     def __get__(self, memory: Memory | None, _owner: type) -> Any:
         if memory is None:
@@ -77,14 +83,16 @@ class Field:
             return int(memory.numbers[word])
         view = memory.views.get(word)
         if view is None:
-            begin, length = map(int, memory.numbers[word : word + 2])
-            view = memory.flat[begin : begin + length]
+            begin, end = map(int, memory.numbers[word : word + 2])
+            view = slice(begin, end)
+            if self.kind == ARRAY:
+                view = memory.flat[begin : begin + end]
             memory.views[word] = view
         return view
 
     def __set__(self, memory: Memory, value: float) -> None:
         if self.kind != NUMBER:
-            raise AttributeError("only numbers are stored; sizes and arrays stay")
+            raise AttributeError("only numbers are stored; all else stays")
         memory.numbers[self.word] = value
 
 
@@ -121,6 +129,14 @@ def after(other: str, length: Length) -> Any:
     return Field(ARRAY, 0.0, length, lambda memory: memory.place_after(other))
 
 
+def block(end: Length, first: Length = "") -> Any:
+    """Declare a stretch of vectors: components `first` (or 0) to `end`, exclusive.
+
+    Arrays whose length depends on it are declared after it.
+    """
+    return Field(BLOCK, 0.0, end, lambda memory: memory.size_of(first))
+
+
 def option(value: float, least: float, most: float, about: str) -> Any:
     """Declare a number that a user may choose, see `Option`."""
     return Option(value, least, most, about)
@@ -144,7 +160,7 @@ class Memory:
     numbers : memoryview
         The same, for single numbers: several times faster than numpy.
     views : dict
-        The arrays that have been asked for, by their words.
+        The arrays, and the blocks, that have been asked for, by their words.
     address : int
         Of `flat`, for native code.
     """
@@ -155,7 +171,7 @@ class Memory:
     def __init__(self, flat: Floats) -> None:
         self.flat = flat
         self.numbers: Any = flat.data
-        self.views: dict[int, Floats] = {}
+        self.views: dict[int, Any] = {}
         self.address = address(flat)
 
     def __init_subclass__(cls) -> None:
@@ -169,7 +185,7 @@ class Memory:
             before = cls.fields.get(name)
             field.word = before.word if before else cls.words
             if before is None:
-                cls.words += 2 if field.kind == ARRAY else 1
+                cls.words += 2 if field.kind in (ARRAY, BLOCK) else 1
             cls.fields[name] = field
             setattr(cls, name, field)
 
@@ -196,7 +212,7 @@ class Memory:
             if field.kind != ARRAY:
                 memory.flat[field.word] = sizes.get(name, field.value)
         for field in cls.fields.values():
-            if field.kind != ARRAY:
+            if field.kind not in (ARRAY, BLOCK):
                 continue
             length = memory.size_of(field.length)
             begin = field.within(memory) if field.within else end

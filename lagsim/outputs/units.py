@@ -247,7 +247,7 @@ def units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
 
 def _units(equations: Equations, columns: Sequence[str]) -> dict[str, str]:
     model, graph = equations.model, equations.graph
-    rates = [*equations.q, *equations.velocities, *equations.accelerations]
+    rates = [*equations.state, *equations.accelerations]
     stated = stated_units(equations, dict.fromkeys((*columns, *rates, "t")))
     named = {p.name: p.unit for p in model.parameters} | stated
     nodes = {graph.variable(name): text for name, text in named.items()}
@@ -349,7 +349,7 @@ def _shown(equations: Equations) -> Iterator[tuple[str, int]]:
     """Return name and node of columns that no rule names, and of what is drawn."""
     for d in equations.model.definitions:
         yield d.name, d.node
-    rows = [*equations.rows, *(law.row for law in equations.laws)]
+    rows = equations.every_row
     for row in rows:
         yield f"residual_{row.name}", row.residual
     for k, plot in enumerate(equations.model.output.plots):

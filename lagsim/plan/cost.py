@@ -24,7 +24,7 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
     What depends on parameters alone is computed once.
     """
-    moving = {*equations.q, *equations.velocities, "t"}
+    moving = {*equations.moving}
     solve = dense_operations(len(equations.q), len(equations.rows)) if loops else 0
     return solve + equations.graph.cost(nodes, moving)
 

@@ -66,7 +66,7 @@ def usual_lengths(equations: Equations, start: Instant) -> tuple[float, ...]:
 
 def _lengths(point: Point) -> Floats:
     """Lengths (m,), 0 where they are roundoff; nan where M is not finite."""
-    names = (*point.e.q, *point.e.velocities)
+    names = point.e.state
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
     return row_lengths(point.at(errors=dict(zip(names, errors, strict=True))))
 
@@ -144,7 +144,7 @@ def _automatic(
 
 def _gain(equations: Equations, solved: Elimination, rtol: float) -> float:
     """Estimate DOP853's time in units of that of a series; 0 where it is too long."""
-    names = (*equations.q, *equations.velocities, "t")
+    names = equations.moving
     moving = equations.graph.dependent(motion_rates(equations, solved), names)
     if not 0.0 < rtol <= SERIES_RTOL or len(moving) > MOST_MOVING:
         return 0.0

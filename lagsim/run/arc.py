@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods.parts.driver import State
     from lagsim.model.model import Settings
+    from lagsim.native.layout import Block
     from lagsim.plan.plan import Plan
     from lagsim.run.system import System
     from lagsim.run.system.runner import Runner
@@ -139,6 +140,11 @@ class Arc(NamedTuple):
     def y(self) -> Floats:
         """The state at that time: a view."""
         return self.state.y
+
+    @property
+    def velocities(self) -> Block:
+        """Block of y, and of what is known of each of its components."""
+        return self.state.velocities
 
     @property
     def sizes(self) -> Floats:

@@ -250,11 +250,11 @@ class Run:
         self.pace.lasted(time.perf_counter() - began)
         if emitted := int(arc.state.emitted):
             rows = arc.runner.shown(emitted)
-            known = finite_rows(rows, 1 + 2 * arc.system.n)
+            known = finite_rows(rows, 1 + arc.state.dynamic.stop)
             self.recorder.hand_on(rows[:known])
             if known < emitted:
                 return self._cut(rows[known])
-        if not np.isfinite(arc.y[: 2 * arc.system.n]).all():
+        if not np.isfinite(arc.y[arc.state.dynamic]).all():
             return self._cut(arc.observed())
         if self._is_stopped(code):
             return Ending(Outcome.INTERRUPTED)

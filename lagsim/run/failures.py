@@ -123,7 +123,7 @@ def _other_means(arc: Arc, outcome: Outcome) -> str:
 
 
 def _described_state(arc: Arc, row: Floats) -> str:
-    names = (*arc.equations.q, *arc.equations.velocities)
+    names = arc.equations.state
     shown = [f"{name} = {x:.6g}" for name, x in zip(names, row[1:], strict=False)]
     if len(shown) > 12:
         shown = [*shown[:12], f"... {len(shown) - 12} more"]
@@ -132,9 +132,9 @@ def _described_state(arc: Arc, row: Floats) -> str:
 
 def _fastest(arc: Arc) -> str:
     """Name the coordinate or velocity that grows fastest for its size."""
-    moving = 2 * arc.system.n  # work follows what moves
-    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))[:moving]
-    sizes = np.abs(arc.y[:moving])
+    moving = arc.state.dynamic
+    rates = np.abs(arc.runner.function("derivative")(arc.t, arc.y))[moving]
+    sizes = np.abs(arc.y[moving])
     ratio = rates / np.maximum(sizes, TINY)
     ratio[~np.isfinite(rates)] = np.inf
     # A component near zero changes fast for its size without any singularity.

@@ -65,7 +65,7 @@ def could_push(
         What constraints push with at most, where that is known.
     """
     e, g, n = equations, equations.graph, len(equations.q)
-    state = (*e.q, *e.velocities, "t")
+    state = e.moving
     reacting = g.dependent(e.f, (*e.multipliers, *e.accelerations))
     known = [f for f in e.f if f not in reacting]
     bounds = dict(zip(known, roundings(g, known, state), strict=True))
@@ -74,7 +74,7 @@ def could_push(
     nodes += [gradient(g, e.f[i], [g.variable(e.q[i])])[0] for i in which]
     most = max(1, min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes)))))
     some = rows[:: -(-len(rows) // most)]
-    names = ("t", *e.q, *e.velocities)
+    names = ("t", *e.state)
     values: dict[str, float | Floats] = {p.name: p.value for p in e.model.parameters}
     values |= dict(zip(names, some.T, strict=True))
     found = np.abs(evaluate_rows(g, nodes, values, len(some)))

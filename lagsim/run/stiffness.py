@@ -165,11 +165,12 @@ class Stiffness(Source):
         tells that it is held there.
         """
         self._review_at = int(ASKED_AGAIN) * arc.steps
-        n, equations = arc.system.n, arc.system.equations
+        state, equations = arc.state, arc.system.equations
         if equations.quadratures:
             return GO_ON
         try:
-            linear = Linearisation(equations).at(arc.t, arc.y[:n], arc.y[n : 2 * n])
+            q, v = arc.y[state.positions], arc.y[state.velocities]
+            linear = Linearisation(equations).at(arc.t, q, v)
         except ValueError:  # not finite there
             return GO_ON
         values = linear.eigenvalues()
@@ -228,7 +229,7 @@ def _fastest(arc: Arc) -> Fast | None:
     names = arc.system.equations.q
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them.
-    rates = arc.runner.function("derivative")(arc.t, arc.y)[: 2 * n]
+    rates = arc.runner.function("derivative")(arc.t, arc.y)[arc.state.dynamic]
     swinging = np.abs(modes.amplitudes(rates)) * modes.swing(OSCILLATING)
     moving = np.abs(modes.right[:n]) @ swinging
     rate = float(np.max(np.abs(modes.values)))
@@ -238,11 +239,12 @@ def _fastest(arc: Arc) -> Fast | None:
 
 def _jacobian(arc: Arc) -> Floats:
     """Return dq''/d(q, q') (n, 2 n)."""
-    n, sparse = arc.system.n, arc.system.newton
-    length = (n + 1) * 2 * n if sparse is None else len(sparse.entries)
+    n, size, sparse = arc.system.n, arc.system.size, arc.system.newton
+    length = (size - n) * arc.state.dynamic.stop
+    length = length if sparse is None else len(sparse.entries)
     found = arc.runner.function("jacobian", length)(arc.t, arc.y)
     if sparse is None:
-        return found[: 2 * n * n].reshape(n, 2 * n)
+        return found.reshape(size - n, -1)[:n]
     return sparse.jacobian(n, found)
 
 
@@ -266,7 +268,7 @@ def _is_excited(
     linked = np.maximum(linked, np.eye(n))
     for _ in range(n.bit_length()):
         linked = np.minimum(linked @ linked, 1.0)
-    each = masses * arc.ranges[n : 2 * n] ** 2
+    each = masses * arc.ranges[arc.velocities] ** 2
     whole = np.minimum(linked @ each, 2.0 * arc.state.energy)
     return bool(np.any(linked @ fast > EXCITED * whole))
 

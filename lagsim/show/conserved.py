@@ -264,7 +264,7 @@ def _named(x: Translation, found: list[Part]) -> list[Part]:
         return found
     nodes = [x.node(c["expression"], x.g.zero) for c in found]
     nodes += [d.node for d in defined]
-    state = ("t", *x.equations.q, *x.equations.velocities)
+    state = ("t", *x.equations.state)
     rows = []
     for _ in range(STATES):
         at = {name: random.uniform(0.3, 1.5) for name in state}

@@ -296,8 +296,7 @@ def without_inertia(e: Equations) -> str | None:
     diagonal = np.zeros(n)
     for _ in range(STATES):
         state = {
-            name: start.get(name, 0.0) + random.uniform(0.1, 0.4)
-            for name in (*e.q, *e.velocities, "t")
+            name: start.get(name, 0.0) + random.uniform(0.1, 0.4) for name in e.moving
         }
         M = np.reshape(evaluate(e.graph, nodes, parameters | state), (n, n))
         if not np.all(np.isfinite(M)):

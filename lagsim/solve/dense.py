@@ -197,8 +197,8 @@ def note_directions(p: Parameters, end: int) -> None:
     n, u = p.n, p.mirrored
     p.noted = end
     for k in range(end):
-        z = p.directions[2 * n * k :]
-        mass = z[n:]
+        z = p.directions[n * k :]
+        mass = p.momenta[n * k :]
         u[:n] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
@@ -423,11 +423,10 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Rates y' (size,) of the motion that was solved for."""
-    n = p.n
-    out[:n] = y[n : 2 * n]
-    out[n : 2 * n] = p.motion[:n]
-    if p.size > 2 * n:
-        quadratures(t, y, p, out[2 * n :])
+    out[p.positions] = y[p.velocities]
+    out[p.velocities] = p.motion[: p.n]
+    if p.size > p.velocities.stop:
+        quadratures(t, y, p, out[p.velocities.stop :])
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -540,7 +539,7 @@ def residual_left(
     """
     n, z = p.n, p.tried
     z[:n] = y[:n]
-    z[n : 2 * n] = step[:n]
+    z[p.velocities] = step[:n]
     second_order(t, z, p, p.left)
     largest = 0.0
     for k in range(count):
@@ -631,7 +630,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     rank = reflect(p)
     solve_again(p, rank, p.motion)
     slopes(t, y, p, slope)
-    width = 2 * n
+    width = p.dynamic.stop
     for c in range(width):
         for j in range(n):
             p.f[j] = -slope[j * width + c]

@@ -107,7 +107,7 @@ class Newton(NamedTuple):
         p.newton_slots[:] = self.slots
         p.newton_rows[:] = [self.places[entry.row] for entry in self.entries]
         # Of works, which are the last unknowns, too.
-        moved = 2 * n - (n + p.m)
+        moved = p.quadratures.start - (n + p.m)
         p.newton_parts[:] = [
             e.column + (moved if e.column >= n + p.m else 0) for e in self.entries
         ]

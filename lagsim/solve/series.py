@@ -109,8 +109,7 @@ def _order_cost(g: Graph, loop: Recurrence) -> tuple[int, float]:
 
 
 def _state(equations: Equations) -> tuple[int, ...]:
-    names = [*equations.q, *equations.velocities]
-    names += [x.name for x in equations.works]
+    names = (*equations.state, *(x.name for x in equations.works))
     return tuple(map(equations.graph.variable, names))
 
 
@@ -145,7 +144,7 @@ def linear_form(equations: Equations, elimination: Elimination) -> list[int]:
     For scenes whose `Structure` is linear and time-invariant.
     """
     g = equations.graph
-    state = [g.variable(name) for name in (*equations.q, *equations.velocities)]
+    state = [g.variable(name) for name in equations.state]
     rates = motion_rates(equations, elimination)
     size = len(state)
     A = [

@@ -73,7 +73,8 @@ def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
             p.floor[k] = 0.0
     combine(t, y, p)
     p.gain = gain
-    p.motion[:n] = p.side_fields[n : 2 * n]
+    a = p.side_fields[p.velocities]
+    p.motion[:n] = a[:n]
     p.multipliers[:] = p.side_fields[p.size : p.size + p.m]
     for k in range(p.surfaces):
         if slides[k] > 0.0:
@@ -121,14 +122,15 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     combine(t, y, p)
     weigh(p)
     far = distance(p)
-    p.former[: 2 * n] = y[: 2 * n]
+    p.former[p.dynamic] = y[p.dynamic]
     for j in range(sliding):
-        change = p.side_fields[(j + 1) * width + n :]
-        y[:n] += change[:n] * p.right[3 * j + 1]
-        y[n : 2 * n] += change[:n] * p.right[3 * j + 2]
+        field_change = p.side_fields[(j + 1) * width :]
+        change = field_change[p.velocities]
+        y[p.positions] += change[:n] * p.right[3 * j + 1]
+        y[p.velocities] += change[:n] * p.right[3 * j + 2]
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
-        y[: 2 * n] = p.former[: 2 * n]
+        y[p.dynamic] = p.former[p.dynamic]
 
 
 def weigh(p: Parameters) -> None:
@@ -190,13 +192,15 @@ def share_out(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             roundoff = p.roundoff[k]
             right[3 * i] = above(
-                p.asked[k] - product(k, p, p.side_fields[p.n :]), roundoff
+                p.asked[k] - product(k, p, p.side_fields[p.velocities]), roundoff
             )
             right[3 * i + 1] = p.least[k] - p.residuals[k]
             right[3 * i + 2] = p.most[k] - p.rates[k]
             for j in range(sliding):
-                change = p.side_fields[(j + 1) * width + p.n :]
-                B[i * sliding + j] = above(product(k, p, change), roundoff)
+                change = p.side_fields[(j + 1) * width :]
+                B[i * sliding + j] = above(
+                    product(k, p, change[p.velocities]), roundoff
+                )
             even_out(B[i * sliding :], sliding, right[3 * i :])
             i += 1
     solve(sliding, B, right)
@@ -222,7 +226,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
     """Combine the fields; a share that does not keep to its surface becomes -1."""
     width = p.size + p.m
     fields = p.side_fields
-    forced = fields[p.n :]
+    forced = fields[p.velocities]
     i = 0
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
@@ -307,13 +311,10 @@ def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:
         if i > row and abs(B[i * size + k]) > abs(B[largest * size + k]):
             largest = i
     if largest > row:
+        other, own = B[largest * size :], B[row * size :]
         for j in range(size):
-            exchange(B, row * size + j, largest * size + j)
-        for c in range(3):
-            exchange(right, 3 * row + c, 3 * largest + c)
+            own[j], other[j] = other[j], own[j]
+        for j in range(3 * row, 3 * row + 3):
+            i = j + 3 * (largest - row)
+            right[j], right[i] = right[i], right[j]
     return 1 if abs(B[row * size + k]) > SOLUTION_ROUNDOFF * whole else 0
-
-
-def exchange(a: Floats, i: int, j: int) -> None:
-    """Exchange two elements."""
-    a[i], a[j] = a[j], a[i]

@@ -190,12 +190,12 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
     nodes = [*energies, *forms]
     for group, *own in zip(found, energies, forms, strict=True):
         within = {x[j] for x in (e.q, e.velocities) for j in group}
-        if g.depends(own) & {*e.q, *e.velocities} - within:
+        if g.depends(own) & {*e.state} - within:
             return []
     most = min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes))))
     stride = -(-len(monitor.passed) // max(most, 2))
     rows, worked = monitor.passed[::stride], monitor.worked[::stride]
-    moving = dict(zip(("t", *e.q, *e.velocities), rows.T, strict=True))
+    moving = dict(zip(("t", *e.state), rows.T, strict=True))
     fixed = {p.name: p.value for p in e.model.parameters}
     values = evaluate_rows(g, nodes, fixed | moving, len(rows))
     each, kinetic = values[: len(found)], values[len(found) :]
@@ -251,9 +251,9 @@ def _between(
 def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
     """Return the error of an energy by errors (2 n,) of the state at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
-    names = (*equations.q, *equations.velocities)
-    state = zip(row[1 : 1 + len(names)].tolist(), errors.tolist(), strict=True)
-    values |= {"t": (float(row[0]), 0.0)} | dict(zip(names, state, strict=True))
+    state = zip(row[1:].tolist(), errors.tolist(), strict=False)
+    values |= {"t": (float(row[0]), 0.0)}
+    values |= dict(zip(equations.state, state, strict=False))
     ((_, error),) = evaluate_with_error(equations.graph, [node], values)
     return float(error)
 
@@ -311,7 +311,7 @@ class Energy:
     def __init__(self, equations: Equations, energy: int) -> None:
         g = equations.graph
         self.graph, self.energy = g, energy
-        self.names = ("t", *equations.q, *equations.velocities)
+        self.names = ("t", *equations.state)
         self.parameters = {p.name: p.value for p in equations.model.parameters}
         found = sorted(
             n for n in g.dependent([energy], self.names) if g.ops[n] in SWITCHES
@@ -532,7 +532,7 @@ def worst_residual(
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
-    names = ("t", *equations.q, *equations.velocities)
+    names = ("t", *equations.state)
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
             return name, part

@@ -368,7 +368,7 @@ def measure(case: Case) -> tuple[Golden, Motion]:
             np.fmax(largest, np.abs(found - rows), out=largest)
         apart = _floors(case, base, rows) + SAFETY * largest
     sizes = scales(base.columns, rows.T, stated_units(case.equations, base.columns))
-    state = *case.equations.q, *case.equations.velocities
+    state = case.equations.state
     moving = [base.columns.index(name) for name in state]
     # An impact that a variant has in another way is none to compare with: one after
     # which rounding errors decide whether something sticks has other forces.

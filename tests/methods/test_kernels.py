@@ -153,10 +153,10 @@ def hairers(error5, error3):
 
 def norm_with(motion, works):
     """The norm of errors of order 5 and 3, whose tolerances are 1."""
-    tolerances = np.ones(len(motion) + len(works))
+    s = dop853.STATE.made(n=len(motion) // 2, size=len(motion) + len(works))
+    s.tolerances[:] = 1.0
     errors = np.array([e[k] for k in (0, 1) for e in (*motion, *works)])
-    n = len(motion) // 2
-    return dop853.error_norm(n, len(tolerances), 1.0, errors, tolerances)
+    return dop853.error_norm(s, 1.0, errors)
 
 
 MOTION = (30.0, 400.0), (20.0, 500.0)  # of order 5 and of 3

@@ -15,7 +15,7 @@ from lagsim.methods.parts.newton import SparseNewton
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.kernels.keys import KernelError, fingerprint
 from lagsim.native.kernels.translation import translate
-from lagsim.native.layout import ARRAY, SIZE, Memory, after, array, part
+from lagsim.native.layout import ARRAY, SIZE, Block, Memory, after, array, block, part
 from lagsim.native.link.engine import Engine, compile_object
 from tests.kernels import bind
 
@@ -29,6 +29,7 @@ class Walk(Memory):
     t: float
     size: int
     stages: int = 2
+    half: Block = block("size", lambda s: s.size // 2)
     y: Floats = array("size")
     low: Floats = array("size", inf)
     slopes: Floats = array(lambda s: s.stages * s.size)
@@ -45,7 +46,10 @@ class Longer(Walk):
 
 
 def move(s: Longer, p: Walk, h: float) -> int:
+    rest = s.y[s.half]
     s.y[:] += h * s.weights * p.last[: s.stages]
+    s.y[s.half] += s.low[s.half]
+    rest[s.half.stop - s.half.start - 1] *= 2.0
     s.t += h
     s.count = s.count + 1.0
     p.t = s.t
@@ -56,6 +60,10 @@ def stores_a_size(s: Walk) -> None:
     s.size = 3  # type: ignore[misc]
 
 
+def takes_a_block(s: Walk) -> float:
+    return s.half  # type: ignore[return-value]
+
+
 def asks_for_more(s: Walk) -> float:
     return s.count  # type: ignore[attr-defined, no-any-return]
 
@@ -63,15 +71,16 @@ def asks_for_more(s: Walk) -> float:
 def memories() -> tuple[Longer, Walk]:
     s, p = Longer.made(size=3), Walk.made(size=3)
     s.y[:] = 1.0, 2.0, 3.0
+    s.low[:] = 5.0, 6.0, 7.0
     p.slopes[:] = np.arange(6.0)
     return s, p
 
 
 def test_the_flat_array_is_all_there_is_to_it() -> None:
     s = Longer.made(size=4)
-    # Four words, two for each of six arrays, and 4 + 4 + 12 + 3 elements: what is a
-    # part has none of its own.
-    assert len(s.flat) == 4 + 2 * 6 + 23
+    # Four words, two for each of six arrays and a block, and 4 + 4 + 12 + 3 elements:
+    # what is a part has none of its own.
+    assert len(s.flat) == 4 + 2 * 7 + 23
     assert s.low.tolist() == [inf] * 4
     s.last[:] = 7.0
     again = s.copy()
@@ -93,6 +102,7 @@ def test_another_memory_takes_what_both_have() -> None:
 
 def test_a_kernel_writes_names_natively_and_in_python() -> None:
     expected = [1.0 + 0.5 * 0.5 * 3.0, 2.0 + 0.5 * 0.25 * 4.0, 3.0 + 0.5 * 0.25 * 5.0]
+    expected[1:] = expected[1] + 6.0, 2.0 * (expected[2] + 7.0)
     engine = Engine([compile_object(translate([move]))])
     pointer = ctypes.c_void_p
     native = engine.function(
@@ -112,6 +122,7 @@ def test_a_kernel_writes_names_natively_and_in_python() -> None:
     ("kernel", "message"),
     [
         (stores_a_size, "`s.size` takes no value"),
+        (takes_a_block, "is a block, of which arrays have a stretch"),
         (asks_for_more, "Walk has no `count`"),
     ],
 )

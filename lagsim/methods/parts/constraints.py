@@ -296,16 +296,16 @@ def time_to_loss(s: Rank, p: Parameters, ahead: float) -> float:
         The time by which the sigma has been falling.
     """
     n, y, rates, z, out = s.n, s.y, s.spare, s.work, s.ahead
+    v, a = y[s.velocities], rates[s.velocities]
     derivative(s.t, y, p, rates)
     s.evaluations += 1.0
-    rates[:n] = rates[n : 2 * n]
     before = 0.0
     sigma = s.sigma
     for _look in range(SEARCHES):
         t = before + 0.5 * (ahead - before)
         z[: s.size] = y
-        z[:n] = y[:n] + t * (y[n : 2 * n] + 0.5 * t * rates[:n])
-        z[n : 2 * n] = y[n : 2 * n] + t * rates[:n]
+        z[:n] = y[:n] + t * (v[:n] + 0.5 * t * a[:n])
+        z[s.velocities] = v[:n] + t * a[:n]
         velocity_step(s.t + t, z, p, out)
         if not out[n + 1] < FALLS * sigma:
             return 0.0
@@ -335,7 +335,7 @@ def sigma_ahead(s: Rank, p: Parameters, h: float) -> float:
     """Return sigma a time h ahead, along the velocities."""
     n, z = s.n, s.work
     z[: s.size] = s.y
-    z[:n] += h * s.y[n : 2 * n]
+    z[s.positions] += h * s.y[s.velocities]
     velocity_step(s.t + h, z, p, s.spare)
     return float(s.spare[n + 1])
 
@@ -435,8 +435,8 @@ def forget_removed(s: Rank, p: Parameters, h: float, error: Floats) -> float:
     n = s.n
     removed = 0.0
     for k in range(int(p.noted)):
-        z = p.directions[2 * n * k :]
-        mass = z[n:]
+        z = p.directions[n * k :]
+        mass = p.momenta[n * k :]
         energy = energy_along(s, z, mass)
         for level in range(2):
             part = error[level * n :]
@@ -456,7 +456,7 @@ def energy_along(s: Rank, z: Floats, mass: Floats) -> float:
     M z. No more than the whole scene has had.
     """
     n = s.n
-    speeds = s.sizes[n:]
+    speeds = s.sizes[s.velocities]
     most = 0
     for i in range(n):
         if abs(mass[i] * z[i]) > abs(mass[most] * z[most]):

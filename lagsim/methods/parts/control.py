@@ -104,7 +104,7 @@ def record_measured(s: Control, p: Parameters) -> None:
     record_extents(s)
     change = abs(s.energies[1] - s.potential)
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
-    parts = s.parts
+    parts, accelerations = s.parts, s.parts[s.velocities]
     terms(s.t, s.y, p, parts)
     # From here on as accelerations, and the whole in the metric of M.
     s.pushes[0] = 0.0
@@ -114,7 +114,7 @@ def record_measured(s: Control, p: Parameters) -> None:
         if s.masses[i] > 0.0:
             parts[i] = push / s.masses[i]
             s.pushes[0] += push * parts[i]
-        parts[s.n + i] = parts[i]
+        accelerations[i] = parts[i]
 
 
 def record_extents(s: Control) -> None:
@@ -150,7 +150,8 @@ def set_tolerances(
             scale = max(abs(s.y[i]), abs(new[i]))
             s.tolerances[i] = LOCAL * (s.atol + s.rtol * scale)
         return
-    roundoff = s.roundoff
+    roundoff, of_velocities = s.roundoff, s.roundoff[s.velocities]
+    accelerations = rates[s.velocities]
     # A start from rest with a jump in the force (dry friction) is off by the same part
     # of every step, however short; its first instant is not controlled finer.
     instant = INSTANT * (s.end - s.arc_start) - (s.t - s.arc_start)
@@ -171,15 +172,15 @@ def set_tolerances(
         if i < n:
             # Positions: what their velocities do in the step.
             part *= moment
-            roundoff[i] = max(floor * rate, roundoff[n + i] * h)
-            sized = max(sized, instant * instant * abs(rates[n + i]))
+            roundoff[i] = max(floor * rate, of_velocities[i] * h)
+            sized = max(sized, instant * instant * abs(accelerations[i]))
         sized = max(sized, FLOOR * moment * part)
         rough = floor * max(s.sizes[i], abs(after))
         rough = max(rough, roundoff[i] * h, UNDERFLOW)
         s.tolerances[i] = max(rtol * sized, rough)
     if p.m > 0:
         share_tolerances(s)
-    if size > 2 * n:
+    if p.works > 0:
         limit_works(s, p, new)
 
 
@@ -217,18 +218,18 @@ def against(error: float, tolerance: float) -> float:
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
     """Control works no finer than the energy that each is compared with."""
-    n, tolerances = s.n, s.tolerances
+    v, of_velocities = new[s.velocities], s.tolerances[s.velocities]
+    tolerances = s.tolerances[s.quadratures]
     energies, works = s.shared, p.works
     energies[:works] = 0.0
-    if works > 0:
-        for i in range(n):
-            own = int(p.worked[i])
-            off = tolerances[n + i]
-            energy = abs(s.masses[i]) * (abs(new[n + i]) + off) * off
-            if own >= 0:
-                energies[own] += energy
+    for i in range(s.n):
+        own = int(p.worked[i])
+        off = of_velocities[i]
+        energy = abs(s.masses[i]) * (abs(v[i]) + off) * off
+        if own >= 0:
+            energies[own] += energy
     for k in range(works):
-        tolerances[2 * n + k] = max(tolerances[2 * n + k], energies[k])
+        tolerances[k] = max(tolerances[k], energies[k])
 
 
 def allow_roundoff(
@@ -240,7 +241,7 @@ def allow_roundoff(
     """
     if s.rounding_known > 0.0:
         return False
-    n, t = s.n, s.t
+    t = s.t
     bound_roundoff(s, p, t, s.y, k, sigma)
     if SWITCHES and hardly_moves(s, p, h, k):
         bound_roundoff_between(s, p, h, k)
@@ -248,18 +249,18 @@ def allow_roundoff(
         # What laws hold, or surfaces, rests against forces that may begin at 0. The
         # step itself may lead anywhere.
         lead_positions(s, h, k)
-        add_bound(s, p, t + h, s.point, n, 2 * n)
-    if s.size > 2 * n:
+        add_bound(s, p, t + h, s.point, s.velocities.start, s.velocities.stop)
+    if s.size > s.quadratures.start:
         # The power of forces has no rounding where everything rests, at the start.
-        add_bound(s, p, t + h, new, 2 * n, s.size)
+        add_bound(s, p, t + h, new, s.quadratures.start, s.size)
         # Nor has it where rows balance them, or surfaces, but velocities have.
         if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
-            roundoff = s.roundoff
-            for i in range(n):
-                own = 2 * n + int(p.worked[i])
-                power = abs(s.masses[i]) * s.parts[i] * roundoff[n + i] * h
-                if own >= 2 * n:
-                    roundoff[own] = max(roundoff[own], power)
+            moved, worked = s.roundoff[s.velocities], s.roundoff[s.quadratures]
+            for i in range(s.n):
+                own = int(p.worked[i])
+                power = abs(s.masses[i]) * s.parts[i] * moved[i] * h
+                if own >= 0:
+                    worked[own] = max(worked[own], power)
     set_tolerances(s, p, t + h, new, k, h)
     s.rounding_known = 1.0
     return True
@@ -272,14 +273,14 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
     any size. One may set the next in motion. k : (size,), y' at the start.
     """
     n, y, roundoff, foreseen, z = s.n, s.y, s.roundoff, s.foreseen, s.work
-    slopes = s.spare
+    slopes, accelerations = s.spare, k[s.velocities]
     instant = INSTANT * (s.end - s.t)
     waiting = 0
     for i in range(s.size):
         foreseen[i] = 0.0
         z[i] = y[i] + instant * k[i]
         if i < n:
-            z[i] += instant * instant * k[n + i]
+            z[i] += instant * instant * accelerations[i]
         elif abs(k[i]) <= roundoff[i]:
             waiting += 1
     while waiting > 0:
@@ -292,7 +293,7 @@ def foresee(s: Control, p: Parameters, k: Floats) -> None:
             if rests and roundoff[i] < rate and rate < OVERFLOW:
                 foreseen[i] = instant * rate
                 z[i] = y[i] + instant * slopes[i]
-                if i < 2 * n:
+                if i < s.velocities.stop:
                     foreseen[i - n] = instant * foreseen[i]
                     z[i - n] = y[i - n] + instant * instant * slopes[i]
                 waiting -= 1
@@ -522,10 +523,11 @@ def find_drift(s: Control, p: Parameters, k: Floats, out: Floats) -> None:
 
 def add_drift(s: Control, drift: Floats, h: float) -> None:
     """Add the motion of the compensation term in a step: it moves as y does."""
+    accelerations = drift[s.velocities]
     for i in range(s.size):
         s.remainder[i] += h * drift[i]
         if i < s.n:
-            s.remainder[i] += 0.5 * h * h * drift[s.n + i]
+            s.remainder[i] += 0.5 * h * h * accelerations[i]
 
 
 def keep_compensation(s: Control) -> None:

@@ -89,11 +89,11 @@ class State(Signals):
     event_middles: Floats = array(lambda s: 2 * s.surfaces + 2)
     event_ends: Floats = array(lambda s: 2 * s.surfaces + 2)
 
-    # Of each inertia: the largest, the smallest, its time, and q and q' there.
+    # Of each inertia: the largest, the smallest, its time, and the state there.
     inertia_largest: Floats = array("inertias")
     inertia_smallest: Floats = array("inertias", inf)
     inertia_when: Floats = array("inertias")
-    inertia_where: Floats = array(lambda s: 2 * s.n * s.inertias)
+    inertia_where: Floats = array(lambda s: s.dynamic.stop * s.inertias)
 
 
 def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int:
@@ -170,7 +170,7 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
     Where one vanishes beside its usual size, a coordinate loses its meaning. Steps get
     short there, so that the ends of steps come as close as the motion does.
     """
-    width = 2 * s.n
+    width = s.dynamic.stop
     inertias(s.t, s.y, p, now)
     for i in range(s.inertias):
         s.inertia_largest[i] = max(s.inertia_largest[i], now[i])
@@ -178,7 +178,7 @@ def note_inertias(s: State, p: Parameters, now: Floats) -> None:
             s.inertia_smallest[i] = now[i]
             s.inertia_when[i] = s.t
             where = s.inertia_where[width * i :]
-            where[:width] = s.y[:width]
+            where[s.dynamic] = s.y[s.dynamic]
 
 
 def inspect(s: State, p: Parameters) -> None:
@@ -215,11 +215,11 @@ def take_cut(s: State, p: Parameters) -> None:
 
 def project_state(s: State, p: Parameters, t: float, y: Floats) -> None:
     """Project a state onto the surfaces it slides along, and record the distance."""
-    n, former = s.n, s.work
-    former[: 2 * n] = y[: 2 * n]
+    former = s.work
+    former[s.dynamic] = y[s.dynamic]
     project_sliding(t, y, p)
     s.projected = max(
-        s.projected, projected(s, y, former, 0), projected(s, y, former, n)
+        s.projected, projected(s, y, former, 0), projected(s, y, former, s.n)
     )
 
 
@@ -231,12 +231,13 @@ def projected(s: State, y: Floats, former: Floats, first: int) -> float:
     surface does not touch are no measure, nor is where the origin lies.
     """
     n, h = s.n, s.step_h
+    high, low = s.high[s.velocities], s.low[s.velocities]
     moved = 0.0
     whole = 0.0
     for i in range(n):
         k = first + i
         change = abs(y[k] - former[k])
-        reach = s.high[n + i] - s.low[n + i] + h * s.parts[i]
+        reach = high[i] - low[i] + h * s.parts[i]
         if first == 0:
             reach = s.high[i] - s.low[i] + h * reach
         whole += (s.masses[i] * change * reach) ** 2
@@ -395,14 +396,15 @@ def record_speed(
     s: State, h: float, limit: float, y: Floats, k: Floats, z: Floats, slope: Floats
 ) -> None:
     """Note the fastest motion, from states y and z with slopes k and `slope`."""
-    n, masses = s.n, s.masses
+    masses, v, other_v = s.masses, y[s.velocities], z[s.velocities]
+    a, other_a = k[s.velocities], slope[s.velocities]
     positions = 0.0
     velocities = 0.0
     accelerations = 0.0
-    for i in range(n):
+    for i in range(s.n):
         dq = y[i] - z[i]
-        dv = y[n + i] - z[n + i]
-        da = k[n + i] - slope[n + i]
+        dv = v[i] - other_v[i]
+        da = a[i] - other_a[i]
         positions += masses[i] * dq * dq
         velocities += masses[i] * dv * dv
         accelerations += masses[i] * da * da

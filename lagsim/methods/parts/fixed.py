@@ -106,7 +106,7 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
     if s.rounding_known == 0.0:
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0)
         s.rounding_known = 1.0
-    roundoff = s.roundoff[s.n :]
+    roundoff = s.roundoff[s.velocities]
     most = 0.0
     for i in range(s.n):
         known = STATE_ROUNDOFF * abs(v[i]) + h * roundoff[i]

@@ -111,7 +111,8 @@ def check_features(
 
     From y and y' (size,) at both ends, between which both are interpolated.
     """
-    size, n, z = s.size, s.n, s.point
+    size, z = s.size, s.point
+    old_a, new_a = old_rates[s.velocities], new_rates[s.velocities]
     z[:size] = old[:size]
     s.point_rates[:] = old_rates[:size]
     signals(s.t, z, p, s.signals_first)
@@ -127,10 +128,10 @@ def check_features(
         P = 3.0 * change - 2.0 * A - B
         Q = A + B - 2.0 * change
         z[i] = first + x * (A + x * (P + x * Q))
-        if i < n:
+        if i < s.n:
             # Positions with their second derivatives too: what the cubic lacks.
-            a = 0.5 * h * h * old_rates[n + i] - P
-            b = 0.5 * h * h * new_rates[n + i] - P - 3.0 * Q
+            a = 0.5 * h * h * old_a[i] - P
+            b = 0.5 * h * h * new_a[i] - P - 3.0 * Q
             z[i] += x * x * (1.0 - x) * (1.0 - x) * ((1.0 - x) * a + x * b)
         s.point_rates[i] = (A + x * (2.0 * P + 3.0 * x * Q)) / h
     signals(s.t + BETWEEN * h, z, p, s.signals_middle)
@@ -449,7 +450,7 @@ def expect(s: Signals) -> None:
         push = EXPECTED * delta * abs(s.exact_rates[i] - s.point_rates[i])
         if push < OVERFLOW:
             sizes[i] = max(sizes[i], push)
-            if i < 2 * n:
+            if i < s.velocities.stop:
                 sizes[i - n] = max(sizes[i - n], delta * push)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import Blocks, Parameters
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import LEAST_PIVOT, OVERFLOW, STALLED_STEP, UNIT_ROUNDOFF
@@ -224,35 +224,41 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 
 
 def decompose_newton(
-    width: Static, n: int, g: Floats, J: Floats, K: Floats, pivots: Floats
+    width: Static, s: Blocks, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
     """Factor g^2 - g Jv - Jq into K (n, n); return 0 where it is singular."""
+    n = s.n
     K[: width * n * n] = 0.0
     for i in range(n):
+        by_positions = J[i * s.dynamic.stop :]
+        by_velocities = by_positions[s.velocities]
         for j in range(n):
             own = K[width * (i * n + j) :]
-            own[0] = -J[2 * i * n + j]
-            add(width, -J[2 * i * n + n + j], g, own)
+            own[0] = -by_positions[j]
+            add(width, -by_velocities[j], g, own)
         add(width, 1.0, g[width:], K[width * (i * n + i) :])
     return decompose(width, n, K, pivots)
 
 
 def solve_newton(
-    width: Static, n: int, works: int,
+    width: Static, s: Blocks,
     g: Floats, J: Floats, K: Floats, pivots: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (2 n + works,) by the solution. x : (n,), room to work in."""
+    """Replace r (size,) by the solution. x : (n,), room to work in."""
+    n = s.n
     combine(width, n, g, r, x)
     for i in range(n):
         own = x[width * i :]
+        row = J[i * s.dynamic.stop :]
         for j in range(n):
-            add(width, -J[2 * i * n + n + j], r[width * j :], own)
+            add(width, -row[n + j], r[width * j :], own)
     solve(width, n, K, pivots, x)
     for i in range(n):
         conclude(width, n, i, g, x[width * i :], r)
-    for k in range(2 * n, 2 * n + works):
-        for j in range(2 * n):
-            add(width, J[2 * n * (k - n) + j], r[width * j :], r[width * k :])
+    for k in range(s.quadratures.start, s.size):
+        row = J[(k - n) * s.dynamic.stop :]
+        for j in range(s.dynamic.stop):
+            add(width, row[j], r[width * j :], r[width * k :])
         divide(width, g, r[width * k :])
 
 
@@ -378,7 +384,7 @@ def solve_sparse(
         multiply(width, K[width * middle :], x[width * i :])
     for i in range(n):
         conclude(width, n, i, g, x[width * int(p.newton_places[i]) :], r)
-    for i in range(2 * n, p.size):
+    for i in range(p.quadratures.start, p.size):
         take(
             width,
             x[width * int(p.newton_places[p.unknowns - p.size + i]) :],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lagsim.language.arrays import Floats
-from lagsim.native.layout import Memory, after, array, part
+from lagsim.native.layout import Block, Memory, after, array, block, part
 
 # `least_sigma` at this has the directions of the rows noted.
 NOTE = 2.0
@@ -55,16 +55,29 @@ def each_watched(p: Parameters) -> int:
 
 def columns(p: Parameters) -> int:
     """Length of dr/dy, ds/dy and dpower/dy in `slopes`."""
-    return (p.n + p.m + p.works) * 2 * p.n
+    return (p.n + p.m + p.works) * p.dynamic.stop
 
 
-class Scene(Memory):
-    """The sizes and the parameters of a model; the run sets them."""
+class Blocks(Memory):
+    """The blocks of the state y (size,), by their roles.
+
+    Second order: the coordinates q, then q'. Quadratures, of which no rate depends on:
+    the works, then others. All but these are what the motion depends on.
+    """
 
     n: int  # coordinates
-    m: int  # constraint rows, those of laws last
     size: int  # components of y
-    works: int  # of these, the works
+    positions: Block = block("n")
+    velocities: Block = block(lambda s: 2 * s.n, "n")
+    dynamic: Block = block(lambda s: s.velocities.stop)
+    quadratures: Block = block("size", lambda s: s.dynamic.stop)
+
+
+class Scene(Blocks):
+    """The sizes and the parameters of a model; the run sets them."""
+
+    m: int  # constraint rows, those of laws last
+    works: int  # of the quadratures
     values: int  # parameters, modes and lengths
     loops: int  # 1 where something is solved by loops: they need their room
     slopes_known: int  # 1 where the Jacobian is asked for
@@ -177,7 +190,7 @@ class Parameters(Laws):
     Z: Floats = array(lambda p: p.m * p.n if p.laws else 0)  # forces of rows that hold
     S: Floats = array(lambda p: p.m * p.m if p.laws else 0)
     left: Floats = array(lambda p: 2 * each_row(p))  # what Newton steps leave ...
-    tried: Floats = array(lambda p: 2 * each_coordinate(p))  # ... and at what
+    tried: Floats = array(lambda p: p.dynamic.stop if p.loops else 0)  # ... and where
     L: Floats = array(lambda p: each_coordinate(p) * p.n)
     Y: Floats = array(lambda p: each_row(p) * p.n)
     places: Floats = array(each_coordinate)  # where its columns were exchanged with
@@ -192,9 +205,10 @@ class Parameters(Laws):
     order: Floats = array(each_row)
     x: Floats = array(each_row)
     free: Floats = array(lambda p: each_row(p) * p.m)  # for `multipliers`
-    # The directions of the rows: z and M z of each, orthonormal in the metric of M.
+    # The directions z of the rows, orthonormal in the metric of M, and M z of each.
     mirrored: Floats = array(each_coordinate)
-    directions: Floats = array(lambda p: 2 * each_coordinate(p) * min(p.n, p.m))
+    directions: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
+    momenta: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
     # What `slopes` gives; last dpower/d(q'', lambda). A column of the Jacobian.
     slopes: Floats = array(
         lambda p: (columns(p) + p.works * (p.n + p.m)) * p.slopes_known

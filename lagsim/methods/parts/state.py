@@ -9,19 +9,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import Blocks, Parameters
 from lagsim.native.kernels.words import external
-from lagsim.native.layout import Memory, array, part
+from lagsim.native.layout import array, part
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class Clock(Memory):
+class Clock(Blocks):
     """The time, the state, and the counters, which each step advances."""
-
-    n: int  # coordinates
-    size: int  # components of y
 
     t: float  # time reached
     h: float  # the next step; 0 before it has been chosen
@@ -90,8 +87,8 @@ LOSS_AHEAD = 13
 def of_model(name: str) -> Callable[[float, Floats, Parameters, Floats], None]:
     """Declare a function of (t, y, p, out), which writes to `out`.
 
-    All arrays are views into longer ones; y is (q, q', works if the model has them,
-    quadratures), and p holds the parameters and the model's own working memory.
+    All arrays are views into longer ones; y has the blocks of `Blocks`, and p holds the
+    parameters and the model's own working memory.
     """
 
     def function(t: float, y: Floats, p: Parameters, out: Floats) -> None:

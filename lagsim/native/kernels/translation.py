@@ -10,6 +10,8 @@ A kernel is a plain function of annotated parameters (int, float, bool, `Floats`
 - arrays: `a[i]`, the view `a[k:]`, tuples of targets (`a, b = b, a`); `s.y[:] = s.old
   + h * a[:n]`, one element after the other, also `+=`: on the right stand arrays as
   long as the stretch on the left, which are the same or do not overlap, and numbers;
+- blocks that a memory declares: `a[s.half]` is a stretch, from `s.half.start` to
+  `s.half.stop`;
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
 - calls of other kernels and of functions marked `external`;
@@ -50,7 +52,7 @@ from lagsim.native.kernels.source import (
     parameters,
     static_parameters,
 )
-from lagsim.native.layout import NUMBER, SIZE
+from lagsim.native.layout import BLOCK, NUMBER, SIZE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -130,11 +132,6 @@ _FUNCTIONS: Final[dict[object, str]] = {
     words.fused: "llvm.fma.f64",
 }
 _ARGUMENTS: Final = {math.pow: 2, math.atan2: 2, math.copysign: 2, words.fused: 3}
-
-
-def is_stretch(node: ast.expr) -> TypeGuard[ast.Subscript]:
-    """Whether an expression is a stretch of an array: `a[i:j]`."""
-    return isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
 
 
 class _Function(Folding, ast.NodeVisitor):
@@ -302,10 +299,28 @@ class _Function(Folding, ast.NodeVisitor):
         kind = "float" if any(v.kind == "float" for v in values) else "int"
         return [self._cast(v, kind, node) for v in values], kind
 
+    def _is_block(self, node: ast.expr) -> bool:
+        """Whether an expression is a block that a memory declares."""
+        found = self.source.field(node)
+        return found is not None and found[1].kind == BLOCK
+
+    def _is_stretch(self, node: ast.expr) -> TypeGuard[ast.Subscript]:
+        """Whether an expression is a stretch of an array: `a[i:j]`, `a[s.half]`."""
+        return isinstance(node, ast.Subscript) and (
+            isinstance(node.slice, ast.Slice) or self._is_block(node.slice)
+        )
+
+    def _bound(self, block: ast.expr, name: str) -> Value:
+        """Where a block begins or ends: its `start` or `stop`."""
+        _, place, _ = self._word(block)
+        return self._load_size(self._address(place, int(name == "stop")))
+
     def _element(self, node: ast.Subscript) -> str:
         """Address of an element of an array, or of the first of a stretch."""
         base = self._converted(node.value, "Floats")
         index = node.slice
+        if self._is_block(index):
+            return self._address(base.text, self._bound(index, "start").text)
         if isinstance(index, ast.Slice):
             if index.step is not None:
                 raise self.error(node, "leaves some elements out")
@@ -318,7 +333,7 @@ class _Function(Folding, ast.NodeVisitor):
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         """Load an element; a stretch of an array is where it begins."""
         place = self._element(node)
-        if isinstance(node.slice, ast.Slice):
+        if self._is_stretch(node):
             return Value(place, "Floats")
         return self._get("float", place)
 
@@ -332,12 +347,16 @@ class _Function(Folding, ast.NodeVisitor):
         return memory, self._address(memory, field.word), field
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
+        if node.attr in ("start", "stop") and self._is_block(node.value):
+            return self._bound(node.value, node.attr)
         memory, place, field = self._word(node)
         if field.kind == NUMBER:
             return self._get("float", place)
         whole = self._load_size(place)
         if field.kind == SIZE:
             return whole
+        if field.kind == BLOCK:
+            raise self.error(node, "is a block, of which arrays have a stretch")
         return Value(self._address(memory, whole.text), "Floats")
 
     def _load_size(self, place: str) -> Value:
@@ -559,7 +578,7 @@ class _Function(Folding, ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         [first, *others] = node.targets
-        if is_stretch(first) and not others:
+        if self._is_stretch(first) and not others:
             self._spread(first, lambda _: self._converted(node.value, "float"))
             return
         sources = [node.value]
@@ -588,7 +607,7 @@ class _Function(Folding, ast.NodeVisitor):
             value = self._arithmetic(node, now, node.op, node.value)
             return self._cast(value, "float", node)
 
-        if is_stretch(target):
+        if self._is_stretch(target):
             self._spread(target, changed)
         else:
             place = self._place(target)
@@ -596,17 +615,8 @@ class _Function(Folding, ast.NodeVisitor):
 
     def _spread(self, target: ast.Subscript, value: Callable[[str], Value]) -> None:
         """Store in each element of a stretch the value for its place."""
-        assert isinstance(target.slice, ast.Slice)
         begin = self._element(target)
-        first, end = target.slice.lower or ast.Constant(0), target.slice.upper
-        if end is not None:
-            stop = self._converted(end, "int")
-        elif self.source.field(target.value) is None:
-            raise self.error(target, "needs an end: it is no array of a memory")
-        else:
-            memory, _, field = self._word(target.value)
-            stop = self._load_size(self._address(memory, field.word + 1))
-        start = self._converted(first, "int")
+        start, stop = self._bounds(target)
         count = self._op("int", f"sub nsw i64 {stop.text}, {start.text}")
 
         def store(k: Value, _after: str, following: str) -> None:
@@ -617,6 +627,19 @@ class _Function(Folding, ast.NodeVisitor):
             self._jump(following)
 
         self._counted(Value("0", "int"), count, store)
+
+    def _bounds(self, target: ast.Subscript) -> tuple[Value, Value]:
+        """First element of a stretch that is assigned, and the one after its last."""
+        stretch = target.slice
+        if not isinstance(stretch, ast.Slice):
+            return self._bound(stretch, "start"), self._bound(stretch, "stop")
+        start = self._converted(stretch.lower or ast.Constant(0), "int")
+        if stretch.upper is not None:
+            return start, self._converted(stretch.upper, "int")
+        if self.source.field(target.value) is None:
+            raise self.error(target, "needs an end: it is no array of a memory")
+        memory, _, field = self._word(target.value)
+        return start, self._load_size(self._address(memory, field.word + 1))
 
     def _place(self, target: ast.expr) -> str:
         """Address of an element, or of a number of a memory."""

@@ -141,7 +141,7 @@ def nothing_to_draw(model: Model) -> list[Caution]:
 def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     """Return what keeps of rows with `columns` what a film of the model needs."""
     scene = stage(equations.model)
-    names = ["t", *equations.q, *equations.velocities, *equations.accelerations]
+    names = ["t", *equations.state, *equations.accelerations]
     names += equations.multipliers
     known = frozenset(columns)
     names += ENERGIES

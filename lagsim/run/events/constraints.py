@@ -53,7 +53,7 @@ def before_event(arc: Arc) -> Before:
     moment = SAME_TIME * np.spacing(abs(arc.t))
     row = arc.row()
     row[0, 0] -= moment
-    row[0, 1 : 1 + n] -= moment * arc.y[n : 2 * n]
+    row[0, 1 : 1 + n] -= moment * arc.y[arc.velocities]
     columns = arc.runner.tabulate(row)
     columns[0, 0] = arc.t
     return Before(columns, _off(arc))
@@ -99,16 +99,15 @@ def impact(arc: Arc, before: Before) -> Decision:
         scale = now[names.index(f"scale.{constraint.name}")]
         if constraint.holonomic and abs(g) > SATISFIED * scale and _is_far(arc):
             return Decision(ending=Ending(Outcome.CONSTRAINT_JUMPS, constraint.name))
-    n = arc.system.n
     step = _newton_step(arc, "velocity") - before.off
     if not _strikes(arc, step, before.off):
         return GO_ON
     arc.meet_row()
     before.row[0, 0] = arc.t
     y = arc.y.copy()
-    y[n : 2 * n] += step
-    works = slice(2 * n, 2 * n + arc.system.works)
-    y[works] += arc.energies(y) - arc.energies(arc.y, now)
+    y[arc.velocities] += step
+    works = y[arc.state.quadratures][: arc.system.works]
+    works += arc.energies(y) - arc.energies(arc.y, now)
     return Decision(events=(Event(arc.t, "impact"),), rows=before.row, y=y)
 
 
@@ -123,8 +122,8 @@ def _strikes(arc: Arc, step: Floats, off: Floats) -> bool:
         aside = np.array([1.0 if i % 2 else sign for i in range(size)])
         moved = steps(arc.t + moment, arc.y + RESIDUAL_ROUNDOFF * aside * seen)[:n]
         roundoff = np.fmax(roundoff, np.abs(moved - off - step))
-    roundoff += RESIDUAL_ROUNDOFF * seen[n : 2 * n]
-    most = SATISFIED * 1e-3 * arc.ranges[n : 2 * n] + CLEAR_OF_ROUNDING * roundoff
+    roundoff += RESIDUAL_ROUNDOFF * seen[arc.velocities]
+    most = SATISFIED * 1e-3 * arc.ranges[arc.velocities] + CLEAR_OF_ROUNDING * roundoff
     return bool(np.any(np.abs(step) > most))
 
 
@@ -177,9 +176,10 @@ def _is_held(arc: Arc, k: int) -> bool:
     e, name = arc.system.equations, arc.system.inertias[k]
     if not e.rows or name not in e.q:
         return False
-    state, n = arc.state, arc.system.n
-    where = state.inertia_where[2 * n * k : 2 * n * (k + 1)]
-    there = Instant(float(state.inertia_when[k]), where[:n], where[n:])
+    state = arc.state
+    where = state.inertia_where.reshape(state.inertias, -1)[k]
+    q, v = where[state.positions], where[state.velocities]
+    there = Instant(float(state.inertia_when[k]), q, v)
     found = admitted_inertia(Point(e, there), e.q.index(name))
     return not found < VANISHING * float(state.inertia_largest[k])
 

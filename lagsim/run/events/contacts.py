@@ -257,7 +257,6 @@ class Contacts(Source):
             When series end that do so with this impact.
         """
         arc = here.arc
-        n = arc.system.n
         before = found.y.copy()
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
@@ -278,10 +277,12 @@ class Contacts(Source):
         deep = [i for i, k in enumerate(some) if k in self.contacts and low[k]]
         if deep:
             gaps = here.gaps[[some[i] for i in deep]]
-            found.y[:n] -= response[:, deep] @ _raised(problem.D, deep, gaps)
-        found.y[n : 2 * n] += response @ result.impulses
+            found.y[arc.state.positions] -= response[:, deep] @ _raised(
+                problem.D, deep, gaps
+            )
+        found.y[arc.velocities] += response @ result.impulses
         changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
-        found.y[2 * n : 2 * n + arc.system.works] += changes
+        found.y[arc.state.quadratures][: arc.system.works] += changes
         arc.system.p.impulses[some] = result.impulses
         after = (rates + problem.D @ result.impulses).tolist()
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
@@ -388,8 +389,7 @@ def select_modes(
     _set_floors(here, found, before)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
     _set_slack(here, found)
-    n = here.arc.system.n
-    p.law_pushes[:n] = p.law_pushes[n : 2 * n] = here.moves
+    p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
     events = list(_changes(here, before)) if arc.steps else []
     redundant = [k for k in found.some if found.mode[k] == kept.REDUNDANT]
     unique = not any(here.laws[k].kind in ONE_SIDED for k in redundant)
@@ -413,12 +413,12 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
 
 def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
     """State (size,) a moment later, in the modes found, to second order."""
-    arc, p, n = here.arc, here.arc.system.p, here.arc.system.n
+    arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy(), p.law_direction.copy()
     p.law_mode[:], p.law_direction[:] = found.mode, found.direction
     rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
     y = here.y + moment * rates[: arc.system.size]
-    y[:n] += moment**2 / 2.0 * rates[n : 2 * n]
+    y[p.positions] += moment**2 / 2.0 * rates[p.velocities]
     p.law_mode[:], p.law_direction[:] = before
     return np.asarray(y)
 

@@ -81,20 +81,20 @@ def _rests(
     size: float,
 ) -> bool:
     """Try rest on surface k; the modes are left at it."""
-    arc, n, J = modes.arc, modes.arc.system.n, rows.J[k]
+    arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
     square = float(J @ J)
     if not square > 0.0 or modes.whole[k]:
         return False
     speed, moving = float(rows.rates[k]), modes.of_velocities[k]
     aside = RESIDUAL_ROUNDOFF * size
     if moving:
-        size = float(np.abs(J) @ arc.seen[:n])
-        aside = SLOW * float(np.abs(J) @ arc.seen[n : 2 * n])
+        size = float(np.abs(J) @ arc.seen[positions])
+        aside = SLOW * float(np.abs(J) @ arc.seen[arc.velocities])
     found = {}
     for side, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
         beside = arc.y.copy()
-        beside[n : 2 * n] -= speed / square * J
-        part = slice(n, 2 * n) if moving else slice(n)
+        beside[arc.velocities] -= speed / square * J
+        part = arc.velocities if moving else positions
         beside[part] += (sign * aside - rows.residuals[k]) / square * J
         modes.put(k, levels[k], side)
         for j in others:
@@ -156,12 +156,12 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
 
     pushed : (K,), how large it would become between two rows.
     """
-    arc, n = modes.arc, modes.arc.system.n
+    arc = modes.arc
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of what cancels is no size.
-    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[n : 2 * n])
-    moved = slopes @ arc.ranges[n : 2 * n]
+    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[arc.velocities])
+    moved = slopes @ arc.ranges[arc.velocities]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
     # What has not left its floor has not been seen, nor has the rounding of forces.
     least = np.maximum(modes.p.least_root, ACCELERATION_ROUNDOFF * pushed)
@@ -264,12 +264,12 @@ class Crossing:
 
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of a surface in positions; 0 where it is rounding."""
-        modes, n = self.modes, self.modes.arc.system.n
+        modes, arc = self.modes, self.modes.arc
         if modes.of_velocities[k] or k in self.at_rest:
             return 0.0
-        v = modes.arc.y[n : 2 * n]
+        v = arc.y[arc.velocities]
         rate = float(rows.rates[k])
-        terms = np.abs(rows.J[k]) @ modes.arc.seen[n : 2 * n]
+        terms = np.abs(rows.J[k]) @ arc.seen[arc.velocities]
         terms += abs(rate - float(rows.J[k] @ v))
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 

@@ -416,8 +416,8 @@ class Modes:
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
         """Return q'' (n,) at y and t (by default now), with the sides as written."""
-        n = self.arc.system.n
-        return self.rates(self.arc.t if t is None else t, y)[n : 2 * n]
+        rates = self.rates(self.arc.t if t is None else t, y)
+        return rates[self.arc.velocities]
 
     def forced(self, rows: Rows) -> Floats:
         """J q'' - b (K,) of the surfaces at the state reached."""
@@ -428,11 +428,10 @@ class Modes:
 
         Or what the rounding of such a state does: slopes may vanish there.
         """
-        arc, n = self.arc, self.arc.system.n
-        seen = self.arc.seen
+        arc, seen = self.arc, self.arc.seen
         slopes = np.abs(rows.J)
-        velocities = slopes @ seen[n : 2 * n]
-        terms = np.where(self.of_velocities, velocities, slopes @ seen[:n])
+        levels = (slopes @ seen[x] for x in (arc.velocities, arc.state.positions))
+        terms = np.where(self.of_velocities, *levels)
         found = np.maximum(rows.scales, terms)
         here = self.values(arc.t, arc.y)
         for aside in self.asides():

@@ -125,13 +125,15 @@ class Kinematics:
             conditions = arc.runner.function("conditions", self.count)(t, y)
             self.in_force = (conditions != 0.0).tolist()
         slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
-        self.seen, self.reach = seen, (slopes @ ranges[:n], slopes @ ranges[n : 2 * n])
-        sizes = np.maximum(rate_scales, slopes @ seen[n : 2 * n])
+        levels = arc.state.positions, arc.velocities
+        self.seen, self.reach = seen, tuple(slopes @ ranges[x] for x in levels)
+        sizes = np.maximum(rate_scales, slopes @ seen[arc.velocities])
+        v = y[arc.velocities]
         # Of what has not moved yet: by where it will soon be.
-        soon = seen[:n] + arc.settings.output_step * np.abs(y[n : 2 * n])
+        soon = seen[:n] + arc.settings.output_step * np.abs(v)
         held = np.maximum(gap_scales, slopes @ soon)
         # Within rounding of the time a gap changes, and what moves it as time goes by.
-        moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ y[n : 2 * n])
+        moved = np.abs(self.rates) + np.abs(self.rates - self.rows @ v)
         self.slack = SUM_ROUNDOFF * held + SAME_TIME * math.ulp(t) * moved
         self.grazing: dict[int, float] = {}
         self.near = (self.gaps <= self.slack).tolist()
@@ -188,7 +190,7 @@ class Kinematics:
         if not np.any(system.p.law_mode):
             return self.accelerations
         field = self.arc.runner.function("field", system.size + system.m)
-        a = field(self.t, self.y)[system.n : 2 * system.n]
+        a = field(self.t, self.y)[self.arc.velocities]
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
@@ -196,26 +198,27 @@ class Kinematics:
 
         Rows that hold do so within the rounding of their own terms.
         """
-        n, sizes = self.arc.system.n, self.seen.copy()
+        state, sizes = self.arc.state, self.seen.copy()
         slopes = self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
-        for first, scales in zip((0, n), self.scales, strict=True):
-            part = sizes[first : first + n]
+        levels = state.positions, state.velocities
+        for level, scales in zip(levels, self.scales, strict=True):
+            part = sizes[level]
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return q'' without any law, b of the laws, and their bounds and statics."""
         arc, p = self.arc, self.arc.system.p
-        n, m, L = arc.system.n, arc.system.m, self.count
+        m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
         p.law_mode[:] = kept.OFF
         field = arc.runner.function("field", arc.system.size + m)(t, y)
         p.law_mode[:] = mode
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
-        return field[n : 2 * n], b.copy(), bounds.copy(), statics.copy()
+        return field[arc.velocities], b.copy(), bounds.copy(), statics.copy()
 
     def accelerations_at(self, t: float, y: Floats) -> Floats:
         """Accelerations (L,) without any law at another time and state."""

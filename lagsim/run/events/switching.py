@@ -143,7 +143,7 @@ class Switching(Source):
         masses = arc.runner.function("energies_masses")(arc.t, former)[2 : 2 + n]
         most = largest_shift(arc.plan.rtol)
         most = max(most, LEFT) if resting else most
-        for part in (slice(n), slice(n, 2 * n)):
+        for part in (arc.state.positions, arc.velocities):
             change = y[part] - former[part]
             far = shift(masses, change, self._reach(y)[part], arc.seen[part])
             if not far <= most:
@@ -204,18 +204,18 @@ class Switching(Source):
         modes.store(slack=slack, band=np.where(slides, 0.0, roundoff))
 
     def _reach(self, y: Floats) -> Floats:
-        """Ranges of positions and velocities (2 n,) so far, also to y.
+        """Ranges (size,) so far, also to y.
 
-        And what each term of their forces alone would add in a step.
+        And what each term of the forces alone would add in a step to q and q'.
         """
         arc, n = self.modes.arc, self.modes.arc.system.n
         pushes = arc.state.parts[:n]
         if arc.system.laws:
             pushes = np.maximum(pushes, arc.system.p.law_pushes[:n])
         step = arc.t - arc.state.step_t if arc.steps else 0.0
-        ranges = arc.ranges_to(y)[: 2 * n]
-        ranges[n:] += step * pushes
-        ranges[:n] += step * ranges[n:]
+        ranges, velocities = arc.ranges_to(y), arc.velocities
+        ranges[velocities] += step * pushes
+        ranges[arc.state.positions] += step * ranges[velocities]
         return ranges
 
     def _roundoff(self, rows: Rows) -> Floats:
@@ -224,8 +224,8 @@ class Switching(Source):
         Where a coordinate hardly moves they have any sign. The tolerance has a floor,
         see `methods._controller`.
         """
-        arc, n = self.modes.arc, self.modes.arc.system.n
-        speeds = np.abs(rows.J) @ self._reach(arc.y)[n:]
+        arc = self.modes.arc
+        speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.velocities]
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         factor = NOISE * arc.state.rtol
         return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))

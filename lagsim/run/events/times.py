@@ -27,7 +27,7 @@ from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
 from lagsim.run.events.breaks import Values, break_times
 from lagsim.run.events.sequence import Sequence
-from lagsim.run.system.localized import indicators_in_time, motion_nodes
+from lagsim.run.system.localized import indicators_in_time
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
@@ -153,7 +153,7 @@ class Features(_Ahead):
         arc, equations = self._arc, self._arc.system.equations
         lines = [
             _Line(arc, indicator, self._cautions.append)
-            for indicator in indicators_in_time(equations, motion_nodes(equations))
+            for indicator in indicators_in_time(equations, equations.of_motion)
             if equations.graph.depends([indicator.node]) <= {"t", *arc.parameters}
         ]
         return heapq.merge(*(line.features() for line in lines if not line.shallow))
@@ -200,15 +200,15 @@ def _expected(arc: Arc, now: Feature, part: float) -> Floats:
     Or the first traces of a pulse would be controlled against a body at rest, as
     finely as rounding lets them be.
     """
-    n = arc.system.n
+    state, velocities = arc.state, arc.velocities
     rates = arc.runner.function("derivative", arc.system.size)
     sizes = arc.sizes
     for time in (now.time - now.width, now.time, now.time + now.width):
-        push = part * now.width * np.abs(rates(time, arc.y)[n : 2 * n])
+        push = part * now.width * np.abs(rates(time, arc.y)[velocities])
         moved = arc.y.copy()
-        moved[n : 2 * n] += push  # a body at rest takes no work
-        work = part * now.width * np.abs(rates(time, moved)[2 * n :])
-        change = np.concatenate([now.width * push, push, work])
+        moved[velocities] += push  # a body at rest takes no work
+        change = part * now.width * np.abs(rates(time, moved))
+        change[state.positions], change[velocities] = now.width * push, push
         if np.all(np.isfinite(change)):
             sizes = np.maximum(sizes, change)
     return sizes

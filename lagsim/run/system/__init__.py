@@ -1,6 +1,6 @@
 """Equations -> compiled functions, linked with a method into something that runs.
 
-The state is y = (q, q', works where the model has them). Compiled functions take
+The state y has the blocks of `methods.parts.parameters.Blocks`. Compiled functions take
 (t, y, p, out); p holds the parameters, the modes of the arc and working memory, so that
 new values of parameters compile nothing.
 """
@@ -33,7 +33,6 @@ from lagsim.run.system.functions import (
 from lagsim.run.system.localized import (
     indicators,
     is_localized_in_time,
-    motion_nodes,
     signal_nodes,
     slope,
 )
@@ -139,7 +138,7 @@ class System:
         self.newton = plan.newton
         self.has_jacobian = "jacobian" in needs and self.newton is None
         self.state = (
-            *equations.q, *equations.velocities,
+            *equations.state,
             *(x.name for x in equations.works),
             *(x.name for x in equations.quadratures),
             *(equations.multipliers if self.moreau is not None else ()),
@@ -218,7 +217,7 @@ class System:
     def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
         """Find what is localized in the motion, or in what ends it."""
         switches, until = plan.switches, equations.model.until
-        nodes = switches.freeze(motion_nodes(equations))
+        nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
         ends += switches.shown([] if until is None else [until.node])
         return indicators(equations, nodes, ends)
@@ -358,7 +357,7 @@ class System:
         """Return y at a start; sets what it determines for the whole run."""
         for name, value in self.plan.reduction.constants(start).items():
             self.p.flat[self._layout_of[name]] = value
-        return self.plan.reduction.state(start, self.size)
+        return self.plan.reduction.state(start, self.p)
 
     def set_modes(self, values: Sequence[float]) -> None:
         """Set the branch of each switch in time for the arc to come."""

@@ -214,11 +214,6 @@ CODES = {
 }
 
 
-def _rows(e: Equations) -> list[Row]:
-    """Rows that always hold, then those of laws."""
-    return [*e.rows, *(law.row for law in e.laws)]
-
-
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
     """Residuals of rows on the level of positions; rows of velocities have none."""
     return [row.residual if row.holonomic else g.zero for row in rows]
@@ -231,7 +226,7 @@ def _conditions(e: Equations) -> list[int]:
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
     """Return what the loops of `solve.dense` and `solve.laws` begin with."""
-    g, rows = e.graph, _rows(e)
+    g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
         "quadratures": e.quadrature_rates,
@@ -260,7 +255,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
 
 def _dynamics(e: Equations) -> list[int]:
     """M, A, f, b; then the rates of laws, their bounds and static ones."""
-    rows = _rows(e)
+    rows = e.every_row
     return [
         *(node for row in e.M for node in row),
         *(node for row in rows for node in row.A),
@@ -343,7 +338,7 @@ def stepping_functions(
     e: Equations, columns: Columns, found: Pattern
 ) -> dict[str, list[int]]:
     """`balance`, `effort`, and the columns of rows, in which nothing strikes."""
-    g, rows = e.graph, _rows(e)
+    g, rows = e.graph, e.every_row
     always = [g.zero] * len(e.rows)
     lam = {g.variable(name): g.zero for name in e.multipliers}
     at_impacts = {
@@ -544,7 +539,7 @@ def _force_rounding(e: Equations) -> list[int]:
     would cancel if they were alike does not.
     """
     g = e.graph
-    state = (*e.q, *e.velocities)
+    state = e.state
     found = roundings(g, (*e.f, *e.quadrature_rates), (*state, "t"), state)
     force_rounding = [
         g.call("add", g.call("abs", force), error)
@@ -620,7 +615,7 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}
     residuals = e.motion_residuals()
-    state = [g.variable(name) for name in (*e.q, *e.velocities)]
+    state = [g.variable(name) for name in e.state]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
     slopes = [s for r in (*residuals, *e.powers) for s in gradient(g, r, state)]
     slopes += [s for power in e.powers for s in gradient(g, power, motion)]

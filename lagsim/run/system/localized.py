@@ -46,17 +46,6 @@ class Indicator(NamedTuple):
     power: float = 1.0
 
 
-def motion_nodes(equations: Equations) -> list[int]:
-    """Nodes on which the motion depends."""
-    e = equations
-    nodes = [*e.mass_nodes, *e.f, *e.quadrature_rates]
-    for row in (*e.rows, *(law.row for law in e.laws)):
-        nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
-    for law in e.laws:
-        nodes += [law.bound, law.static]
-    return nodes
-
-
 def indicators(
     equations: Equations, nodes: Sequence[int], ends: Sequence[int]
 ) -> list[Indicator]:
@@ -65,7 +54,7 @@ def indicators(
     Of what the motion depends on, `nodes` as they are in an arc, those that depend on
     the state; of what ends an arc, `ends`, those that depend on t alone too.
     """
-    g, state = equations.graph, (*equations.q, *equations.velocities)
+    g, state = equations.graph, equations.state
 
     def found() -> list[Indicator]:
         some = _Search(equations, nodes).among(g.dependent(nodes, state))
@@ -80,15 +69,19 @@ def indicators_in_time(equations: Equations, nodes: Sequence[int]) -> list[Indic
     e, g = equations, equations.graph
     if "t" not in g.depends(nodes):
         return []
-    works = (x.name for x in e.works)
-    moving = (*e.q, *e.velocities, *e.accelerations, *e.multipliers, *works)
-    timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, moving)
+    timed = g.dependent(nodes, ("t",)) - g.dependent(nodes, _moves(e))
     return _Search(equations, nodes).among(timed)
+
+
+def _moves(e: Equations) -> tuple[str, ...]:
+    """Names of all that moves but t."""
+    works = (x.name for x in e.works)
+    return (*e.state, *e.accelerations, *e.multipliers, *works)
 
 
 def is_localized_in_time(equations: Equations) -> bool:
     """Whether a term of the motion that depends on t alone is localized."""
-    nodes = motion_nodes(equations)
+    nodes = equations.of_motion
     key = is_localized_in_time, *_key(equations, tuple(nodes))
     found = memoize(equations.graph, key, lambda: indicators_in_time(equations, nodes))
     return bool(found)
@@ -103,7 +96,7 @@ def _key(equations: Equations, *nodes: tuple[int, ...]) -> tuple[object, ...]:
 
 def names_in_exponents(equations: Equations, ends: Sequence[int]) -> frozenset[str]:
     """Return the names on whose values it depends what is localized."""
-    nodes = tuple(motion_nodes(equations))
+    nodes = tuple(equations.of_motion)
     return frozenset(_exponents(equations.graph, nodes, tuple(ends)))
 
 
@@ -141,10 +134,7 @@ class _Search:
         g = self.g = equations.graph
         self.cone = g.cone(nodes)
         self.ops = {g.ops[n] for n in self.cone}
-        moves = (*equations.q, *equations.velocities, "t")
-        moves = (*moves, *equations.accelerations, *equations.multipliers)
-        moves = (*moves, *(x.name for x in equations.works))
-        self.moving = g.dependent(nodes, moves)
+        self.moving = g.dependent(nodes, (*_moves(equations), "t"))
         self.values = {p.name: p.value for p in equations.model.parameters}
 
     def among(self, those: set[int]) -> list[Indicator]:

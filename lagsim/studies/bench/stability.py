@@ -141,7 +141,7 @@ class Subject:
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
         values: dict[str, Any] = {p.name: p.value for p in e.model.parameters}
-        values |= dict(zip(("t", *e.q, *e.velocities), some.T, strict=True))
+        values |= dict(zip(("t", *e.state), some.T, strict=True))
         nodes = e.kinetic_form, e.energy
         kinetic, energy = evaluate_rows(e.graph, nodes, values, len(some))
         rest = energy - kinetic

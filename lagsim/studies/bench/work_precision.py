@@ -329,7 +329,7 @@ def make_reference(
 
 def unverified(e: Equations, first: Solution, between: Floats) -> Reference:
     """Return a solution as a reference, with ranges of its rows and those between."""
-    state = [first.columns.index(name) for name in (*e.q, *e.velocities)]
+    state = [first.columns.index(name) for name in e.state]
     multipliers = [first.columns.index(name) for name in e.multipliers]
     scales = _scales(e, np.concatenate((first.rows, between)), state, multipliers)
     return Reference(

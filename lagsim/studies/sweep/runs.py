@@ -602,7 +602,7 @@ class Batch:
         case, axes = self.session.case, self.grid.axes
         start = np.concatenate([case.start.q, case.start.v])
         starts = np.repeat(start[None], len(numbers), 0)
-        names = (*case.equations.q, *case.equations.velocities)
+        names = case.equations.state
         places = np.unravel_index(np.array(numbers), self.grid.shape)
         found = [np.array(a.values)[x] for a, x in zip(axes, places, strict=True)]
         parameters = {}
@@ -635,7 +635,7 @@ class Batch:
         known: dict[str, float | Floats] = {"t": case.settings.start}
         known |= {p.name: p.value for p in equations.model.parameters}
         known |= parameters
-        names = (*equations.q, *equations.velocities)
+        names = equations.state
         moved = np.any(starts != starts[:1], axis=0)
         for name, column, differ in zip(names, starts.T, moved, strict=True):
             known[name] = column if differ else float(column[0])
