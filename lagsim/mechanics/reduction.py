@@ -253,13 +253,8 @@ def _add_products(
                 M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
 
 
-# The momentum of a coordinate becomes a parameter, or a column, of this name.
+# The momentum of a coordinate becomes a parameter, or a column, of this name and its.
 MOMENTUM = "momentum."
-
-
-def momentum_of(coordinate: str) -> str:
-    """Return the name of the parameter that the momentum of a coordinate becomes."""
-    return MOMENTUM + coordinate
 
 
 def conserved(equations: Equations) -> list[int]:
@@ -308,7 +303,7 @@ def ignored(
     at_rest = g.substitute(
         [e.momenta[c] for c in coordinates], dict.fromkeys(speeds, g.zero)
     )
-    momenta = [g.variable(momentum_of(e.q[c])) for c in coordinates]
+    momenta = [g.variable(MOMENTUM + e.q[c]) for c in coordinates]
     right = map(partial(g.call, "sub"), momenta, at_rest)
     rows = symmetric(len(e.q), e.mass_entries)
     block = Factorisation(g, rows, Budget(limit), some=coordinates)
@@ -390,7 +385,7 @@ class Reduction(NamedTuple):
             Where solving for them takes more than `limit` multiplications.
         """
         e = self.equations
-        momenta = {momentum_of(e.q[c]): e.momenta[c] for c in coordinates}
+        momenta = {MOMENTUM + e.q[c]: e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates, limit)
         reduction = self._followed_by(equations, recovered)._replace(
             ignored=tuple(e.q[c] for c in coordinates),

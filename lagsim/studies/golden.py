@@ -21,7 +21,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.reduction import MOMENTUM, conserved, momentum_of
+from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.outputs.manifest import encode, versions
@@ -282,7 +282,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
         known = {p.name: p.value for p in equations.model.parameters} | column
         nodes = [equations.momenta[k] for k in free]
         values = evaluate_rows(equations.graph, nodes, known, len(motion.rows))
-        names = [momentum_of(equations.q[k]) for k in free]
+        names = [MOMENTUM + equations.q[k] for k in free]
         found |= dict(zip(names, values, strict=True))
     return found
 

@@ -612,26 +612,17 @@ def known(s: State, p: Parameters, width: float) -> bool:
         # What is off by no more than counts as none cannot be known better, nor can
         # slopes where that rounds.
         enough = max(KNOWN * reach, CLEAR * min(a, m, b), -least_allowed(p, k))
-        rounding = rounding_of(p, k)
+        rounding = 0.0  # also by that of the time
+        nothing = -1.0
+        if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
+            # That of a law may be rounding, and its slopes with it.
+            rounding = p.law_rounding[k - p.surfaces]
+            nothing = -least_allowed(p, k)
         unknown = off > max(enough, rounding)
         unknown = unknown or turned > max(enough, TURNED / BESIDE * rounding)
-        if unknown and not is_nothing(p, k, max(abs(a), abs(m), abs(b))):
+        if unknown and not max(abs(a), abs(m), abs(b)) <= nothing:
             return False
     return True
-
-
-def rounding_of(p: Parameters, k: int) -> float:
-    """Roundoff of an event function, also by that of the time."""
-    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
-        return float(p.law_rounding[k - p.surfaces])
-    return 0.0
-
-
-def is_nothing(p: Parameters, k: int, value: float) -> bool:
-    """Whether the event function of a law is rounding, and its slopes with it."""
-    if SWITCHES and p.surfaces <= k < p.surfaces + p.laws:
-        return value <= -least_allowed(p, k)
-    return False
 
 
 def least_allowed(p: Parameters, k: int) -> float:

@@ -34,7 +34,6 @@ from lagsim.run.system.localized import (
     indicators,
     is_localized_in_time,
     signal_nodes,
-    slope,
 )
 from lagsim.run.system.runner import Runner, of_method
 from lagsim.solve import dense, laws, sliding
@@ -322,8 +321,7 @@ class System:
         p = {name: first + k for k, name in enumerate(fixed)}
         p[GAIN] = memory.fields["gain"].word
         # y' stands behind y where the arguments of localized terms are watched.
-        slopes = [f"{name}'" for name in e.q]
-        slopes += [slope(name) for name in e.velocities]
+        slopes = [f"{name}'" for name in e.state]
         for k, side in enumerate(self.switches.sides):
             p[side.variable] = memory.place("side") + k
             p[side.sliding] = memory.place("slides") + k

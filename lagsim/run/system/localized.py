@@ -108,9 +108,9 @@ def _exponents(g: Graph, *nodes: tuple[int, ...]) -> list[str]:
 
 
 def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
-    """Arguments, then their rates along the motion, with q'' as `slope` says.
+    """Arguments, then their rates along the motion: one number each.
 
-    One number each, with the names of `slope` for q''.
+    The rate of a velocity v has the name v'.
     """
     e, g = equations, equations.graph
     nodes = [x.node for x in found]
@@ -118,13 +118,8 @@ def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
     flow |= {
         g.variable(q): g.variable(v) for q, v in zip(e.q, e.velocities, strict=True)
     }
-    flow |= {g.variable(v): g.variable(slope(v)) for v in e.velocities}
+    flow |= {g.variable(v): g.variable(f"{v}'") for v in e.velocities}
     return [*nodes, *tangent(g, nodes, flow)]
-
-
-def slope(velocity: str) -> str:
-    """Return the name that the rate of a velocity has where arguments are watched."""
-    return f"{velocity}'"
 
 
 class _Search:
