@@ -70,11 +70,6 @@ def work(size_of_file: int) -> int:
     return WORK + WORK_PER_BYTE * max(0, size_of_file - USUAL_BYTES)
 
 
-def counted(number: float) -> str:
-    """Give a limit as messages name it: 1,000,000."""
-    return f"{number:,.0f}"
-
-
 def size(amount: int) -> str:
     """Give an amount of bytes as messages name it: 16 MiB."""
     for unit, bits in (("TiB", 40), ("GiB", 30), ("MiB", 20), ("KiB", 10)):

@@ -502,9 +502,9 @@ class Result:
                 writer.add(self.table)
                 writer.finish()
             beside = self._beside(plots=plots, animate=animate)
-            undrawn = [c.record for c in results.fill(beside)]
+            cautions = [c.record for c in (*results.cautions, *results.fill(beside))]
             listed = {
-                "warnings": [*self.record["warnings"], *undrawn],
+                "warnings": [*self.record["warnings"], *cautions],
                 "files": [*results.names, MANIFEST],
                 "sha256": results.digests(),
             }

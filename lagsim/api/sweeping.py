@@ -83,9 +83,9 @@ class Sweep:
         """
         with open_results(Path(folder), MANIFEST) as results:
             made = made_of(self._found, plots=plots)
-            undrawn = [c.record for c in results.fill(made)]
+            cautions = [c.record for c in (*results.cautions, *results.fill(made))]
             more: dict[str, Any] = {"files": [*results.names, MANIFEST]}
-            more |= {"warnings": undrawn} if undrawn else {}
+            more |= {"warnings": cautions} if cautions else {}
             results.commit(encode(document(self._found) | more))
 
     def plot(self, *columns: str) -> Figure:

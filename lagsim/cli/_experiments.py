@@ -75,7 +75,11 @@ def experiment(
         if isinstance(found, list):
             complain("\n".join(found))
             return 128 + (interrupt.signal or 0)
-        files, warnings = dict(found.tables), list[Any]()
+        files = dict(found.tables)
+        warnings = list[Any]()
+        for caution in results.cautions:
+            complain(f"warning: {caution.text} [{caution.number}]")
+            warnings.append(caution.record)
 
         def draw() -> None:
             content = found.draw and drawn(found.chart, found.draw, warnings)

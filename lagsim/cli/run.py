@@ -327,7 +327,7 @@ class Job:
                 list(results.fill(events(found)))
             except OSError as error:
                 full = error
-        cautions = found.cautions()
+        cautions = [*results.cautions, *found.cautions()]
         self.clock.lap("output")
         files = [*results.names, MANIFEST]
         document = found.record(cautions, self.clock.timings, files)

@@ -256,4 +256,10 @@ simulation: {duration: 40, output_step: 0.5}
         "complete.",
         "this is a fault of lagsim's: please report it with the model",
         commands=()),
+    warning("W404", "not-locked",
+        "The file system of the output folder has no locks. Another run that writes "
+        "into the folder at the same time is not noticed.",
+        "write into one folder with one run at a time, or choose a folder on another "
+        "file system",
+        commands=()),
 )  # fmt: skip

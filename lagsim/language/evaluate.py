@@ -45,7 +45,11 @@ def evaluate(
         elif op in (CONSTANT, TRUTH):
             found[n] = g.payload(n)
         else:
-            found[n] = OPERATIONS[op](*(found[a] for a in g.args[n]))
+            row = OPERATIONS[op]
+            try:  # as a call of the row does, which takes a third longer
+                found[n] = row.value(*[found[a] for a in g.args[n]])
+            except (ValueError, OverflowError):
+                found[n] = row(*[found[a] for a in g.args[n]])
     return [found[n] for n in nodes]
 
 
@@ -127,12 +131,12 @@ def evaluate_with_error(
 
 def _with_error(op: str, args: list[tuple[Any, float]]) -> tuple[Any, float]:
     row = OPERATIONS[op]
-    value = row(*(x for x, _ in args))
+    value = row(*[x for x, _ in args])
     if row.condition:
         return value, 0.0
     inherited = 0.0
     if any(e for _, e in args):
-        for corner in product(*((x - e, x + e) if e else (x,) for x, e in args)):
+        for corner in product(*[(x - e, x + e) if e else (x,) for x, e in args]):
             change = abs(row(*corner) - value)
             inherited = max(inherited, change if change == change else 0.0)
     fresh = 2.0 * UNIT_ROUNDOFF * abs(value) if row.rounds else 0.0

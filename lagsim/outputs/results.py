@@ -43,6 +43,9 @@ MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
 PART = ".lagsim-{}.part"
+# Locked by who fills a folder, and gone when it is filled. A file, for on a network
+# file system a lock of the folder itself holds back no other machine.
+LOCK = PART.format("lock")
 # A run on its way, and the rows that one which goes on with it begins with.
 RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
 # What lagsim calls what it leaves, so that a later run may remove it.
@@ -64,12 +67,15 @@ class Results:
         The files that `commit` will put in their places, the manifest aside.
     manifest : str
         The file that lists the others.
+    cautions : list of Caution
+        That the folder could not be locked, where it could not.
     """
 
     def __init__(self, folder: Path, manifest: str = MANIFEST) -> None:
         self.folder = folder
         self.manifest = manifest
         self.names: list[str] = []
+        self.cautions: list[Caution] = []
         self._placed: set[str] = set()
         self._digests: dict[str, str] = {}
 
@@ -165,8 +171,9 @@ class Results:
     def discard(self) -> None:
         """Remove what was begun, by this run or by one that was killed."""
         for path in self.folder.glob(PART.format("*")):
-            with contextlib.suppress(OSError):
-                files.drop(path)
+            if path.name != LOCK:
+                with contextlib.suppress(OSError):
+                    files.drop(path)
 
     def forget(self) -> None:
         """Remove what a run on its way has kept of itself."""
@@ -241,7 +248,7 @@ def open_results(
             if folder.exists() and not folder.is_dir():
                 raise _unusable(folder, "is not a folder")
             folder.mkdir(parents=True, exist_ok=True)
-            stack.enter_context(_held(folder, time.monotonic() + patience))
+            stack.enter_context(_held(results, time.monotonic() + patience))
         except OSError as error:
             raise results.unusable(error) from None
         (first or results.forget)()
@@ -255,7 +262,7 @@ def open_results(
 
 
 @contextlib.contextmanager
-def _held(folder: Path, until: float) -> Iterator[None]:
+def _held(results: Results, until: float) -> Iterator[None]:
     """Hold a folder as soon as no other process does; it is free when this one ends.
 
     Raises
@@ -267,36 +274,72 @@ def _held(folder: Path, until: float) -> Iterator[None]:
     if fcntl is None:  # Windows: renaming over an open file fails by itself
         yield
         return
-    handle = os.open(folder, os.O_RDONLY)
+    path = results.folder / LOCK
+    handle = _locked(path, results)
+    while handle is None:
+        if time.monotonic() > until:
+            text = "is in use: another run is writing into it"
+            raise _unusable(results.folder, text)
+        time.sleep(_GLANCE_SECONDS)
+        handle = _locked(path, results)
 
     def leave() -> None:
-        with contextlib.suppress(OSError):
-            # Processes that were begun since have it open, too.
-            fcntl.flock(handle, fcntl.LOCK_UN)
-        with contextlib.suppress(OSError):  # it may have ended before
-            os.close(handle)
+        path.unlink(missing_ok=True)
+        # Processes that were begun since have it open, too.
+        fcntl.flock(handle, fcntl.LOCK_UN)
 
-    files.passes(leave, leave)
+    files.passes(path, leave)
     try:
-        while not _locked(handle):
-            if time.monotonic() > until:
-                raise _unusable(folder, "is in use: another run is writing into it")
-            time.sleep(_GLANCE_SECONDS)
         yield
     finally:
-        leave()
-        files.stays(leave)
+        with contextlib.suppress(OSError):
+            leave()
+        files.stays(path)
+        # Once only, and by nobody else: another file may have its number next.
+        os.close(handle)
 
 
-def _locked(handle: int) -> bool:
-    """Lock an open folder; return False where another process has."""
+def _locked(path: Path, results: Results) -> int | None:
+    """Lock a file, made if need be; give its handle, or None where another has.
+
+    Raises
+    ------
+    OSError
+    """
+    handle = _opened(path)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks, or without those of folders
-        return True
-    return True
+        kept = False
+    except OSError as error:  # a file system without locks
+        text = (
+            f"{results.folder} cannot be locked ({error.strerror}): another run that "
+            "writes into it at the same time is not noticed"
+        )
+        results.cautions = [Caution("not-locked", text)]
+        kept = True
+    else:  # who had it may have removed it
+        kept = os.fstat(handle).st_nlink > 0
+    if kept:
+        return handle
+    files.stays(path)
+    os.close(handle)
+    return None
+
+
+def _opened(path: Path) -> int:
+    """Open the file that is locked; what else has its name is replaced."""
+    try:
+        return files.begin(path)
+    except FileExistsError:  # of a run that was killed, or goes on
+        pass
+    try:
+        return files.held(path, os.O_RDWR)  # a network's locks are for those who write
+    except PermissionError:  # another user's
+        return files.held(path, os.O_RDONLY)
+    except OSError:
+        files.drop(path)
+        return files.begin(path)
 
 
 def _unusable(folder: Path, why: str) -> InputError:

@@ -60,6 +60,7 @@ class Printer:
         self.decimals, self.digits = x.substitute, digits
         self._texts: dict[Any, str] = {}
         self._places: dict[Any, tuple[Any, ...]] = {}
+        self._places_in_sums: dict[Any, tuple[Any, ...]] = {}
 
     def __call__(self, e: Any) -> str:
         """Give the text of an expression."""
@@ -141,6 +142,11 @@ class Printer:
         return all(self.rank[s][0] < _VARYING for s in e.free_symbols)
 
     def _place_in_sum(self, term: Any) -> tuple[Any, ...]:
+        if term not in self._places_in_sums:
+            self._places_in_sums[term] = self._placed_in_sum(term)
+        return self._places_in_sums[term]
+
+    def _placed_in_sum(self, term: Any) -> tuple[Any, ...]:
         found = [(self._place(x), x) for x in sp.Mul.make_args(signed(term)[1])]
         degree = [0, 0, 0]
         for (group, *_), x in found:

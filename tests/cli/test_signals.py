@@ -167,6 +167,16 @@ from lagsim.run.interrupt import Terminated
 folder = pathlib.Path(sys.argv[1])
 theirs = {files.__file__, module.__file__, contextlib.__file__}
 os.fsync = lambda handle: None  # thousands take a minute
+close, twice = os.close, []
+
+def closed(handle):
+    try:
+        close(handle)
+    except OSError:
+        twice.append(ends)
+        raise
+
+os.close = closed
 left = ends = 0
 
 def step(frame, event, argument):
@@ -193,6 +203,7 @@ while left <= 0:
         sys.settrace(None)
     files.remove_passing()  # as every process does at its end
     assert [x.name for x in folder.glob(".*")] == [], ends
+    assert not twice
 print(ends)
 """
 

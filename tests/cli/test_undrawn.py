@@ -64,6 +64,26 @@ def test_a_page_that_fails_is_one_too(lagsim, write, monkeypatch):
     assert names("out") == ["energy.png", "run.json", "trajectory.csv", DRAWN[2]]
 
 
+@pytest.mark.skipif(results.fcntl is None, reason="no such locks")
+@pytest.mark.parametrize(
+    ("command", "record"),
+    [("run", "run.json"), ("bench", "work_precision.json"), ("sweep", "sweep.json")],
+)
+def test_a_folder_that_cannot_be_locked_is_reported(
+    lagsim, write, monkeypatch, command, record
+):
+    def flock(*_):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(results.fcntl, "flock", flock)
+    more = {"run": ["--no-plots"], "bench": ["--methods", "rk4"], "sweep": ["l=1,2"]}
+    called = lagsim(command, write(PENDULUM), "-o", "out", *more[command], code=0)
+    assert "cannot be locked (No locks available)" in " ".join(called.err.split())
+    assert "[W404]" in called.err
+    told = [w["code"] for w in read(f"out/{record}")["warnings"]]
+    assert told.count("not-locked") == 1
+
+
 class Killed(BaseException):
     """What takes the process while it draws."""
 

@@ -29,6 +29,7 @@ WITHOUT = {
     "bug": "a bug",
     "failed": "a process that is killed",
     "not-drawn": "a bug",
+    "not-locked": "another file system",
     "starved": "a machine without memory",
     "unsettled-impulses": "hundreds of contacts",
     "short-times": "thousands of turns",

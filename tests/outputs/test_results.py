@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -72,7 +73,9 @@ def test_of_what_the_last_run_listed_only_files_of_lagsim_go(folder):
 
 
 @needs_links
-@pytest.mark.parametrize("name", [".lagsim-run.json.part", ".lagsim-energy.png.part"])
+@pytest.mark.parametrize(
+    "name", [".lagsim-run.json.part", ".lagsim-energy.png.part", module.LOCK]
+)
 @pytest.mark.parametrize("there", [True, False])
 def test_nothing_is_written_through_a_planted_link(folder, name, there):
     folder.mkdir(parents=True)
@@ -99,7 +102,9 @@ def test_a_link_in_the_place_of_a_result_is_replaced(folder):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes that have names")
-@pytest.mark.parametrize("name", ["run.json", ".lagsim-run.json.part", "energy.png"])
+@pytest.mark.parametrize(
+    "name", ["run.json", ".lagsim-run.json.part", "energy.png", module.LOCK]
+)
 def test_no_pipe_is_waited_for(folder, name):
     folder.mkdir(parents=True)
     os.mkfifo(folder / name)
@@ -161,8 +166,43 @@ def test_a_folder_is_held_by_one_run(folder):
     assert (folder / "a").read_bytes() == b"second"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+def test_a_run_elsewhere_holds_the_file_that_is_locked(folder):
+    """As on a network's file system, where a lock of the folder is this machine's."""
+    import fcntl
+
+    folder.mkdir(parents=True)
+    with (folder / module.LOCK).open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(InputError, match="another run"), open_results(folder):
+            pass
+        assert names(folder) == [module.LOCK]
+        threading.Timer(0.1, (folder / module.LOCK).unlink).start()  # as its end does
+        threading.Timer(0.2, other.close).start()
+        with open_results(folder, patience=60.0) as results:
+            assert (folder / module.LOCK).exists()
+            results.commit(b"{}")
+    assert names(folder) == ["run.json"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
+@pytest.mark.parametrize("kind", ["ENOLCK", "ENOTSUP", "ENOSYS", "EBADF"])
+def test_where_there_are_no_locks_it_is_reported(folder, monkeypatch, kind):
+    def flock(*_):
+        raise OSError(getattr(errno, kind), "no locks")
+
+    monkeypatch.setattr(module.fcntl, "flock", flock)
+    with open_results(folder) as results:
+        (caution,) = results.cautions
+        assert caution.code == "not-locked"
+        assert "(no locks): another run" in caution.text
+        results.commit(b"{}")
+    assert names(folder) == ["run.json"]
+
+
 def test_what_a_killed_run_has_begun_goes_with_the_next(folder):
     put(folder, a=b"1")
+    (folder / module.LOCK).touch()
     (folder / ".lagsim-a.part").write_bytes(b"half")
     (folder / ".lagsim-old.part").write_bytes(b"half")
     (folder / ".other.part").touch()

@@ -534,10 +534,11 @@ class Runs:
                 if found.fault is not None:
                     raise found.fault
                 writer.finish()
-            undrawn = list(results.fill(beside(found, found.thin, found.frames)))
+            undrawn = results.fill(beside(found, found.thin, found.frames))
+            cautions = [*results.cautions, *found.cautions(), *undrawn]
             clock.lap("output")
             files = [*results.names, MANIFEST]
-            record = found.record([*found.cautions(), *undrawn], clock.timings, files)
+            record = found.record(cautions, clock.timings, files)
             results.commit(encode(record | {"sha256": results.digests()}))
         return found
 
