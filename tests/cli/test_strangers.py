@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from lagsim.native.link import cache
 from lagsim.outputs.results import is_own
 from tests.cli._results import contents, document, ended, manifest, names
 from tests.small_scenes import CONTACT, PENDULUM
@@ -53,12 +52,6 @@ def test_a_pipe_is_no_table_and_no_golden(lagsim, write):
     assert (called.code, "it is a pipe" in called.err) == (2, True)
     assert lagsim("run", model, "-o", "out", "--no-plots").code == 0
     assert manifest("out")["complete"]
-
-
-def test_a_pipe_is_no_kept_object(tmp_path):
-    pipe = tmp_path / "a.object"
-    os.mkfifo(pipe)
-    assert cache._read(pipe, "a") is None
 
 
 def test_a_golden_is_not_written_through_links(lagsim, write):
@@ -128,16 +121,6 @@ def test_nothing_of_the_working_directory_is_read(write):
     code, out, err = ended("run", model, "-o", "out", MPLBACKEND="nonsense")
     assert (code, err) == (0, "")
     assert "stranger" not in out
-    assert "energy.png" in names("out")
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("lagsim")
-def test_settings_that_are_no_text_lose_no_result(write):
-    model = write(PENDULUM)
-    Path("matplotlibrc").write_bytes(b"\xff\xfe\x00")
-    code, _, err = ended("run", model, "-o", "out")
-    assert (code, err) == (0, "")
     assert "energy.png" in names("out")
 
 

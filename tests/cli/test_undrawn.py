@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -32,10 +33,7 @@ def test_whatever_is_raised_is_a_warning_that_names_the_picture():
 
 @pytest.mark.parametrize("name", ["energy", "trajectory", "constraint_forces"])
 def test_one_that_fails_leaves_rows_record_and_the_others(
-    lagsim,
-    write,
-    monkeypatch,
-    name,
+    lagsim, write, monkeypatch, name
 ):
     monkeypatch.setattr(plots, name, broken)
     called = lagsim("run", write(ON_THE_CURVE), "-o", "out", code=0)
@@ -65,23 +63,22 @@ def test_a_page_that_fails_is_one_too(lagsim, write, monkeypatch):
 
 
 @pytest.mark.skipif(results.fcntl is None, reason="no such locks")
+@pytest.mark.parametrize("kind", ["ENOLCK", "ENOTSUP", "ENOSYS", "EBADF"])
 @pytest.mark.parametrize(
-    ("command", "record"),
-    [("run", "run.json"), ("bench", "work_precision.json"), ("sweep", "sweep.json")],
+    ("call", "record"), [("run --no-plots", "run"), ("sweep l=1,2 -j 1", "sweep")]
 )
 def test_a_folder_that_cannot_be_locked_is_reported(
-    lagsim, write, monkeypatch, command, record
+    lagsim, write, monkeypatch, call, record, kind
 ):
     def flock(*_):
-        raise OSError(37, "No locks available")
+        raise OSError(getattr(errno, kind), "no locks")
 
     monkeypatch.setattr(results.fcntl, "flock", flock)
-    more = {"run": ["--no-plots"], "bench": ["--methods", "rk4"], "sweep": ["l=1,2"]}
-    called = lagsim(command, write(PENDULUM), "-o", "out", *more[command], code=0)
-    assert "cannot be locked (No locks available)" in " ".join(called.err.split())
-    assert "[W404]" in called.err
-    told = [w["code"] for w in read(f"out/{record}")["warnings"]]
-    assert told.count("not-locked") == 1
+    command, *more = call.split()
+    called = lagsim(command, write(PENDULUM), "-o", "out", *more, code=0)
+    assert "cannot be locked (no locks): another run" in " ".join(called.err.split())
+    told = [w["number"] for w in read(f"out/{record}.json")["warnings"]]
+    assert told.count("W404") == called.err.count("[W404]") == 1
 
 
 class Killed(BaseException):
@@ -90,10 +87,7 @@ class Killed(BaseException):
 
 @pytest.mark.parametrize("before", [False, True])
 def test_rows_are_in_their_place_before_anything_is_drawn(
-    lagsim,
-    write,
-    monkeypatch,
-    before,
+    lagsim, write, monkeypatch, before
 ):
     """With pictures of an earlier run there, they go: they show other rows."""
     write(PENDULUM)

@@ -223,8 +223,7 @@ def test_energy_says_which_energy_it_is():
 
 
 @pytest.mark.parametrize(
-    ("size", "said"),
-    [(1e-6, "1.5 × 10⁻¹²"), (1.0, "1.5 × 10⁻⁶"), (1e6, "1.5")],
+    ("size", "said"), [(1e-6, "1.5 × 10⁻¹²"), (1.0, "1.5 × 10⁻⁶"), (1e6, "1.5")]
 )
 def test_drift_is_of_energy_minus_work_from_its_start(size, said):
     t = np.linspace(0, 5, 200_001)
