@@ -275,13 +275,11 @@ def _held(results: Results, until: float) -> Iterator[None]:
         yield
         return
     path = results.folder / LOCK
-    handle = _locked(path, results)
-    while handle is None:
+    while (handle := _locked(path, results)) is None:
         if time.monotonic() > until:
             text = "is in use: another run is writing into it"
             raise _unusable(results.folder, text)
         time.sleep(_GLANCE_SECONDS)
-        handle = _locked(path, results)
 
     def leave() -> None:
         path.unlink(missing_ok=True)
@@ -300,12 +298,7 @@ def _held(results: Results, until: float) -> Iterator[None]:
 
 
 def _locked(path: Path, results: Results) -> int | None:
-    """Lock a file, made if need be; give its handle, or None where another has.
-
-    Raises
-    ------
-    OSError
-    """
+    """Lock a file, made if need be; give its handle, or None where another has."""
     handle = _opened(path)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -443,10 +436,8 @@ def refuse_without_room(
 
 def _free(folder: Path) -> int:
     for place in (folder, *folder.absolute().parents):
-        try:
+        with contextlib.suppress(OSError):
             return shutil.disk_usage(place).free
-        except OSError:
-            continue
     return 1 << 62
 
 

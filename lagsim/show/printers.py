@@ -59,8 +59,8 @@ class Printer:
         self.names, self.symbols, self.rank = names, x.names, x.rank
         self.decimals, self.digits = x.substitute, digits
         self._texts: dict[Any, str] = {}
-        self._places: dict[Any, tuple[Any, ...]] = {}
-        self._places_in_sums: dict[Any, tuple[Any, ...]] = {}
+        self._place = functools.cache(self._placed)
+        self._place_in_sum = functools.cache(self._placed_in_sum)
 
     def __call__(self, e: Any) -> str:
         """Give the text of an expression."""
@@ -141,11 +141,6 @@ class Printer:
     def _is_constant(self, e: Any) -> bool:
         return all(self.rank[s][0] < _VARYING for s in e.free_symbols)
 
-    def _place_in_sum(self, term: Any) -> tuple[Any, ...]:
-        if term not in self._places_in_sums:
-            self._places_in_sums[term] = self._placed_in_sum(term)
-        return self._places_in_sums[term]
-
     def _placed_in_sum(self, term: Any) -> tuple[Any, ...]:
         found = [(self._place(x), x) for x in sp.Mul.make_args(signed(term)[1])]
         degree = [0, 0, 0]
@@ -194,11 +189,6 @@ class Printer:
         above, below = ([x] if x != 1 else [] for x in parts)
         above += sorted(over, key=self._place)
         return above, below + sorted(under, key=self._place)
-
-    def _place(self, factor: Any) -> tuple[Any, ...]:
-        if factor not in self._places:
-            self._places[factor] = self._placed(factor)
-        return self._places[factor]
 
     def _placed(self, factor: Any) -> tuple[Any, ...]:
         base, exponent = factor, sp.S.One
