@@ -1,9 +1,5 @@
 """Starts of large scenes: as they are judged with dense matrices, and at their size."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
@@ -18,14 +14,8 @@ from lagsim.plan.making import make_plan
 from tests.admissibility.scenes import check
 from tests.support import MODELS
 
-if TYPE_CHECKING:
-    from lagsim.admissibility.examination import StartReport
-    from lagsim.mechanics.equations import Equations
 
-
-def both(
-    e: Equations, monkeypatch: pytest.MonkeyPatch
-) -> tuple[StartReport, StartReport]:
+def both(e, monkeypatch):
     """Examine with dense matrices, and as if the scene were large."""
     dense = examine(e)
     monkeypatch.setattr(Point, "LARGE", 1)

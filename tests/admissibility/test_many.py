@@ -1,7 +1,5 @@
 """Many starts at once against one by one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -34,7 +32,7 @@ CS = (0.0, 0.5, 0.999, 1.0, -1.0, 2.0, 0.5, 0.5, np.nan)
           for part in ("potential", "kinetic")],
     ],
 )  # fmt: skip
-def test_verdicts_are_those_of_each_alone(text: str, clear: list[int]) -> None:
+def test_verdicts_are_those_of_each_alone(text, clear):
     model = read(text, "m.yaml")
     equations = derive(model)
     x = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, -1.0, 1.0])
@@ -57,5 +55,5 @@ def test_verdicts_are_those_of_each_alone(text: str, clear: list[int]) -> None:
         (COUPLED.replace("y: 0}", "y: {guess: 0}}"), False),
     ],
 )  # fmt: skip
-def test_what_is_solved_for_is_left_to_each(text: str, none: bool) -> None:
+def test_what_is_solved_for_is_left_to_each(text, none):
     assert needs_no_solve(derive(read(text, "m.yaml"))) is none

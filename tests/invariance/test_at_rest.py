@@ -1,7 +1,5 @@
 """Finite motions whose components rest, or are no larger than rounding, go through."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,7 +11,7 @@ from tests.support import run
 METHODS = ["auto", "dop853"]
 
 
-def pushed(force: str, x: float = 0.0, duration: float = 3.0) -> str:
+def pushed(force, x=0.0, duration=3.0):
     return f"""
 coordinates: {{x: {{}}}}
 energy: {{kinetic: x_dot^2/2, potential: 0}}

@@ -1,7 +1,5 @@
 """A light body is followed by its own scale, whatever heavy ones are in the scene."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -22,7 +20,7 @@ SPEEDS = [0.0, -0.0894, 0.0, 29780.0, 100.0, 29900.0]
 YEAR = 3.156e7
 
 
-def bodies() -> str:
+def bodies():
     names = [f"{axis}{body}" for body in MASSES for axis in "xy"]
     kinetic = " + ".join(
         f"{m!r}*(x{b}_dot^2 + y{b}_dot^2)/2" for b, m in MASSES.items()
@@ -74,7 +72,7 @@ simulation: {{duration: 20, output_step: 0.5}}
 """
 
 
-def beside(mass: float, speed: float) -> str:
+def beside(mass, speed):
     return BESIDE.format(
         more_coordinates=", b: {}",
         more_energy=f" + {mass!r}*b_dot^2/2",

@@ -1,7 +1,5 @@
 """Gradients, tangents and total rates, against each other, sympy and differences."""
 
-from __future__ import annotations
-
 import math
 
 import mpmath as mp
@@ -19,7 +17,6 @@ from tests.language._programs import (
     SMOOTH,
     VARIABLES,
     OutsideError,
-    Program,
     exactly,
     on_graph,
     programs,
@@ -27,7 +24,7 @@ from tests.language._programs import (
 )
 
 
-def slope(text: str, x: float, order: int = 1, **values: float) -> float:
+def slope(text, x, order=1, **values):
     """Give the derivative of `text` in x, by both ways, which must agree."""
     g = Graph()
     node = parse(text).build(g, g.variable)
@@ -70,7 +67,7 @@ def slope(text: str, x: float, order: int = 1, **values: float) -> float:
         ("0^x", 2.0, 0.0),
     ],
 )  # fmt: skip
-def test_slopes(text: str, x: float, expected: float) -> None:
+def test_slopes(text, x, expected):
     assert slope(text, x) == pytest.approx(expected, rel=1e-14)
 
 
@@ -82,18 +79,18 @@ def test_slopes(text: str, x: float, expected: float) -> None:
         ("if(x > 0, x^2, x^3)", 0.0, 0.0), ("abs(x)*x", -1.0, -2.0),
     ],
 )  # fmt: skip
-def test_second_slopes(text: str, x: float, expected: float) -> None:
+def test_second_slopes(text, x, expected):
     assert slope(text, x, order=2) == pytest.approx(expected, rel=1e-14)
 
 
-def test_exponents_that_are_parameters() -> None:
+def test_exponents_that_are_parameters():
     # Hertz's contact: k*d^n, n an input, at the first touch.
     assert slope("k*max(0, x)^n", 0.0, k=3.0, n=1.5) == 0.0
     assert slope("k*x^n", 4.0, k=3.0, n=2.0) == 24.0
     assert slope("k*x^n", -4.0, k=3.0, n=2.0) == -24.0
 
 
-def test_gradient_keeps_order_and_absent_variables() -> None:
+def test_gradient_keeps_order_and_absent_variables():
     g = Graph()
     x, y, z = map(g.variable, VARIABLES)
     node = parse("x*y").build(g, g.variable)
@@ -103,14 +100,14 @@ def test_gradient_keeps_order_and_absent_variables() -> None:
     assert tangent(g, [node, x, g.one], {x: z}) == [g.call("mul", y, z), z, g.zero]
 
 
-def total_rate(g: Graph, node: int, coordinates: list[str]) -> int:
+def total_rate(g, node, coordinates):
     """Give d node/dt, by the tangent along the motion."""
     seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
     seed[g.variable("t")] = g.one
     return tangent(g, [node], seed)[0]
 
 
-def test_total_rate() -> None:
+def test_total_rate():
     g = Graph()
     node = parse("l*sin(theta)*cos(w*t) + u^2").build(g, g.variable)
     rate = total_rate(g, node, ["theta", "u"])
@@ -127,9 +124,7 @@ def test_total_rate() -> None:
 
 @given(programs(SMOOTH, longest=5), states)
 @settings(max_examples=100, deadline=None, derandomize=True)
-def test_gradient_and_tangent_are_those_of_sympy(
-    program: Program, state: dict[str, float]
-) -> None:
+def test_gradient_and_tangent_are_those_of_sympy(program, state):
     try:
         exactly(program, state)
     except OutsideError:

@@ -1,7 +1,5 @@
 """Values in Python, and the running bound of their rounding errors."""
 
-from __future__ import annotations
-
 import math
 
 import mpmath as mp
@@ -16,7 +14,6 @@ from tests.language._programs import (
     CONTINUOUS,
     AsWritten,
     OutsideError,
-    Program,
     exactly,
     on_graph,
     programs,
@@ -27,12 +24,12 @@ from tests.language._programs import (
 MARGIN = 4.0
 
 
-def with_error(text: str, **values: tuple[float, float]) -> tuple[float, float]:
+def with_error(text, **values):
     g = AsWritten()
     return evaluate_with_error(g, [parse(text).build(g, g.variable)], values)[0]
 
 
-def test_in_many_rows() -> None:
+def test_in_many_rows():
     g = Graph()
     x, y, c = (g.variable(name) for name in "xyc")
     texts = ["c^2", "x*y + c", "if(x > y, 1/x, sqrt(y))", "x", "2"]
@@ -44,14 +41,14 @@ def test_in_many_rows() -> None:
     assert evaluate_rows(g, [x, y, c], {"x": xs, "y": 1.0, "c": xs}, 3).shape == (3, 3)
 
 
-def test_several_nodes_in_the_order_asked_for() -> None:
+def test_several_nodes_in_the_order_asked_for():
     g = Graph()
     x = g.variable("x")
     nodes = [g.call("mul", x, x), x, g.one, g.truth(True), x]
     assert evaluate(g, nodes, {"x": 3.0}) == [9.0, 3.0, 1.0, True, 3.0]
 
 
-def test_what_is_exact_has_no_error() -> None:
+def test_what_is_exact_has_no_error():
     assert with_error("x", x=(0.3, 0.0)) == (0.3, 0.0)
     assert with_error("-abs(x)", x=(0.3, 0.0)) == (-0.3, 0.0)
     assert with_error("3") == (3.0, 0.0)
@@ -59,7 +56,7 @@ def test_what_is_exact_has_no_error() -> None:
     assert with_error("if(x > 0, 2, 3)", x=(0.3, 0.1)) == (2.0, 0.0)
 
 
-def test_errors_of_inputs_are_passed_on() -> None:
+def test_errors_of_inputs_are_passed_on():
     value, bound = with_error("x^2", x=(3.0, 1e-6))
     assert value == 9.0
     assert bound == pytest.approx(6e-6, rel=1e-6)
@@ -70,17 +67,17 @@ def test_errors_of_inputs_are_passed_on() -> None:
     assert (value, bound) == (0.0, pytest.approx(1e-8, rel=1e-12))
 
 
-def test_rounding_of_pi_halves() -> None:
+def test_rounding_of_pi_halves():
     value, bound = with_error("l*cos(p/2)", l=(1.0, 0.0), p=(math.pi, 2**-52))
     assert 0 < value < MARGIN * bound < 4e-15
 
 
-def test_a_rounded_constant_has_an_error() -> None:
+def test_a_rounded_constant_has_an_error():
     _, bound = with_error("0.1")
     assert abs(mp.mpf(0.1) - mp.mpf(1) / 10) <= bound < 1.2e-17
 
 
-def test_never_raises() -> None:
+def test_never_raises():
     for text in ("1/x", "log(x)", "x^-1.5", "sqrt(x - 1)", "asin(x + 2)", "exp(1/x)"):
         value, bound = with_error(text, x=(0.0, 1e-10))
         assert not math.isfinite(value)
@@ -90,7 +87,7 @@ def test_never_raises() -> None:
 @pytest.mark.slow
 @given(programs(CONTINUOUS), states)
 @settings(max_examples=500, deadline=None, derandomize=True)
-def test_the_bound_bounds(program: Program, state: dict[str, float]) -> None:
+def test_the_bound_bounds(program, state):
     try:
         exact = exactly(program, state)
     except OutsideError:

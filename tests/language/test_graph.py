@@ -1,7 +1,5 @@
 """The graph: sharing, folding, simplification, substitution, degrees."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 
@@ -14,7 +12,6 @@ from lagsim.language.graph import Graph
 from tests.language._programs import (
     AsWritten,
     OutsideError,
-    Program,
     build,
     exactly,
     on_graph,
@@ -39,7 +36,7 @@ from tests.language._programs import (
         ("min(2, 3)", "2"), ("sin(x + y)*cos(y*x)", "cos(x*y)*sin(y + x)"),
     ],
 )  # fmt: skip
-def test_equal_expressions_are_one_node(one: str, other: str) -> None:
+def test_equal_expressions_are_one_node(one, other):
     g = Graph()
     assert build(g, one) == build(g, other)
 
@@ -58,12 +55,12 @@ def test_equal_expressions_are_one_node(one: str, other: str) -> None:
         ("min(x, y)", "max(x, y)"),
     ],
 )
-def test_different_expressions_are_not(one: str, other: str) -> None:
+def test_different_expressions_are_not(one, other):
     g = Graph()
     assert build(g, one) != build(g, other)
 
 
-def test_leaves_are_interned() -> None:
+def test_leaves_are_interned():
     g = Graph()
     assert g.variable("x") == g.variable("x") != g.variable("y")
     assert g.constant(2) == g.constant(2.0)
@@ -92,7 +89,7 @@ def test_leaves_are_interned() -> None:
         ("if(0/0 > 1, 1, 2)", 2.0),
     ],
 )  # fmt: skip
-def test_folding_never_raises(text: str, expected: float) -> None:
+def test_folding_never_raises(text, expected):
     g = Graph()
     node = build(g, text)
     unfolded = math.isnan(expected) or math.isinf(expected)
@@ -100,7 +97,7 @@ def test_folding_never_raises(text: str, expected: float) -> None:
     assert evaluate(g, [node], {}) == pytest.approx([expected], nan_ok=True)
 
 
-def test_gathering_factors_neither_overflows_nor_underflows() -> None:
+def test_gathering_factors_neither_overflows_nor_underflows():
     g = Graph()
     small = build(g, "1e-200*(1e-200*x)")
     large = build(g, "1e200*(1e200*x)")
@@ -108,7 +105,7 @@ def test_gathering_factors_neither_overflows_nor_underflows() -> None:
     assert evaluate(g, [large], {"x": 1e-300}) == pytest.approx([1e100], rel=1e-15)
 
 
-def test_order_of_numbers_is_an_order_of_evaluation() -> None:
+def test_order_of_numbers_is_an_order_of_evaluation():
     g = Graph()
     nodes = [build(g, "sin(x*y) + if(x > y, x, y^2)"), build(g, "x*y - 1")]
     cone = g.cone(nodes)
@@ -116,7 +113,7 @@ def test_order_of_numbers_is_an_order_of_evaluation() -> None:
     assert all(a in cone and a < n for n in cone for a in g.args[n])
 
 
-def test_what_expressions_depend_on() -> None:
+def test_what_expressions_depend_on():
     g = Graph()
     node, other = build(g, "sin(x) + 0*y"), build(g, "z^2 + 1")
     assert g.depends([node]) == {"x"}
@@ -130,7 +127,7 @@ def test_what_expressions_depend_on() -> None:
 @pytest.mark.slow
 @given(programs(), states)
 @settings(max_examples=300, deadline=None, derandomize=True)
-def test_simplification_keeps_values(program: Program, state: dict[str, float]) -> None:
+def test_simplification_keeps_values(program, state):
     try:
         exact = exactly(program, state)
     except OutsideError:
@@ -146,9 +143,7 @@ def test_simplification_keeps_values(program: Program, state: dict[str, float]) 
 
 @given(programs(longest=6), programs(longest=4), states)
 @settings(max_examples=200, deadline=None, derandomize=True)
-def test_substituting_is_evaluating_at_the_new_value(
-    program: Program, inner: Program, state: dict[str, float]
-) -> None:
+def test_substituting_is_evaluating_at_the_new_value(program, inner, state):
     g = AsWritten()
     node, new = on_graph(g, program), on_graph(g, inner)
     replaced = g.substitute([node], {g.variable("x"): new})[0]
@@ -160,7 +155,7 @@ def test_substituting_is_evaluating_at_the_new_value(
     )
 
 
-def test_substituting_at_once_not_in_turn() -> None:
+def test_substituting_at_once_not_in_turn():
     g = Graph()
     x, y = g.variable("x"), g.variable("y")
     node = build(g, "x - 2*y")
@@ -178,12 +173,12 @@ def test_substituting_at_once_not_in_turn() -> None:
         ("v^0.5", None), ("sqrt(a)*v", {1}), ("abs(a)", {0}),
     ],
 )  # fmt: skip
-def test_degrees(text: str, degrees: set[int] | None) -> None:
+def test_degrees(text, degrees):
     g = Graph()
     assert g.degree(build(g, text), {"v", "w"}) == degrees
 
 
-def test_degrees_of_chained_squares() -> None:
+def test_degrees_of_chained_squares():
     # 2^64 terms: what is found takes no longer than the chain.
     g = Graph()
     mixed, pure, cubes = (build(g, text) for text in ("v + w^2", "v", "v + 1"))
@@ -201,7 +196,7 @@ def test_degrees_of_chained_squares() -> None:
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_constants_keep_their_bits(x: float) -> None:
+def test_constants_keep_their_bits(x):
     g = Graph()
     assert g.value(g.constant(x)) == x
     assert g.value(g.call("neg", g.constant(x))) == -x

@@ -1,7 +1,5 @@
 """The parser: precedence, every fault with its place and hint, depth and length."""
 
-from __future__ import annotations
-
 import math
 
 import pytest
@@ -16,7 +14,7 @@ from lagsim.language.parser import ExpressionError, parse, parse_relation
 VALUES = {"x": 3.0, "y": -2.0, "z": 0.5, "min": 7.0, "E": 11.0, "lambda": 13.0}
 
 
-def value(text: str) -> float:
+def value(text):
     g = Graph()
     return evaluate(g, [parse(text).build(g, g.variable)], VALUES)[0]
 
@@ -46,11 +44,11 @@ def value(text: str) -> float:
         ("max((x), (y))", 3.0), ("abs(-(x))", 3.0),
     ],
 )  # fmt: skip
-def test_precedence_and_associativity(text: str, expected: float) -> None:
+def test_precedence_and_associativity(text, expected):
     assert value(text) == pytest.approx(expected, rel=1e-15)
 
 
-def fault(text: str) -> ExpressionError:
+def fault(text):
     with pytest.raises(ExpressionError) as caught:
         parse(text)
     return caught.value
@@ -131,7 +129,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("text", "offset", "length", "message", "hint"), FAULTS)
-def test_faults(text: str, offset: int, length: int, message: str, hint: str) -> None:
+def test_faults(text, offset, length, message, hint):
     found = fault(text)
     assert (found.offset, found.length) == (offset, length)
     assert message in found.text
@@ -146,24 +144,24 @@ def test_faults(text: str, offset: int, length: int, message: str, hint: str) ->
         ("sin(x, y)", "arity"), ("x +", "syntax"),
     ],
 )  # fmt: skip
-def test_codes(text: str, code: str) -> None:
+def test_codes(text, code):
     assert fault(text).code == code
 
 
-def test_a_long_number_is_shown_short() -> None:
+def test_a_long_number_is_shown_short():
     found = fault("9" * 5000)
     assert len(found.text) < 100
     assert found.length == 5000
 
 
-def test_names_are_kept_in_order_with_their_places() -> None:
+def test_names_are_kept_in_order_with_their_places():
     names = parse("b + a*sin(b) + größe_2").names
     assert [(n.text, n.offset) for n in names] == [
         ("b", 0), ("a", 4), ("b", 10), ("größe_2", 15),
     ]  # fmt: skip
 
 
-def test_every_function_of_the_table_can_be_called() -> None:
+def test_every_function_of_the_table_can_be_called():
     for name, row in FUNCTIONS.items():
         args = ["x"] * row.arity
         if name == "if":
@@ -174,11 +172,11 @@ def test_every_function_of_the_table_can_be_called() -> None:
 
 
 @pytest.mark.parametrize("name", ["add", "neg", "lt", "and_", "constant", "variable"])
-def test_the_operators_rows_cannot_be_called(name: str) -> None:
+def test_the_operators_rows_cannot_be_called(name):
     assert "there is no function" in fault(f"{name}(x)").text
 
 
-def relation(text: str) -> tuple[float, float | None, str]:
+def relation(text):
     parsed = parse_relation(text)
     g = Graph()
     sides = [side for side in (parsed.left, parsed.right) if side]
@@ -186,7 +184,7 @@ def relation(text: str) -> tuple[float, float | None, str]:
     return found[0], found[1] if parsed.right else None, parsed.sense
 
 
-def test_relations() -> None:
+def test_relations():
     assert relation("x^2 = y + 1") == (9.0, -1.0, "=")
     assert relation("x <= -y") == (3.0, 2.0, "<=")
     assert relation("x >= 0") == (3.0, 0.0, ">=")
@@ -214,7 +212,7 @@ def test_relations() -> None:
         ("if(x = 1, 2, 3) = 2", 5, "`=` has no meaning here", ""),
     ],
 )  # fmt: skip
-def test_faults_of_relations(text: str, offset: int, message: str, hint: str) -> None:
+def test_faults_of_relations(text, offset, message, hint):
     with pytest.raises(ExpressionError) as caught:
         parse_relation(text)
     assert caught.value.offset == offset
@@ -226,13 +224,13 @@ def test_faults_of_relations(text: str, offset: int, message: str, hint: str) ->
     ("before", "after", "expected"),
     [("(", ")", 0.25), ("abs(", ")", 0.25), ("-", "", 0.25), ("2^0*(", ")", 0.25)],
 )
-def test_depth_is_no_limit(before: str, after: str, expected: float) -> None:
+def test_depth_is_no_limit(before, after, expected):
     g = Graph()
     node = parse(before * 2000 + "x" + after * 2000).build(g, g.variable)
     assert evaluate(g, [node], {"x": 0.25}) == [expected]
 
 
-def test_unbalanced_depth_is_a_fault() -> None:
+def test_unbalanced_depth_is_a_fault():
     assert fault("(" * 2000 + "x" + ")" * 1999).offset == 0
     assert fault("(" * 1999 + "x" + ")" * 2000).offset == 3999
     assert fault("sin(" * 2000).offset == 8_000
@@ -240,7 +238,7 @@ def test_unbalanced_depth_is_a_fault() -> None:
 
 @given(st.text(alphabet="xy12.eE+-*/^()<>=, andortif_²\n", max_size=30))
 @settings(max_examples=300, deadline=None)
-def test_any_text_parses_or_is_refused_in_its_place(text: str) -> None:
+def test_any_text_parses_or_is_refused_in_its_place(text):
     for read in (parse, parse_relation):
         faults = []
         try:

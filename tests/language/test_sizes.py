@@ -1,7 +1,5 @@
 """Powers of roots: equal for all arguments, and with slopes where roots have none."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -22,7 +20,7 @@ from tests.support import run
         "sqrt(x)^4", "(a*sqrt(x))^2", "sqrt(x^3)^2", "sqrt(min(x, y^2))^2",
     ],
 )  # fmt: skip
-def test_no_value_appears_where_there_is_none(text: str) -> None:
+def test_no_value_appears_where_there_is_none(text):
     # Below 0 a root has none, nor has its square.
     g = Graph()
     below = {"x": -2.0, "y": 3.0, "a": -1.0}
@@ -45,7 +43,7 @@ def test_no_value_appears_where_there_is_none(text: str) -> None:
         ("(x*hypot(x, y))^-2", lambda x, y: (x * x * (x * x + y * y)) ** -1),
     ],
 )  # fmt: skip
-def test_values(text: str, expected) -> None:
+def test_values(text, expected):
     g = Graph()
     node = build(g, text)
     for x in (-1.5, -0.3, 0.7, 2.0):
@@ -61,7 +59,7 @@ def test_values(text: str, expected) -> None:
         "(a*sqrt(x^2 + y^2))^2/a^2", "sqrt(a*x^2 + a*y^2)*sqrt(a*x^2 + a*y^2)/a",
     ],
 )  # fmt: skip
-def test_slopes_at_rest(text: str) -> None:
+def test_slopes_at_rest(text):
     # All of them are x^2 + y^2: no slope at 0, and two for the slope of the slope.
     g = Graph()
     x, y = g.variable("x"), g.variable("y")
@@ -73,7 +71,7 @@ def test_slopes_at_rest(text: str) -> None:
     assert evaluate(g, [second[0][1]], rest) == [0.0]
 
 
-def test_signs_that_are_seen() -> None:
+def test_signs_that_are_seen():
     g = Graph()
     seen = "x^2 + 3*y^4 + abs(t)*exp(x)/hypot(x, y) + max(0, x^2) + if(x > 0, 1, y^2)"
     assert never_negative(g, build(g, seen))
@@ -93,7 +91,7 @@ def test_signs_that_are_seen() -> None:
 
 
 @pytest.mark.parametrize("speed", ["v^2", "v*v", "(2*v)^2/4", "hypot(x_dot, y_dot)^2"])
-def test_a_fall_from_rest(speed: str) -> None:
+def test_a_fall_from_rest(speed):
     found = run(f"""
 definitions: {{v: sqrt(x_dot^2 + y_dot^2)}}
 coordinates: {{x: {{}}, y: {{}}}}

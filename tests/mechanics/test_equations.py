@@ -1,24 +1,16 @@
 """Lagrange's equations and rows against an independent derivation by sympy."""
 
-from __future__ import annotations
-
 import functools
 import math
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from lagsim.language.evaluate import evaluate
-from lagsim.mechanics.equations import Equations, derive
+from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file
 from tests.support import MODELS, ready
-from tests.sympy_oracle import Numbers, Oracle, random_values
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from lagsim.mechanics.constraints import Row
+from tests.sympy_oracle import Oracle, random_values
 
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 SEEDS = range(3)
@@ -70,7 +62,7 @@ RELATIONS = {
 }
 
 
-def constrained(*relations: str) -> str:
+def constrained(*relations):
     rows = ", ".join(f"c{k}: '{text}'" for k, text in enumerate(relations))
     return f"{HEAD}energy: {{{FREE}, potential: 0}}\nconstraints: {{{rows}}}\n"
 
@@ -81,7 +73,7 @@ SMALL["relations"] = constrained(*(row[0] for row in RELATIONS.values()))
 
 
 @functools.cache
-def equations_of(name: str) -> Equations:
+def equations_of(name):
     if name in SMALL:
         return derive(read(SMALL[name], "model.yaml"))
     return derive(read_file(str(MODELS / f"{name}.yaml")))
@@ -91,29 +83,29 @@ def equations_of(name: str) -> Equations:
 SOLVED = [name for name in NAMES if not equations_of(name).laws]
 
 
-def rows_of(e: Equations) -> list[Row]:
+def rows_of(e):
     """Give the row of each constraint, in the order of the file."""
     rows = {row.name: row for row in (*e.rows, *(law.row for law in e.laws))}
     return [rows[c.name] for c in e.model.constraints]
 
 
 @functools.cache
-def oracle_of(name: str) -> Oracle:
+def oracle_of(name):
     return Oracle(SMALL[name]) if name in SMALL else Oracle.of(MODELS / f"{name}.yaml")
 
 
-def state_of(name: str, seed: int) -> tuple[dict[str, float], Numbers]:
+def state_of(name, seed):
     start = {i.name: i.value for i in equations_of(name).model.initial}
     values = random_values(oracle_of(name), start, seed)
     return values, oracle_of(name).at(values)
 
 
-def matrix(e: Equations, values: Mapping[str, float]) -> Any:
+def matrix(e, values):
     nodes = [node for row in e.M for node in row]
     return np.reshape(evaluate(e.graph, nodes, values), (len(e.q), len(e.q)))
 
 
-def agrees(found: Any, expected: Any) -> None:
+def agrees(found, expected):
     """Hold each array to 1e-12 of its largest entry.
 
     Single entries may be differences of large terms, of which 1e-16 is what doubles
@@ -125,16 +117,14 @@ def agrees(found: Any, expected: Any) -> None:
 
 
 # What sympy derives of ten links takes seconds.
-def derived_again(names: Iterable[str]) -> list[Any]:
+def derived_again(names):
     slow = [pytest.mark.slow]
     return [pytest.param(x, marks=slow * (x == "chain-angles")) for x in names]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("name", derived_again([*NAMES, *SMALL]))
-def test_graph_gives_the_numbers_of_an_independent_derivation(
-    name: str, seed: int
-) -> None:
+def test_graph_gives_the_numbers_of_an_independent_derivation(name, seed):
     e = equations_of(name)
     values, expected = state_of(name, seed)
     agrees(matrix(e, values), expected.M)
@@ -165,13 +155,13 @@ def test_graph_gives_the_numbers_of_an_independent_derivation(
 class Native:
     """The compiled functions of a shipped model."""
 
-    def __init__(self, name: str, *, loops: bool) -> None:
+    def __init__(self, name, *, loops):
         session = ready(name, loops=loops, formulation="full")
         self.equations, self.system = session.case.equations, session.system
         assert loops == (self.system.plan.elimination is None)
         self.runner = self.system.link("dop853")
 
-    def motion(self, values: Mapping[str, float]) -> tuple[Any, Any, Any]:
+    def motion(self, values):
         """Give y', q'' and lambda; the latter two are columns of the rows."""
         e = self.equations
         for k, parameter in enumerate(e.model.parameters):
@@ -194,13 +184,13 @@ class Native:
 
 
 @functools.cache
-def native_of(name: str, loops: bool) -> Native:
+def native_of(name, loops):
     return Native(name, loops=loops)
 
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 @pytest.mark.parametrize("name", derived_again(SOLVED))
-def test_native_motion_satisfies_the_equations(name: str, loops: bool) -> None:
+def test_native_motion_satisfies_the_equations(name, loops):
     native = native_of(name, loops)
     for seed in SEEDS:
         values, x = state_of(name, seed)
@@ -217,14 +207,14 @@ def test_native_motion_satisfies_the_equations(name: str, loops: bool) -> None:
 
 
 @pytest.mark.parametrize("name", ENERGIES)
-def test_energy_is_the_sum_only_where_it_is_known(name: str) -> None:
+def test_energy_is_the_sum_only_where_it_is_known(name):
     e = equations_of(name)
     assert e.energy_is_sum == ENERGIES[name][1]
     assert bool(e.works) == (name in ("weight", "loss", "rocket"))
 
 
 @pytest.mark.parametrize("name", RELATIONS)
-def test_what_is_inferred_of_a_relation(name: str) -> None:
+def test_what_is_inferred_of_a_relation(name):
     relation, scleronomic, pfaffian, moved = RELATIONS[name]
     e = derive(read(constrained(relation), "model.yaml"))
     g, [row] = e.graph, e.rows

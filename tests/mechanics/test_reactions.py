@@ -1,9 +1,5 @@
 """Reactions against closed forms, explicit constraints, and rates of momentum."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -30,7 +26,7 @@ output:
 """
 
 
-def at_rows(model: Any, **options: Any) -> dict[str, Any]:
+def at_rows(model, **options):
     """Give the columns of a run by name."""
     r = run(model, **options)
     return {name: r[name] for name in r.system.columns.names}

@@ -4,10 +4,7 @@ They are found along chains, by the forces in massless links, or entry by entry;
 same equations with M and A written out tell what they are.
 """
 
-from __future__ import annotations
-
 from functools import cache
-from typing import TYPE_CHECKING
 
 import mpmath as mp
 import numpy as np
@@ -21,21 +18,8 @@ from lagsim.mechanics.tensions import accelerations
 from lagsim.model.reader import read, read_file
 from tests.support import MODELS, run
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
-    from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Model
-
-
-def document(
-    coordinates: Iterable[str],
-    definitions: Iterable[str],
-    kinetic: Iterable[str],
-    potential: Iterable[str],
-    more: str = "",
-    loss: str = "",
-) -> str:
+def document(coordinates, definitions, kinetic, potential, more="", loss=""):
     names = list(coordinates)
     energy = f"kinetic: {' + '.join(kinetic)}, potential: {' + '.join(potential)}"
     return "\n".join(
@@ -53,17 +37,17 @@ def document(
 
 
 def bodies(
-    above: Sequence[int],
+    above,
     *,
-    pivot: tuple[str, str] = ("0", "0"),
-    own: Sequence[str] = (),
-    relative: bool = False,
-    energy: tuple[str, str] = ("0", "0"),
-    loss: str = "",
-    masses: Sequence[float] = (),
-    lengths: Sequence[float] = (),
-    more: str = "",
-) -> str:
+    pivot=("0", "0"),
+    own=(),
+    relative=False,
+    energy=("0", "0"),
+    loss="",
+    masses=(),
+    lengths=(),
+    more="",
+):
     """Give the text of masses on links, link k on the mass above[k - 1] or the pivot.
 
     Parameters
@@ -95,11 +79,11 @@ def bodies(
     return document(names, lines, kinetic, potential, more, loss)
 
 
-def chain(n: int) -> str:
+def chain(n):
     return bodies(range(n))
 
 
-def tree(seed: int, n: int, *, relative: bool = False, closed: bool = False) -> str:
+def tree(seed, n, *, relative=False, closed=False):
     """Give a random tree of masses and wheels on links of a pivot that moves."""
     random = np.random.default_rng(seed)
     above = [0, *(int(random.integers(max(0, k - 4), k)) for k in range(2, n + 1))]
@@ -120,12 +104,10 @@ def tree(seed: int, n: int, *, relative: bool = False, closed: bool = False) -> 
     )
 
 
-def in_rows(
-    n: int, coordinates: str, definitions: Sequence[str], kinetic: str, potential: str
-) -> str:
+def in_rows(n, coordinates, definitions, kinetic, potential):
     """Give n alike bodies in a row: K stands for the number of each, J for the last."""
 
-    def each(text: str) -> list[str]:
+    def each(text):
         return [
             text.replace("K", str(k)).replace("J", str(k - 1)) for k in range(1, n + 1)
         ]
@@ -139,7 +121,7 @@ def in_rows(
     return document(names, lines, each(kinetic), each(potential))
 
 
-def in_space(n: int) -> str:
+def in_space(n):
     """Give a chain of masses on links in space, in two angles each."""
     return in_rows(
         n, "uw",
@@ -203,11 +185,11 @@ CHAINS = {
 
 
 @cache
-def equations_of(name: str, *, chained: bool = True) -> Equations:
+def equations_of(name, *, chained=True):
     return derive(read((LINKS | CHAINS)[name], "links"), chained=chained)
 
 
-def states(model: Model, number: int = 2) -> list[dict[str, float]]:
+def states(model, number=2):
     """Give random states; they need not meet constraints."""
     random = np.random.default_rng(5)
     given = {p.name: p.value for p in model.parameters}
@@ -221,9 +203,7 @@ def states(model: Model, number: int = 2) -> list[dict[str, float]]:
     return found
 
 
-def written_out(
-    e: Equations, values: dict[str, float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def written_out(e, values):
     """Give q'' and lambda of M, A, f and b in numbers; M; and what rounding changes."""
     g, n, m = e.graph, len(e.q), len(e.rows)
     M = np.reshape(evaluate(g, [x for row in e.M for x in row], values), (n, n))
@@ -239,13 +219,13 @@ def written_out(
     return found, M, lost
 
 
-def moving_operations(e: Equations, nodes: Iterable[int]) -> int:
+def moving_operations(e, nodes):
     """Count what each evaluation takes."""
     return sum(bool(e.graph.args[k]) for k in e.graph.dependent(nodes, e.moving))
 
 
 @pytest.mark.parametrize("name", [*LINKS, *CHAINS])
-def test_motion_is_that_of_the_matrices(name: str) -> None:
+def test_motion_is_that_of_the_matrices(name):
     full = equations_of(name, chained=False)
     e = full if name in LINKS else equations_of(name)
     assert (e.chains is not None) == (name in CHAINS)
@@ -258,7 +238,7 @@ def test_motion_is_that_of_the_matrices(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", LINKS)
-def test_tensions_take_fewer_operations(name: str) -> None:
+def test_tensions_take_fewer_operations(name):
     e = equations_of(name, chained=False)
     found = accelerations(e)
     assert found is not None
@@ -268,7 +248,7 @@ def test_tensions_take_fewer_operations(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CHAINS)
-def test_what_else_is_made_of_the_mass_matrix(name: str) -> None:
+def test_what_else_is_made_of_the_mass_matrix(name):
     e, full = (equations_of(name, chained=chained) for chained in (True, False))
     g, n = e.graph, len(e.q)
     if name != "by velocities":
@@ -293,9 +273,7 @@ def test_what_else_is_made_of_the_mass_matrix(name: str) -> None:
         assert n == len(moved)
 
 
-def exact(
-    masses: np.ndarray, lengths: np.ndarray, a: np.ndarray, w: np.ndarray
-) -> list[mp.mpf]:
+def exact(masses, lengths, a, w):
     """Give the accelerations of a chain by its closed form.
 
     sum_j S_ij l_i l_j (cos(a_i - a_j) a_j'' + sin(a_i - a_j) a_j'^2) is the torque of
@@ -315,7 +293,7 @@ def exact(
 
 
 @pytest.mark.parametrize(("n", "orders"), [(7, 0), (7, 3), (20, 0.3)])
-def test_each_acceleration_has_nearly_all_digits(n: int, orders: float) -> None:
+def test_each_acceleration_has_nearly_all_digits(n, orders):
     """In line or not, and for masses of other orders: M has a condition of 1e6."""
     random = np.random.default_rng(7)
     masses = 10.0 ** random.uniform(-orders, orders, n)
@@ -352,12 +330,12 @@ def test_each_acceleration_has_nearly_all_digits(n: int, orders: float) -> None:
         ("rolling-disk", 128),
     ],
 )
-def test_elimination_is_as_short_as_by_hand(name: str, most: int) -> None:
+def test_elimination_is_as_short_as_by_hand(name, most):
     e = derive(read_file(str(MODELS / f"{name}.yaml")))
     assert moving_operations(e, Elimination(e).motion()[0]) <= most
 
 
-def test_operations_of_a_chain() -> None:
+def test_operations_of_a_chain():
     """17 a link, counted on paper.
 
     A difference of angles, its sine and cosine, a'^2; sin^2, its sum with what the
@@ -374,7 +352,7 @@ def test_operations_of_a_chain() -> None:
 
 
 @pytest.mark.slow
-def test_operations_grow_as_the_number_of_links() -> None:
+def test_operations_grow_as_the_number_of_links():
     found = []
     for n in (50, 100, 200):
         e = derive(read(chain(n), "links"))
@@ -389,7 +367,7 @@ def test_operations_grow_as_the_number_of_links() -> None:
 
 
 @pytest.mark.slow
-def test_two_hundred_links_keep_their_energy() -> None:
+def test_two_hundred_links_keep_their_energy():
     level = chain(200).replace("l: 0.3", "l: 0.005").replace("{guess: 0.4}", "pi/2")
     found = run(read(level, "links"))
     assert found.trajectory.outcome.complete
@@ -417,14 +395,14 @@ def test_two_hundred_links_keep_their_energy() -> None:
         (chain(20), True),
     ],
 )
-def test_what_is_no_chain_of_masses_keeps_its_matrix(text: str, kept: bool) -> None:
+def test_what_is_no_chain_of_masses_keeps_its_matrix(text, kept):
     e = derive(read(text, "links"))
     assert (accelerations(e) is not None) == kept
     # Of few links M takes fewer operations.
     assert (e.chains is not None) == (kept and len(e.q) > len(LINE))
 
 
-def matrices_of_loops(loops: int) -> str:
+def matrices_of_loops(loops):
     """Give so many squares side by side, of rods of length and mass 1, on the ground.
 
     In the points of their joints: neighbours share the masses of rods, so that the
@@ -447,7 +425,7 @@ def matrices_of_loops(loops: int) -> str:
 
 
 @pytest.mark.parametrize("loops", [15, 30])
-def test_what_loops_solve_in_less_is_given_up_before_it_is_built(loops: int) -> None:
+def test_what_loops_solve_in_less_is_given_up_before_it_is_built(loops):
     """S of N four-bar linkages has no zeros, and its entries sums of up to N terms."""
     e = derive(read(matrices_of_loops(loops), "four-bars.yaml"))
     before = len(e.graph.ops)
@@ -458,7 +436,7 @@ def test_what_loops_solve_in_less_is_given_up_before_it_is_built(loops: int) -> 
 
 
 @pytest.mark.parametrize("loops", [1, 4])
-def test_what_is_counted_beforehand_is_never_more_than_it_takes(loops: int) -> None:
+def test_what_is_counted_beforehand_is_never_more_than_it_takes(loops):
     e = derive(read(matrices_of_loops(loops), "model.yaml"))
     count = Elimination(e).operations
     assert Elimination(e, count).operations == count
@@ -466,7 +444,7 @@ def test_what_is_counted_beforehand_is_never_more_than_it_takes(loops: int) -> N
         Elimination(e, count - 1)
 
 
-def star(arms: int) -> Equations:
+def star(arms):
     """Give pistons on lines whose rods meet in one joint, with y = x0."""
     names = [f"x{i}" for i in range(arms + 1)]
     rows = ", ".join(f"c{i}: sin(x0) = x{i}^3" for i in range(1, arms + 1))
@@ -476,7 +454,7 @@ def star(arms: int) -> Equations:
 
 
 @pytest.mark.parametrize("light", [False, True], ids=["apart", "nearly equal"])
-def test_what_is_made_of_the_rows(light: bool) -> None:
+def test_what_is_made_of_the_rows(light):
     """Squares of their forces, corrections, and how independent they are."""
     e = star(5)
     g, m = e.graph, 5
@@ -511,7 +489,7 @@ def test_what_is_made_of_the_rows(light: bool) -> None:
     assert change == pytest.approx(-A.T @ np.linalg.solve(S, r) / 0.7, rel=1e-11)
 
 
-def test_far_from_the_origin_only_differences_count() -> None:
+def test_far_from_the_origin_only_differences_count():
     e = derive(
         read(
             "parameters: {m: 2, g: 9.81, X: 1e6}\n"

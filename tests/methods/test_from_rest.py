@@ -1,7 +1,5 @@
 """Motions that begin from rest under forces that begin at 0, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -35,7 +33,7 @@ simulation: {{duration: 2, output_step: 0.1, method: dop853}}
         ("sqrt(t)", 0.5, "radau"),
     ],
 )
-def test_a_power_of_the_time(force: str, power: float, method: str) -> None:
+def test_a_power_of_the_time(force, power, method):
     result = run(BODY.format(force=force, method=method))
     assert result.trajectory.outcome.complete
     exact = result["t"] ** (power + 2.0) / ((power + 1.0) * (power + 2.0))
@@ -44,7 +42,7 @@ def test_a_power_of_the_time(force: str, power: float, method: str) -> None:
 
 
 @pytest.mark.parametrize("power", [2.5, 4.0, 6.0])
-def test_a_constraint_that_begins_to_move(power: float) -> None:
+def test_a_constraint_that_begins_to_move(power):
     result = run(PAIR.format(power=power))
     assert result.trajectory.outcome.complete
     exact = 0.5 + result["t"] ** power / 2.0
@@ -52,7 +50,7 @@ def test_a_constraint_that_begins_to_move(power: float) -> None:
 
 
 @pytest.mark.parametrize("force", [1.0, 0.0])
-def test_one_sets_the_next_in_motion(force: float) -> None:
+def test_one_sets_the_next_in_motion(force):
     # Masses joined by springs, of which the first is pushed, or drives off.
     count = 8
     places = range(count)

@@ -4,15 +4,12 @@ What JSON gives is held to sympy's own derivation in `test_oracle`. Labels and p
 those of whole documents, which are kept beside.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import json
 import re
 import unicodedata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -25,10 +22,6 @@ from lagsim.show.text import as_text
 from tests.show.cases import equations_of, known, numbers, small
 from tests.show.reading import UnreadableError, latex_rows, text_rows, value
 from tests.show.test_formats import EVERY_FUNCTION
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
 
 DOCUMENTS = Path(__file__).parent / "documents"
 
@@ -43,23 +36,23 @@ LETTERS = {"theta": "θ", "phi": "φ", "psi": "ψ", "Omega": "Ω", "omega": "ω"
 MARKS = ("", "\u0307", "\u0308")
 
 
-def in_ascii(name: str, order: int) -> str:
+def in_ascii(name, order):
     return name + ("", "_dot", "_ddot")[order]
 
 
-def in_text(name: str, order: int) -> str:
+def in_text(name, order):
     shown = LETTERS.get(name, re.sub(r"(?<=\D)0$", "₀", name))
     return unicodedata.normalize("NFC", shown[0] + MARKS[order] + shown[1:])
 
 
-def in_latex(name: str, order: int) -> str:
+def in_latex(name, order):
     shown = rf"\{name}" if name in LETTERS else name[0]
     below = "_{0}" if re.fullmatch(r"\w0", name) else ""
     shown = shown if below or name in LETTERS else name
     return (f"\\{'d' * order}ot{{{shown}}}" if order else shown) + below
 
 
-STYLES: dict[str, tuple[Callable[..., str], Callable[[str, int], str], Any, str]] = {
+STYLES = {
     "text": (as_text, in_text, text_rows, "λ_{}"),
     "ascii": (
         functools.partial(as_text, ascii_only=True), in_ascii, text_rows, "lambda_{}",
@@ -68,7 +61,7 @@ STYLES: dict[str, tuple[Callable[..., str], Callable[[str, int], str], Any, str]
 }  # fmt: skip
 
 
-def expressions(d: Any) -> Iterator[str]:
+def expressions(d):
     """Give all expressions of a document in JSON that text and LaTeX show in rows."""
     if d["kinetic"] is not None:
         yield from (d["kinetic"], d["potential"])
@@ -95,13 +88,13 @@ def expressions(d: Any) -> Iterator[str]:
 
 
 @functools.cache
-def content_with_everything(name: str) -> Any:
+def content_with_everything(name):
     return content(equations_of(name), with_gauss=True)
 
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("name", CONSERVED)
-def test_documents_by_value(name: str, style: str) -> None:
+def test_documents_by_value(name, style):
     c, (document, look, rows, multiplier) = content_with_everything(name), STYLES[style]
     d, random = as_json(c), np.random.default_rng(7)
     assert len(d["conserved"]) == CONSERVED[name]
@@ -131,12 +124,12 @@ def test_documents_by_value(name: str, style: str) -> None:
         assert not several or any(is_near(x, y) for y in several for x in expected), row
 
 
-def is_near(x: float, y: float) -> bool:
+def is_near(x, y):
     # Some hundred operations on numbers that may cancel.
     return abs(x - y) <= 1e-9 * max(1.0, abs(x))
 
 
-def _values(row: tuple[str, str], shown: dict[str, float]) -> list[float]:
+def _values(row, shown):
     """Give what a row may say: its formulas, and the left side less the right."""
     label, formula = row
     prose = label in ("Qc", "a") or label.endswith("makes G")
@@ -218,7 +211,7 @@ initial: {a: 0, b: 0, c: 0, d: 0, e: 0, f: 0, h: 0, i: 0, j: 0}
 """
 
 
-def shipped(name: str) -> Any:
+def shipped(name):
     return content_with_everything(name)
 
 
@@ -241,7 +234,7 @@ STORED = {
 }
 
 
-def told_to_programs(c: Any) -> dict[str, Any]:
+def told_to_programs(c):
     """Give the document without what changes with every version."""
     document = as_json(c)
     del document["lagsim"], document["model"]
@@ -260,12 +253,12 @@ FORMATS = {
 
 @pytest.mark.parametrize("suffix", FORMATS)
 @pytest.mark.parametrize("name", STORED)
-def test_whole_documents(name: str, suffix: str) -> None:
+def test_whole_documents(name, suffix):
     """As they were read and approved by a person; formulas also by value, above."""
     stored = (DOCUMENTS / f"{name}.{suffix}").read_text(encoding="utf-8")
     assert FORMATS[suffix](stored_content(name)) == stored
 
 
 @functools.cache
-def stored_content(name: str) -> Any:
+def stored_content(name):
     return STORED[name]()

@@ -1,10 +1,7 @@
 """Text, LaTeX, JSON and Python as people and programs read them."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
-from typing import Any
 
 import pytest
 
@@ -18,15 +15,7 @@ from lagsim.show.lagrange import content
 from lagsim.show.latex import LONGEST_LINE, as_latex
 from lagsim.show.latex import _width as as_latex_width
 from lagsim.show.text import as_text
-from tests.show.cases import (
-    EACH,
-    content_of,
-    equations_of,
-    kept,
-    known,
-    numbers,
-    small,
-)
+from tests.show.cases import EACH, content_of, equations_of, kept, known, numbers, small
 from tests.show.latex_checker import LatexError, check
 from tests.support import MODELS
 
@@ -57,13 +46,13 @@ OTHERS = ({"x": 2.3, "y": 0.6}, {"x": 3.7, "y": 7.1})
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_latex_is_read_by_a_strict_reader(name: str) -> None:
+def test_latex_is_read_by_a_strict_reader(name):
     displays = check(as_latex(content_of(name)))
     assert len(displays) >= 3
 
 
 @pytest.mark.slow
-def test_latex_of_everything() -> None:
+def test_latex_of_everything():
     for text in (EVERY_FUNCTION, NAMED):
         check(as_latex(small(text, with_gauss=True, solve=True)))
         check(as_latex(small(text, substitute=True)))
@@ -84,7 +73,7 @@ initial: {x: 1, y: 2}
 
 
 @pytest.mark.parametrize("substitute", [False, True])
-def test_latex_of_what_could_stop_it(substitute: bool) -> None:
+def test_latex_of_what_could_stop_it(substitute):
     latex = as_latex(small(AWKWARD, substitute=substitute))
     check(latex)
     # No letter that the fonts of plain LaTeX lack.
@@ -109,7 +98,7 @@ def test_latex_of_what_could_stop_it(substitute: bool) -> None:
         "x_{a}_{b}",
     ],
 )  # fmt: skip
-def test_the_reader_is_strict(broken: str) -> None:
+def test_the_reader_is_strict(broken):
     page = "\\documentclass{article}\n\\begin{document}\n\\begin{align*}\n%s\n"
     page += "\\end{align*}\n\\end{document}\n"
     check(page % r"a &= \frac{x_{1}}{2}")
@@ -117,7 +106,7 @@ def test_the_reader_is_strict(broken: str) -> None:
         check(page % broken)
 
 
-def test_names_survive() -> None:
+def test_names_survive():
     c = small(NAMED)
     latex, text, plain = as_latex(c), as_text(c), as_text(c, ascii_only=True)
     for shown in (r"\lambda \, \cos \theta_{1}", r"\lambda_{\mathrm{lambda}}", r"S \, ",
@@ -134,7 +123,7 @@ def test_names_survive() -> None:
     assert numbers(
         [d["potential"]], {**d["parameters"], "theta1": 0.0, "größe": 2.0}
     ) == [2 + 7 * 4 * 1.5]
-    scope: dict[str, Any] = {}
+    scope = {}
     exec(as_python(derive(read(NAMED, "m.yaml")), "0"), scope)
     assert scope["force"](0.0, [0.3, 0.2], [0, 0])[1] == pytest.approx(
         -2 * 7 * 0.2 * 1.5
@@ -142,7 +131,7 @@ def test_names_survive() -> None:
 
 
 @pytest.mark.parametrize("substitute", [False, True])
-def test_every_function_in_json(substitute: bool) -> None:
+def test_every_function_in_json(substitute):
     equations = derive(read(EVERY_FUNCTION, "m.yaml"))
     d = as_json(content(equations, substitute=substitute))
     for state in ({}, *OTHERS):
@@ -153,15 +142,15 @@ def test_every_function_in_json(substitute: bool) -> None:
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_every_function_is_derived(name: str) -> None:
+def test_every_function_is_derived(name):
     assert f"{name}(" in EVERY_FUNCTION
 
 
-def test_every_function_in_python() -> None:
+def test_every_function_in_python():
     force = EVERY_FUNCTION.replace("potential: >-", "potential: 0\nforces:\n  x: >-")
     for text in (EVERY_FUNCTION, force):  # slopes, and the functions themselves
         equations = derive(read(text, "m.yaml"))
-        scope: dict[str, Any] = {}
+        scope = {}
         exec(as_python(equations, "0"), scope)
         for state in ({}, *OTHERS):
             values = {**FIRST, **state}
@@ -171,19 +160,19 @@ def test_every_function_in_python() -> None:
             assert found == pytest.approx(expected, rel=1e-13)
 
 
-def test_python_outside_a_domain_is_not_a_number_and_nothing_else() -> None:
+def test_python_outside_a_domain_is_not_a_number_and_nothing_else():
     text = """
 parameters: {k: 0}
 coordinates: {x: {}}
 energy: {kinetic: x_dot^2/2, potential: "sqrt(x)/k + if(x > 0, 0, 1)*x"}
 initial: {x: 1}
 """
-    scope: dict[str, Any] = {}
+    scope = {}
     exec(as_python(derive(read(text, "m.yaml")), "0"), scope)
     assert not (abs(scope["force"](0, [-1.0], [0.0])[0]) < 1e300)
 
 
-def test_python_keeps_off_names_of_its_own() -> None:
+def test_python_keeps_off_names_of_its_own():
     text = """
 parameters: {np: 2, q: 3, out: 5, PARAMETERS: 7, def: 11, z1: 13}
 coordinates: {class: {}, q_dot_: {}}
@@ -193,7 +182,7 @@ energy:
 initial: {class: 1, q_dot_: 1}
 """
     equations = derive(read(text, "m.yaml"))
-    scope: dict[str, Any] = {}
+    scope = {}
     exec(as_python(equations, "0"), scope)
     values = {"class": 0.3, "q_dot_": 0.7, "class_dot": 0.0, "q_dot__dot": 0.0}
     expected = evaluate(equations.graph, equations.f, {**scope["PARAMETERS"], **values})
@@ -205,7 +194,7 @@ initial: {class: 1, q_dot_: 1}
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_ascii_is_ascii_and_lines_break(name: str) -> None:
+def test_ascii_is_ascii_and_lines_break(name):
     text = as_text(content_of(name), ascii_only=True)
     assert text.isascii()
     lines = as_text(content_of(name)).splitlines()
@@ -217,7 +206,7 @@ def test_ascii_is_ascii_and_lines_break(name: str) -> None:
 
 
 @pytest.mark.slow
-def test_accelerations_step_by_step() -> None:
+def test_accelerations_step_by_step():
     c = content(equations_of("chain-cartesian"), solve=True)
     d = as_json(c)
     e = equations_of("chain-cartesian")
@@ -246,7 +235,7 @@ initial: {x: 1, y: 1}
 
 
 @pytest.mark.parametrize("kinetic", ["m*(x_dot + y_dot)^2/2", "m*x_dot^2/2"])
-def test_without_inertia_there_are_no_accelerations(kinetic: str) -> None:
+def test_without_inertia_there_are_no_accelerations(kinetic):
     text = SINGULAR.replace("m*(x_dot + y_dot)^2/2", kinetic)
     for solve in (False, True):
         c = small(text, solve=solve)
@@ -258,7 +247,7 @@ def test_without_inertia_there_are_no_accelerations(kinetic: str) -> None:
     check(as_latex(c))
 
 
-def test_notes_say_what_was_left_out() -> None:
+def test_notes_say_what_was_left_out():
     c = small((MODELS / "car-axis.yaml").read_text(encoding="utf-8"), with_gauss=True)
     assert c.document["gauss"]["a"] is not None
     assert c.document["notes"] == [
@@ -268,7 +257,7 @@ def test_notes_say_what_was_left_out() -> None:
     assert r"\texttt{-{}-solve}" in as_latex(c)
 
 
-def test_the_unconstrained_acceleration_gives_way_to_the_names_of_the_file() -> None:
+def test_the_unconstrained_acceleration_gives_way_to_the_names_of_the_file():
     c = small(
         """
 parameters: {a_x: 2, a_x_: 3}
@@ -287,7 +276,7 @@ initial: {x: 1}
 
 
 @pytest.mark.parametrize("law", ["limit: 1", "when: t < 1"])
-def test_what_a_law_may_take_away_is_not_conserved(law: str) -> None:
+def test_what_a_law_may_take_away_is_not_conserved(law):
     text = """
 coordinates: {x: {}, y: {}}
 energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}
@@ -312,7 +301,7 @@ simulation: {duration: 1}
 
 
 @pytest.mark.parametrize("ascii_only", [False, True])
-def test_long_equations_break_where_they_are_one_term(ascii_only: bool) -> None:
+def test_long_equations_break_where_they_are_one_term(ascii_only):
     inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
     text = as_text(small(LONG.replace("NUMBERS", f"200 + {inside}")),
                    ascii_only=ascii_only)  # fmt: skip
@@ -326,7 +315,7 @@ def test_long_equations_break_where_they_are_one_term(ascii_only: bool) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian"])
-def test_long_terms_of_latex_break(name: str) -> None:
+def test_long_terms_of_latex_break(name):
     document = as_latex(
         content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")))
     )
@@ -336,7 +325,7 @@ def test_long_terms_of_latex_break(name: str) -> None:
     assert "\\bigl" in document
 
 
-def test_a_denominator_of_latex_longer_than_a_line_is_stacked() -> None:
+def test_a_denominator_of_latex_longer_than_a_line_is_stacked():
     inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
     sought = LONG.replace("sqrt(NUMBERS)", f"th1/(200 + {inside})")
     document = as_latex(small(sought))
@@ -349,7 +338,7 @@ def test_a_denominator_of_latex_longer_than_a_line_is_stacked() -> None:
         assert whole.count(found) >= 6
 
 
-def test_a_factor_of_latex_longer_than_a_line_keeps_its_power() -> None:
+def test_a_factor_of_latex_longer_than_a_line_keeps_its_power():
     inside = " + ".join(f"{n}*cos({n}*th1 - {n + 1}*b)" for n in range(2, 14))
     sought = LONG.replace("sqrt(NUMBERS)", f"(200 + {inside})^7.5")
     document = as_latex(small(sought))

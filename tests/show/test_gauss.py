@@ -1,9 +1,5 @@
 """Gauss's principle by numbers, at single states; columns that are asked for."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 import pytest
 
@@ -15,9 +11,6 @@ from lagsim.show.lagrange import content
 from tests.show.cases import NAMES, equations_of, known, numbers
 from tests.support import MODELS, case_of, ready, run
 
-if TYPE_CHECKING:
-    from lagsim.run.system import System
-
 CONSTRAINED = [name for name in NAMES if equations_of(name).rows]
 QUICK = ("elastic-pendulum-curve", "rolling-disk", "appell-hamel", "car-axis")
 EACH = [
@@ -25,7 +18,7 @@ EACH = [
 ]
 
 
-def asking(name: str, **wanted: bool) -> str:
+def asking(name, **wanted):
     """Give the text of a shipped model with keys of `output` added."""
     text = (MODELS / f"{name}.yaml").read_text(encoding="utf-8")
     lines = "".join(f"  {key}: true\n" for key in wanted)
@@ -34,7 +27,7 @@ def asking(name: str, **wanted: bool) -> str:
     return text.replace("\noutput:\n", f"\noutput:\n{lines}")
 
 
-def observed(name: str, *, loops: bool) -> tuple[Any, dict[str, float], System]:
+def observed(name, *, loops):
     """Give the equations, the columns at the start and the system."""
     session = ready(asking(name, gauss=True), loops=loops)
     start, system = session.case.start, session.system
@@ -48,9 +41,7 @@ def observed(name: str, *, loops: bool) -> tuple[Any, dict[str, float], System]:
 
 @pytest.mark.parametrize("loops", [False, True], ids=["straight", "dense"])
 @pytest.mark.parametrize("name", EACH)
-def test_accelerations_make_it_least_among_admissible_ones(
-    name: str, loops: bool
-) -> None:
+def test_accelerations_make_it_least_among_admissible_ones(name, loops):
     e, row, system = observed(name, loops=loops)
     values = {**row, **{p.name: p.value for p in e.model.parameters}}
     n = len(e.q)
@@ -79,7 +70,7 @@ def test_accelerations_make_it_least_among_admissible_ones(
 
 
 @pytest.mark.parametrize("name", ["elastic-pendulum-curve", "chaplygin-sleigh"])
-def test_symbolic_and_numeric_gauss_agree(name: str) -> None:
+def test_symbolic_and_numeric_gauss_agree(name):
     e, row, _ = observed(name, loops=False)
     d = as_json(content(e, with_gauss=True))
     values = known(d, {**{p.name: p.value for p in e.model.parameters}, **row})
@@ -105,7 +96,7 @@ output: {gauss: true}
 """
 
 
-def test_a_singular_mass_matrix_has_no_unconstrained_acceleration() -> None:
+def test_a_singular_mass_matrix_has_no_unconstrained_acceleration():
     case = case_of(MASSLESS)
     e = case.equations
     with pytest.raises(InputError, match="mass matrix of this model is singular"):
@@ -115,13 +106,13 @@ def test_a_singular_mass_matrix_has_no_unconstrained_acceleration() -> None:
     content(e)
 
 
-def test_without_constraints_it_is_zero() -> None:
+def test_without_constraints_it_is_zero():
     r = run(asking("double-pendulum", gauss=True), duration=0.1)
     assert np.all(r["gauss.G"] < 1e-20)
     assert np.array_equal(r["gauss.a_theta1"], r["theta1_ddot"])
 
 
-def test_methods_that_would_leave_the_action_out_are_refused() -> None:
+def test_methods_that_would_leave_the_action_out_are_refused():
     text = asking("pendulum-cartesian", action=True)
     for name in ("rattle", "radau"):
         with pytest.raises(InputError, match="does not integrate the action"):
@@ -129,7 +120,7 @@ def test_methods_that_would_leave_the_action_out_are_refused() -> None:
 
 
 @pytest.mark.parametrize("value", ["maybe", "1", "[true]", "{a: b}", "yes"])
-def test_keys_of_output_are_true_or_false(value: str) -> None:
+def test_keys_of_output_are_true_or_false(value):
     text = MASSLESS.replace("gauss: true", f"action: {value}")
     with pytest.raises(InputError, match="`action` must be `true` or `false`"):
         read(text, "model.yaml")

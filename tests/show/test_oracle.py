@@ -1,9 +1,6 @@
 """sympy, from the text of the file alone, against the formats."""
 
-from __future__ import annotations
-
 import functools
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +8,7 @@ import pytest
 from lagsim.language.evaluate import evaluate
 from lagsim.show.as_python import as_python
 from tests.mechanics.test_equations import rows_of
-from tests.show.cases import (
-    EACH,
-    NAMES,
-    document_of,
-    equations_of,
-    known,
-    numbers,
-)
+from tests.show.cases import EACH, NAMES, document_of, equations_of, known, numbers
 from tests.support import MODELS, run
 from tests.sympy_oracle import Oracle, random_values
 
@@ -37,16 +27,16 @@ SHORT_WITH_CONTACTS = (
 
 
 @functools.cache
-def oracle_of(name: str) -> Oracle:
+def oracle_of(name):
     return Oracle.of(MODELS / f"{name}.yaml")
 
 
-def state_of(name: str, seed: int) -> dict[str, float]:
+def state_of(name, seed):
     start = {i.name: i.value for i in equations_of(name).model.initial}
     return random_values(oracle_of(name), start, seed)
 
 
-def close(found: Any, expected: Any, part: float = 1e-12) -> None:
+def close(found, expected, part=1e-12):
     """Hold to 1e-12 of the largest: what some hundreds of operations may lose."""
     found, expected = np.asarray(found, float), np.asarray(expected, float)
     largest = np.max(np.abs(expected), initial=0.0)
@@ -54,7 +44,7 @@ def close(found: Any, expected: Any, part: float = 1e-12) -> None:
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_json_read_again_gives_the_same_numbers(name: str) -> None:
+def test_json_read_again_gives_the_same_numbers(name):
     d = document_of(name)
     n, m = len(d["coordinates"]), len(d["constraints"])
     for seed in range(2):
@@ -94,7 +84,7 @@ def test_json_read_again_gives_the_same_numbers(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_terms_add_up_to_the_equation(name: str) -> None:
+def test_terms_add_up_to_the_equation(name):
     d = document_of(name)
     values = known(d, state_of(name, seed=1))
     random = np.random.default_rng(5)
@@ -113,13 +103,13 @@ def test_terms_add_up_to_the_equation(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_accelerations_are_told_where_they_are_short(name: str) -> None:
+def test_accelerations_are_told_where_they_are_short(name):
     told = document_of(name)["accelerations"] is not None
     assert told == (name in (*SHORT, *SHORT_WITH_CONTACTS))
 
 
 @pytest.mark.parametrize("name", SHORT)
-def test_accelerations_in_closed_form_solve_the_equations(name: str) -> None:
+def test_accelerations_in_closed_form_solve_the_equations(name):
     d = document_of(name)
     assert d["accelerations"]["steps"] == {}
     for seed in range(2):
@@ -137,14 +127,14 @@ def test_accelerations_in_closed_form_solve_the_equations(name: str) -> None:
         assert np.all(np.abs(x.A @ q_ddot - x.b) <= 1e-10 * size)
 
 
-def module_of(name: str) -> dict[str, Any]:
-    scope: dict[str, Any] = {}
+def module_of(name):
+    scope = {}
     exec(compile(as_python(equations_of(name), "0"), name, "exec"), scope)
     return scope
 
 
 @pytest.mark.parametrize("name", EACH)
-def test_the_python_module_gives_the_numbers_of_the_graph(name: str) -> None:
+def test_the_python_module_gives_the_numbers_of_the_graph(name):
     e, module = equations_of(name), module_of(name)
     assert module["COORDINATES"] == e.q
     rows = rows_of(e)
@@ -173,7 +163,7 @@ QUICK = ("bead-hoop", "charged-particle", "heavy-top", "kepler")
     "name",
     [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in NAMES],
 )
-def test_what_is_told_holds_along_a_run(name: str) -> None:
+def test_what_is_told_holds_along_a_run(name):
     d = document_of(name)
     r = run(name, duration=0.02, output_step=0.002)
     columns = r.system.columns.names

@@ -1,9 +1,5 @@
 """Systems as textbooks have them, conserved quantities included."""
 
-from __future__ import annotations
-
-from typing import Any
-
 import pytest
 import sympy as sp
 
@@ -13,11 +9,11 @@ from tests.show.cases import content_of, kept, s, small
 sin, cos = sp.sin, sp.cos
 
 
-def same(found: Any, expected: Any) -> bool:
+def same(found, expected):
     return bool(sp.simplify(sp.expand(found - expected)) == 0)
 
 
-def energy(kinetic: Any, potential: Any) -> tuple[Any, ...]:
+def energy(kinetic, potential):
     return (), "energy", kinetic + potential, ""
 
 
@@ -45,7 +41,7 @@ KEPT = {
 
 
 @pytest.mark.parametrize("name", KEPT)
-def test_what_is_conserved(name: str) -> None:
+def test_what_is_conserved(name):
     found = kept(content_of(name))
     assert found.keys() == {of for of, *_ in KEPT[name]}
     for of, kind, value, called in KEPT[name]:
@@ -54,7 +50,7 @@ def test_what_is_conserved(name: str) -> None:
         assert (found[of]["definition"] or "") == called
 
 
-def test_a_double_pendulum_reads_as_in_textbooks() -> None:
+def test_a_double_pendulum_reads_as_in_textbooks():
     # With the masses together and the angles' difference.
     assert (
         "(m₁ + m₂) l₁² θ̈₁ + m₂ l₁ l₂ θ̈₂ cos(θ₁ − θ₂) + m₂ l₁ l₂ θ̇₂² sin(θ₁ − θ₂)"
@@ -73,7 +69,7 @@ initial: {x1: 0, y1: 0, x2: 1, y2: 0}
 """
 
 
-def test_two_bodies_keep_their_momenta() -> None:
+def test_two_bodies_keep_their_momenta():
     found = {of: k["expression"] for of, k in kept(small(TWO_BODIES)).items()}
     assert same(found["x1", "x2"], s.m1 * s.x1_dot + s.m2 * s.x2_dot)
     assert same(found["y1", "y2"], s.m1 * s.y1_dot + s.m2 * s.y2_dot)
@@ -84,7 +80,7 @@ def test_two_bodies_keep_their_momenta() -> None:
     assert len(found) == 4  # with the energy
 
 
-def test_a_potential_of_an_angle_in_cartesian_coordinates_keeps_a_screw() -> None:
+def test_a_potential_of_an_angle_in_cartesian_coordinates_keeps_a_screw():
     # Turned by an angle about z and shifted by it along z, V is what it was.
     text = (
         TWO_BODIES.partition("definitions")[0]
@@ -101,7 +97,7 @@ initial: {x1: 1, y1: 0, x2: 1, y2: 0}
     assert len(found) == 2  # with the energy
 
 
-def test_what_acts_on_a_quantity_keeps_it_from_being_conserved() -> None:
+def test_what_acts_on_a_quantity_keeps_it_from_being_conserved():
     turned = TWO_BODIES + "forces: {x1: k*t}\n"
     assert kept(small(turned)).keys() == {("y1", "y2")}
     held = TWO_BODIES + "constraints: {line: y1 = k*x1}\n"
@@ -129,7 +125,7 @@ MOMENTA = {(), ("x1", "x2"), ("y1", "y2"), ("x1", "y1", "x2", "y2")}
 @pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
 @pytest.mark.parametrize("beside", ["1e-30", "1", "1e40"])
 @pytest.mark.parametrize("scale", ["1e-25", "1", "1e35"])
-def test_symmetries_in_any_units(bodies: Any, beside: str, scale: str) -> None:
+def test_symmetries_in_any_units(bodies, beside, scale):
     # Of six coordinates: the bodies' momenta, and those that a spring leaves the two
     # bystanders. Turns of u and w keep T; a spring between them has no such turn.
     more = f"+ {scale}*(u - w)^2"
@@ -142,7 +138,7 @@ def test_symmetries_in_any_units(bodies: Any, beside: str, scale: str) -> None:
 
 @pytest.mark.parametrize("bodies", [SUN_AND_EARTH, PROTON_AND_ELECTRON])
 @pytest.mark.parametrize("field", ["1e-20", "1", "1e20"])
-def test_a_weak_or_strong_field_breaks_a_symmetry(bodies: Any, field: str) -> None:
+def test_a_weak_or_strong_field_breaks_a_symmetry(bodies, field):
     text = ATTRACTED.format(beside="1", more=f"+ {field}*x1 + u^2 + 3*w^4", **bodies)
     assert kept(small(text)).keys() == {(), ("y1", "y2")}
 
@@ -162,11 +158,11 @@ ROUND = [
 ]
 
 
-def kinds(text: str) -> set[str]:
+def kinds(text):
     return {k["kind"] for k in small(text).document["conserved"]}
 
 
-def turns(factor: str, potential: str) -> list[set[str]]:
+def turns(factor, potential):
     """Tell what is kept with a factor in V, or in T."""
     found = []
     for kinetic, V in (
@@ -189,7 +185,7 @@ def turns(factor: str, potential: str) -> list[set[str]]:
         "(x/1e13 - 1)",
     ],
 )
-def test_a_weak_term_in_a_factor_breaks_a_symmetry(potential: str, factor: str) -> None:
+def test_a_weak_term_in_a_factor_breaks_a_symmetry(potential, factor):
     for found in turns(factor, potential):
         assert "angular momentum" not in found
 
@@ -204,18 +200,15 @@ def test_a_weak_term_in_a_factor_breaks_a_symmetry(potential: str, factor: str) 
         ("total momentum", "1e9*(x - y)^4 - exp(-(x - y + {weak}*y)^2)"),
     ],
 )
-def test_a_weak_term_in_a_function_breaks_a_symmetry(
-    potential: str, kind: str, weak: str
-) -> None:
+def test_a_weak_term_in_a_function_breaks_a_symmetry(potential, kind, weak):
     text = FACTORED.format(kinetic=FREE, potential=potential.format(weak=weak))
     assert (kind in kinds(text)) is (weak == "0")
 
 
 @pytest.mark.parametrize("potential", ROUND)
 @pytest.mark.parametrize(
-    "factor",
-    ["(1 + 1e-14*(x^2 + y^2))", "(1e9 + x^2 + y^2)", "((x^2 + y^2)/1e13 - 1)"],
+    "factor", ["(1 + 1e-14*(x^2 + y^2))", "(1e9 + x^2 + y^2)", "((x^2 + y^2)/1e13 - 1)"]
 )
-def test_a_weak_term_that_is_round_breaks_none(potential: str, factor: str) -> None:
+def test_a_weak_term_that_is_round_breaks_none(potential, factor):
     for found in turns(factor, potential):
         assert "angular momentum" in found

@@ -1,7 +1,5 @@
 """Tidying: what is drawn together, what stays, what a spent budget leaves."""
 
-from __future__ import annotations
-
 import pytest
 import sympy as sp
 
@@ -17,7 +15,7 @@ m, a, b, u, v, w = s.m, s.a, s.b, s.u, s.v, s.w
 l = s.l  # noqa: E741  a length
 
 
-def tidier() -> Tidier:
+def tidier():
     return Tidier(frozenset((m, l)), frozenset((v, w)))
 
 
@@ -36,11 +34,11 @@ def tidier() -> Tidier:
         (m * (l + u) ** 2 * v**2, m * (l + u) ** 2 * v**2),
     ],
 )  # fmt: skip
-def test_what_a_person_would_do(given: sp.Expr, expected: sp.Expr) -> None:
+def test_what_a_person_would_do(given, expected):
     assert tidier()(given) == expected
 
 
-def test_what_nobody_can_read_is_refused() -> None:
+def test_what_nobody_can_read_is_refused():
     definitions = "  d0: x^2 + x\n"
     definitions += "".join(f"  d{k}: d{k - 1}*d{k - 1} + x\n" for k in range(1, 40))
     text = f"""

@@ -6,8 +6,6 @@ the next strikes follow in the square of that time, at speeds that fall by one r
 only. That is one impact, whose order is open.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import pytest
@@ -18,7 +16,7 @@ from tests.support import run
 LOW, HIGH, E, SPRING = 0.4, 1.3, 0.8, 2.0
 
 
-def pair(unit: float, shift: float) -> str:
+def pair(unit, shift):
     """Bodies a little apart, in metres over `unit`, from a ground at `shift`."""
     masses = LOW * unit**2, HIGH * unit**2
     return scene(
