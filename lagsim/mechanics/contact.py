@@ -25,22 +25,14 @@ Source: F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts (19
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from enum import IntEnum
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lagsim.mechanics.algebra import Metric, Span, scaled
-from lagsim.mechanics.complementarity import (
-    Mode,
-    Problem,
-    Role,
-    Solution,
-    expressed,
-    polished,
-    solve,
-)
+from lagsim.mechanics.complementarity import Problem, least_squares, solve
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
@@ -52,12 +44,21 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from lagsim.language.arrays import Flags, Floats, Ints
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.complementarity import Solution
 
 
-__all__ = [
-    "Closed", "Delassus", "Impact", "Mode", "Modes", "delassus", "impact", "modes",
-]  # fmt: skip
+class Mode(IntEnum):
+    """Mode of a row."""
+
+    OFF = 0  # no multiplier
+    HELD = 1  # an equality with its multiplier
+    SLIDING = 2  # not held: the multiplier has the size of its bound
+    REDUNDANT = 3  # it holds because others do
+
+
+ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
+BOUNDED = (Kind.SLIP, Kind.LIMITED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,21 +92,25 @@ class Closed:
     factor: Floats | None = None
 
 
-@lru_cache(maxsize=64)
-def _indices(numbers: tuple[int, ...]) -> Ints:
-    """Array of row numbers, or of roles; it is not to be written to."""
-    return np.array(numbers, dtype=np.intp)
+def _problem(
+    closed: Closed, c: Floats, sizes: Floats, directions: Floats, *, given: Flags
+) -> Problem:
+    """Problem of rows whose bounded multipliers have sizes (r,), or parts of them.
 
+    Bounds of friction are in parts of the multiplier of its contact; of what is given
+    (r,), in which of the two directions (r,).
+    """
+    low, high = np.zeros((2, 2, len(c)))
+    for k, kind in enumerate(closed.kinds):
+        if kind in BOUNDED:
+            part = 1 if kind is Kind.SLIP else 0
+            low[part, k], high[part, k] = -sizes[k], sizes[k]
+        else:
+            low[0, k], high[0, k] = -np.inf if kind is Kind.TIMED else 0.0, np.inf
+    low[:, given] = high[:, given] = high[:, given] * directions[given]
+    normals, pairs = np.array(closed.normals), np.array(closed.pairs)
+    return Problem(closed.D, c, low, high, normals, np.where(given, -1, pairs))
 
-_ROLES = {
-    Kind.CONTACT: Role.SIGNED,
-    Kind.FREEWHEEL: Role.SIGNED,
-    Kind.SLIP: Role.BOXED,
-    Kind.LIMITED: Role.BOXED,
-    Kind.TIMED: Role.FREE,
-}
-# What is bounded gives no impulse.
-_ROLES_AT_IMPACTS = _ROLES | {Kind.LIMITED: Role.ABSENT}
 
 # --- the Delassus matrix --------------------------------------------------------------
 
@@ -179,7 +184,7 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
     Newton's targets of contacts that are locked into each other may contradict; such
     an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
     """
-    if len(rates) == 1 and _ROLES_AT_IMPACTS[closed.kinds[0]] is Role.SIGNED:
+    if len(rates) == 1 and closed.kinds[0] in ONE_SIDED:
         return _of_one(closed, float(rates[0]), float(roundoff[0]))
     before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
     terms = zip(
@@ -214,31 +219,34 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
 
 
 def _impulses(closed: Closed, c: Floats) -> Solution:
-    """Impulses for rates c (r,) that are to become 0.
+    """Impulses for rates c (r,) that are to become 0; what is limited gives none.
 
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
-    roles = _indices(tuple([_ROLES_AT_IMPACTS[kind] for kind in closed.kinds])).copy()
-    directions = np.zeros(len(c))
+    r, kinds = len(c), list(closed.kinds)
+    given, directions = np.zeros(r, dtype=bool), np.zeros(r)
+    sizes = np.where([kind is Kind.SLIP for kind in kinds], closed.bounds, 0.0)
     sliding: list[list[int]] = []
     for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
-        if n < 0 or closed.kinds[n] is not Kind.TIMED or roles[k] != Role.BOXED:
+        if n < 0 or kinds[n] is not Kind.TIMED or pair > k:
             continue
-        if pair < k:
-            sliding.append([pair, k] if pair >= 0 else [k])
-    for rows in sliding:
+        rows = [k] if pair < 0 else [pair, k]
         speed = float(np.linalg.norm(c[rows]))
-        roles[rows] = Role.GIVEN if speed > 0.0 else Role.FREE
-        directions[rows] = -c[rows] / speed if speed > 0.0 else 0.0
-    normals, pairs = _indices(closed.normals), _indices(closed.pairs)
-    sizes = np.where(normals >= 0, closed.bounds, 0.0)
+        if speed > 0.0:
+            given[rows], directions[rows] = True, -c[rows] / speed
+            sliding.append(rows)
+        else:
+            kinds[k] = kinds[rows[0]] = Kind.TIMED
     while True:
-        solution = solve(Problem(closed.D, c, roles, sizes, directions, normals, pairs))
+        some = replace(closed, kinds=tuple(kinds))
+        solution = solve(_problem(some, c, sizes, directions, given=given))
         turned = [rows for rows in sliding if solution.w[rows] @ directions[rows] > 0.0]
         if not turned:
             return solution
         for rows in turned:
-            roles[rows], directions[rows] = Role.FREE, 0.0
+            sliding.remove(rows)
+            given[rows] = False
+            kinds[rows[0]] = kinds[rows[-1]] = Kind.TIMED
 
 
 def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
@@ -315,152 +323,149 @@ def modes(
         force nor acceleration is let go where this is > 0, and a row that rests at its
         bound begins to slide where this is not 0.
     """
-    problem = _at_rates(closed, accelerations, rates, slip_noise)
+    begun = np.zeros(len(rates), dtype=bool)
     ties = np.zeros(len(roundoff)) if tie_break is None else tie_break
-    while (solution := solve(problem)).found:
-        rounding = _known(problem, solution, roundoff)
-        if (
-            solution.apart
-            and _is_plain(problem, solution, rounding)
-            and not _begins(closed, problem, solution.modes).any()
-        ):
-            found = tuple(solution.modes)
-            return Modes(found, solution.directions, solution.p, paradox=False)
-        what, directions = _on_edges(closed, problem, solution, rounding, ties)
-        begin = _begins(closed, problem, what)
-        if begin.any():
-            sizes = np.where(begin, closed.bounds, problem.sizes)
-            problem = replace(problem, sizes=sizes)
+    given, directions = _sliding(closed, rates, slip_noise)
+    while True:
+        sizes = np.where(given | begun, closed.bounds, closed.statics)
+        problem = _problem(closed, accelerations, sizes, directions, given=given)
+        solution = solve(problem)
+        if not solution.found:
+            nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
+            return Modes(off, nothing, nothing, paradox=True)
+        rows = _Rows(closed, problem, given, directions, roundoff, ties)
+        found, directions_found, plain = rows.edges(solution)
+        begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
+        begins &= ~given & (closed.bounds != sizes)
+        if begins.any():
+            begun |= begins
             continue
-        if (problem.pairs[problem.roles == Role.BOXED] >= 0).any():
-            solution = _supported(closed, problem, solution, rounding)
-            rounding = _known(problem, solution, roundoff)
-            what, directions = _on_edges(closed, problem, solution, rounding, ties)
-        return _decided(closed, problem, what, directions)
-    nothing, off = np.zeros(len(roundoff)), (Mode.OFF,) * len(roundoff)
-    return Modes(off, nothing, nothing, paradox=True)
+        if plain:
+            return Modes(tuple(found), directions_found, solution.p, paradox=False)
+        if problem.discs:
+            found, directions_found, _ = rows.edges(_supported(rows, solution))
+        return _decided(rows, sizes, found, directions_found)
 
 
-def _at_rates(
-    closed: Closed, accelerations: Floats, rates: Floats, slip_noise: Floats
-) -> Problem:
-    """Make what slides a given force against its slip, what rests a bounded one."""
-    normals, pairs = _indices(closed.normals), _indices(closed.pairs)
-    roles = _indices(tuple([_ROLES[kind] for kind in closed.kinds]))
+def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
+    """Which rows slide already (r,), and the directions of their friction (r,)."""
+    pairs = np.array(closed.pairs)
     slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
-    sliding = (roles == Role.BOXED) & (slips > slip_noise)
-    roles = np.where(sliding, Role.GIVEN, roles)
-    sizes = np.where(roles == Role.BOXED, closed.statics, closed.bounds)
-    directions = np.where(sliding, -rates / np.where(sliding, slips, 1.0), 0.0)
-    return Problem(closed.D, accelerations, roles, sizes, directions, normals, pairs)
+    bounded = np.array([kind in BOUNDED for kind in closed.kinds], dtype=bool)
+    given: Flags = bounded & (slips > slip_noise)
+    return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
-def _known(problem: Problem, solution: Solution, roundoff: Floats) -> Floats:
-    """Bounds of the rounding of the accelerations of rows (r,).
+class _Rows:
+    """Rows of a problem, and which of them are on an edge."""
 
-    Against all that could push: what rests without a force has its friction's scale.
-    """
-    pushes = np.maximum(np.abs(solution.p), problem.bounds(solution.p))
-    terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
-    parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
-    return np.asarray(np.maximum(roundoff, parts * terms))
+    def __init__(
+        self,
+        closed: Closed,
+        problem: Problem,
+        given: Flags,
+        directions: Floats,
+        roundoff: Floats,
+        ties: Floats,
+    ) -> None:
+        self.closed, self.problem, self.given = closed, problem, given
+        self.directions, self.roundoff, self.ties = directions, roundoff, ties
+        self.one_sided = [k for k, x in enumerate(closed.kinds) if x in ONE_SIDED]
 
+    def rounding(self, solution: Solution) -> Floats:
+        """Bounds of the rounding of the accelerations of rows (r,).
 
-def _is_plain(problem: Problem, solution: Solution, rounding: Floats) -> bool:
-    """Whether, of one or two independent rows, none is near an edge."""
-    for k, mode in enumerate(solution.modes):
-        p, own, n = solution.p.item(k), problem.D.item(k, k), problem.normals.item(k)
-        held, role = mode is Mode.HELD, problem.roles.item(k)
-        if n >= 0 and solution.modes[n] is Mode.OFF:
-            return False
-        if role == Role.SIGNED:
-            inside = p * own if held else solution.w.item(k)
-        elif role == Role.BOXED and held:
-            inside = (problem.bounds(solution.p).item(k) - abs(p)) * own
-        elif role == Role.BOXED:
-            inside = -solution.w.item(k) * solution.directions.item(k)
-        else:
-            continue
-        if inside <= rounding[k]:
-            return False
-    return True
+        Against all that could push: what rests without a force has its friction's
+        scale.
+        """
+        problem, p = self.problem, solution.p
+        pushes = np.maximum(np.abs(p), problem.limits(p))
+        terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
+        parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
+        return np.asarray(np.maximum(self.roundoff, parts * terms))
 
+    def edges(self, solution: Solution) -> tuple[list[Mode], Floats, bool]:
+        """Modes and directions where ties are decided, and held rows independent.
 
-def _begins(closed: Closed, problem: Problem, modes: list[Mode]) -> Flags:
-    """Which rows begin to slide with another bound than that of sliding (r,)."""
-    driven = np.array([mode is Mode.SLIDING for mode in modes], dtype=bool)
-    begin: Flags = (
-        driven & (problem.roles == Role.BOXED) & (closed.bounds != problem.sizes)
-    )
-    return begin
+        What is strictly between its bounds is held, what has an acceleration is at one
+        of them; the rest is tied. And whether few rows have no ties: then the solution
+        is all there is.
+        """
+        p, own = solution.p, self.closed.D.diagonal()
+        rounding = self.rounding(solution)
+        small = rounding / np.where(own > 0.0, own, 1.0)
+        modes, directions = [Mode.OFF] * len(p), self.directions.copy()
+        held = [k for k, kind in enumerate(self.closed.kinds) if kind is Kind.TIMED]
+        tied: list[int] = []  # what is not to part
+        apart: list[int] = []  # ... and what is
+        for k in self.one_sided:
+            if solution.w[k] <= rounding[k]:
+                leans = self.ties[k] > 0.0
+                (held if p[k] > small[k] else apart if leans else tied).append(k)
+        touches = {*held, *tied}
+        for k, kind in enumerate(self.closed.kinds):
+            if kind not in BOUNDED:
+                continue
+            n = self.closed.normals[k]
+            if n >= 0 and n not in touches:
+                directions[k] = 0.0
+                continue
+            modes[k], way = self._bounded(k, solution, rounding, small[k])
+            if modes[k] is Mode.SLIDING:
+                directions[k] = way
+            else:
+                (held if modes[k] is Mode.HELD else tied).append(k)
+                modes[k] = Mode.OFF
+        if solution.few and not (tied or apart):
+            for k in held:
+                modes[k] = Mode.HELD
+            return modes, directions, True
+        self._hold([*held, *tied], apart, modes, directions, p)
+        return modes, directions, False
 
+    def _bounded(
+        self, k: int, solution: Solution, rounding: Floats, small: float
+    ) -> tuple[Mode, float]:
+        """Mode of a bounded row, and its direction; one that is tied is off."""
+        if self.given[k]:
+            return Mode.SLIDING, float(self.directions[k])
+        pair, bound = self.closed.pairs[k], self.problem.limits(solution.p)[k]
+        rows = [k] if pair < 0 else [k, pair]
+        slip = np.linalg.norm(solution.w[rows])
+        force = np.linalg.norm(solution.p[rows])
+        inside = not force >= bound - small
+        at_bound = not inside and bound > small
+        slides = slip > rounding[rows].max()
+        if at_bound and (slides or self.ties[rows].any()):
+            return Mode.SLIDING, float(solution.p[k] / force)
+        if slides:
+            return Mode.SLIDING, float(-solution.w[k] / slip)
+        return (Mode.HELD if inside else Mode.OFF), 0.0
 
-def _on_edges(
-    closed: Closed, problem: Problem, solution: Solution, rounding: Floats, ties: Floats
-) -> tuple[list[Mode], Floats]:
-    """Modes and directions where ties are decided and held rows are independent.
+    def _hold(
+        self,
+        holding: list[int],
+        apart: list[int],
+        modes: list[Mode],
+        directions: Floats,
+        p: Floats,
+    ) -> None:
+        """Set modes of rows that hold, each with the share of its bound that it bears.
 
-    rounding : (r,), accelerations that are rounding.
-    """
-    own = closed.D.diagonal()
-    small = rounding / np.where(own > 0.0, own, 1.0)
-    modes, directions = list(solution.modes), solution.directions.copy()
-    p, w = solution.p, solution.w
-    tied: list[int] = []  # what touches without force and is not to part
-    apart: list[int] = []  # ... and what does
-    for k in problem.rows(Role.SIGNED):
-        if modes[k] is Mode.HELD and p[k] <= small[k] and ties[k] > 0.0:
-            modes[k] = Mode.OFF
-        elif modes[k] is Mode.OFF and w[k] <= rounding[k]:
-            (tied if ties[k] <= 0.0 else apart).append(k)
-    for k, bound in enumerate(problem.bounds(p).tolist()):
-        n = problem.normals[k]
-        if n >= 0 and modes[n] is Mode.OFF and n not in tied:
-            modes[k], directions[k] = Mode.OFF, 0.0
-            continue
-        if problem.roles[k] != Role.BOXED:
-            continue
-        rows = [k] if problem.pairs[k] < 0 else [k, problem.pairs[k]]
-        slip, force = np.linalg.norm(w[rows]), np.linalg.norm(p[rows])
-        if slip > rounding[rows].max():
-            modes[k], directions[k] = Mode.SLIDING, directions[k] or -float(w[k] / slip)
-        elif ties[rows].any() and bound > small[k] and force >= bound - small[k]:
-            modes[k], directions[k] = Mode.SLIDING, float(p[k] / force)
-        elif modes[k] is not Mode.HELD:
-            tied.append(k)
-    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    held.sort(key=lambda k: problem.roles[k] != Role.FREE)
-    _imply(_Rows(closed), problem, p, modes, directions, [*held, *tied], apart)
-    return modes, directions
-
-
-def _imply(
-    span: _Rows,
-    problem: Problem,
-    p: Floats,
-    modes: list[Mode],
-    directions: Floats,
-    holding: list[int],
-    apart: list[int],
-) -> None:
-    """Mark rows that others hold as redundant, with the share of their bound they bear.
-
-    Slips of contacts without force are off; what others hold cannot part.
-    """
-    limits = problem.bounds(p)
-    for k in holding:
-        n = problem.normals[k]
-        if n >= 0 and modes[n] is not Mode.HELD:
-            modes[k], directions[k] = Mode.OFF, 0.0
-        elif span.takes(k):
-            modes[k], directions[k] = Mode.HELD, 0.0
-        else:
-            modes[k] = Mode.REDUNDANT
-            if n >= 0 or problem.roles[k] == Role.BOXED:
-                directions[k] = p[k] / limits[k] if limits[k] else 0.0
-    for k in apart:
-        if span.has(k):
-            modes[k] = Mode.REDUNDANT
+        What others hold is redundant, and cannot part; slips of contacts without force
+        are off.
+        """
+        limits, span = self.problem.limits(p), _Independent(self.closed)
+        for k in holding:
+            n = self.closed.normals[k]
+            if n >= 0 and modes[n] is not Mode.HELD:
+                continue
+            modes[k] = Mode.HELD if span.takes(k) else Mode.REDUNDANT
+            if modes[k] is Mode.REDUNDANT and limits[k]:
+                directions[k] = p[k] / limits[k]
+        for k in apart:
+            if span.has(k):
+                modes[k] = Mode.REDUNDANT
 
 
 def _columns(closed: Closed) -> Floats:
@@ -471,7 +476,7 @@ def _columns(closed: Closed) -> Floats:
     return np.asarray(np.sqrt(np.maximum(sizes, 0.0))[:, None] * V.T)
 
 
-class _Rows(Span):
+class _Independent(Span):
     """The span of the rows taken so far."""
 
     def __init__(self, closed: Closed) -> None:
@@ -490,34 +495,33 @@ class _Rows(Span):
         return float(np.linalg.norm(self.outside(self.units[row]))) <= self.least
 
 
-def _supported(
-    closed: Closed, problem: Problem, solution: Solution, rounding: Floats
-) -> Solution:
+def _supported(rows: _Rows, solution: Solution) -> Solution:
     """Solution in which the contacts that bear are independent, if there is one.
 
-    All rows keep their accelerations within rounding (r,).
+    All rows keep their accelerations within rounding.
     """
+    problem, rounding = rows.problem, rows.rounding(solution)
     while True:
-        for k in _spare(closed, problem, solution):
+        for k in _spare(rows, solution):
             away = (np.arange(len(problem.c)) == k) | (problem.normals == k)
-            without = replace(problem, roles=np.where(away, Role.ABSENT, problem.roles))
+            low, high = (np.where(away, 0.0, x) for x in (problem.low, problem.high))
+            without = replace(problem, low=low, high=high)
             less = solve(without)
-            full = closed.D @ less.p + problem.c
+            full = problem.D @ less.p + problem.c
             if less.found and (np.abs(full - solution.w) <= rounding).all():
-                solution, problem = replace(less, w=full), without
+                solution, problem = less._replace(w=full), without
                 break
         else:
             return solution
 
 
-def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
+def _spare(rows: _Rows, solution: Solution) -> list[int]:
     """Contacts that end first where forces change along a dependence."""
-    p = solution.p
-    bear = [k for k in problem.rows(Role.SIGNED) if p[k] > 0.0]
-    span = _Rows(closed)
+    p, span = solution.p, _Independent(rows.closed)
+    bear = [k for k in rows.one_sided if p[k] > 0.0]
     if all(span.takes(k) for k in bear):
         return []
-    s = np.sqrt(closed.D.diagonal()[bear])
+    s = np.sqrt(rows.closed.D.diagonal()[bear])
     z = np.linalg.svd(span.units[bear].T)[2][-1] / s
     ends = []
     for direction in (z, -z):
@@ -528,47 +532,74 @@ def _spare(closed: Closed, problem: Problem, solution: Solution) -> list[int]:
     return sorted(ends, key=lambda k: float(p[k]))
 
 
+def _expressed(
+    rows: _Rows, sizes: Floats, modes: list[Mode], directions: Floats
+) -> tuple[Floats, Floats]:
+    """E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
+    r = len(modes)
+    E, p0 = np.zeros((r, r)), np.zeros(r)
+    for k, mode in enumerate(modes):
+        n, part = rows.closed.normals[k], directions[k] * sizes[k]
+        if mode is Mode.HELD:
+            E[k, k] = 1.0
+        elif mode is not Mode.OFF and n < 0:
+            p0[k] = part
+        elif mode is not Mode.OFF and modes[n] is Mode.HELD:
+            E[k, n] = part
+    return E, p0
+
+
 def _decided(
-    closed: Closed, problem: Problem, modes: list[Mode], directions: Floats
+    rows: _Rows, sizes: Floats, modes: list[Mode], directions: Floats
 ) -> Modes:
-    """Solve once more, for the rows that hold by themselves."""
-    p = polished(problem, modes, directions, closed.factor)
+    """Solve once more, for the rows that hold by themselves.
+
+    With the factor Y of D = Y^T Y nearly dependent rows cost only the digits they must:
+    B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
+    """
+    closed, c = rows.closed, rows.problem.c
+    E, p0 = _expressed(rows, sizes, modes, directions)
+    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    D, Y = closed.D[held], _columns(closed)
+    B, h = (D @ E)[:, held], c[held] + D @ p0
+    Q, R = np.linalg.qr(Y[:, held])
+    forces = Q.T @ (Y @ E)[:, held]
+    x = np.zeros(len(held))
+    for _ in range(2):
+        if closed.factor is None:
+            x -= least_squares(B, B @ x + h)
+        else:
+            x -= least_squares(forces, np.linalg.solve(R.T, B @ x + h))
+    p = E[:, held] @ x + p0
+    signed = np.isin(np.arange(len(p)), rows.one_sided)
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max(initial=0.0)
-    p[(problem.roles == Role.SIGNED) & (p < 0.0) & (p > least)] = 0.0
-    # Ways are parts of the bounds in force, here of those of the problem.
+    p[signed & (p < 0.0) & (p > least)] = 0.0
+    # Directions are parts of the bounds in force, here of those of the problem.
     redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
     known = np.where(redundant, closed.statics, closed.bounds)
-    other = (known > 0.0) & (known != problem.sizes)
-    parts = np.where(other, problem.sizes, 1.0) / np.where(other, known, 1.0)
-    return Modes(
-        tuple(modes), directions * parts, p, _jams(closed, problem, modes, directions)
-    )
+    other = (known > 0.0) & (known != sizes)
+    parts = np.where(other, sizes, 1.0) / np.where(other, known, 1.0)
+    jams = Mode.SLIDING in modes and _jams(rows, E, held, R, forces)
+    return Modes(tuple(modes), directions * parts, p, jams)
 
 
-def _jams(
-    closed: Closed, problem: Problem, modes: list[Mode], directions: Floats
-) -> bool:
+def _jams(rows: _Rows, E: Floats, held: list[int], R: Floats, forces: Floats) -> bool:
     """Whether a contact that holds and slides has no positive effective mass.
 
-    Pressing on it then does not push it away: each alone, and those that hold together.
-    What need not press may part; that is no paradox.
+    Pressing on it then does not push it away: each alone, and those that hold together,
+    against their mass without friction, det(R)^2. What need not press may part; that is
+    no paradox.
     """
-    if Mode.SLIDING not in modes:
-        return False
-    E, _ = expressed(problem, modes, directions)
-    free = problem.rows(Role.FREE)
-    G = closed.D @ E
+    D = rows.closed.D
+    free = [k for k, kind in enumerate(rows.closed.kinds) if kind is Kind.TIMED]
+    G = D @ E
     masses = G.diagonal()
     if free:
         X = np.linalg.lstsq(G[np.ix_(free, free)], G[free], rcond=None)[0]
         masses = masses - np.einsum("ij,ji->i", G[:, free], X)
-    held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
-    signed = [k for k in held if problem.roles[k] == Role.SIGNED]
-    if (masses[signed] <= ACCELERATION_ROUNDOFF * closed.D.diagonal()[signed]).any():
+    signed = [k for k in held if k in rows.one_sided]
+    if (masses[signed] <= ACCELERATION_ROUNDOFF * D.diagonal()[signed]).any():
         return True
-    # Those that hold together: their mass against the one without friction.
-    Y = _columns(closed)
-    Q, R = np.linalg.qr(Y[:, held])
-    sign, size = np.linalg.slogdet(Q.T @ (Y @ E)[:, held])
+    sign, size = np.linalg.slogdet(forces)
     other, plain = np.linalg.slogdet(R)
     return bool(sign * other * np.exp(size - plain) <= ACCELERATION_ROUNDOFF)
