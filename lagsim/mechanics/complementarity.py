@@ -116,7 +116,8 @@ class Problem:
     def discs(self) -> list[list[int]]:
         """Rows that share a disc, two by two."""
         later = (self.pairs >= 0) & (self.pairs < np.arange(len(self.c)))
-        return [[self.pairs.item(k), k] for k in np.flatnonzero(later & ~self.fixed)]
+        some = np.flatnonzero(later & ~self.fixed).tolist()
+        return [[self.pairs.item(k), k] for k in some]
 
     @cached_property
     def rubs(self) -> bool:

@@ -255,10 +255,11 @@ def _is_open(closed: Closed, before: Floats, p: Floats) -> bool:
     It does where one changes the rate of another that is struck as well. Inelastic ones
     without friction that push each other's rates down end in one state all the same.
     """
+    pushed = np.abs(p) > SOLUTION_ROUNDOFF * np.abs(p).max(initial=0.0)
     groups = {
-        k: [k, *(i for i, n in enumerate(closed.normals) if n == k and p[i])]
+        k: [k, *(i for i, n in enumerate(closed.normals) if n == k and pushed[i])]
         for k, kind in enumerate(closed.kinds)
-        if kind is Kind.CONTACT and (p[k] > 0.0 or before[k] < 0.0)
+        if kind is Kind.CONTACT and (pushed[k] or before[k] < 0.0)
     }
     scale = np.sqrt(closed.D.diagonal())
     for (i, rows), (j, others) in combinations(groups.items(), 2):
