@@ -49,7 +49,6 @@ START_VALUE = "start value"
 CAUTION = 4.0
 # The part of the motion that a rate counts as at least.
 MOTION = 0.1
-SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
 _HELD = (Mode.HELD, Mode.REDUNDANT)
 
 
@@ -280,7 +279,7 @@ def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
 
 
 def _of_law(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Verdict:
-    signed, active = law.kind in SIDED, in_force
+    signed, active = law.kind.one_sided, in_force
     found = _of_row(law.row, value, rate)
     if signed:
         found = found._replace(kind=ONE_SIDED, velocity=None)
@@ -356,7 +355,7 @@ def one_sided(equations: Equations, names: Collection[str]) -> dict[str, Row]:
     return {
         law.constraint: law.row
         for law in equations.laws
-        if law.kind in SIDED and law.constraint in names
+        if law.kind.one_sided and law.constraint in names
     }
 
 
@@ -445,7 +444,7 @@ def _modes(
     gone = {
         k
         for k, rate, small in zip(chosen, rates, rounding, strict=True)
-        if laws[k].kind in SIDED and rate > small
+        if laws[k].kind.one_sided and rate > small
     }
     left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
     if not left:

@@ -13,11 +13,13 @@ multiplier is 0.
 from __future__ import annotations
 
 from enum import Enum
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
+from lagsim.methods.parts import parameters as kept
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -140,13 +142,49 @@ def scale_of(
 
 
 class Kind(Enum):
-    """Kind of a row: the condition that ends its time in force."""
+    """Role of a row that holds at times: what it may transmit, and what ends that.
 
-    CONTACT = "a gap that stays >= 0"
-    FREEWHEEL = "a rate that stays >= 0"
-    SLIP = "a sliding velocity that the friction of a contact opposes"
-    LIMITED = "an equality whose multiplier is bounded"
-    TIMED = "an equality that is in force at times"
+    Its multiplier is between `low` and `high` times its bound (of a slip: times that of
+    its contact too). In force it is off, held, or slides at an end of a finite bound.
+
+    ============ ============= ==================================================
+    role         bounds        ends
+    ============ ============= ==================================================
+    CONTACT      0, inf        off: its gap closes; held: it would pull
+    FREEWHEEL    0, inf        off: its rate falls to 0; held: it would pull
+    SLIP         -mu, mu       with its contact; held: at its bound; slides: at rest
+    LIMITED      -L, L         held: at its bound; slides: at rest
+    TIMED        -inf, inf     at times known ahead
+    ============ ============= ==================================================
+
+    Attributes
+    ----------
+    code : float
+        Its number in kernels.
+    low, high : float
+    strikes : bool
+        An impact gives it an impulse: what is bounded gives none in no time, but
+        friction goes with that of its contact.
+    """
+
+    CONTACT = (kept.CONTACT, 0.0, inf, True)
+    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, True)
+    SLIP = (kept.SLIP, -1.0, 1.0, True)
+    LIMITED = (kept.LIMITED, -1.0, 1.0, False)
+    TIMED = (kept.TIMED, -inf, inf, True)
+
+    def __init__(self, code: float, low: float, high: float, strikes: bool) -> None:
+        self.code, self.low, self.high, self.strikes = code, low, high, strikes
+
+    @property
+    def one_sided(self) -> bool:
+        """Whether the multiplier pushes and does not pull."""
+        return self.low == 0.0
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the multiplier is bounded in both directions."""
+        return self.high < inf
 
 
 class Law(NamedTuple):
@@ -184,15 +222,14 @@ class Law(NamedTuple):
 
     def bouncing(self, restitution: float) -> Law:
         """Return the same with another restitution, where it is a contact's."""
-        bounces = self.kind in (Kind.CONTACT, Kind.FREEWHEEL)
-        return self._replace(restitution=restitution) if bounces else self
+        return self._replace(restitution=restitution) if self.kind.one_sided else self
 
     def moved(self, g: Graph, rates: Sequence[int]) -> int:
         """Factor of the multiplier in its power.
 
         What slides does work, whatever else it is.
         """
-        if self.kind in (Kind.SLIP, Kind.LIMITED):
+        if self.kind.bounded:
             entries = self.row.A.entries.items()
             return g.product_sum((slope, rates[j]) for j, slope in entries)
         return self.row.transport

@@ -57,10 +57,6 @@ class Mode(IntEnum):
     REDUNDANT = 3  # it holds because others do
 
 
-ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
-BOUNDED = (Kind.SLIP, Kind.LIMITED)
-
-
 @dataclass(frozen=True, slots=True)
 class Closed:
     """Contacts that touch with their slips, and other rows in force: r of them.
@@ -102,11 +98,9 @@ def _problem(
     """
     low, high = np.zeros((2, 2, len(c)))
     for k, kind in enumerate(closed.kinds):
-        if kind in BOUNDED:
-            part = 1 if kind is Kind.SLIP else 0
-            low[part, k], high[part, k] = -sizes[k], sizes[k]
-        else:
-            low[0, k], high[0, k] = -np.inf if kind is Kind.TIMED else 0.0, np.inf
+        size = sizes[k] if kind.bounded else 1.0
+        part = 1 if kind is Kind.SLIP else 0
+        low[part, k], high[part, k] = kind.low * size, kind.high * size
     low[:, given] = high[:, given] = high[:, given] * directions[given]
     normals, pairs = np.array(closed.normals), np.array(closed.pairs)
     return Problem(closed.D, c, low, high, normals, np.where(given, -1, pairs))
@@ -184,7 +178,7 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
     Newton's targets of contacts that are locked into each other may contradict; such
     an impact is inelastic. A contact that is `TIMED` is stopped, whatever it takes.
     """
-    if len(rates) == 1 and closed.kinds[0] in ONE_SIDED:
+    if len(rates) == 1 and closed.kinds[0].one_sided:
         return _of_one(closed, float(rates[0]), float(roundoff[0]))
     before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
     terms = zip(
@@ -352,7 +346,7 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     """Which rows slide already (r,), and the directions of their friction (r,)."""
     pairs = np.array(closed.pairs)
     slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
-    bounded = np.array([kind in BOUNDED for kind in closed.kinds], dtype=bool)
+    bounded = np.array([kind.bounded for kind in closed.kinds], dtype=bool)
     given: Flags = bounded & (slips > slip_noise)
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
@@ -371,7 +365,7 @@ class _Rows:
     ) -> None:
         self.closed, self.problem, self.given = closed, problem, given
         self.directions, self.roundoff, self.ties = directions, roundoff, ties
-        self.one_sided = [k for k, x in enumerate(closed.kinds) if x in ONE_SIDED]
+        self.one_sided = [k for k, x in enumerate(closed.kinds) if x.one_sided]
 
     def rounding(self, solution: Solution) -> Floats:
         """Bounds of the rounding of the accelerations of rows (r,).
@@ -405,7 +399,7 @@ class _Rows:
                 (held if p[k] > small[k] else apart if leans else tied).append(k)
         touches = {*held, *tied}
         for k, kind in enumerate(self.closed.kinds):
-            if kind not in BOUNDED:
+            if not kind.bounded:
                 continue
             n = self.closed.normals[k]
             if n >= 0 and n not in touches:

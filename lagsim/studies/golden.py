@@ -19,7 +19,6 @@ import orjson
 from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
-from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
@@ -276,7 +275,7 @@ def invariants(equations: Equations, motion: Motion) -> dict[str, Floats]:
         law = laws.get(name)
         if name.startswith(RESIDUAL) and law is None:
             found[name] = values
-        elif law and law.kind in (Kind.CONTACT, Kind.FREEWHEEL) and law.when is None:
+        elif law and law.kind.one_sided and law.when is None:
             found[name] = np.minimum(values, 0.0)
     if free := conserved(equations):
         known = {p.name: p.value for p in equations.model.parameters} | column

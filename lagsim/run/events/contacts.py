@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Shape
 
-ONE_SIDED = (Kind.CONTACT, Kind.FREEWHEEL)
-BOUNDED = (Kind.SLIP, Kind.LIMITED)
 FORCING = (kept.HELD, kept.SLIDING)
 # What opens again slowly is told from errors of the steps by this part of the tolerance
 # of its motion.
@@ -44,8 +42,6 @@ OPENED = 0.05
 SOON = 1e-6
 # Where forces change, each moment looked at is so many times as late as the last.
 LATER = 10.0
-# What gives an impulse: a force that is bounded gives none in no time.
-STRIKING = (Kind.CONTACT, Kind.FREEWHEEL, Kind.SLIP, Kind.TIMED)
 # What has bounced so often comes to rest by a series, not by one impact.
 SERIES = 3
 # A contact closes within so many tolerances of how far it has moved; no tolerance is
@@ -186,7 +182,7 @@ class Contacts(Source):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k]]
-        some = [k for k in some if self.laws[k].kind in STRIKING]
+        some = [k for k in some if self.laws[k].kind.strikes]
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
             grazing = here.grazing
@@ -392,7 +388,7 @@ def select_modes(
     p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
     events = list(_changes(here, before)) if arc.steps else []
     redundant = [k for k in found.some if found.mode[k] == kept.REDUNDANT]
-    unique = not any(here.laws[k].kind in ONE_SIDED for k in redundant)
+    unique = not any(here.laws[k].kind.one_sided for k in redundant)
     p.law_shares = 0.0 if unique else 1.0
     return events, found.paradox, unique
 
@@ -406,7 +402,7 @@ def _idle(here: Kinematics, found: Chosen) -> list[int]:
         k
         for k, push in zip(found.some, pushes, strict=True)
         if found.mode[k] == kept.HELD
-        and here.laws[k].kind in ONE_SIDED
+        and here.laws[k].kind.one_sided
         and push <= here.roundoff[k]
     ]
 
@@ -443,7 +439,7 @@ def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chose
     closed = here.is_closed(also)
     some: list[int] = []
     for k, law in enumerate(laws):
-        leaves = law.kind in ONE_SIDED and rates[k] > here.still[k]
+        leaves = law.kind.one_sided and rates[k] > here.still[k]
         if law.kind is Kind.SLIP:
             leaves = law.normal not in some
         if closed[k] and not leaves:
@@ -528,7 +524,7 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
         elif mode == kept.SLIDING:
             size[k] = here.still[k]
             band[k] = 0.5 * p.law_floor[k]  # its way holds so far back
-        elif mode == kept.OFF and law.kind in ONE_SIDED:
+        elif mode == kept.OFF and law.kind.one_sided:
             position = law.kind is Kind.CONTACT
             rounding[k] = here.slack[k] if position else here.still[k]
             size[k] = rounding[k] if here.gaps[k] <= rounding[k] else 0.0
@@ -547,7 +543,7 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
         return
     for k, law in enumerate(here.laws):
         name = law.constraint
-        if law.kind in BOUNDED:
+        if law.kind.bounded:
             twice = 0 <= law.pair < k
             if before[k] == kept.HELD and now[k] == kept.SLIDING and not twice:
                 yield Event(t, "slip", name)

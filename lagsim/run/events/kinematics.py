@@ -238,7 +238,7 @@ class Kinematics:
         for k, law in enumerate(self.laws):
             if law.kind is Kind.SLIP:
                 closed.append(closed[law.normal])
-            elif law.kind is Kind.LIMITED or law.kind is Kind.TIMED:
+            elif not law.kind.one_sided:
                 closed.append(in_force[k])
             else:
                 holds = mode[k] in (kept.HELD, kept.REDUNDANT) or k in also

@@ -22,7 +22,6 @@ from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.run.system.functions import (
     AFTER_FREEZING,
-    CODES,
     Columns,
     fill,
     functions,
@@ -297,7 +296,7 @@ class System:
         if self.works:
             p.worked[:] = self.equations.worked
         if self.laws:
-            p.law_kind[:] = [CODES[law.kind] for law in self.laws]
+            p.law_kind[:] = [law.kind.code for law in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         return cast("Parameters", p)

@@ -24,7 +24,6 @@ from lagsim.mechanics.equations import (
     reactions,
 )
 from lagsim.mechanics.ldl import without_rows
-from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import ALWAYS, OFF
 from lagsim.plan.formulation import GAIN
 from lagsim.solve.series import linear_form, motion_rates
@@ -169,7 +168,7 @@ def _judged(equations: Equations, rows: Mapping[str, Row]) -> dict[str, int]:
     for name, row in rows.items():
         law = free.get(name)
         if law is not None:
-            if law.kind in (Kind.LIMITED, Kind.TIMED):
+            if not law.kind.one_sided:
                 continue
             missed = g.call("min", row.residual, g.zero)
             if law.when is not None:
@@ -203,15 +202,6 @@ def _optional(equations: Equations) -> dict[str, int]:
     if e.model.output.reactions:
         nodes.update((f"reaction.{name}", node) for name, node in reactions(e).items())
     return nodes
-
-
-CODES = {
-    Kind.CONTACT: kept.CONTACT,
-    Kind.FREEWHEEL: kept.FREEWHEEL,
-    Kind.SLIP: kept.SLIP,
-    Kind.LIMITED: kept.LIMITED,
-    Kind.TIMED: kept.TIMED,
-}
 
 
 def _held(g: Graph, rows: Iterable[Row]) -> list[int]:
@@ -325,7 +315,7 @@ def fill(p: Impulses, e: Equations, found: Pattern) -> None:
     count, laws = len(e.rows), e.laws
     p.inertia_first[:] = found.first
     p.slope_starts[:], p.slope_columns[:] = found.starts, found.columns
-    p.row_kind[:] = [ALWAYS] * count + [CODES[law.kind] for law in laws]
+    p.row_kind[:] = [ALWAYS] * count + [law.kind.code for law in laws]
     # Equalities come first.
     for name in ("normal", "pair"):
         numbers = (getattr(law, name) for law in laws)
