@@ -33,7 +33,7 @@ first of which that solves it to rounding counts, else the best.
    it. Ties are broken lexicographically, so that they cannot run in circles: on
    degenerate problems too (balls that touch at rest, redundant legs) they end, at a
    solution where the rows that bear are independent. Where there are discs, Newton's
-   method goes on from there.
+   method goes on from there, or from a polygon of more corners.
 3. Proximal points: a little more diagonal makes rows independent, and its force on the
    solution is taken back. Where rows with discs depend on each other this comes first:
    it leads to about the least of their multipliers, inside of the discs if it can be.
@@ -311,11 +311,11 @@ def _attempts(unit: Problem) -> Iterator[Floats]:
             yield p
     if discs:
         yield _proximal(unit, FIRM_ON_DISCS, PROXIMAL_ON_DISCS)
-    p = _by_pivots(unit)
-    yield _descend(unit, p) if discs else p
-    yield _proximal(unit, FIRM, PROXIMAL)
-    if discs:
+        for corners in CORNERS:
+            yield _descend(unit, _by_pivots(unit, corners))
         return
+    yield _by_pivots(unit)
+    yield _proximal(unit, FIRM, PROXIMAL)
     limited = np.isfinite(unit.high).all(axis=0)
     at = np.where(unit.c > 0.0, unit.low, unit.high)
     low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
@@ -433,16 +433,15 @@ class _Point:
 
 # --- pivots ---------------------------------------------------------------------------
 
-# Directions of a bounded row, and of two on a disc: a polygon of so many corners.
-CORNERS = 8
+# Directions of a bounded row; two on a disc have those of a polygon of so many corners,
+# of more where Newton's method finds no way on from the first.
 SIDES = np.array([[1.0], [-1.0]])
-ANGLES = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-POLYGON = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+CORNERS = (8, 32)
 # Pivots for each row; a few times the number of rows is what it needs in practice.
 PATIENCE = 50
 
 
-def _by_pivots(problem: Problem) -> Floats:
+def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
     """Multipliers (r,) by Lemke's method, with a polygon for each disc; 0 on a ray."""
     r, pairs = len(problem.c), problem.pairs
     lowest, highest = problem.low[0], problem.high[0]
@@ -459,12 +458,14 @@ def _by_pivots(problem: Problem) -> Floats:
     rows = [*signed.tolist(), *(k for group in groups for k in group)]
     # x = base + N a of these rows, group by group, a >= 0.
     base = np.zeros(len(rows))
+    angles = 2.0 * np.pi * np.arange(corners) / max(corners, 1)
+    polygon = np.column_stack([np.cos(angles), np.sin(angles)])
     spans, caps = [], np.zeros((2, len(groups)))
     i = n = len(signed)
     for j, group in enumerate(groups):
         k = group[-1]
         opposite = lowest[k] == -highest[k]
-        spans.append(POLYGON if len(group) == 2 else SIDES if opposite else SIDES[:1])
+        spans.append(polygon if len(group) == 2 else SIDES if opposite else SIDES[:1])
         base[i] = 0.0 if opposite else lowest[k]
         caps[:, j] = highest[k] - base[i], problem.high[1, k]
         i += len(group)

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from functools import cached_property
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -328,7 +329,7 @@ def modes(
         if not solution.found:
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
-        rows = _Rows(closed, problem, given, directions, roundoff, ties)
+        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ties)
         found, directions_found, plain = rows.edges(solution)
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
@@ -339,7 +340,7 @@ def modes(
             return Modes(tuple(found), directions_found, solution.p, paradox=False)
         if problem.discs:
             found, directions_found, _ = rows.edges(_supported(rows, solution))
-        return _decided(rows, sizes, found, directions_found)
+        return _decided(rows, found, directions_found)
 
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
@@ -351,21 +352,25 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
+@dataclass(frozen=True)
 class _Rows:
-    """Rows of a problem, and which of them are on an edge."""
+    """Rows of a problem, whose solution says which are held and which on an edge.
 
-    def __init__(
-        self,
-        closed: Closed,
-        problem: Problem,
-        given: Flags,
-        directions: Floats,
-        roundoff: Floats,
-        ties: Floats,
-    ) -> None:
-        self.closed, self.problem, self.given = closed, problem, given
-        self.directions, self.roundoff, self.ties = directions, roundoff, ties
-        self.one_sided = [k for k, x in enumerate(closed.kinds) if x.one_sided]
+    Those that are `given` slide in `directions`; `sizes` are their bounds.
+    """
+
+    closed: Closed
+    problem: Problem
+    sizes: Floats
+    given: Flags
+    directions: Floats
+    roundoff: Floats
+    ties: Floats
+
+    @cached_property
+    def one_sided(self) -> list[int]:
+        """Contacts and freewheels."""
+        return [k for k, kind in enumerate(self.closed.kinds) if kind.one_sided]
 
     def rounding(self, solution: Solution) -> Floats:
         """Bounds of the rounding of the accelerations of rows (r,).
@@ -528,13 +533,13 @@ def _spare(rows: _Rows, solution: Solution) -> list[int]:
 
 
 def _expressed(
-    rows: _Rows, sizes: Floats, modes: list[Mode], directions: Floats
+    rows: _Rows, modes: list[Mode], directions: Floats
 ) -> tuple[Floats, Floats]:
     """E (r, r), p0 (r,): p = E x + p0, where x are multipliers of held rows."""
     r = len(modes)
     E, p0 = np.zeros((r, r)), np.zeros(r)
     for k, mode in enumerate(modes):
-        n, part = rows.closed.normals[k], directions[k] * sizes[k]
+        n, part = rows.closed.normals[k], directions[k] * rows.sizes[k]
         if mode is Mode.HELD:
             E[k, k] = 1.0
         elif mode is not Mode.OFF and n < 0:
@@ -544,16 +549,14 @@ def _expressed(
     return E, p0
 
 
-def _decided(
-    rows: _Rows, sizes: Floats, modes: list[Mode], directions: Floats
-) -> Modes:
+def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     """Solve once more, for the rows that hold by themselves.
 
     With the factor Y of D = Y^T Y nearly dependent rows cost only the digits they must:
     B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
     """
-    closed, c = rows.closed, rows.problem.c
-    E, p0 = _expressed(rows, sizes, modes, directions)
+    closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
+    E, p0 = _expressed(rows, modes, directions)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
     D, Y = closed.D[held], _columns(closed)
     B, h = (D @ E)[:, held], c[held] + D @ p0
