@@ -12,7 +12,6 @@ stands for is nothing but its bounds:
     slip: friction of a contact            -mu p_n, mu p_n; of two slips |p| <= mu p_n
     equality of bounded multiplier         -L, L
     what slides already                    both d mu p_n, or d L, against its slip
-    share of a surface's lower side        -1, 0: less the share of the upper one
     nothing                                0, 0
 
 D need not be symmetric. Rows may depend on each other: then p is not unique, w is.

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.complementarity import Problem, solve
 from lagsim.methods.parts import parameters as kept
 from lagsim.run.system.functions import on_velocities
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TINY
@@ -37,10 +36,9 @@ if TYPE_CHECKING:
 
 BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
-# All modes are tried up to this many surfaces; beyond it shares are those of a linear
-# complementarity problem, with so many exchanges of the sides of those that repel.
+# All modes are tried up to this many surfaces; beyond it they are exchanged one by one.
 FEW = 5
-MOST_EXCHANGES = 100
+MOST_EXCHANGES = 1000
 
 
 class FilippovCone:
@@ -88,7 +86,7 @@ class FilippovCone:
         `now` come first.
         """
         if self.count > FEW:
-            return self._of_many(now)
+            return self._exchanged(now)
         candidates = list(self._candidates(now))
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
@@ -179,43 +177,29 @@ class FilippovCone:
         leaves = np.where(sides == ABOVE, rho, -rho) >= least
         return bool(np.all(known | np.where(sides == SLIDING, follows, leaves)))
 
-    def _of_many(self, now: Sequence[int]) -> list[int] | None:
-        """Select by complementarity: the rates, as shares w, are affine in those.
+    def _exchanged(self, now: Sequence[int]) -> list[int] | None:
+        """Exchange the first surface that violates its condition until none does.
 
-        Where the sides push away from a surface it is on one of them: the present one,
-        unless its rate leads off that.
+        Ends where -B is a P-matrix, as for friction (K. G. Murty, Linear
+        Complementarity, Linear and Nonlinear Programming, 1988, section 5.1, with
+        bounds above).
         """
-        low, ones = (BELOW,) * self.count, np.ones(self.count)
-        base = self.rates(low)
-        E = np.array([self.rates(_above(low, j)) - base for j in range(self.count)]).T
-        size = np.max(np.abs(E), axis=1)
-        size[size == 0.0] = 1.0
-        attracts = np.diag(E) < 0.0
-        sides = {k: now[k] for k in np.flatnonzero(~attracts).tolist()} | {**self.held}
-        none = np.full(self.count, -1)
+        attracts = [self.attraction(i) < 0.0 for i in range(self.count)]
+        mode = [
+            self.held.get(i, SLIDING if attracts[i] else now[i])
+            for i in range(self.count)
+        ]
         for _ in range(MOST_EXCHANGES):
-            bounds = np.array([-ones, 0.0 * ones, 0.0 * ones, 0.0 * ones])
-            for k, side in sides.items():
-                bounds[[0, 2], k] = -float(side)
-            problem = Problem(
-                -E / size[:, None], base / size, bounds[:2], bounds[2:], none, none
-            )
-            p, rho, found = solve(problem)[:3]
-            rho = rho * size
-            mode = [
-                sides.get(k, SLIDING if abs(rho[k]) <= self.tolerance[k] else -1)
-                for k in range(self.count)
-            ]
-            mode = [round(-p.item(k)) if m < 0 else m for k, m in enumerate(mode)]
-            wrong = [
-                k
-                for k, side in sides.items()
-                if k not in self.held
-                and (rho[k] if side == BELOW else -rho[k]) > self.tolerance[k]
-            ]
-            if not wrong:
-                return mode if found else None
-            sides[wrong[0]] = 1 - sides[wrong[0]]
+            w, rho, _ = self._solved(mode)
+            for i, k in enumerate(mode):
+                if i in self.held:
+                    continue
+                new = _better(k, w[i], rho[i], self.tolerance[i])
+                if new != k:
+                    mode[i] = SLIDING if attracts[i] and k != SLIDING else new
+                    break
+            else:
+                return mode
         return None
 
 
@@ -229,6 +213,15 @@ def _affine(rates: Rates, count: int) -> Rates:
     base = rates(low)
     effects = np.array([rates(_above(low, j)) - base for j in range(count)])
     return lambda corner: base + np.array(corner, dtype=float) @ effects
+
+
+def _better(k: int, w: float, rho: float, tolerance: float) -> int:
+    if k == SLIDING:
+        if w > 1.0 + SOLUTION_ROUNDOFF:
+            return ABOVE
+        return BELOW if w < -SOLUTION_ROUNDOFF else SLIDING
+    wrong = rho < -tolerance if k == ABOVE else rho > tolerance
+    return 1 - k if wrong else k
 
 
 # Directions in which a state is moved to see what its rounding does to a surface.
