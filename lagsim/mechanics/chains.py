@@ -23,16 +23,14 @@ T. R. Kane and D. A. Levinson, Dynamics: Theory and Applications, section 4.11.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import local_slopes, pulled, slopes, tangent
 from lagsim.language.evaluate import roundings
 from lagsim.language.sparse import (
     Budget,
-    DisjointSets,
     SparseVector,
     TooLongError,
     minimum_degree,
@@ -41,7 +39,14 @@ from lagsim.mechanics.factorisation import Factorisation, Vector, add_to, symmet
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import (
+        Callable,
+        Collection,
+        Iterable,
+        Iterator,
+        Mapping,
+        Sequence,
+    )
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Flow
@@ -128,23 +133,15 @@ class Chains(NamedTuple):
         return self._replace(sums=tuple(sums), squares=squares).product(g, x)
 
     def groups(self) -> list[tuple[list[int], list[int]]]:
-        """Coordinates that M couples, group by group, with its nodes."""
-        together = DisjointSets(self.size + len(self.sums))
-        for k, form in self.named.items():
-            for i in form:
-                together.merge(k, i)
-        for i, j in self.squares:
-            together.merge(i, j)
-        place: dict[int, int] = {}
-        found: list[tuple[list[int], list[int]]] = []
-        for at, group in enumerate(together.sets()):
-            place |= dict.fromkeys(group, at)
-            found.append(([], [i for i in group if i < self.size]))
-        for k, form in self.named.items():
-            found[place[k]][0].extend(form.values())
-        for (i, _), weight in self.squares.items():
-            found[place[i]][0].append(weight)
-        return found
+        """Nodes of M, and coordinates that each of them couples."""
+        found = [(list[int](), [j]) for j in range(self.size)]
+        first = [*range(self.size)]  # a coordinate of each unknown
+        for form in self.sums:
+            coupled = [first[i] for i in form]
+            found.append(([*form.values()], coupled))
+            first.append(coupled[0])
+        pairs = self.squares.items()
+        return [*found, *(([node], [first[i], first[j]]) for (i, j), node in pairs)]
 
     def neighbours(self) -> list[set[int]]:
         """Pattern of M: for each velocity the coupled ones."""
@@ -300,7 +297,7 @@ class Composite(Factorisation):
         return row
 
 
-class ChainedMass(Sequence[SparseVector]):
+class ChainedMass:
     """M of bodies on chains, whose entries are made where somebody reads them.
 
     There are n^2 of them, and of what `chains` has only some n.
@@ -313,26 +310,22 @@ class ChainedMass(Sequence[SparseVector]):
         self._graph, self._rows = g, rows
 
     @cached_property
-    def diagonal(self) -> tuple[int, ...]:
+    def diagonal(self) -> list[int]:
         """M_jj (n,)."""
         size, sums = self.chains.size, self.chains.named
         rows = symmetric(size + len(sums), self.chains.squares)
         found = Composite(self._graph, rows, Budget(), sums)
-        return tuple(found.pivots[k][0] for k in range(size))
+        return [found.pivots[k][0] for k in range(size)]
 
     @cached_property
     def rows(self) -> tuple[SparseVector, ...]:
         """The entries, row by row."""
         return self._rows()
 
-    def __len__(self) -> int:
-        return self.chains.size
+    def __iter__(self) -> Iterator[SparseVector]:
+        return iter(self.rows)
 
-    @overload
-    def __getitem__(self, i: int) -> SparseVector: ...
-    @overload
-    def __getitem__(self, i: slice) -> tuple[SparseVector, ...]: ...
-    def __getitem__(self, i: int | slice) -> SparseVector | tuple[SparseVector, ...]:
+    def __getitem__(self, i: int) -> SparseVector:
         return self.rows[i]
 
 

@@ -33,7 +33,7 @@ from collections import Counter
 from itertools import combinations, combinations_with_replacement
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.derivatives import rate_of, slopes
+from lagsim.language.derivatives import rate_of, slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
 from lagsim.language.sparse import Budget, DisjointSets
@@ -107,8 +107,7 @@ def newton(e: Equations) -> Newton | None:
                 add_to(g, forces, u, g.call("mul", force, lever[v]))
     pushes = g.substitute(forces.values(), back)
     forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
-    sums = dict(enumerate(found.rates, found.size))
-    return Newton(found.named, masses, forces, _drifts(g, flow, sums))
+    return Newton(found.named, masses, forces, _drifts(g, flow, found))
 
 
 def _masses(
@@ -141,20 +140,13 @@ def _places(
     return places
 
 
-def _drifts(g: Graph, flow: Flow, sums: Mapping[int, int]) -> Vector:
+def _drifts(g: Graph, flow: Flow, found: Chains) -> Vector:
     """Return the rate of each sum where velocities, and the sums in it, keep theirs."""
-    of = {node: k for k, node in sums.items()}
-    moving = dict(flow.forward)
-    drifts: Vector = {}
-    for n in g.cone(of):
-        if n in moving or not any(a in moving for a in g.args[n]):
-            continue
-        rate = rate_of(g, n, moving)
-        if n in of:
-            drifts[of[n]] = rate
-        else:
-            moving[n] = rate
-    return drifts
+    below = {a for node in found.rates for a in g.args[node]}
+    rates = tangent(g, below, flow.forward | dict.fromkeys(found.rates, g.zero))
+    known = dict(zip(below, rates, strict=True))
+    moved = (rate_of(g, node, known) for node in found.rates)
+    return dict(enumerate(moved, found.size))
 
 
 class Turn(NamedTuple):
@@ -162,17 +154,17 @@ class Turn(NamedTuple):
 
     Attributes
     ----------
-    factors : dict
-        Its factor in each sum, over `length`.
     across : dict
-        N, times `length` and `factors` times this.
+        N, times `length` and `square`.
+    square : int
+        `across` times its factors in the sums, over `length`.
     length : int
-        What the factors have in common.
+        What these factors have in common.
     """
 
     velocity: int
-    factors: Vector
     across: Vector
+    square: int
     length: int
 
 
@@ -239,8 +231,9 @@ def _join(
     pairs = ((rows[1], third), (third, rows[0]), (rows[0], rows[1]))
     across = [_across(g, a, b, moving) for a, b in pairs[flat : len(rows)]]
     for u, row, turned, length in zip(velocities, rests, across, lengths, strict=True):
-        one, other = (dict(zip(sums, x, strict=False)) for x in (row, turned))
-        found.turns.append(Turn(u, one, other, length))
+        square = g.product_sum(zip(row, turned, strict=False))
+        both = dict(zip(sums, turned, strict=False))
+        found.turns.append(Turn(u, both, square, length))
     still = [x for x in lengths if not g.depends([x]) & moving]
     if still:
         found.lengths.update(dict.fromkeys(sums, still[0]))
@@ -414,7 +407,7 @@ def accelerations(e: Equations) -> list[int] | None:
     found = _solution(g, held, met, moving)
     for velocity, k in leaders.items():
         others = ((c, found[i]) for i, c in laws.sums[k].items() if i != velocity)
-        rest = g.call("add", g.product_sum(others), laws.drifts.get(k, g.zero))
+        rest = g.call("add", g.product_sum(others), laws.drifts[k])
         found[velocity] = g.call("sub", found[k], rest)
     return [found[j] for j in range(n)]
 
@@ -469,11 +462,10 @@ def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Ve
     torques = {t: x for t, x in turns.items() if x.velocity in held.forces}
 
     changes = {t: _dot(g, x, drifts) for t, x in forces.items()}
-    squares = {t: _dot(g, x.factors, x.across) for t, x in turns.items()}
     levers = _products(g, {t: pulls[t] for t in turns}, links, weights)
     twists = _products(g, pulls, {t: pulls[t] for t in torques}, weights)
     met_in = groups(g, links, weights)
-    nodes = [*changes.values(), *squares.values()]
+    nodes = [*changes.values(), *(x.square for x in met.turns)]
     nodes += [n for x in (levers, twists) for row in x.values() for n in row.values()]
     nodes += [n for group in met_in for n in group.nodes]
     new = dict(zip(nodes, fewer_terms(g, nodes, moving), strict=True))
@@ -482,7 +474,7 @@ def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Ve
     for t, turn in torques.items():
         unit = g.call("mul", g.call("mul", mass, length), turn.length)
         torque = g.call("div", held.forces[turn.velocity], unit)
-        known[t] = g.call("div", torque, new[squares[t]])
+        known[t] = g.call("div", torque, new[turn.square])
     missing: Vector = {}
     for t, x in forces.items():
         change = g.call("sub", new[changes[t]], _dot(g, x, lost))
@@ -494,7 +486,7 @@ def _solution(g: Graph, held: Newton, met: Joints, moving: frozenset[str]) -> Ve
     for t, scale in _quotients(g, *scales).items():
         pulled = ((new[n], known[i]) for i, n in levers[t].items() if i in known)
         moved = g.call("sub", g.product_sum(pulled), missing[t])
-        factor = g.call("div", scale, new[squares[t]])
+        factor = g.call("div", scale, new[turns[t].square])
         found[turns[t].velocity] = g.call("mul", factor, moved)
     for t, force in known.items():
         for u, part in pulls[t].items():
@@ -533,7 +525,7 @@ def _fall(g: Graph, held: Newton, length: int, moving: frozenset[str]) -> Vector
 def _drifts_over(g: Graph, held: Newton, met: Joints, length: int) -> Vector:
     """Drifts of sums / length: over their own lengths first."""
     own = dict.fromkeys(held.sums, length) | met.lengths
-    drifts = _quotients(g, {k: held.drifts.get(k, g.zero) for k in own}, own)
+    drifts = _quotients(g, {k: held.drifts[k] for k in own}, own)
     scales = _quotients(g, own, dict.fromkeys(own, length))
     return {k: g.call("mul", scales[k], drifts[k]) for k in held.sums}
 
