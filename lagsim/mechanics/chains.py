@@ -39,14 +39,7 @@ from lagsim.mechanics.factorisation import Factorisation, Vector, add_to, symmet
 from lagsim.model.model import Level
 
 if TYPE_CHECKING:
-    from collections.abc import (
-        Callable,
-        Collection,
-        Iterable,
-        Iterator,
-        Mapping,
-        Sequence,
-    )
+    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Flow
@@ -96,7 +89,9 @@ class Chains(NamedTuple):
         factors = [node for form in self.sums for node in form.values()]
         return [*factors, *self.squares.values()]
 
-    def factorisation(self, g: Graph, budget: Budget) -> Factorisation:
+    def factorisation(
+        self, g: Graph, budget: Budget, kind: type[Factorisation] = Factorisation
+    ) -> Factorisation:
         """L D L^T of M: that of articulated bodies.
 
         Raises
@@ -104,7 +99,7 @@ class Chains(NamedTuple):
         TooLongError
         """
         rows = symmetric(self.size + len(self.sums), self.squares)
-        return Factorisation(g, rows, budget, self.named)
+        return kind(g, rows, budget, self.named)
 
     def product(self, g: Graph, x: Sequence[int]) -> list[int]:
         """M x (n,): along the chains and back."""
@@ -211,7 +206,7 @@ def chains(
     return Chains(len(rates), tuple(sums.values()), squares, tuple(sums))
 
 
-def _joined(g: Graph, parts: Iterable[tuple[int, Vector]]) -> Vector:
+def _joined(g: Graph, parts: Sequence[tuple[int, Vector]]) -> Vector:
     """Return the sum of vectors times nodes."""
     total = Vector()
     for scale, form in parts:
@@ -291,7 +286,7 @@ class Composite(Factorisation):
     The composite-rigid-body algorithm, Featherstone's chapter 6: nothing is eliminated.
     """
 
-    def _eliminate(self, k: int) -> Iterable[int]:
+    def _eliminate(self, k: int) -> Collection[int]:
         own, row = self._taken(k)
         self.pivots[k], self.columns[k] = (own, own), {}
         return row
@@ -312,10 +307,8 @@ class ChainedMass:
     @cached_property
     def diagonal(self) -> list[int]:
         """M_jj (n,)."""
-        size, sums = self.chains.size, self.chains.named
-        rows = symmetric(size + len(sums), self.chains.squares)
-        found = Composite(self._graph, rows, Budget(), sums)
-        return [found.pivots[k][0] for k in range(size)]
+        found = self.chains.factorisation(self._graph, Budget(), Composite)
+        return [found.pivots[k][0] for k in range(self.chains.size)]
 
     @cached_property
     def rows(self) -> tuple[SparseVector, ...]:
@@ -344,11 +337,8 @@ def shorter_chains(
         found.factorisation(g, budget)
     except TooLongError:
         return None
-    rows = found.neighbours()
-    if sum(map(len, rows)) // 2 > budget.operations:
-        return found  # each entry takes one multiplication at least
     try:
-        minimum_degree(rows, Budget(budget.operations))
+        minimum_degree(found.neighbours(), Budget(budget.operations))
     except TooLongError:
         return found
     return None

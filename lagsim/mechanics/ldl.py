@@ -149,10 +149,9 @@ class Elimination:
         # What is solved for later, corrections, is a part of this.
         self.operations = self.budget.operations
         self.budget.stop()
-        self.along_links = False
-        if not equations.rows:
-            shorter = self._along_links(equations)
-            self.along_links = shorter != self._motion[0]
+        shorter = self._along_links()
+        self.along_links = shorter is not None
+        if shorter is not None:
             self._motion = shorter, []
 
     @cached_property
@@ -200,16 +199,15 @@ class Elimination:
                 terms.append((inverse, z[k], other[k]))
         return self.collected.sum(terms)
 
-    def _along_links(self, equations: Equations) -> list[int]:
+    def _along_links(self) -> list[int] | None:
         """Return q'' by the forces in massless links, where that is shorter."""
-        g, before = self.g, self._motion[0]
-        below = g.cone([equations.model.lagrangian])
-        if not any(g.ops[node] in ("sin", "cos") for node in below):
-            return before
-        found, moving = accelerations(equations), equations.moving
-        if found is None or g.cost(found, moving) >= g.cost(before, moving):
-            return before
-        return found  # `operations` stays that of L D L^T: tapes pay as early as before
+        g, e = self.g, self.equations
+        below = [] if e.rows else g.cone([e.model.lagrangian])
+        turns = any(g.ops[node] in ("sin", "cos") for node in below)
+        found = accelerations(e) if turns else None
+        costs = [g.cost(x, e.moving) for x in (found or (), self._motion[0])]
+        # `operations` stays that of L D L^T: tapes pay as early as before.
+        return found if costs[0] < costs[1] else None
 
     def motion(self) -> tuple[list[int], list[int]]:
         """Return q'' (n,) and lambda (m,)."""

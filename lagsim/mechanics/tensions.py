@@ -30,7 +30,7 @@ Automation 11 (1995) 389: the constraint force algorithm.
 from __future__ import annotations
 
 from collections import Counter
-from itertools import combinations, combinations_with_replacement
+from itertools import combinations, combinations_with_replacement, product
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import rate_of, slopes, tangent
@@ -97,8 +97,11 @@ def newton(e: Equations) -> Newton | None:
     variables = frozenset((*rates.values(), *places.values(), g.variable("t")))
     slope, *levers = (slopes(g, x, variables) for x in written)
     momenta = {u: slope[v] for u, v in rates.items() if v in slope}
-    masses = _masses(g, momenta, rates, variables)
-    if masses is None or not masses.keys() <= places.keys():
+    inertias = {u: slopes(g, x, variables) for u, x in momenta.items()}
+    masses = {u: x.get(rates[u], g.zero) for u, x in inertias.items()}
+    alone = all(len(x) == 1 and masses[u] != g.zero for u, x in inertias.items())
+    varying = g.depends(masses.values()) & g.depends(variables)
+    if not alone or varying or not masses.keys() <= places.keys():
         return None
     forces = {u: slope[v] for u, v in places.items() if v in slope}
     for (force, level, _), lever in zip(works, levers, strict=True):
@@ -108,19 +111,6 @@ def newton(e: Equations) -> Newton | None:
     pushes = g.substitute(forces.values(), back)
     forces = {u: x for u, x in zip(forces, pushes, strict=True) if x != g.zero}
     return Newton(found.named, masses, forces, _drifts(g, flow, found))
-
-
-def _masses(
-    g: Graph, momenta: Vector, rates: Vector, variables: frozenset[int]
-) -> Vector | None:
-    """Constant by which each momentum is its rate; None for others."""
-    masses, moving = Vector(), g.depends(variables)
-    for u, momentum in momenta.items():
-        mass = slopes(g, momentum, variables)
-        if mass.keys() != {rates[u]} or g.depends(mass.values()) & moving:
-            return None
-        masses[u] = mass[rates[u]]
-    return masses
 
 
 def _places(
@@ -244,11 +234,11 @@ def _across(
     g: Graph, a: Sequence[int], b: Sequence[int], moving: frozenset[str]
 ) -> list[int]:
     """Cross product without the common factor of its components."""
-    product = [
+    found = [
         g.call("sub", g.call("mul", a[i], b[j]), g.call("mul", a[j], b[i]))
         for i, j in ((1, 2), (2, 0), (0, 1))
     ]
-    return common_factor(g, fewer_terms(g, product, moving))[1]
+    return common_factor(g, fewer_terms(g, found, moving))[1]
 
 
 Pair = tuple[int, int]
@@ -288,7 +278,11 @@ def groups(g: Graph, pulls: Mapping[int, Vector], weights: Vector) -> list[Group
         p = {t: {u: pulls[t][u] for u in w} for t in those}
         pairs = combinations_with_replacement(those, 2)
         dots = {(i, j): weighted(g, p[i], p[j], w) for i, j in pairs}
-        areas = {(i, j): _areas(g, p[i], p[j], w) for i, j in combinations(those, 2)}
+        areas: dict[Pair, list[Pair]] = {}
+        for (i, j), (u, v) in product(combinations(those, 2), combinations(w, 2)):
+            terms = g.call("mul", p[i][u], p[j][v]), g.call("mul", p[i][v], p[j][u])
+            area = g.call("mul", w[u], w[v]), g.call("sub", *terms)
+            areas.setdefault((i, j), []).append(area)
         found.append(Group(those, dots, areas))
     return found
 
@@ -308,15 +302,6 @@ def weighted(g: Graph, one: Vector, other: Vector, weights: Vector) -> int:
         (weights[u], g.call("mul", a, other[u])) for u, a in one.items() if u in other
     )
     return g.product_sum(terms)
-
-
-def _areas(g: Graph, one: Vector, other: Vector, weights: Vector) -> list[Pair]:
-    found = []
-    for u, v in combinations(one, 2):
-        weight = g.call("mul", weights[u], weights[v])
-        terms = (g.call("mul", one[x], other[y]) for x, y in ((u, v), (v, u)))
-        found.append((weight, g.call("sub", *terms)))
-    return found
 
 
 class Squares(Factorisation):
@@ -381,7 +366,7 @@ class Squares(Factorisation):
         left: Vector = {}
         for i in group.members:
             if i != k:
-                areas = group.areas[min(i, k), max(i, k)]
+                areas = group.areas.get((min(i, k), max(i, k)), ())
                 found = ((w, self.new[area]) for w, area in areas)
                 squares = g.product_sum((w, g.call("mul", x, x)) for w, x in found)
                 norm = g.call("mul", own, self.new[group.dots[i, i]])
@@ -396,12 +381,13 @@ def accelerations(e: Equations) -> list[int] | None:
     """Return q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
     laws = None if e.rows or e.laws else newton(e)
-    if laws is None or not _heavy(e, laws):
+    given = {p.name: p.value for p in e.model.parameters}
+    if laws is None or min(evaluate(g, [*laws.masses.values()], given), default=1) <= 0:
         return None
     moving = frozenset(e.moving)
     held, leaders = _led(g, laws, n)
-    given = {*range(n), *laws.sums} - held.sums.keys()
-    met = joints(g, held, sorted(given - held.masses.keys() - leaders.keys()), moving)
+    free = {*range(n), *laws.sums} - held.sums.keys()
+    met = joints(g, held, sorted(free - held.masses.keys() - leaders.keys()), moving)
     if met is None:
         return None
     found = _solution(g, held, met, moving)
@@ -410,12 +396,6 @@ def accelerations(e: Equations) -> list[int] | None:
         rest = g.call("add", g.product_sum(others), laws.drifts[k])
         found[velocity] = g.call("sub", found[k], rest)
     return [found[j] for j in range(n)]
-
-
-def _heavy(e: Equations, laws: Newton) -> bool:
-    """Whether all masses are positive at the values of the parameters."""
-    values = {p.name: p.value for p in e.model.parameters}
-    return all(m > 0.0 for m in evaluate(e.graph, [*laws.masses.values()], values))
 
 
 def _led(g: Graph, laws: Newton, size: int) -> tuple[Newton, dict[int, int]]:
