@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from textwrap import fill, indent
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
+import numpy as np
+
 from lagsim.errors import InputError, Place, Problem
 from lagsim.methods import WIDTH, options
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
+    from lagsim.language.arrays import Floats
     from lagsim.methods import generalized_alpha
 
 
@@ -126,6 +129,22 @@ def number_or_text(name: str, value: object) -> None:
         raise TypeError(text) from None
 
 
+def numbers(name: str, value: object) -> Floats:
+    """Return a number, or numbers in lists or arrays, as an array.
+
+    Raises
+    ------
+    TypeError
+    """
+    try:
+        found = np.asarray(value)
+        if value is not None and found.dtype.kind in "biufO":
+            return found.astype(float)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{name}={value!r:.60}: a number is expected, or numbers")
+
+
 def one_of(name: str, value: str, known: type[E]) -> E:
     """Return the member that a word denotes.
 
@@ -148,7 +167,12 @@ def lists(values: Mapping[str, object]) -> dict[str, list[float | str]]:
     TypeError, InputError
     """
     found: dict[str, list[float | str]] = {}
+    if not isinstance(values, Mapping):
+        text = "names with lists of values are expected, such as {'l': [1, 2]}"
+        raise TypeError(f"values={values!r:.60}: {text}")
     for name, several in values.items():
+        if not isinstance(name, str):
+            raise TypeError(f"values: {name!r:.60}: a name is expected, in quotes")
         if isinstance(several, str) or not isinstance(several, Iterable):
             text = f"{name}: {several!r:.60}: a list of values is expected"
             raise TypeError(text)

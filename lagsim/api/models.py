@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from lagsim.api.arguments import in_python, number_or_text
+from lagsim.api.arguments import in_python, number_or_text, numbers
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import derive as _derived
@@ -87,7 +87,7 @@ class Accelerations:
             text = f"q has the shape {x.shape} and q_dot {v.shape}"
             raise ValueError(f"{text}: they must be the same")
         try:
-            times = np.broadcast_to(np.asarray(t, dtype=float), x.shape[:-1])
+            times = np.broadcast_to(numbers("t", t), x.shape[:-1])
         except ValueError:
             text = f"t has the shape {np.shape(t)}: a number"
             text += f" or the shape {x.shape[:-1]} is expected"
@@ -98,7 +98,7 @@ class Accelerations:
         )
 
     def _states(self, name: str, given: Numbers) -> Floats:
-        x = np.asarray(given, dtype=float)
+        x = numbers(name, given)
         n = len(self._equations.q)
         if x.ndim == 0 or x.shape[-1] != n:
             names = ", ".join(self._equations.q)
@@ -113,11 +113,11 @@ class Accelerations:
         values: dict[str, float | Floats] = {**self._numbers, "t": t}
         values |= dict(zip(e.q, q.T, strict=True))
         values |= dict(zip(e.velocities, v.T, strict=True))
-        numbers = evaluate_rows(e.graph, self._nodes, values, k).T
-        K, right = np.zeros((k, n + m, n + m)), numbers[:, len(self._places[0]) :]
-        K[:, *self._places] = numbers[:, : len(self._places[0])]
+        rows = evaluate_rows(e.graph, self._nodes, values, k).T
+        K, right = np.zeros((k, n + m, n + m)), rows[:, len(self._places[0]) :]
+        K[:, *self._places] = rows[:, : len(self._places[0])]
         found = np.full((k, n + m), np.nan)
-        for row in np.flatnonzero(np.isfinite(numbers).all(axis=1)):
+        for row in np.flatnonzero(np.isfinite(rows).all(axis=1)):
             found[row] = _solution(K[row], right[row], n)
         return found
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
-from lagsim.api.arguments import given, in_python, one_of, with_settings
+from lagsim.api.arguments import given, in_python, numbers, one_of, with_settings
 from lagsim.api.models import model_of
 from lagsim.errors import LagsimError
 from lagsim.outputs import Format
@@ -291,6 +291,9 @@ class Result:
             raise KeyError(f"there is no column `{name}`: {', '.join(self.columns)}")
         return self.table[:, self.columns.index(name)]
 
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
     @overload
     def at(self, t: float) -> dict[str, float]: ...
 
@@ -322,7 +325,7 @@ class Result:
         ValueError
             Where a time lies outside the run.
         """
-        times = np.asarray(t, dtype=float)
+        times = numbers("t", t)
         first, last = self._made.trajectory.start, self._made.trajectory.end
         outside = ~((times >= first) & (times <= last))
         if outside.any():

@@ -21,7 +21,7 @@ from lagsim.studies.sweep.sweeping import sweep as make
 from lagsim.studies.workers import cores
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from typing import Unpack
 
     from matplotlib.figure import Figure
@@ -60,6 +60,9 @@ class Sweep:
         if any(isinstance(x, (str, bool)) for x in cells):
             return np.array(cells)
         return np.array(cells, dtype=float)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
 
     def to_dataframe(self) -> Any:
         """Return the table as a pandas DataFrame.
@@ -174,8 +177,8 @@ def sweep(
         Where the model has faults, or a name, a value or an option cannot be had. A run
         that cannot begin or finish is a row with its outcome and its reason.
     """
-    if jobs is not None and jobs < 1:
-        raise ValueError(f"jobs={jobs}: 1 or more is expected")
+    if jobs is not None and not (isinstance(jobs, int) and jobs > 0):
+        raise ValueError(f"jobs={jobs!r:.60}: 1 or more is expected")
     asked = given(options)
     bars = one_of("error_bar", error_bar, ErrorBars)
     with in_python():

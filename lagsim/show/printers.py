@@ -34,6 +34,8 @@ _FUNCTIONS = {"Abs": "abs", "ceiling": "ceil", "Min": "min", "Max": "max"}
 _VARYING = 1
 # Groups of symbols, in the order in which sums are sorted by them.
 _MOVING = {4: 0, 3: 1, 5: 2}
+# The text of an expression, which is made where two have else the same place.
+_TEXT = functools.cmp_to_key(lambda a, b: (str(a) > str(b)) - (str(a) < str(b)))
 
 
 class Printer:
@@ -194,7 +196,7 @@ class Printer:
         base, exponent = factor, sp.S.One
         if factor.is_Pow:
             base, exponent = factor.base, factor.exp
-        key = str(base), str(exponent)
+        key = _TEXT(base), _TEXT(exponent)
         if base.is_Symbol:
             return *self.rank[base], *key
         if base.is_number and not _is_function(base):

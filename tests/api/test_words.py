@@ -85,8 +85,12 @@ def test_words_and_lists_are_checked(spring):
         lagsim.simulate(spring, error_bar="no")
     with pytest.raises(ValueError, match="error_bar"):
         sweep(spring, error_bar="no")
-    with pytest.raises(ValueError, match=r"jobs=0: 1 or more"):
-        sweep(spring, jobs=0)
+    for jobs in (0, -1, "x", 1.5):
+        with pytest.raises(ValueError, match=rf"jobs={jobs!r}: 1 or more"):
+            sweep(spring, jobs=jobs)
+    for values in ("k=1", None, [("k", [1])], {3: [1]}):
+        with pytest.raises(TypeError, match=r"^values.* expected"):
+            lagsim.sweep(spring, values)
     with pytest.raises(TypeError, match=r"method=3"):
         lagsim.simulate(spring, method=3)
     for values in ("1,2", 3, None):
@@ -96,6 +100,30 @@ def test_words_and_lists_are_checked(spring):
         sweep(spring, ouput_step=1)
     with pytest.raises(ValueError, match=r"table='xls': one of 'csv'"):
         lagsim.simulate(spring, error_bar="never").write("nowhere", table="xls")
+
+
+@pytest.mark.parametrize(
+    "wrong", ["a", "1.5", None, 1j, {"x": 1}, [[1], [1, 2]], ["a"]]
+)
+def test_times_and_states_name_themselves(spring, wrong):
+    result = lagsim.simulate(spring, error_bar="never")
+    for name, call in [
+        ("t", result.at), ("t", lambda x: spring.rhs(x, [1], [0])),
+        ("q", lambda x: spring.rhs(0, x, [0])),
+        ("q_dot", lambda x: spring.rhs(0, [1], x)),
+    ]:  # fmt: skip
+        with pytest.raises(TypeError, match=rf"^{name}=.*a number is expected"):
+            call(wrong)
+
+
+@pytest.mark.parametrize(
+    "call", [sweep, lambda x: lagsim.simulate(x, error_bar="never")]
+)
+def test_a_table_is_asked_for_its_columns(spring, call):
+    found = call(spring)
+    assert tuple(found) == found.columns
+    assert found.columns[-1] in found
+    assert "y" not in found
 
 
 CALLS = {
