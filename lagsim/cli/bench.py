@@ -167,10 +167,7 @@ def _written(
 
 
 def _wish(
-    methods: str | None,
-    tolerances: str | None,
-    steps: str | None,
-    budget: float | None,
+    methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> Wish:
     """Return what the options ask for.
 

@@ -70,9 +70,7 @@ P = ParamSpec("P")
 OUT_OF_RANGE = ("NaN", "infs", "math domain")
 
 
-def unless_overflow(
-    work: Callable[P, Ending | None],
-) -> Callable[P, Ending | None]:
+def unless_overflow(work: Callable[P, Ending | None]) -> Callable[P, Ending | None]:
     """Decorate a stage of a run: where numbers are out of range, the run ends.
 
     Kernels look at each state that they come to. What happens at events is computed in

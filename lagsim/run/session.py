@@ -228,9 +228,7 @@ class Session(NamedTuple):
 
 
 def open_case(
-    model: Model,
-    settings: Settings | None = None,
-    clock: Clock | None = None,
+    model: Model, settings: Settings | None = None, clock: Clock | None = None
 ) -> Case:
     """Derive the equations of a model and examine its start.
 

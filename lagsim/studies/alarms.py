@@ -32,12 +32,7 @@ from lagsim.mechanics.equations import groups, shared
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
-from lagsim.run.observers.monitors import (
-    EnergyMonitor,
-    Gaps,
-    ResidualMonitor,
-    gained,
-)
+from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor, gained
 from lagsim.run.system.functions import largest_beside
 from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import (

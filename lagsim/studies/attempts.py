@@ -49,14 +49,7 @@ from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.system.functions import in_groups, joined, largest_beside
 from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
-from lagsim.studies.alarms import (
-    Evidence,
-    alarms,
-    audit,
-    fault,
-    inertia_roots,
-    up_to,
-)
+from lagsim.studies.alarms import Evidence, alarms, audit, fault, inertia_roots, up_to
 from lagsim.tolerances import (
     COMPUTED_ZERO,
     NO_MOTION,

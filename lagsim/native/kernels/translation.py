@@ -46,12 +46,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeGuard
 
 from lagsim.native.kernels import words
 from lagsim.native.kernels.keys import KernelError, as_kernel
-from lagsim.native.kernels.source import (
-    Folding,
-    Source,
-    parameters,
-    static_parameters,
-)
+from lagsim.native.kernels.source import Folding, Source, parameters, static_parameters
 from lagsim.native.layout import BLOCK, NUMBER, SIZE
 
 if TYPE_CHECKING:
@@ -80,8 +75,7 @@ class Value(NamedTuple):
 
 
 def translate(
-    functions: Sequence[Callable[..., Any]],
-    statics: Mapping[str, object] | None = None,
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> str:
     """Translate kernels, and those they call, to LLVM IR.
 
@@ -789,9 +783,7 @@ class _Translation:
     """The functions found so far, and the text they need besides their own."""
 
     def __init__(
-        self,
-        functions: Sequence[Callable[..., Any]],
-        statics: Mapping[str, object],
+        self, functions: Sequence[Callable[..., Any]], statics: Mapping[str, object]
     ) -> None:
         self.statics = statics
         self.known: dict[tuple[object, ...], tuple[str, Source]] = {}

@@ -40,13 +40,7 @@ import numpy as np
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS, STEPS
-from lagsim.language.intervals import (
-    RULES,
-    Enclosures,
-    Interval,
-    interval,
-    point,
-)
+from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
 from lagsim.mechanics.switches import prevailing
 from lagsim.tolerances import TERM_ROUNDOFF
