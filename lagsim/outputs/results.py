@@ -358,11 +358,12 @@ def _sync(path: Path, flags: int = os.O_RDWR) -> None:
         os.close(handle)
 
 
-def put(path: Path, content: bytes) -> None:
+def put(path: Path, content: bytes, *, held: bool = False) -> None:
     """Write one file as a whole or not at all.
 
     A link in its place is replaced, not followed. A pipe that is read and a terminal
-    get the bytes.
+    get the bytes. `held`: into a folder that is held; who holds it next removes what
+    a process that is killed here has begun.
 
     Raises
     ------
@@ -374,7 +375,8 @@ def put(path: Path, content: bytes) -> None:
     if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
         files.pour(path, content)
         return
-    part = path.with_name(f".lagsim-{secrets.token_hex(8)}.new")
+    unique = f".lagsim-{secrets.token_hex(8)}.new"
+    part = path.with_name(PART.format(path.name) if held else unique)
     try:
         os.close(files.begin(part))
         _write(part, content)

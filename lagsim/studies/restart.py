@@ -201,7 +201,7 @@ class Restart:
         self._hashed = size
         place = [writer.rows, writer.last, size, self._hash.hexdigest()]
         rest = json.dumps([self.identity, place]).encode() + b"\n" + kept
-        put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest)
+        put(self.folder / RESTART, _seal(key, rest) + b"\n" + rest, held=True)
         with contextlib.suppress(OSError):
             (self.folder / RESTART_ROWS).unlink()
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from lagsim.cli.sweep import _names as completed
+from lagsim.outputs.results import PART
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
@@ -264,6 +265,21 @@ def interrupted(lagsim, monkeypatch):
         return called
 
     return interrupt
+
+
+def test_what_a_sweep_begins_goes_with_the_next_if_it_is_killed(
+    lagsim, write, monkeypatch
+):
+    begun, replace = set(), os.replace
+
+    def replaced(*paths):
+        begun.update(name for name in names("out") if name.startswith("."))
+        return replace(*paths)
+
+    monkeypatch.setattr(os, "replace", replaced)
+    lagsim("sweep", write(SPRING), "K=20,30", "-o", "out", *QUICK, code=0)
+    assert {PART.format(NAME), PART.format("sweep.csv")} <= begun
+    assert all(name.endswith(".part") for name in begun - {NAME})
 
 
 @pytest.mark.usefixtures("heeded_signals")

@@ -150,7 +150,7 @@ def _judged(line: tuple[str, ...], whole: bytes, *, again: bool) -> str:
         return why
     if called(line) != 0:
         return "the next one does not go through"
-    left = [p.name for p in Path("found").iterdir() if p.name.endswith(".part")]
+    left = [p.name for p in Path("found").iterdir() if p.name.startswith(".")]
     return f"{left} are left" if left else ""
 
 

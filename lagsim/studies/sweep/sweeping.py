@@ -133,7 +133,7 @@ class Journal:
         That one is not written to: it may have another name elsewhere.
         """
         self.close()
-        put(self.path, content)
+        put(self.path, content, held=True)
         self._file = files.held(self.path, os.O_RDWR | os.O_APPEND)
 
     def _write(self, lines: Iterable[Any]) -> None:
