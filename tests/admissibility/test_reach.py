@@ -18,10 +18,7 @@ SPHERE = {
     "x": "x_dot = b_dot*sin(a) - c_dot*sin(b)*cos(a)",
     "y": "y_dot = -(b_dot*cos(a) + c_dot*sin(b)*sin(a))",
 }
-DISK = {
-    "x": "x_dot + 0.3*s_dot*cos(p) = 0",
-    "y": "y_dot + 0.3*s_dot*sin(p) = 0",
-}
+DISK = {"x": "x_dot + 0.3*s_dot*cos(p) = 0", "y": "y_dot + 0.3*s_dot*sin(p) = 0"}
 
 
 def wheels(unit, factor):

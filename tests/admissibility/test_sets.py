@@ -161,9 +161,7 @@ def test_the_point_of_a_cone_is_told(cone, value):
 
 def test_what_is_said_of_guesses_is_the_first_row():
     text = scene(
-        "z^2 = x^2 + y^2",
-        {"x": "{guess: 0}", "y": "{guess: 0}", "z": 1},
-        more=MORE,
+        "z^2 = x^2 + y^2", {"x": "{guess: 0}", "y": "{guess: 0}", "z": 1}, more=MORE
     )
     start, found = judged(text), run(text)
     said = warning(start, "other-roots")

@@ -123,9 +123,7 @@ def test_the_same_motion_in_other_words(name, change):
 # the rest is for the night.
 PAIRS = [
     pytest.param(
-        name,
-        change,
-        marks=pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow,
+        name, change, marks=pytest.mark.nightly if (i + j) % 12 else pytest.mark.slow
     )
     for i, name in enumerate(SHIPPED)
     for j, change in enumerate(CHANGES)

@@ -16,13 +16,7 @@ import pytest
 
 from lagsim.native.kernels.keys import KernelError, fingerprint
 from lagsim.native.kernels.translation import translate
-from lagsim.native.kernels.words import (
-    Static,
-    apart,
-    fused,
-    total,
-    unrolled,
-)
+from lagsim.native.kernels.words import Static, apart, fused, total, unrolled
 from lagsim.native.link.engine import Engine, compile_object
 from tests.kernels import bind
 

@@ -116,11 +116,7 @@ UNTIL = [
     # An equation is met from either side.
     (oscillator('duration: 20, until: "x = 0"'), 0.5 * math.pi, 1e-10),
     # y_dot is 0.14 at the crossing: 1e-15 of y is 1e-14 of t.
-    (
-        fall("y >= 1", y=0, v=UP),
-        (UP - math.sqrt(UP * UP - 2.0 * 9.81)) / 9.81,
-        1e-12,
-    ),
+    (fall("y >= 1", y=0, v=UP), (UP - math.sqrt(UP * UP - 2.0 * 9.81)) / 9.81, 1e-12),
 ]
 
 

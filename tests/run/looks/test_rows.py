@@ -28,10 +28,7 @@ def by_rows_alone(monkeypatch):
 PULSES = {
     "gaussian": ("exp(-((t - 14e3)/10)^2/2)", 10 * ROOT),
     "narrow": ("exp(-((t - 14e3)/2)^2/2)", 2 * ROOT),
-    "ten rows and nothing else": (
-        "exp(-((t - 14e3)/5)^8)",
-        10 * math.gamma(1 + 1 / 8),
-    ),
+    "ten rows and nothing else": ("exp(-((t - 14e3)/5)^8)", 10 * math.gamma(1 + 1 / 8)),
 }
 
 

@@ -76,10 +76,7 @@ QUADRATURES = "work and action depend on all of them"
 # Formulation -> feature -> the words of the refusal.
 FORMULATIONS: dict[str, dict[str, str]] = {
     "full": {},
-    "none": {
-        **_AT_TIMES,
-        **dict.fromkeys((*_POSITIONS, *_VELOCITIES), UNENFORCED),
-    },
+    "none": {**_AT_TIMES, **dict.fromkeys((*_POSITIONS, *_VELOCITIES), UNENFORCED)},
     "projection": NO_CONSTRAINTS,
     "velocity projection": {
         **NO_CONSTRAINTS,

@@ -72,8 +72,7 @@ def compared(name, rtol):
 
 
 @pytest.mark.parametrize(
-    "rtol",
-    [pytest.param(r, marks=pytest.mark.slow) for r in ("1e-7", "1e-9", "1e-11")],
+    "rtol", [pytest.param(r, marks=pytest.mark.slow) for r in ("1e-7", "1e-9", "1e-11")]
 )
 def test_estimates_of_the_reference_problems(rtol):
     """Within a factor 10 in 95 % of the cases in which the true error is known."""
