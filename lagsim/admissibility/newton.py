@@ -26,12 +26,7 @@ from lagsim.mechanics.algebra import (
     null_space,
     scaled,
 )
-from lagsim.tolerances import (
-    CONVERGED,
-    HALF_OF_DIGITS,
-    STATE_ROUNDOFF,
-    TERM_ROUNDOFF,
-)
+from lagsim.tolerances import CONVERGED, HALF_OF_DIGITS, STATE_ROUNDOFF, TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -17,12 +17,7 @@ from lagsim.mechanics.algebra import null_space, sizes_of
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.model.model import Level
-from lagsim.tolerances import (
-    DEPENDENT_ROWS,
-    HALF_OF_DIGITS,
-    LEAST_PIVOT,
-    UNIT_ROUNDOFF,
-)
+from lagsim.tolerances import DEPENDENT_ROWS, HALF_OF_DIGITS, LEAST_PIVOT, UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence

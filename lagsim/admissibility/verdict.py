@@ -498,10 +498,7 @@ class _Rows:
 
 
 def _with_mode(
-    verdict: Verdict,
-    found: Mapping[int, Mode],
-    struck: Collection[str],
-    point: Point,
+    verdict: Verdict, found: Mapping[int, Mode], struck: Collection[str], point: Point
 ) -> Verdict:
     """Say what a constraint does."""
     if verdict.active is None or verdict.mode:

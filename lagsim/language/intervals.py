@@ -85,12 +85,7 @@ class Interval:
         )
 
 
-def interval(
-    lo: Any,
-    hi: Any,
-    partial: Any = False,
-    jumps: Any = False,
-) -> Interval:
+def interval(lo: Any, hi: Any, partial: Any = False, jumps: Any = False) -> Interval:
     """Interval of equal shapes."""
     lo, hi, partial, jumps = np.broadcast_arrays(
         np.atleast_1d(np.asarray(lo, np.float64)), hi, partial, jumps

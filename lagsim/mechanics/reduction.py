@@ -241,10 +241,7 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
 
 
 def _add_products(
-    g: Graph,
-    M: dict[tuple[int, int], int],
-    x: Mapping[int, int],
-    y: Mapping[int, int],
+    g: Graph, M: dict[tuple[int, int], int], x: Mapping[int, int], y: Mapping[int, int]
 ) -> None:
     """Add x y^T to M by its lower triangle, of which the upper one is a copy."""
     for i, a in x.items():
@@ -388,8 +385,7 @@ class Reduction(NamedTuple):
         momenta = {MOMENTUM + e.q[c]: e.momenta[c] for c in coordinates}
         equations, recovered = ignored(e, coordinates, limit)
         reduction = self._followed_by(equations, recovered)._replace(
-            ignored=tuple(e.q[c] for c in coordinates),
-            momenta=momenta,
+            ignored=tuple(e.q[c] for c in coordinates), momenta=momenta
         )
         model = equations.model
         added = tuple(Parameter(*x) for x in reduction.constants(start).items())

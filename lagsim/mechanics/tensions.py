@@ -525,10 +525,7 @@ def _dot(g: Graph, one: Vector, other: Vector) -> int:
 
 
 def _products(
-    g: Graph,
-    rows: Mapping[int, Vector],
-    columns: Mapping[int, Vector],
-    weights: Vector,
+    g: Graph, rows: Mapping[int, Vector], columns: Mapping[int, Vector], weights: Vector
 ) -> dict[int, Vector]:
     """Weighted inner products of all that have masses in common."""
     holders = _holders(columns)

@@ -22,12 +22,7 @@ from lagsim.methods.parts.constraints import is_finite, project_step
 from lagsim.methods.parts.control import record_sizes
 from lagsim.methods.parts.fixed import Fixed, step
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DONE,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    linear,
-)
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, linear
 from lagsim.native.kernels.words import unrolled
 from lagsim.native.layout import after, array, part
 from lagsim.tolerances import OVERFLOW, SAME_STEP, UNCOUPLED

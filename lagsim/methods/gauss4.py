@@ -20,13 +20,7 @@ from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import is_finite, largest_part
 from lagsim.methods.parts.control import add
-from lagsim.methods.parts.fixed import (
-    Fixed,
-    Tableau,
-    interpolate,
-    judge,
-    step,
-)
+from lagsim.methods.parts.fixed import Fixed, Tableau, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
     LOST,
@@ -61,10 +55,7 @@ ADAPTIVE = False
 IMAGINARY_LIMIT = inf
 HANDLES = "any model without constraints"
 
-A = (
-    (1 / 4, 1 / 4 - sqrt(3.0) / 6),
-    (1 / 4 + sqrt(3.0) / 6, 1 / 4),
-)
+A = ((1 / 4, 1 / 4 - sqrt(3.0) / 6), (1 / 4 + sqrt(3.0) / 6, 1 / 4))
 B = (1 / 2, 1 / 2)
 C = (1 / 2 - sqrt(3.0) / 6, 1 / 2 + sqrt(3.0) / 6)
 TABLEAU = Tableau(A, B, C, ORDER)

@@ -21,13 +21,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import largest_part
-from lagsim.methods.parts.fixed import (
-    Fixed,
-    conclude,
-    interpolate,
-    judge,
-    step,
-)
+from lagsim.methods.parts.fixed import Fixed, conclude, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.newton import (
     LOST,

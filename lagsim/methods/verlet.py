@@ -28,11 +28,7 @@ from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
 from lagsim.methods.parts.constraints import is_finite
 from lagsim.methods.parts.control import add
-from lagsim.methods.parts.fixed import (
-    Fixed,
-    interpolate,
-    step,
-)
+from lagsim.methods.parts.fixed import Fixed, interpolate, step
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE, derivative, power

@@ -22,15 +22,7 @@ import yaml
 from lagsim import files, limits
 from lagsim.errors import InputError, Place, Problem
 from lagsim.language.parser import ExpressionError, parse, parse_relation
-from lagsim.model.nodes import (
-    Broken,
-    Entry,
-    Mapping,
-    Node,
-    Scalar,
-    Sequence,
-    Source,
-)
+from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, Source
 
 STANDARD_INPUT = "-"
 # What it is called.

@@ -298,11 +298,7 @@ class Picture(Figure):
         self.text(x, self.height - y, shown, transform=self.dpi_scale_trans, **look)
 
     def names(
-        self,
-        x: float,
-        y: float,
-        lines: Sequence[Sequence[Entry]],
-        room: float,
+        self, x: float, y: float, lines: Sequence[Sequence[Entry]], room: float
     ) -> None:
         """Name curves from here on to the right and down, as `in_lines` has them."""
         for k, entries in enumerate(lines):

@@ -244,10 +244,7 @@ SLOPES = frozenset(("jacobian", "lagrangian"))
 
 
 def eliminate(
-    equations: Equations,
-    start: Start,
-    lengths: Sequence[float],
-    choices: list[Choice],
+    equations: Equations, start: Start, lengths: Sequence[float], choices: list[Choice]
 ) -> Elimination | None:
     """Solve on the graph; None, with the reason among the choices, where loops do."""
     if start.augmented:

@@ -90,11 +90,7 @@ def _energy(
 
 
 def _momentum(
-    x: Translation,
-    dL_dq: int,
-    j: int,
-    line: Part,
-    constraints: Sequence[Part],
+    x: Translation, dL_dq: int, j: int, line: Part, constraints: Sequence[Part]
 ) -> Part | None:
     """Give the momentum of coordinate j where it is conserved.
 

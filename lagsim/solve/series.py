@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import gradient
 from lagsim.language.forms import normal_form
 from lagsim.language.graph import memoized
-from lagsim.language.series import (
-    ORDERS,
-    Recurrence,
-    recurrence,
-    taylor_series,
-)
+from lagsim.language.series import ORDERS, Recurrence, recurrence, taylor_series
 from lagsim.methods.taylor import order_for
 
 if TYPE_CHECKING:

@@ -11,12 +11,7 @@ from lagsim.methods.parts.control import bound_roundoff, record_extents, record_
 from lagsim.methods.parts.driver import State
 from lagsim.methods.parts.newton import SOLVED, progress
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DONE,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    derivative,
-)
+from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
 from lagsim.native.kernels.words import external
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, STATE_ROUNDOFF

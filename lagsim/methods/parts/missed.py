@@ -18,11 +18,7 @@ from math import log, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import Rank
-from lagsim.methods.parts.control import (
-    PERTURBED,
-    move_aside,
-    perturb,
-)
+from lagsim.methods.parts.control import PERTURBED, move_aside, perturb
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     derivative,

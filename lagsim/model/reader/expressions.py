@@ -435,12 +435,7 @@ class Expressions:
     # Building nodes
 
     def compile(
-        self,
-        node: Node | None,
-        what: str,
-        most: Level,
-        *,
-        condition: bool = False,
+        self, node: Node | None, what: str, most: Level, *, condition: bool = False
     ) -> int | None:
         """Give the graph node of an expression, if there is one.
 

@@ -7,15 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from lagsim.methods import options
-from lagsim.model.model import (
-    DEFAULT_ROWS,
-    Curve,
-    Level,
-    Output,
-    Plot,
-    Scene,
-    Settings,
-)
+from lagsim.model.model import DEFAULT_ROWS, Curve, Level, Output, Plot, Scene, Settings
 from lagsim.model.nodes import (
     Broken,
     Mapping,

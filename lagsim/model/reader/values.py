@@ -12,13 +12,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.model.model import (
-    Coordinate,
-    Definition,
-    InitialValue,
-    Level,
-    Parameter,
-)
+from lagsim.model.model import Coordinate, Definition, InitialValue, Level, Parameter
 from lagsim.model.nodes import (
     Broken,
     Entry,

@@ -73,8 +73,7 @@ def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, in
 
 
 def kernel_object(
-    functions: Sequence[Callable[..., Any]],
-    statics: Mapping[str, object] | None = None,
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> bytes:
     """Object code of kernels; translates only what is not in the cache.
 
@@ -102,8 +101,7 @@ def begin_kernel_object(
 
 
 def _translated(
-    functions: Sequence[Callable[..., Any]],
-    statics: Mapping[str, object] | None,
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
 ) -> bytes:
     from lagsim.native.kernels import translation  # only first runs translate
 

@@ -237,11 +237,7 @@ class Contacts(Source):
         return ends
 
     def _strike(
-        self,
-        here: Kinematics,
-        some: list[int],
-        ends: dict[int, float],
-        found: Found,
+        self, here: Kinematics, some: list[int], ends: dict[int, float], found: Found
     ) -> None:
         """Apply impulses to the velocities.
 

@@ -92,11 +92,7 @@ class Kinematics:
     """
 
     def __init__(
-        self,
-        arc: Arc,
-        y: Floats,
-        t: float | None = None,
-        known: Shape | None = None,
+        self, arc: Arc, y: Floats, t: float | None = None, known: Shape | None = None
     ) -> None:
         """Evaluate the laws at the state y.
 

@@ -29,11 +29,7 @@ from lagsim.run.system.functions import (
     surface_functions,
     varying_inertias,
 )
-from lagsim.run.system.localized import (
-    indicators,
-    is_localized_in_time,
-    signal_nodes,
-)
+from lagsim.run.system.localized import indicators, is_localized_in_time, signal_nodes
 from lagsim.run.system.runner import Runner, of_method
 from lagsim.solve import dense, laws, sliding
 from lagsim.solve.series import motion_series

@@ -41,12 +41,7 @@ from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
 from lagsim.studies.bench.solving import asking
 from lagsim.studies.step_bounds import predicted
-from lagsim.tolerances import (
-    BROKEN_CONSTRAINT,
-    COMPUTED_ZERO,
-    CONVERGED,
-    ENERGY_CHANGE,
-)
+from lagsim.tolerances import BROKEN_CONSTRAINT, COMPUTED_ZERO, CONVERGED, ENERGY_CHANGE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
