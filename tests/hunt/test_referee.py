@@ -1,6 +1,6 @@
-"""What a referee refuses to judge, and what it sees; its motions the hunt itself holds.
+"""What a referee refuses to judge, what it sees, and how friction sticks and tears off.
 
-A referee that is wrong disagrees with lagsim in the scenes of a hunt.
+A referee whose equations are wrong disagrees with lagsim in the scenes of a hunt.
 """
 
 import numpy as np
@@ -16,6 +16,32 @@ Long = np.longdouble
 
 def a_scene(item, duration, step):
     return Scene("test", (item,), 0.0, duration, step)
+
+
+def slid(x, v, force, duration, step=0.5):
+    """Give the motion of a unit mass on a spring of stiffness 1."""
+    slider = Item(
+        "slider", coordinates={"x": (x, v)}, kinetic=("x_dot^2/2",),
+        potential=("x^2/2",), forces=(("x", force),),
+    )  # fmt: skip
+    return truth(a_scene(slider, duration, step)).motion
+
+
+def test_dry_friction_stops_the_oscillator_where_it_sticks():
+    found = slid(1.0, 0.0, "-0.11*sign(x_dot)", 20.0)
+    # Each swing loses 0.22; past 0.12 the last one ends at 0.1, within the friction.
+    assert abs(found.q[-1, 0] - Long(0.1)) < 1e-15
+    assert np.allclose(found.switched, np.pi * np.arange(1, 6), rtol=0, atol=1e-14)
+    assert found.v[-1, 0] == pytest.approx(0.0, abs=1e-17)
+    assert found.a[-1, 0] == pytest.approx(0.0, abs=1e-17)
+
+
+def test_a_block_sticks_to_a_belt_until_the_spring_tears_it_off():
+    found = slid(0.0, 0.25, "-sign(x_dot - 0.25)", 3.9, 3.9)
+    assert found.q[-1, 0] == pytest.approx(3.9 / 4)
+    found = slid(0.0, 0.25, "-sign(x_dot - 0.25)", 6.0, 6.0)
+    # From x = 1 at t = 4: x = 1 + sin(t - 4)/4 under the spring and sliding friction.
+    assert abs(found.q[-1, 0] - 1 - np.sin(Long(2)) / 4) < 1e-14
 
 
 @pytest.mark.slow

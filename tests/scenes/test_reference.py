@@ -162,27 +162,22 @@ def test_accelerations_and_multipliers_at_reference_times(name):
             assert np.max(np.abs(got - expected[group])) < off * size, (group, state.t)
 
 
-def test_the_steady_rolling_disk_costs_few_steps():
-    # theta and its rate should stay; controlled at rounding level they stalled. Ten
-    # seconds are less than three turns: some tens of steps each are plenty.
-    for tolerance in RUNS:
-        statistics = run(
-            model_text("rolling_disk_steady"), **RUNS[tolerance][0]
-        ).trajectory.statistics
-        assert statistics.steps < 150
-        assert statistics.rejections <= 5
-
-
-@pytest.mark.slow
-def test_bricard_costs_few_steps():
-    # Of 24 coordinates 8 stay where they are, and one row of 24 is dependent: off the
-    # constraints, in the stages of a step, it must not act as an independent one.
-    for tolerance in RUNS:
-        statistics = run(
-            model_text("bricard"), **RUNS[tolerance][0]
-        ).trajectory.statistics
-        assert statistics.steps < 400
-        assert statistics.rejections <= 10
+@pytest.mark.parametrize(
+    ("name", "steps", "rejections"),
+    [
+        # theta and its rate should stay; controlled at rounding level they stalled. Ten
+        # seconds are less than three turns: some tens of steps each are plenty.
+        ("rolling_disk_steady", 150, 5),
+        # Of 24 coordinates 8 stay where they are, and one row of 24 is dependent: off
+        # the constraints, in a step's stages, it must not act as an independent one.
+        pytest.param("bricard", 400, 10, marks=pytest.mark.slow),
+    ],
+)
+def test_what_stays_costs_few_steps(name, steps, rejections):
+    for asked, *_ in RUNS.values():
+        found = run(model_text(name), **asked).trajectory.statistics
+        assert found.steps < steps
+        assert found.rejections <= rejections
 
 
 @pytest.mark.slow
