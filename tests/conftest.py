@@ -14,6 +14,7 @@ LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
 from __future__ import annotations
 
 import collections
+import gc
 import os
 import signal
 
@@ -50,24 +51,59 @@ QUICK_ONE_IN = 5
 ALL_CASES = tuple(
     f"tests/{room}/" for room in ("codes", "golden", "language", "model", "native")
 )
+EVERY = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
+# What is not run without being asked for; `QUICK` is in pyproject.toml.
+LATER = ("slow", "nightly")
+QUICK = "not slow and not nightly"
 
 
 # What tests start shows where it is when `finished` ends it.
 os.environ.setdefault("PYTHONFAULTHANDLER", "1")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Search for garbage seldom, and never among what is collected."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.set_threshold(20_000, 20, 20)
+        gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_generate_tests(metafunc):
+    """Mark the cases that wait for the slow suite; a quick run does without them.
+
+    The first of each test stays, so that what it asks for is looked up in any run.
+    """
+    result = yield
+    cases, test = metafunc._calls, metafunc.definition
+    if len(cases) >= MANY_CASES and not (EVERY or test.nodeid.startswith(ALL_CASES)):
+        for case in cases:
+            if not chosen(f"{test.nodeid}[{case.id}]", COMMIT, QUICK_ONE_IN):
+                case.marks.append(pytest.mark.slow.mark)
+    config = metafunc.config
+    if config.option.markexpr == QUICK and not any("::" in x for x in config.args):
+        whole = any(map(test.get_closest_marker, LATER))
+        quick = [x for x in cases if not whole and _is_quick(x)]
+        cases[:] = quick or cases[:1]
+    return result
+
+
+def _is_quick(case):
+    return not any(mark.name in LATER for mark in case.marks)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    every = os.environ.get("LAGSIM_TEST_CASES", "") == "all"
-    cases = collections.Counter(map(_family, items))
     if missing := sorted(name for item in items for name in _missing(item)):
         raise pytest.UsageError("no such fixture: " + ", ".join(missing))
     for item in items:
-        many = cases[_family(item)] >= MANY_CASES and not every
-        if many and not chosen(item.nodeid, COMMIT, QUICK_ONE_IN):
-            item.add_marker(pytest.mark.slow)
         _have_patience(item, float(config.getini("timeout")))
-    others = set() if every else _for_other_nights(items)
+    others = set() if EVERY else _for_other_nights(items)
     kept, gone = [], []
     for item in items:
         has_turn = _in_the_slice(item) and item.nodeid not in others
@@ -83,16 +119,10 @@ def _missing(item):
     return [f"{name} of {item.nodeid}" for name in {*item.fixturenames} - given]
 
 
-def _family(item):
-    """Give what the cases of one test share; a test of `ALL_CASES` is on its own."""
-    alone = item.nodeid.startswith(ALL_CASES)
-    return item.nodeid if alone else item.nodeid.partition("[")[0]
-
-
 def _in_the_slice(item):
     """Tell whether a slow or nightly test has its turn: the rarer mark decides."""
     one_in = slices(os.environ.get("LAGSIM_TEST_SLICE", ""))
-    for mark in ("nightly", "slow"):
+    for mark in reversed(LATER):
         if item.get_closest_marker(mark):
             return chosen(item.nodeid, f"slice {COMMIT}", one_in.get(mark, 1))
     return True

@@ -67,6 +67,15 @@ def test_a_night_has_a_part_of_each_family(tmp_path, cases, count):
     assert f"{count} passed" in done.stdout, done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("marked", ["", pytest.param("slow", marks=pytest.mark.slow)])
+def test_of_many_cases_some_are_quick(tmp_path, marked):
+    many = '@pytest.mark.parametrize("k", range(20))\ndef test_a(k): pass\n'
+    quick = sum(chosen(f"test_one.py::test_a[{k}]", "", 5) for k in range(20))
+    done = pytest_of(tmp_path, f"import pytest\n{many}", marked)
+    assert 0 < quick < 20
+    assert f" {20 - quick if marked else quick} passed" in done.stdout, done.stdout
+
+
 def test_slices_are_read():
     assert slices("") == {}
     assert slices("slow=4,nightly=100") == {"slow": 4, "nightly": 100}

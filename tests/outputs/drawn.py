@@ -25,7 +25,7 @@ from PIL import Image
 
 from lagsim.model.model import Curve, Plot, Scene
 from lagsim.outputs import plots
-from lagsim.outputs.figure import Picture, content
+from lagsim.outputs.figure import DPI, Picture, content
 from lagsim.outputs.record import Record
 from lagsim.run.observers.thinning import Thinning
 
@@ -216,7 +216,9 @@ def drawn(draw, *args, **kwargs):
     with noted() as drawing:
         drawing.sheet = draw(*args, **kwargs)
         if isinstance(drawing.sheet, Picture):
-            content(drawing.sheet)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("matplotlib.image.imsave", lambda *_, **__: None)
+                content(drawing.sheet)
     return drawing
 
 
@@ -248,8 +250,10 @@ def finite(x, y):
 def assert_legible(drawing):
     """Every text of a sheet lies on it, beside panels and beside other texts."""
     sheet = drawing.sheet
-    data = content(sheet) if isinstance(sheet, Picture) else sheet
-    width, height = Image.open(io.BytesIO(data)).size
+    if isinstance(sheet, Picture):
+        width, height = sheet.bbox.size * DPI / sheet.dpi
+    else:
+        width, height = Image.open(io.BytesIO(sheet)).size
     assert drawing.panels
     boxes = [(text.box, text.said) for text in drawing.texts]
     for box, text in boxes:

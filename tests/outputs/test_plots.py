@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import itertools
 import re
@@ -103,8 +104,11 @@ def drawings(**fields):
 # --- Files
 
 
-def made(form):
+def made_anew(form):
     return [content(sheet, form) for sheet in sheets(horizon=9.0)]
+
+
+made = functools.cache(made_anew)
 
 
 def test_a_picture_is_a_png_of_the_drawn_pixels():
@@ -139,8 +143,8 @@ def test_a_pdf_is_one_page_of_the_size_of_the_sheet():
 
 @pytest.mark.parametrize("form", [pytest.param("svg", marks=pytest.mark.slow), "pdf"])
 def test_files_for_print_are_the_same_again_and_tell_no_date_and_nobody(form):
-    first, _ = made(form), made("png")
-    assert made(form) == first
+    first, _ = made(form), made_anew("png")
+    assert made_anew(form) == first
     told = re.compile(rb"Date|Producer|Creator|<dc:|[Mm]atplotlib( v|.org)")
     assert not any(told.search(file) for file in first)
 
@@ -168,7 +172,7 @@ def test_the_style_of_the_user_does_not_show():
     }
     plain = made("png")
     with mpl.rc_context(theirs):
-        assert made("png") == plain
+        assert made_anew("png") == plain
 
 
 # --- Words

@@ -45,6 +45,7 @@ _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
 # What another process is making, by key.
 _coming: dict[str, Callable[[], bytes]] = {}
+_fingerprints: dict[tuple[object, ...], str] = {}
 
 
 def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, int]:
@@ -87,7 +88,7 @@ def kernel_object(
     KernelError
         If a kernel leaves the subset.
     """
-    made_from = ["kernel", keys.fingerprint(functions, statics)]
+    made_from = _fingerprint(functions, statics)
     return _kept(made_from, lambda: _translated(functions, statics))
 
 
@@ -95,9 +96,19 @@ def begin_kernel_object(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
 ) -> None:
     """Have a second process make the object code of kernels, where there may be one."""
-    key, path = _place(["kernel", keys.fingerprint(functions, statics)])
+    key, path = _place(_fingerprint(functions, statics))
     if path is None or not path.exists():
         _coming[key] = ahead.bring(lambda: _translated(functions, statics))
+
+
+def _fingerprint(
+    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
+) -> list[str]:
+    """Digest of kernels, made once in a process: a short run takes little longer."""
+    known = *functions, repr(statics)
+    if known not in _fingerprints:
+        _fingerprints[known] = keys.fingerprint(functions, statics)
+    return ["kernel", _fingerprints[known]]
 
 
 def _translated(
