@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import functools
 import json
 import shutil
 import subprocess
@@ -31,12 +33,21 @@ def played(films, *steps, **more) -> list[dict[str, Any]]:
     films = [films] if isinstance(films, Film) else films
     asked = {"runs": [record(film) for film in films], "script": script}
     asked |= {"steps": steps, **more}
-    driver = Path(__file__).with_name("page_under_node.js")
-    done = subprocess.run(
-        [FOUND, driver], input=json.dumps(asked).encode(), capture_output=True
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    return json.loads(done.stdout)
+    pages = pages_under_node()
+    pages.stdin.write(json.dumps(asked) + "\n")
+    said = json.loads(pages.stdout.readline())
+    assert "found" in said, said
+    return said["found"]
+
+
+@functools.cache
+def pages_under_node():
+    """Give the one process that answers for all pages; it ends with this one."""
+    line = [FOUND, Path(__file__).with_name("page_under_node.js")]
+    pipe = subprocess.PIPE
+    pages = subprocess.Popen(line, stdin=pipe, stdout=pipe, bufsize=1, encoding="utf-8")
+    atexit.register(pages.communicate)
+    return pages
 
 
 def stopped(films, *steps, **more) -> list[dict[str, Any]]:
