@@ -22,7 +22,7 @@ def rows(folder):
     return list(csv.DictReader(text.splitlines()))
 
 
-def test_the_files_and_the_table(lagsim, write):
+def test_the_files_the_table_and_the_document(lagsim, write):
     called = lagsim("bench", write(PENDULUM), *SOME)
     assert (called.code, called.err) == (0, "")
     folder = Path("results/model/bench")
@@ -52,11 +52,7 @@ def test_the_files_and_the_table(lagsim, write):
     assert "reference" in called.out
     assert "what auto takes" in called.out
 
-
-def test_the_document(lagsim, write):
-    called = lagsim("bench", write(PENDULUM), *SOME, "-o", "out", "--json", code=0)
-    [document] = called.json
-    assert document == read("out/work_precision.json")
+    document = read(folder / "work_precision.json")
     reference = document["reference"]
     assert reference["floor"] < 1e-11
     assert reference["horizon"] is None
@@ -124,8 +120,9 @@ def test_several_models(lagsim, write):
 
 def test_parameters_are_set(lagsim, write):
     quick = ("--methods", "dop853", "--tolerances", "1e-4:1e-4", "--set", "g=1.62")
-    [document] = lagsim("bench", write(PENDULUM), *quick, "--json").json
+    [document] = lagsim("bench", write(PENDULUM), *quick, "--json", code=0).json
     assert document["parameters"]["g"] == 1.62
+    assert document == read("results/model/bench/work_precision.json")
 
 
 def test_a_motion_that_cannot_be_solved_has_no_reference(lagsim, write):
