@@ -11,8 +11,6 @@ LAGSIM_TEST_CASES : nothing; with `all` all cases of quick tests are quick, and 
 LAGSIM_TEST_SKIPS : nothing; the run fails if more tests than this are skipped.
 """
 
-from __future__ import annotations
-
 import collections
 import gc
 import os
@@ -87,14 +85,12 @@ def pytest_generate_tests(metafunc):
                 case.marks.append(pytest.mark.slow.mark)
     config = metafunc.config
     if config.option.markexpr == QUICK and not any("::" in x for x in config.args):
-        whole = any(map(test.get_closest_marker, LATER))
-        quick = [x for x in cases if not whole and _is_quick(x)]
+        marked = {mark.name for mark in test.iter_markers()}
+        quick = [
+            x for x in cases if not {*LATER} & (marked | {m.name for m in x.marks})
+        ]
         cases[:] = quick or cases[:1]
     return result
-
-
-def _is_quick(case):
-    return not any(mark.name in LATER for mark in case.marks)
 
 
 @pytest.hookimpl(tryfirst=True)

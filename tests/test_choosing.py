@@ -1,7 +1,5 @@
 """Which tests are run: by name and commit, in turn, and none that is not there."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess

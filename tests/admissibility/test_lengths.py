@@ -1,7 +1,5 @@
 """A start is judged the same wherever it stands, however it moves, beside whatever."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Signals end every command at any moment, with whole files and the right code."""
 
-from __future__ import annotations
-
 import contextlib
 import random
 import signal

@@ -1,7 +1,5 @@
 """Folders that a stranger has prepared: pipes, links, modules and settings in them."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """A picture that cannot be drawn costs that picture, and nothing else of a run."""
 
-from __future__ import annotations
-
 import errno
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One table of messages: all that the code says, each with a number and an example."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections import Counter

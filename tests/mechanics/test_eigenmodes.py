@@ -1,7 +1,5 @@
 """Eigenmodes against closed forms of oscillators; motions along rows against KKT."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

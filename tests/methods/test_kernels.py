@@ -1,7 +1,5 @@
 """Each kernel in plain Python against native: the same counts, the same states."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

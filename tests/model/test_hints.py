@@ -6,8 +6,6 @@ mistake is marked ⟪so⟫ where it is not the whole text; ¶ is a line break, a
 blanks stand between texts that mean the same.
 """
 
-from __future__ import annotations
-
 import math
 import re
 

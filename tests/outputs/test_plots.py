@@ -1,7 +1,5 @@
 """The pictures of a run: what they say, where it stands, and that it is repeatable."""
 
-from __future__ import annotations
-
 import functools
 import io
 import itertools

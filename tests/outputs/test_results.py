@@ -1,7 +1,5 @@
 """The folder of results: replaced as a whole, or left as it was."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

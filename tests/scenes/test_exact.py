@@ -1,7 +1,5 @@
 """Scenes whose motion is known exactly, in plain words and in others."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Thinned rows against all rows."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

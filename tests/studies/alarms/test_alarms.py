@@ -3,8 +3,6 @@
 And from which size on, by closed forms: energy, constraints, steps, coordinates.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

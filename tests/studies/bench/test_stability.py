@@ -1,7 +1,5 @@
 """Borders of stability against theory, modes against closed forms, verdicts."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
