@@ -139,13 +139,13 @@ class Relations:
         point, residual, terms = self._against_terms(x, errors)
         found: Flags = ~(residual <= terms)
         far = np.flatnonzero(found).tolist()
-        found[far] = ~(residual[far] <= self._rounding(point, far))
+        found[far] = ~(residual[far] <= self.rounding(point, far))
         return found
 
     def exact(self, x: Floats) -> bool:
         """Whether r is within the rounding errors of x as it was stated."""
         point, residual, _ = self._against_terms(x)
-        return bool(np.all(residual <= self._rounding(point, range(len(residual)))))
+        return bool(np.all(residual <= self.rounding(point)))
 
     def _against_terms(
         self, x: Floats, errors: Floats | None = None
@@ -156,7 +156,9 @@ class Relations:
         small = CONVERGED * np.maximum(scale, np.abs(self.targets))
         return point, np.abs(point.array(self.nodes) - self.targets), small
 
-    def _rounding(self, point: Point, rows: Sequence[int]) -> Floats:
+    def rounding(self, point: Point, rows: Sequence[int] | None = None) -> Floats:
+        """Bounds of what rounding and stated errors leave of r, or of some `rows`."""
+        rows = range(len(self.nodes)) if rows is None else rows
         found = point.rounding([self.nodes[i] for i in rows])
         return np.asarray(found + [self.wanted[i].error for i in rows])
 
@@ -175,10 +177,12 @@ def relations_of(point: Point, rows: Iterable[Row], *, velocities: bool) -> Rela
 # from its neighbours.
 
 # Not a root: that part of the distance before it, the relation is satisfied as well.
-BACKWARD = 0.1
+BACKWARD = 0.03
 # And what its slope there makes of the whole distance is no more than so many times its
-# residual, or than the rounding of its slopes on the path.
-LEVEL = 8.0
+# residual, or than its rounding, or that of its slopes on the path: as many as there
+# are steps, which do not become shorter where it falls as exp(-x) does. It began with
+# more than that.
+LEVEL = 64.0
 
 
 def diverges(
@@ -201,13 +205,15 @@ def diverges(
     linear = np.abs(J @ moved)
     if not np.all(np.isfinite(linear)):
         return False
-    rounding = np.maximum(np.abs(r), TERM_ROUNDOFF * (abs(slopes) @ np.abs(moved)))
+    rounding = np.maximum(np.abs(r), relations.rounding(relations.at(x, errors)))
+    rounding = np.maximum(rounding, TERM_ROUNDOFF * (abs(slopes) @ np.abs(moved)))
     rounding = np.maximum(rounding, TERM_ROUNDOFF * np.abs(first))
     gone = ~(linear > LEVEL * rounding)
     if not np.any(gone):
         return False
-    missed = relations.violated(x0, errors) & ~relations.violated(back, errors)
-    return bool(np.any(gone & missed))
+    begun = np.abs(first) > LEVEL * relations.rounding(relations.at(x0, errors))
+    begun &= relations.violated(x0, errors)
+    return bool(np.any(gone & begun & ~relations.violated(back, errors)))
 
 
 # --- Newton's method, and the minimum

@@ -188,6 +188,13 @@ def test_a_guess_that_runs_away_is_no_answer(relation, guess, other):
 
 
 @pytest.mark.parametrize(
+    "relation", ["exp(x) = exp(x) + exp(-x)", "exp(2*x) - exp(-x) = exp(2*x)"]
+)
+def test_a_guess_runs_away_by_steps_of_one_length(relation):
+    check(judged(scene(relation, {"x": "{guess: 1}"})), admissible=False)
+
+
+@pytest.mark.parametrize(
     ("relation", "guess", "root"),
     [
         ("x = 1e7", "1", 1e7),

@@ -154,7 +154,7 @@ def _compared(
         f"{told[i]:.1e}; method {record['method']}, warned {warned}, error "
         f"{'told' if record['error'] else 'untold'}"
     )
-    ratio = _whole_ratio(over[:, :n], told[:n])
+    ratio = _whole_ratio(off[:, :n], over[:, :n], told[:n])
     if worst > SLACK and not warned:
         return Verdict("silent-wrong", text, ratio, warned)
     if worst > MUTE and _far(over, exact):
@@ -189,10 +189,15 @@ def _told(record: dict[str, Any], scene: Scene, exact: Truth) -> Any:
     return np.concatenate([parts, relative * speeds.astype(float)])
 
 
-def _whole_ratio(over: Any, told: Any) -> float | None:
-    """Give the true error over the told one, of the coordinate where it is largest."""
-    true = np.max(over, axis=0)
-    seen = true > 0
+def _whole_ratio(off: Any, over: Any, told: Any) -> float | None:
+    """Give the true error over the told one, of the coordinate where it is largest.
+
+    What rounding may have done is none of it where that makes the told one too small;
+    it is where that makes it too large, for the told error has it, too.
+    """
+    seen = np.max(over, axis=0) > 0
     if not np.any(seen):
         return None
-    return float(np.max(true[seen] / np.maximum(told[seen], 1e-300)))
+    told = np.maximum(told[seen], 1e-300)
+    least, most = (np.max(x, axis=0)[seen] / told for x in (over, off))
+    return float(np.max(np.maximum(least, np.minimum(most, 1.0))))

@@ -26,6 +26,19 @@ def test_it_does_so_in_other_words(name):
         check(SCENES[name], word)
 
 
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("balanced under 0", "boosted"), ("nearly balanced", "boosted"),
+        ("balanced under if(t < 1, 0, 1e-3*(t - 1))", "shifted"),
+        ("two are pushed by 2.0*sin(3.0*t) beside 0", "shifted"),
+    ],
+)  # fmt: skip
+def test_rounding_in_other_words_costs_no_steps(name, word):
+    """Places and clocks cancel, a body with work turns back, slips begin by turns."""
+    check(SCENES[name], word)
+
+
 @pytest.mark.slow
 @pytest.mark.xfail(strict=True, reason="a row one rounding past a jump is kept")
 def test_no_row_lies_past_a_jump():

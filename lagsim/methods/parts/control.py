@@ -217,15 +217,17 @@ def against(error: float, tolerance: float) -> float:
 
 
 def limit_works(s: Control, p: Parameters, new: Floats) -> None:
-    """Control works no finer than the energy that each is compared with."""
-    v, of_velocities = new[s.velocities], s.tolerances[s.velocities]
+    """Control works no finer than the energy that each is compared with in a step."""
+    before, v = s.y[s.velocities], new[s.velocities]
+    of_velocities = s.tolerances[s.velocities]
     tolerances = s.tolerances[s.quadratures]
     energies, works = s.shared, p.works
     energies[:works] = 0.0
     for i in range(s.n):
         own = int(p.worked[i])
         off = of_velocities[i]
-        energy = abs(s.masses[i]) * (abs(v[i]) + off) * off
+        energy = max(abs(before[i]), abs(v[i])) + off
+        energy *= abs(s.masses[i]) * off
         if own >= 0:
             energies[own] += energy
     for k in range(works):
@@ -366,6 +368,9 @@ SWITCHES = True
 
 # Of what a relative change of the state by one would do; it is rounded to nearest.
 PROBED = 0.5
+# Time changes by another part than any component does: in a moving frame, x - v t, what
+# both do would cancel.
+TIME_PART = 2.0
 # Of what that does, what rounding leaves in the error estimate.
 PERTURBED = VALUE_ROUNDOFF * PROBED / TERM_ROUNDOFF
 # A step that moves a position by less than this part of it is short.
@@ -457,7 +462,7 @@ def bound_roundoff(
         roundoff[i] = larger * abs(s.work[i - n])
     if sigma >= 1.0:
         move_aside(s.size, y, PROBE, s.work)
-        derivative(t * (1.0 + PROBE), s.work, p, s.spare)
+        derivative(t * (1.0 + TIME_PART * PROBE), s.work, p, s.spare)
         s.evaluations += 1.0
         for i in range(n, s.size):
             roundoff[i] += PROBED * abs(s.spare[i] - k[i]) / PROBE

@@ -95,6 +95,9 @@ class Contacts(Source):
         self.ended = False
         self.left: set[int] = set()
         self.left_at = arc.t
+        # What slid until this time, whoever asks once more at it.
+        self.slid: set[int] = set()
+        self.asked_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = 0.0
@@ -134,12 +137,16 @@ class Contacts(Source):
         """Note what has reached the edge of what it bears at this time.
 
         Whoever asks once more at the same time (a switch, a break, another law that
-        ends then) finds it at that edge still, and it does not go on to hold.
+        ends then) finds it at that edge still, and it does not go on to hold. Of a slip
+        on a disc the beginning has ended.
         """
         if arc.t != self.left_at:
             self.left, self.left_at = set(), arc.t
-        if arc.system.p.law_mode[k] == kept.HELD:
+        p = arc.system.p
+        if p.law_mode[k] == kept.HELD:
             self.left.add(k)
+        elif self.laws[k].pair >= 0:
+            p.law_floor[[k, self.laws[k].pair]] = 0.0
 
     def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
         if found.ending is not None and arc.steps == 0:
@@ -190,7 +197,10 @@ class Contacts(Source):
             here.grazing = grazing
         self.shape = here.shape
         edge = self.left if arc.t == self.left_at else set()
-        events, paradox, unique = select_modes(here, edge, also)
+        if arc.t != self.asked_at:
+            slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
+            self.slid, self.asked_at = set(slid.tolist()), arc.t
+        events, paradox, unique = select_modes(here, edge, also, self.slid)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in events if e.constraint not in rested]
         if paradox:
@@ -347,7 +357,10 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
 
 
 def select_modes(
-    here: Kinematics, left: Collection[int], also: Collection[int]
+    here: Kinematics,
+    left: Collection[int],
+    also: Collection[int],
+    slid: Collection[int],
 ) -> tuple[list[Event], bool, bool]:
     """Set the modes at a state.
 
@@ -357,6 +370,8 @@ def select_modes(
         Laws that held until just now: on the edge, they do not go on.
     also
         Laws that are closed whatever their gaps are.
+    slid
+        Laws that slid until now: they go on to begin, or to slide.
 
     Returns
     -------
@@ -367,6 +382,7 @@ def select_modes(
     before = p.law_mode.copy()
     tie_break = np.zeros(here.count)
     tie_break[list(left)] = 1.0
+    tie_break[[k for k in slid if p.law_floor[k] > 0.0]] = 1.0
     found = _chosen(here, tie_break, also)
     idle = _idle(here, found)
     if idle:
@@ -378,7 +394,7 @@ def select_modes(
         tie_break[idle] += then.mode[idle] == kept.OFF
         found = _chosen(here, tie_break, also)
     p.law_mode[:], p.law_direction[:] = found.mode, found.direction
-    _set_floors(here, found, before)
+    _set_floors(here, found, slid)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
     _set_slack(here, found)
     p.law_pushes[p.positions] = p.law_pushes[p.velocities] = here.moves
@@ -459,7 +475,7 @@ def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chose
     return Chosen(mode, direction, some, found.multipliers, diagonal, found.paradox)
 
 
-def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
+def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
     """Set the speeds that slips which begin on a disc have at the least, and stop at.
 
     What rounding leaves of slower ones has no direction, and friction would pull them
@@ -475,8 +491,8 @@ def _set_floors(here: Kinematics, found: Chosen, before: Floats) -> None:
         if law.pair < k or kept.SLIDING not in found.mode[pair]:
             continue
         speed = float(np.linalg.norm(here.rates[pair]))
-        if kept.SLIDING in before[pair]:
-            stills[pair] = p.law_still[k]
+        if k in slid or law.pair in slid:
+            floors[pair], stills[pair] = p.law_floor[k], p.law_still[k]
             continue
         places = [found.some.index(j) for j in pair]
         rubs = float(np.linalg.norm((found.multipliers * found.D)[places]))

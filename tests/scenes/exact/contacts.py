@@ -146,6 +146,31 @@ for angle in (0.0, 1e-3, 0.6435, math.pi / 2, 1.0, 2.0, -3.0):
     )  # fmt: skip
 
 
+# Two at angles of 0.7 and -2.2, and a third on which nothing rubs.
+WAYS = {"x": math.cos(0.7), "y": math.sin(0.7), "u": math.cos(2.2), "v": -math.sin(2.2)}
+
+
+def two_on_floors(push: str, force: str) -> str:
+    laws = {
+        h: contact(f"{h} >= 0", 0.0, friction=BOUND / 10, slip=slip)
+        for h, slip in {"h": ["x_dot", "y_dot"], "k": ["u_dot", "v_dot"]}.items()
+    }
+    names, forces = "xyhuvkz", {q: f"({push})*{way!r}" for q, way in WAYS.items()}
+    return scene(
+        " ".join(names), " + ".join(f"{q}_dot^2/2" for q in names), "10*h + 10*k", laws,
+        dict.fromkeys(names, 0), forces=forces | {"z": force}, duration=END,
+    )  # fmt: skip
+
+
+# What else begins, or stands beside a switch, when a slip on a disc begins.
+for push, path in ((PUSH, by_turns), ("1.5 + t", lambda t: t**3 / 6)):
+    for force in ("0", "-1*sign(z + 100)"):
+        SCENES[f"two are pushed by {push} beside {force}"] = Exact(
+            two_on_floors(push, force),
+            lambda t, path=path: {q: path(t) * way for q, way in WAYS.items()},
+        )  # fmt: skip
+
+
 def turning(first: float, turn: float) -> Any:
     """Integrate from just after the slip begins, with steps of another kind.
 

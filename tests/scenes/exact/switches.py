@@ -214,7 +214,7 @@ SCENES["slides down an incline"] = Exact(
 for mu in (0.5, math.tan(0.3)):
     SCENES[f"rests on an incline by {mu:.3g}"] = Exact(
         incline(mu, 0), lambda t: {"x": 0.0 * t}, still="x", events={}, steps=20,
-        unlike=MOVING,
+        balanced=2.0 * mu * PRESS, unlike=MOVING,
     )  # fmt: skip
 SCENES["breaks loose"] = Exact(
     scene(
