@@ -24,7 +24,7 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import Budget, TooLongError
 from lagsim.model.model import Level
 from lagsim.show.tidy import MOST_PRODUCTS, Sums
-from lagsim.tolerances import COMPUTED_ZERO
+from lagsim.tolerances import COMPUTED_ZERO, TERM_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -217,6 +217,8 @@ def _changes(
         for product, number in terms.items():
             row = found.setdefault(product + factor, {})
             row[k] = row.get(k, 0) + sign * number
+            if abs(row[k]) <= TERM_ROUNDOFF * abs(number):
+                row[k] = 0  # 3*0.1 and 0.3 cancel
 
     for k, (i, *turned) in enumerate(generators):
         if not turned:

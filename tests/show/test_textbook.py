@@ -162,6 +162,18 @@ def kinds(text):
     return {k["kind"] for k in small(text).document["conserved"]}
 
 
+@pytest.mark.parametrize(
+    ("potential", "kind"),
+    [
+        ("3*0.1*x^2 + 0.3*y^2", "angular momentum"),
+        ("(0.1 + 0.2)*x^2 + 0.3*y^2", "angular momentum"),
+        ("3*0.1*x - 0.3*y", "total momentum"),
+    ],
+)
+def test_rounding_of_numbers_breaks_no_symmetry(potential, kind):
+    assert kind in kinds(FACTORED.format(kinetic=FREE, potential=potential))
+
+
 def turns(factor, potential):
     """Tell what is kept with a factor in V, or in T."""
     found = []

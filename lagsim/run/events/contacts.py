@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from lagsim.run.events.kinematics import Shape
 
 FORCING = (kept.HELD, kept.SLIDING)
-# What opens again slowly is told from errors of the steps by this part of the tolerance
-# of its motion.
-OPENED = 0.05
 # What holds without a force is asked again after this part of the time between rows.
 SOON = 1e-6
 # Where forces change, each moment looked at is so many times as late as the last.
@@ -524,7 +521,6 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
 def _set_slack(here: Kinematics, found: Chosen) -> None:
     """Set the slack by which rounding does not end a mode that has just begun."""
     arc, p, K = here.arc, here.arc.system.p, here.arc.system.surfaces
-    rtol = arc.plan.tolerance
     slack = p.slack[K:]
     slack[:] = 0.0
     size, band, rounding = np.zeros((3, here.count))
@@ -541,8 +537,6 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
             rounding[k] = here.slack[k] if position else here.still[k]
             size[k] = rounding[k] if here.gaps[k] <= rounding[k] else 0.0
             size[k] += 2.0 * here.grazing.get(k, 0.0)
-            if k in push:  # it touches, and parts without a speed
-                size[k] += OPENED * rtol * here.reach[0 if position else 1][k]
     event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
     slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)
     p.band[K:], p.law_rounding[:] = band, rounding
