@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
 
 from tests.hunt.maker import Numbers, Point, distance, short, squares, weight
-
-if TYPE_CHECKING:
-    from tests.hunt.maker import Maker
 
 AXES = "xyz"
 
 
-def free_point(
-    k: Maker, place: tuple[float, ...], speed: tuple[float, ...], mass: float
-) -> Point:
+def free_point(k, place, speed, mass):
     """Add a point mass with a coordinate for each component."""
     n = Numbers(k)
     tail = next(k.count)
@@ -33,29 +27,29 @@ def free_point(
     return point
 
 
-def anchor(place: tuple[float, ...]) -> Point:
+def anchor(place):
     return Point(tuple(repr(x) for x in place), math.inf, place)
 
 
-def somewhere(k: Maker, dimensions: int, size: float = 1.0) -> tuple[float, ...]:
+def somewhere(k, dimensions, size=1.0):
     return tuple(
         k.offset + k.signed(0.2, 1.5, size * k.length) for _ in range(dimensions)
     )
 
 
-def some_velocity(k: Maker, dimensions: int) -> tuple[float, ...]:
+def some_velocity(k, dimensions):
     if k.chance(0.3):
         return (0.0,) * dimensions
     return tuple(k.signed(0.1, 1, k.speed) for _ in range(dimensions))
 
 
-def stiffness(k: Maker, a: Point, b: Point, low: float = 0.5, high: float = 8) -> float:
+def stiffness(k, a, b, low=0.5, high=8):
     """Give a stiffness whose frequency suits the scene."""
     reduced = 1.0 / (1.0 / a.mass + (0.0 if math.isinf(b.mass) else 1.0 / b.mass))
     return short(reduced * k.between(low, high, 1 / k.time) ** 2)
 
 
-def spring(k: Maker, a: Point, b: Point) -> None:
+def spring(k, a, b):
     """Add a spring between two points: linear, of a length, or Duffing's."""
     n = Numbers(k)
     K = n("K", stiffness(k, a, b))
@@ -75,7 +69,7 @@ def spring(k: Maker, a: Point, b: Point) -> None:
     k.add(f"spring-{kind}", parameters=n, potential=(energy,))
 
 
-def points_and_springs(k: Maker) -> None:
+def points_and_springs(k):
     d = k.one_of(1, 2, 2, 3)
     count = k.one_of(1, 2, 2, 3)
     made = [
@@ -89,7 +83,7 @@ def points_and_springs(k: Maker) -> None:
         k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
 
 
-def unequal_masses(k: Maker) -> None:
+def unequal_masses(k):
     """Bodies whose masses differ by up to twelve decades, bound by springs."""
     d = k.one_of(1, 2)
     masses = [k.mass, k.decades(-6, 6, k.mass), k.decades(-6, 6, k.mass)]
@@ -100,7 +94,7 @@ def unequal_masses(k: Maker) -> None:
         spring(k, made[0], anchor(somewhere(k, d, 0.3)))
 
 
-def gravitating(k: Maker) -> None:
+def gravitating(k):
     """A sun, a planet or two, a probe: masses over many decades."""
     n = Numbers(k)
     sun = k.mass * 1e6
@@ -122,14 +116,14 @@ def gravitating(k: Maker) -> None:
     k.add("gravity", parameters=n, potential=tuple(terms))
 
 
-def _mass(k: Maker, point: Point) -> str:
+def _mass(k, point):
     for item in k.items:
         if point.at[0] in item.coordinates:
             return next(name for name in item.parameters if name.startswith("m"))
     raise KeyError(point.at[0])
 
 
-def rods(k: Maker) -> None:
+def rods(k):
     """Points on rods: a pendulum of one to three, or a free figure, in 2 or 3-D."""
     d, hangs = k.one_of(2, 2, 3), k.chance(0.6)
     n = Numbers(k)
@@ -152,7 +146,7 @@ def rods(k: Maker) -> None:
             k.add("weight", parameters=n, potential=(height,))
 
 
-def _rod(k: Maker, a: Point, b: Point) -> None:
+def _rod(k, a, b):
     n = Numbers(k)
     steps = [f"({x} - {y})" for x, y in zip(b.at, a.at, strict=True)]
     l = n("l", math.dist(a.place, b.place))  # noqa: E741
@@ -161,7 +155,7 @@ def _rod(k: Maker, a: Point, b: Point) -> None:
     )
 
 
-def bead(k: Maker) -> None:
+def bead(k):
     """A bead on a curve in the plane, or on a surface in space; it may move."""
     d = k.one_of(2, 2, 3)
     n = Numbers(k)
@@ -199,11 +193,11 @@ def bead(k: Maker) -> None:
     )  # fmt: skip
 
 
-def place_with(k: Maker, place: list[float]) -> list[float]:
+def place_with(k, place):
     return [x + k.offset for x in place]
 
 
-def sleigh(k: Maker) -> None:
+def sleigh(k):
     n = Numbers(k)
     x, y, a = k.name("x"), k.name("y"), k.name("a")
     m, inertia = n("m", k.some_mass()), n("I", 0.0)
@@ -225,7 +219,7 @@ def sleigh(k: Maker) -> None:
     )  # fmt: skip
 
 
-def roller(k: Maker) -> None:
+def roller(k):
     """A wheel that rolls on a line against a spring, maybe with an eccentric mass."""
     n = Numbers(k)
     x, a = k.name("x"), k.name("a")
@@ -245,7 +239,7 @@ def roller(k: Maker) -> None:
     k.sliders.append((x, n[m], 0.0))
 
 
-def hoop(k: Maker) -> None:
+def hoop(k):
     """A bead on a hoop that turns: a rotating frame, explicit in t or not."""
     n = Numbers(k)
     a, m, r = k.name("a"), n("m", k.some_mass()), n("r", k.between(0.3, 2, k.length))
@@ -271,7 +265,7 @@ def hoop(k: Maker) -> None:
     k.pushed.append((a, n[m] * n[r] * k.gravity))
 
 
-def oscillators(k: Maker) -> None:
+def oscillators(k):
     """A chain of masses on a line: linear unless something is added."""
     made = []
     for i in range(k.one_of(1, 2, 3, 5)):
@@ -290,7 +284,7 @@ def oscillators(k: Maker) -> None:
     k.sliders += [(p.at[0], p.mass, 0.0) for p in made]
 
 
-def block(k: Maker) -> None:
+def block(k):
     """One mass on a line, on a spring or between walls."""
     mass = k.some_mass()
     x0 = k.offset + k.signed(0, 1, k.length)
@@ -304,7 +298,7 @@ def block(k: Maker) -> None:
 # Angles and lengths: pendulums of all kinds, and an orbit.
 
 
-def chain_of_angles(k: Maker) -> None:
+def chain_of_angles(k):
     """A pendulum of one to three links, on a fixed, a sliding or a moving pivot."""
     n = Numbers(k)
     x, y = _pivot(k, n)
@@ -327,7 +321,7 @@ def chain_of_angles(k: Maker) -> None:
     )  # fmt: skip
 
 
-def _pivot(k: Maker, n: Numbers) -> tuple[str, str]:
+def _pivot(k, n):
     """Give the texts of where a pendulum hangs; may add a cart."""
     kind = k.one_of("fixed", "fixed", "cart", "shaken", "turning")
     if kind == "cart":
@@ -360,7 +354,7 @@ def _pivot(k: Maker, n: Numbers) -> tuple[str, str]:
     return f"{amplitude}*cos({w}*{since})", f"{amplitude}*sin({w}*{since})"
 
 
-def elastic_pendulum(k: Maker) -> None:
+def elastic_pendulum(k):
     n = Numbers(k)
     a, u = k.name("a"), k.name("u")
     m, l = n("m", k.some_mass()), n("l", k.between(0.5, 2, k.length))  # noqa: E741
@@ -377,7 +371,7 @@ def elastic_pendulum(k: Maker) -> None:
     k.pushed.append((u, n[m] * k.gravity))
 
 
-def polar_orbit(k: Maker) -> None:
+def polar_orbit(k):
     n = Numbers(k)
     r, a, m = k.name("r"), k.name("a"), n("m", k.some_mass())
     mu = n("mu", short(n[m] * k.length**3 / k.time**2))
@@ -390,7 +384,7 @@ def polar_orbit(k: Maker) -> None:
     )  # fmt: skip
 
 
-def spherical_pendulum(k: Maker) -> None:
+def spherical_pendulum(k):
     n = Numbers(k)
     a, b = k.name("a"), k.name("b")
     m, l = n("m", k.some_mass()), n("l", k.between(0.5, 2, k.length))  # noqa: E741

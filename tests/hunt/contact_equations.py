@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import sympy as sp
 
 from tests.hunt.scene import Item, Law
 from tests.sympy_oracle import Oracle
-
-if TYPE_CHECKING:
-    from tests.hunt.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -28,7 +24,7 @@ class Row:
     until: float = np.inf
 
 
-def rows_of(scene: Scene) -> list[tuple[Row, str, str]]:
+def rows_of(scene):
     """Give each row with its expression and its bound: slips follow their contacts."""
     found: list[tuple[Row, str, str]] = []
     for law in scene.terms("laws"):
@@ -45,7 +41,7 @@ def rows_of(scene: Scene) -> list[tuple[Row, str, str]]:
 class Equations:
     """M, f and all rows as functions of t, q, v."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene):
         every = rows_of(scene)
         self.rows = [row for row, _, _ in every]
         held = Item("held", laws=tuple(Law("equality", text) for _, text, _ in every))
@@ -64,7 +60,7 @@ class Equations:
             "Heaviside": lambda x, *_: float(x > 0)}], cse=True,
         )  # fmt: skip
 
-    def at(self, t: float, y: Any) -> dict[str, Any]:
+    def at(self, t, y):
         """Give all there is at a state."""
         n, m = self.n, self.m
         x = np.array(self._all(t, *y), dtype=float)
@@ -76,7 +72,7 @@ class Equations:
         }  # fmt: skip
 
 
-def solved(M: Any, A: Any, C: Any, f: Any, b: Any) -> tuple[Any, Any]:
+def solved(M, A, C, f, b):
     """Solve M a = f + C^T x, A a = b."""
     n, m = len(M), len(A)
     K = np.zeros((n + m, n + m))
@@ -93,8 +89,8 @@ def solved(M: Any, A: Any, C: Any, f: Any, b: Any) -> tuple[Any, Any]:
 
 
 def outcome(  # noqa: C901
-    held: list[int], s: Any, closed: Any, slips: Any, values: Any, e: Any, small: float
-) -> tuple[Any, int] | None:
+    held, s, closed, slips, values, e, small
+):
     """Give what impulses of these kinds add to velocities, if they break no law."""
     n, A, rate, rows = len(s["M"]), s["A"], s["rate"], list(held)
     columns, change = [A[k] for k in rows], [0.0 - rate[k] for k in rows]

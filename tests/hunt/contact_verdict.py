@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,11 +10,6 @@ from tests.hunt.contact_equations import Equations
 from tests.hunt.impacts import Faller
 from tests.hunt.integrator import NoTruthError
 from tests.hunt.verdict import Verdict, broken
-
-if TYPE_CHECKING:
-    from tests.hunt.contacts import ContactScene
-    from tests.hunt.lagsim_runs import Lagsim
-    from tests.hunt.scene import Scene
 
 # The start of the second motion is this much aside, and what that does is what a state
 # that is known so well may do.
@@ -28,7 +22,7 @@ GRANTED, GAIN = 1e-8, 30.0
 ULP = 2.0**-52
 
 
-def sizes(rows: Any) -> Any:
+def sizes(rows):
     """Give the size of each column (2n,): positions, and velocities among others."""
     size = np.max(np.abs(rows), axis=0) + 1e-3
     n = len(size) // 2
@@ -36,7 +30,7 @@ def sizes(rows: Any) -> Any:
     return size
 
 
-def truth(scene: Scene) -> tuple[Any, Any, Any]:
+def truth(scene):
     """Give rows (k, 2n), how far they are known, and the impacts' times."""
     equations = Equations(scene)
     with warnings.catch_warnings():
@@ -52,7 +46,7 @@ def truth(scene: Scene) -> tuple[Any, Any, Any]:
     return a, off, first
 
 
-def _beside(scene: Scene, impacts: Any) -> Any:
+def _beside(scene, impacts):
     times = np.array(scene.times)
     if not impacts:
         return np.zeros(len(times), dtype=bool)
@@ -60,7 +54,7 @@ def _beside(scene: Scene, impacts: Any) -> Any:
     return away < 1e-6 * scene.duration
 
 
-def tried(told: ContactScene, lagsim: Lagsim) -> Verdict:
+def tried(told, lagsim):
     """Run a scene on both sides and judge."""
     try:
         exact = truth(told.scene)
@@ -69,7 +63,7 @@ def tried(told: ContactScene, lagsim: Lagsim) -> Verdict:
     return judged(told, lagsim, exact)
 
 
-def judged(told: ContactScene, lagsim: Lagsim, exact: Any) -> Verdict:
+def judged(told, lagsim, exact):
     """Say what a run is worth."""
     scene, (rows, known, path) = told.scene, exact
     model = told.told()

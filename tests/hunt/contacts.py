@@ -12,20 +12,16 @@ import itertools
 import random
 from dataclasses import dataclass
 from math import cos, sin
-from typing import TYPE_CHECKING, Any
 
 from tests.hunt.scene import Item, Law, Scene
 from tests.invariance.same import CHANGES, Sizes
 from tests.invariance.transforms import document
 
-if TYPE_CHECKING:
-    from tests.invariance.transforms import Document
-
 
 def part(
-    q: list[str], kinetic: str, potential: str, laws: list[Law], start: list[float],
-    speeds: list[float], forces: dict[str, str] | None = None, loose: Any = (),
-) -> Item:  # fmt: skip
+    q, kinetic, potential, laws, start,
+    speeds, forces = None, loose = (),
+):  # fmt: skip
     """Give something that moves: its coordinates begin at `start` with `speeds`."""
     states = zip(start, speeds, strict=True)
     return Item(
@@ -35,11 +31,11 @@ def part(
     )  # fmt: skip
 
 
-def restitution(r: random.Random) -> float:
+def restitution(r):
     return r.choice([0.0, 0.0, 1.0, 0.5, 0.8, round(r.uniform(0.05, 0.95), 2)])
 
 
-def friction(r: random.Random, slip: str) -> dict[str, Any]:
+def friction(r, slip):
     if r.random() < 0.3:
         return {}
     mu = round(r.choice([0.0, r.uniform(0.05, 0.4), r.uniform(0.4, 0.9)]), 2)
@@ -47,11 +43,11 @@ def friction(r: random.Random, slip: str) -> dict[str, Any]:
     return {"mu": mu, "static": static, "slip": slip}
 
 
-def some(r: random.Random, low: float, high: float) -> float:
+def some(r, low, high):
     return round(r.uniform(low, high), 3)
 
 
-def line(r: random.Random, k: int) -> Item:
+def line(r, k):
     """Balls on a line, perhaps between walls, under weight or none."""
     count = r.randint(1, 4)
     q = [f"x{k}{i}" for i in range(count)]
@@ -80,7 +76,7 @@ def line(r: random.Random, k: int) -> Item:
     )  # fmt: skip
 
 
-def disc(r: random.Random, k: int) -> Item:
+def disc(r, k):
     """Spinning balls over a floor that may move, beside a wall, and each other."""
     count = r.choice([1, 1, 2])
     q, T, V, laws, start, speeds = [], [], [], [], [], []
@@ -111,7 +107,7 @@ def disc(r: random.Random, k: int) -> Item:
                 q)  # fmt: skip
 
 
-def pendulum(r: random.Random, k: int) -> Item:
+def pendulum(r, k):
     """A pendulum with stops, in its angle or in x and y on a rod."""
     size, e, m = some(r, 0.4, 1.5), restitution(r), some(r, 0.3, 2)
     if r.random() < 0.5:
@@ -141,7 +137,7 @@ def pendulum(r: random.Random, k: int) -> Item:
     )  # fmt: skip
 
 
-def string(r: random.Random, k: int) -> Item:
+def string(r, k):
     """A bob on a slack string, or in a bowl, in two or three dimensions."""
     q = [f"x{k}", f"y{k}"] + ([f"z{k}"] if r.random() < 0.4 else [])
     size, m, up = some(r, 0.4, 1), some(r, 0.3, 2), r.choice([1, 1, -1])
@@ -162,7 +158,7 @@ def string(r: random.Random, k: int) -> Item:
     )  # fmt: skip
 
 
-def block(r: random.Random, k: int) -> Item:
+def block(r, k):
     """A block on an incline, a spring at it, a stop below, the floor perhaps a belt."""
     s, n, m, a = f"s{k}", f"n{k}", some(r, 0.5, 3), some(r, 0, 0.8)
     belt = r.choice(["0", "0", repr(some(r, -0.6, 0.6)), f"0.3*sin({some(r, 1, 8)}*t)"])
@@ -184,7 +180,7 @@ def block(r: random.Random, k: int) -> Item:
     )  # fmt: skip
 
 
-def wheels(r: random.Random, k: int) -> Item:
+def wheels(r, k):
     """Two inertias: a freewheel or a clutch between them, a stop on one."""
     a, b = f"a{k}", f"b{k}"
     drive = {a: f"{some(r, 1, 10)}*sin({some(r, 1, 7)}*t)"}
@@ -206,7 +202,7 @@ def wheels(r: random.Random, k: int) -> Item:
     )  # fmt: skip
 
 
-def latch(r: random.Random, k: int) -> Item:
+def latch(r, k):
     """A mass that is held at its place until it is let go, over a floor."""
     y, m, e = f"y{k}", some(r, 0.3, 2), restitution(r)
     laws = [
@@ -232,11 +228,11 @@ class ContactScene:
     words: tuple[str, ...] = ()
 
     @property
-    def rounding(self) -> float:
+    def rounding(self):
         """How many times those of the scene the places and times are that it has."""
         return sum(CHANGES[word].rounding for word in self.words)
 
-    def told(self) -> Document:
+    def told(self):
         """Give it in its words; columns `q` and `rate_q` are those of the scene."""
         rates = {f"rate_{q}": f"{q}_dot" for q in self.scene.q}
         whole = Scene(
@@ -250,7 +246,7 @@ class ContactScene:
         return found
 
 
-def contact_scene(seed: str) -> ContactScene:
+def contact_scene(seed):
     """Give the scene of a seed."""
     r = random.Random(seed)
     count = r.choice([1, 1, 1, 2, 2, 3])

@@ -19,7 +19,7 @@ ROWS = (1, 2, 3, 7, 40, 40, 200, 200, 1000)
 METHODS = ("dop853", "taylor", "radau")
 
 
-def scene(seed: str) -> Scene:
+def scene(seed):
     """Make the scene of a seed."""
     rng = np.random.default_rng(zlib.crc32(seed.encode()))
     maker = Maker(rng)
@@ -51,7 +51,7 @@ def scene(seed: str) -> Scene:
     return admissible(made)
 
 
-def _laws(maker: Maker) -> None:
+def _laws(maker):
     choices = [laws.forcing] if maker.pushed else []
     if maker.sliders:
         choices += [
@@ -66,7 +66,7 @@ def _laws(maker: Maker) -> None:
         maker.one_of(*choices)(maker)
 
 
-def _until(maker: Maker) -> str:
+def _until(maker):
     names = [q for item in maker.items for q in item.coordinates]
     name = maker.one_of(*names)
     where = {q: x for item in maker.items for q, (x, _) in item.coordinates.items()}
@@ -74,7 +74,7 @@ def _until(maker: Maker) -> str:
     return f"{name} {maker.one_of('<=', '>=')} {level!r}"
 
 
-def admissible(made: Scene) -> Scene:
+def admissible(made):
     """Give the scene with velocities that its constraints admit, where stated."""
     if not made.stated or not made.gathered("constraints"):
         return made

@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING
 
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import NoTruthError
-from tests.hunt.verdict import Truth, Verdict, judge, truth
+from tests.hunt.verdict import Verdict, judge, truth
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.hunt.lagsim_runs import Lagsim
     from tests.hunt.scene import Scene
 
 # How a method that was asked for is refused for its cost.
@@ -31,7 +28,7 @@ class Tally:
     ratios: list[float] = field(default_factory=list)
     faults: list[tuple[Scene, Verdict]] = field(default_factory=list)
 
-    def add(self, scene: Scene, verdict: Verdict) -> None:
+    def add(self, scene, verdict):
         if verdict.kind == "uncounted":
             self.uncounted += 1
             return
@@ -42,7 +39,7 @@ class Tally:
             self.faults.append((scene, verdict))
 
 
-def tried(scene: Scene, lagsim: Lagsim) -> tuple[Verdict, Truth | None]:
+def tried(scene, lagsim):
     """Run a scene on both sides and judge."""
     try:
         exact = truth(scene)
@@ -55,7 +52,7 @@ def tried(scene: Scene, lagsim: Lagsim) -> tuple[Verdict, Truth | None]:
     return judge(scene, answer, exact), exact
 
 
-def hunt(seed: str, count: int, lagsim: Lagsim) -> Tally:
+def hunt(seed, count, lagsim):
     """Try scenes of a seed until so many have counted."""
     tally = Tally()
     for number in itertools.count():
@@ -66,7 +63,7 @@ def hunt(seed: str, count: int, lagsim: Lagsim) -> Tally:
     return tally
 
 
-def report(scene: Scene, verdict: Verdict, folder: Path) -> Path:
+def report(scene, verdict, folder):
     """Write what is needed to see a failure again; give the folder."""
     kind = re.sub(r"\W+", "-", verdict.kind)
     place = folder / f"{kind}-{scene.seed}"

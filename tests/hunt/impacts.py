@@ -9,19 +9,14 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from tests.hunt.contact_equations import Equations, Row, outcome, solved
+from tests.hunt.contact_equations import outcome, solved
 from tests.hunt.integrator import NoTruthError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from tests.hunt.scene import Scene
 
 # What is this near to zero, against the terms it is made of, is zero.
 NEAR = 1e-10
@@ -46,9 +41,9 @@ class Faller:
     """
 
     def __init__(
-        self, scene: Scene, equations: Equations, tolerance: float,
-        nudge: float, over: float,
-    ) -> None:  # fmt: skip
+        self, scene, equations, tolerance,
+        nudge, over,
+    ):  # fmt: skip
         self.eq, self.scene, self.tolerance = equations, scene, tolerance
         self.over = over
         states = scene.gathered("coordinates")
@@ -61,7 +56,7 @@ class Faller:
         self.y, self.t = y, 0.0
         self.mode: dict[int, int | None] = {}
 
-    def path(self, times: Any) -> Path:
+    def path(self, times):
         """Integrate; the row at an impact is the one after it."""
         path, k, events = Path(), 0, 0
         breaks = sorted({r.until for r in self.eq.rows if r.until < times[-1]})
@@ -75,7 +70,7 @@ class Faller:
         return path
 
     # -- one arc --------------------------------------------------------------------
-    def _margins(self, t: float, y: Any) -> Any:
+    def _margins(self, t, y):
         """Give what must stay positive in this arc."""
         s = self.eq.at(t, y)
         _, push = self._motion(s, self.mode)
@@ -94,16 +89,16 @@ class Faller:
                 found.append(1.0)
         return np.array(found)
 
-    def _most(self, r: Row, s: Any, push: Any) -> float:
+    def _most(self, r, s, push):
         if r.kind == "limit":
             return float(s["bound"][r.number])
         return r.static * float(push[r.normal])
 
-    def _in_force(self, r: Row) -> bool:
+    def _in_force(self, r):
         return self.t < r.until
 
-    def _arc(self, path: Path, times: Any, k: int, end: float) -> int:
-        def field_(t: float, y: Any) -> Any:
+    def _arc(self, path, times, k, end):
+        def field_(t, y):
             a, _ = self._motion(self.eq.at(t, y), self.mode)
             return np.concatenate([y[self.eq.n :], a])
 
@@ -139,9 +134,7 @@ class Faller:
                 return k
         return k
 
-    def _first(
-        self, dense: Any, left: float, right: float, before: Any, now: Any, began: float
-    ) -> float | None:
+    def _first(self, dense, left, right, before, now, began):
         found = []
         for i, (a, b) in enumerate(zip(before, now, strict=True)):
             if not b < 0.0:
@@ -159,14 +152,14 @@ class Faller:
                     continue
                 low = clear[-1]
 
-            def value(t: float, i: int = i) -> float:
+            def value(t, i=i):
                 return float(self._margins(t, dense(t))[i])
 
             found.append(float(brentq(value, low, right, xtol=1e-15, rtol=1e-15)))
         return min(found) if found else None
 
     # -- what holds -----------------------------------------------------------------
-    def _motion(self, s: Any, mode: dict[int, int | None]) -> tuple[Any, Any]:
+    def _motion(self, s, mode):
         """Solve for accelerations and forces with these modes."""
         n, A, f = self.eq.n, s["A"], s["f"].copy()
         held, columns = [], []
@@ -195,7 +188,7 @@ class Faller:
                 push[r.number] = -m * s["bound"][r.number]
         return a, push
 
-    def _column(self, r: Row, A: Any, mode: dict[int, int | None]) -> Any:
+    def _column(self, r, A, mode):
         column = A[r.number].copy()
         for other in self.eq.rows:
             m = mode.get(other.number)
@@ -203,7 +196,7 @@ class Faller:
                 column -= m * other.mu * A[other.number]
         return column
 
-    def _settle(self, path: Path) -> None:
+    def _settle(self, path):
         for _ in range(20):
             self._project()
             s = self.eq.at(self.t, self.y)
@@ -234,7 +227,7 @@ class Faller:
                  or (r.kind in kinds and self.mode[r.number] == 0)]  # fmt: skip
         self._slow(still)
 
-    def _touching(self, s: Any, scale: float) -> list[int]:
+    def _touching(self, s, scale):
         some = []
         for r in self.eq.rows:
             k, rate = r.number, s["rate"][r.number]
@@ -245,7 +238,7 @@ class Faller:
                 some.append(k)
         return some
 
-    def _choices(self, s: Any, scale: float) -> Iterator[dict[int, int | None]]:
+    def _choices(self, s, scale):
         touching = set(self._touching(s, scale))
         options: list[list[int | None]] = []
         for r in self.eq.rows:
@@ -264,7 +257,7 @@ class Faller:
             if all((mode[r.number] is None) == (mode[r.normal] is None) for r in pairs):
                 yield mode
 
-    def _fits(self, s: Any, mode: Any, a: Any, push: Any, scale: float) -> bool:
+    def _fits(self, s, mode, a, push, scale):
         size = 1.0 + float(np.max(np.abs(a))) + float(np.max(np.abs(push), initial=0.0))
         small = 1e-8 * size
         acc = s["A"] @ a - s["b"]
@@ -286,7 +279,7 @@ class Faller:
         return True
 
     # -- impacts --------------------------------------------------------------------
-    def _strike(self, s: Any, path: Path) -> bool:
+    def _strike(self, s, path):
         """Let what approaches strike; tell whether it did."""
         scale = 1.0 + float(np.max(np.abs(self.y)))
         small = NEAR * scale
@@ -323,7 +316,7 @@ class Faller:
         self.y = np.concatenate([self.y[: self.eq.n], self.y[self.eq.n :] + v])
         return True
 
-    def _restitution(self, r: Row, s: Any) -> float:
+    def _restitution(self, r, s):
         """Give e, or 0 where what is left of the bounces is over in no time."""
         rate, k = s["rate"][r.number], r.number
         if r.kind == "wheel" or r.e == 0.0 or rate >= 0.0:
@@ -341,7 +334,7 @@ class Faller:
             return 0.0
         return r.e
 
-    def _project(self) -> None:
+    def _project(self):
         """Bring the state back onto what holds, and is off by rounding of steps."""
         n = self.eq.n
         some: list[int] = []
@@ -358,7 +351,7 @@ class Faller:
             self.y[:n] -= np.linalg.lstsq(rows, s["gap"][some], rcond=None)[0]
         self._slow([k for k in some if self.eq.rows[k].kind == "equality"])
 
-    def _slow(self, some: list[int]) -> None:
+    def _slow(self, some):
         """Take from velocities what these rows forbid: the least change in M."""
         s, n = self.eq.at(self.t, self.y), self.eq.n
         if some:

@@ -49,7 +49,7 @@ class Extrapolation:
     sizes: Any = 0.0
     noise: Any = 0.0
 
-    def leap(self, t: Any, y: Any, dy: Any, h: Any) -> tuple[Any, Any]:
+    def leap(self, t, y, dy, h):
         """Give the state at t + h and the error of the next lower order."""
         before: list[Any] = []
         early: list[Any] = []
@@ -71,7 +71,7 @@ class Extrapolation:
         beyond = np.abs(before[-1] - early[-1]) / ROUGHER
         return before[-1], np.maximum(apart, beyond)
 
-    def advance(self, t: Any, y: Any, end: Any) -> tuple[Any, Any, Any, Any]:
+    def advance(self, t, y, end):
         """Take one accepted step, not past `end`; give h, dy, the state, the time."""
         dy = self.slope(t, y)
         self.evaluations += 1
@@ -101,11 +101,11 @@ class Extrapolation:
             if t + self.step == t or not self.step > 1e-22 * (abs(end) + abs(left)):
                 raise NoTruthError(f"steps vanish at {float(t)}")
 
-    def _widen(self, y: Any) -> None:
+    def _widen(self, y):
         self.low = y if self.low is None else np.minimum(self.low, y)
         self.high = y if self.high is None else np.maximum(self.high, y)
 
-    def _ratio(self, y: Any, dy: Any, h: Any, found: Any, error: Any) -> float:
+    def _ratio(self, y, dy, h, found, error):
         """Give the error over what is allowed; each component by itself."""
         if not np.all(np.isfinite(found)):
             return np.inf
@@ -127,7 +127,7 @@ class Extrapolation:
         return float(np.max(error / (scale + Long(10) ** -4000)))
 
 
-def _extrapolated(value: Any, before: list[Any], n: int) -> list[Any]:
+def _extrapolated(value, before, n):
     """Give the row of the tableau that a result by n substeps begins."""
     row = [value]
     for k in range(1, len(before) + 1):

@@ -18,7 +18,6 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 from lagsim.cli import main
 from lagsim.studies.golden import load
@@ -40,13 +39,13 @@ LONGEST_SECONDS = 0.3
 NEXT_ONE_IN = 3
 
 
-def called(line: tuple[str, ...]) -> int:
+def called(line):
     """Call the command in this process."""
     sys.argv = ["lagsim", *line]
     return main()
 
 
-def killed(line: tuple[str, ...], moment: float) -> bool:
+def killed(line, moment):
     """Call the command in a fork that dies at a moment; tell whether it has died."""
     pid = os.fork()
     if pid == 0:
@@ -62,12 +61,12 @@ def killed(line: tuple[str, ...], moment: float) -> bool:
     return os.WIFSIGNALED(os.waitpid(pid, 0)[1])
 
 
-def _die_at(number: int) -> None:
+def _die_at(number):
     """Have the n-th call that touches files kill this process, before or after it."""
     left = [number // 2]
 
-    def counted(call: Any) -> Any:
-        def counting(*arguments: Any, **keywords: Any) -> Any:
+    def counted(call):
+        def counting(*arguments, **keywords):
             left[0] -= 1
             if left[0] < 0 and number % 2 == 0:
                 os.kill(os.getpid(), signal.SIGKILL)
@@ -82,7 +81,7 @@ def _die_at(number: int) -> None:
         setattr(os, name, counted(getattr(os, name)))
 
 
-def wrong(folder: Path, whole: bytes) -> str:
+def wrong(folder, whole):
     """Say what is not whole in a folder, or give ""; `whole` are the equations."""
     names = {path.name for path in folder.iterdir()}
     for record in ("run.json", "sweep.json"):
@@ -105,7 +104,7 @@ def wrong(folder: Path, whole: bytes) -> str:
     return ""
 
 
-def hunt(seed: int, count: int, folder: Path) -> dict[str, Any]:
+def hunt(seed, count, folder):
     """Kill so often; give the counts, and what was found wrong."""
     os.chdir(folder)
     os.environ["LAGSIM_CACHE"] = str(folder / "cache")
@@ -141,7 +140,7 @@ def hunt(seed: int, count: int, folder: Path) -> dict[str, Any]:
     return {"seed": seed, "kills": count, **counts, "faults": faults}
 
 
-def _judged(line: tuple[str, ...], whole: bytes, *, again: bool) -> str:
+def _judged(line, whole, *, again):
     try:
         why = wrong(Path("found"), whole)
     except Exception as error:  # noqa: BLE001  whatever it is, it is told

@@ -13,7 +13,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Answer:
     header: list[str] | None = None
     rows: Any = None
 
-    def column(self, name: str) -> Any:
+    def column(self, name):
         assert self.header is not None
         return self.rows[:, self.header.index(name)]
 
@@ -45,11 +45,11 @@ class Answer:
 class Lagsim:
     """A process that runs models, and is replaced when one of them kills it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.folder = folder
         self.process: subprocess.Popen[str] | None = None
 
-    def run(self, text: str, *options: str) -> Answer:
+    def run(self, text, *options):
         model, out = self.folder / "scene.yaml", self.folder / "out"
         model.write_text(text, encoding="utf-8")
         for old in out.glob("*"):
@@ -61,7 +61,7 @@ class Lagsim:
         header, rows = table(out)
         return Answer(code, told, manifest(out), header, np.atleast_2d(rows))
 
-    def _ask(self, arguments: list[str]) -> dict[str, Any]:
+    def _ask(self, arguments):
         if self.process is None or self.process.poll() is not None:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "tests.hunt.lagsim_runs"], cwd=ROOT, text=True,
@@ -84,20 +84,20 @@ class Lagsim:
         answer: dict[str, Any] = json.loads(line)
         return answer
 
-    def close(self) -> None:
+    def close(self):
         if self.process is not None:
             self.process.kill()
             self.process.communicate()
         self.process = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self):
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, *_):
         self.close()
 
 
-def _processor(number: int) -> float:
+def _processor(number):
     """Give the processor seconds that a process has used."""
     try:
         fields = Path(f"/proc/{number}/stat").read_text().rsplit(")", 1)[1].split()
@@ -106,7 +106,7 @@ def _processor(number: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
-def main() -> None:
+def main():
     """Run `lagsim run` again and again in this process: a line in, a line out."""
     from lagsim.cli import main as lagsim
 

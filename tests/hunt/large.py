@@ -11,13 +11,13 @@ LETTERS = 100_000
 
 
 def model(
-    kinetic: str = "x_dot^2/2",
-    potential: str = "0",
+    kinetic="x_dot^2/2",
+    potential="0",
     *,
-    coordinates: str = "x",
-    parameters: str = "k: 2",
-    more: str = "",
-) -> str:
+    coordinates="x",
+    parameters="k: 2",
+    more="",
+):
     """Give a model whose coordinates, named with blanks between, begin at 1."""
     names = coordinates.split()
     return "\n".join(
@@ -32,35 +32,35 @@ def model(
     )
 
 
-def _sum(form: str, letters: int, sign: str = "+") -> str:
+def _sum(form, letters, sign="+"):
     """Give terms with the numbers 1, 2, 3 ... in the place of @."""
     many = letters // (len(form) + 3)
     return sign.join(form.replace("@", str(k)) for k in range(1, many))
 
 
-def _nested(before: str, inner: str, after: str, letters: int) -> str:
+def _nested(before, inner, after, letters):
     many = letters // (len(before) + len(after))
     return before * many + inner + after * many
 
 
-def _entries(form: str, letters: int, separator: str = "\n") -> str:
+def _entries(form, letters, separator="\n"):
     return _sum(form, letters, separator)
 
 
-def _q(letters: int, form: str) -> tuple[str, str]:
+def _q(letters, form):
     """Give coordinates, and a sum with a term for each."""
     many = letters // (2 * len(form) + 12)
     names = [f"q{k}" for k in range(many)]
     return " ".join(names), "+".join(form.replace("@", name) for name in names)
 
 
-def _coupled(letters: int, whole: str, form: str) -> str:
+def _coupled(letters, whole, form):
     names, total = _q(letters, form)
     squares = "+".join(f"{name}_dot^2" for name in names.split())
     return model(f"{whole.replace('@', total)} + {squares}", coordinates=names)
 
 
-def _constraints(letters: int, count: int, form: str, by: str) -> str:
+def _constraints(letters, count, form, by):
     """Give constraints that join a form of each of so many coordinates: @ is one."""
     names = [f"q{k}" for k in range(count)]
     whole = by.join(form.replace("@", name) for name in names)
@@ -71,7 +71,7 @@ def _constraints(letters: int, count: int, form: str, by: str) -> str:
     return model(squares, coordinates=" ".join(names), more=more)
 
 
-def _definitions(letters: int, form: str, first: str = "x") -> str:
+def _definitions(letters, form, first="x"):
     """Give definitions each of the one before: @ is its name."""
     many = letters // (2 * len(form) + 8)
     lines = ["definitions:", f"  d0: {first}"]
@@ -79,7 +79,7 @@ def _definitions(letters: int, form: str, first: str = "x") -> str:
     return model(potential=f"d{many - 1}", more="\n".join(lines))
 
 
-def rods(count: int, length: float) -> str:
+def rods(count, length):
     """Give rods of length 1 in a row, whose ends begin so far from each other."""
     names = [f"{x}{k}" for k in range(1, count + 1) for x in "xy"]
     lines = [

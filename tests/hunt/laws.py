@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from tests.hunt.bodies import free_point, some_velocity
 from tests.hunt.maker import Numbers, short
 
-if TYPE_CHECKING:
-    from tests.hunt.maker import Maker
 
-
-def energy_of(k: Maker, mass: float) -> float:
+def energy_of(k, mass):
     return mass * k.speed**2
 
 
-def wall(k: Maker) -> None:
+def wall(k):
     """A wall after Hertz, linear, or steep as a power, that a slider may reach."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -34,7 +30,7 @@ def wall(k: Maker) -> None:
     k.add("wall", parameters=n, potential=(energy,), features=((f"{x} - {at}", width),))
 
 
-def hill(k: Maker) -> None:
+def hill(k):
     """A hill or well of Gauss, or a ramp of tanh, narrow against the scene."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -48,7 +44,7 @@ def hill(k: Maker) -> None:
     )
 
 
-def pair_law(k: Maker) -> None:
+def pair_law(k):
     """Lennard-Jones between two sliders or a slider and a wall."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -63,14 +59,14 @@ def pair_law(k: Maker) -> None:
     )  # fmt: skip
 
 
-def _start(k: Maker, name: str) -> float:
+def _start(k, name):
     for item in k.items:
         if name in item.coordinates:
             return item.coordinates[name][0]
     raise KeyError(name)
 
 
-def drag(k: Maker) -> None:
+def drag(k):
     """Drag on a slider: linear, square, or a broken power of the speed."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -95,7 +91,7 @@ def drag(k: Maker) -> None:
     k.add(f"drag-{kind}", parameters=n, forces=((x, text),))
 
 
-def air(k: Maker) -> None:
+def air(k):
     """Drag of the air on a point in the plane or in space."""
     point = k.one_of(*k.points)
     n = Numbers(k)
@@ -114,7 +110,7 @@ def air(k: Maker) -> None:
     k.add("air", parameters=n, forces=forces)
 
 
-def friction(k: Maker) -> None:
+def friction(k):
     """Dry friction on a slider, on the ground or on a belt; Stribeck's maybe."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -130,7 +126,7 @@ def friction(k: Maker) -> None:
     k.add("friction", parameters=n, forces=((x, text),))
 
 
-def forcing(k: Maker) -> None:
+def forcing(k):
     """A force in time: a sine, a pulse (smooth or not, narrow or not), square waves."""
     if not k.pushed:
         return
@@ -179,7 +175,7 @@ def forcing(k: Maker) -> None:
     )  # fmt: skip
 
 
-def bystander(k: Maker) -> None:
+def bystander(k):
     """A body that touches nothing: heavy or light, near or far, at rest or fast."""
     d = k.one_of(1, 2)
     far = k.one_of(0, 0, 1e3, 1e6, 1e9) * k.length
@@ -191,7 +187,7 @@ def bystander(k: Maker) -> None:
     k.points, k.pushed = points, pushed
 
 
-def dead_zone(k: Maker) -> None:
+def dead_zone(k):
     """A spring with play, maybe with a damper that only pushes (a backlash)."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -214,7 +210,7 @@ def dead_zone(k: Maker) -> None:
     k.add("backlash", parameters=n, forces=((x, force),), features=features)
 
 
-def relay(k: Maker) -> None:
+def relay(k):
     """A control that switches: on the place, or on a line that is slid along."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -229,7 +225,7 @@ def relay(k: Maker) -> None:
     k.add("relay", parameters=n, forces=((x, text),))
 
 
-def bent_spring(k: Maker) -> None:
+def bent_spring(k):
     """A spring whose force is a broken power of the stretch."""
     x, mass, _ = k.one_of(*k.sliders)
     n = Numbers(k)
@@ -239,7 +235,7 @@ def bent_spring(k: Maker) -> None:
     k.add("bent-spring", parameters=n, potential=(f"{K}*{s}^{power}/{power}",))
 
 
-def magnetic(k: Maker) -> None:
+def magnetic(k):
     """A field across the plane, as a potential with velocities."""
     flat = [p for p in k.points if len(p.at) == 2]
     if not flat:

@@ -44,67 +44,67 @@ class Maker:
     count: Any = field(default_factory=lambda: itertools.count(1))
 
     @property
-    def speed(self) -> float:
+    def speed(self):
         return self.length / self.time
 
     @property
-    def gravity(self) -> float:
+    def gravity(self):
         return self.length / self.time**2
 
-    def chance(self, part: float) -> bool:
+    def chance(self, part):
         return bool(self.rng.random() < part)
 
-    def one_of(self, *things: Any) -> Any:
+    def one_of(self, *things):
         return things[int(self.rng.integers(len(things)))]
 
-    def between(self, low: float, high: float, size: float = 1.0) -> float:
+    def between(self, low, high, size=1.0):
         return short(size * self.rng.uniform(low, high))
 
-    def decades(self, low: float, high: float, size: float = 1.0) -> float:
+    def decades(self, low, high, size=1.0):
         return short(size * 10 ** self.rng.uniform(low, high))
 
-    def signed(self, low: float, high: float, size: float = 1.0) -> float:
+    def signed(self, low, high, size=1.0):
         return self.one_of(-1, 1) * self.between(low, high, size)
 
-    def some_mass(self) -> float:
+    def some_mass(self):
         return self.decades(-0.5, 0.5, self.mass)
 
-    def name(self, letter: str) -> str:
+    def name(self, letter):
         return f"{letter}{next(self.count)}"
 
-    def add(self, tag: str, **parts: Any) -> None:
+    def add(self, tag, **parts):
         self.items.append(Item(tag, **parts))
 
 
 class Numbers(dict[str, float]):
     """Parameters of one item, named as they are asked for."""
 
-    def __init__(self, maker: Maker) -> None:
+    def __init__(self, maker):
         super().__init__()
         self.maker = maker
 
-    def __call__(self, letter: str, value: float) -> str:
+    def __call__(self, letter, value):
         name = self.maker.name(letter)
         self[name] = float(value)
         return name
 
 
-def short(value: float) -> float:
+def short(value):
     """Give a number with three digits, as people write them."""
     return float(f"{value:.3g}")
 
 
-def squares(*names: str) -> str:
+def squares(*names):
     return " + ".join(f"{name}^2" for name in names)
 
 
-def distance(a: Point, b: Point) -> tuple[str, float]:
+def distance(a, b):
     """Give the text of the distance of two points, and its value."""
     steps = [f"({x} - {y})" for x, y in zip(a.at, b.at, strict=True)]
     value = math.dist(a.place, b.place)
     return f"sqrt({squares(*steps)})", value
 
 
-def weight(k: Maker, m: str, height: str, n: Numbers) -> str:
+def weight(k, m, height, n):
     """Give the energy of a mass at a height."""
     return f"{m}*{n('g', k.between(0.5, 10, k.gravity))}*{height}"

@@ -10,18 +10,13 @@ everything it sees is smooth.
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import sympy as sp
 from sympy.printing.str import StrPrinter
 
 from tests.sympy_oracle import FUNCTIONS, Oracle, symbol
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
-
-    from tests.hunt.scene import Scene
 
 Long = np.longdouble
 # Powers up to this one are written out as products.
@@ -41,7 +36,7 @@ class Mechanics(Oracle):
     number = sp.Rational  # as the double that it is
     pi = sp.Rational(float(sp.pi))
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene):
         self.scene = scene
         self.sides: list[sp.Symbol] = []
         self._surfaces: list[sp.Expr] = []
@@ -56,7 +51,7 @@ class Mechanics(Oracle):
         self.values = [Long(x) for x in scene.gathered("parameters").values()]
         self._compile()
 
-    def _side(self, surface: sp.Expr) -> sp.Expr:
+    def _side(self, surface):
         """Give the side of a surface, the same for the same surface."""
         if surface.is_number:
             return sp.sign(surface)
@@ -69,7 +64,7 @@ class Mechanics(Oracle):
         self._surfaces.append(surface)
         return self.sides[-1]
 
-    def _truth(self, condition: Any) -> sp.Expr:
+    def _truth(self, condition):
         """Give +1 where a condition holds and -1 where not."""
         if isinstance(condition, (sp.And, sp.Or)):
             sign = -1 if isinstance(condition, sp.And) else 1
@@ -79,11 +74,11 @@ class Mechanics(Oracle):
             return self._side(condition.lhs - condition.rhs)
         return self._side(condition.rhs - condition.lhs)
 
-    def _if(self, condition: Any, a: sp.Expr, b: sp.Expr) -> sp.Expr:
+    def _if(self, condition, a, b):
         side = self._truth(condition)
         return (1 + side) / 2 * a + (1 - side) / 2 * b
 
-    def _compile(self) -> None:
+    def _compile(self):
         sides = self.scene.until.replace(">", "<").split("<=")
         end = [self.read(sides[0]) - self.read(sides[1])] if self.scene.until else []
         self.features = [
@@ -117,12 +112,10 @@ class Mechanics(Oracle):
 class _Solver:
     """Writes the elimination of M q'' - A^T lam = f, A q'' = b as steps."""
 
-    def __init__(self, M: Any, A: Any) -> None:
+    def __init__(self, M, A):
         self.M, self.A = M, A
 
-    def __call__(
-        self, f: Any, b: Any, *, multipliers: bool = False
-    ) -> tuple[list[tuple[sp.Symbol, sp.Expr]], list[sp.Expr]]:
+    def __call__(self, f, b, *, multipliers=False):
         """Give the steps (name, value) and the answers in terms of the names."""
         steps = _Steps()
         M = steps.matrix(self.M)
@@ -144,27 +137,27 @@ class _Solver:
 
 
 class _Steps:
-    def __init__(self) -> None:
+    def __init__(self):
         self.all: list[tuple[sp.Symbol, sp.Expr]] = []
         self._number = itertools.count()
 
-    def put(self, e: sp.Expr) -> sp.Expr:
+    def put(self, e):
         if e.is_Atom:
             return e
         self.all.append((sp.Symbol(f"step_{next(self._number)}"), e))
         return self.all[-1][0]
 
-    def row(self, entries: Iterable[sp.Expr]) -> list[sp.Expr]:
+    def row(self, entries):
         return [self.put(e) for e in entries]
 
-    def matrix(self, rows: Any) -> list[list[sp.Expr]]:
+    def matrix(self, rows):
         return [self.row(row) for row in rows]
 
-    def dot(self, x: Sequence[sp.Expr], y: Sequence[sp.Expr]) -> sp.Expr:
+    def dot(self, x, y):
         pairs = zip(x, y, strict=True)
         return self.put(sp.Add(*(a * b for a, b in pairs), evaluate=True))
 
-    def solved(self, S: Any, columns: Any) -> list[list[sp.Expr]]:
+    def solved(self, S, columns):
         """Solve S x = c for symmetric positive S, by S = L D L^T."""
         n = len(S)
         S, columns = [list(row) for row in S], [list(c) for c in columns]
@@ -187,12 +180,12 @@ class _Steps:
 class _Printer(StrPrinter):
     """Python text for long double: products for powers, constants by name."""
 
-    def __init__(self, scope: dict[str, Any]) -> None:
+    def __init__(self, scope):
         super().__init__()
         self.scope = scope
         self._count = itertools.count()
 
-    def _constant(self, value: sp.Rational) -> str:
+    def _constant(self, value):
         name = "c_" + str(value).replace("-", "m").replace("/", "_")
         if len(name) > 40:
             name = f"c_{next(self._count)}_"
@@ -201,16 +194,16 @@ class _Printer(StrPrinter):
         self.scope[name] = Long(high) + Long(low)
         return name
 
-    def _print_Integer(self, e: sp.Integer) -> str:  # noqa: N802
+    def _print_Integer(self, e):  # noqa: N802
         return self._constant(e)
 
-    def _print_Rational(self, e: sp.Rational) -> str:  # noqa: N802
+    def _print_Rational(self, e):  # noqa: N802
         return self._constant(e)
 
     _print_Half = _print_One = _print_NegativeOne = _print_Rational  # noqa: N815
     _print_Zero = _print_Rational  # noqa: N815
 
-    def _print_Mul(self, e: sp.Mul) -> str:  # noqa: N802
+    def _print_Mul(self, e):  # noqa: N802
         below = [x for x in e.args if x.is_Pow and x.exp.is_number and x.exp < 0]
         above = [self._print(x) for x in e.args if x not in below]
         if e.args[0] == -1:
@@ -219,10 +212,10 @@ class _Printer(StrPrinter):
         under = "*".join(self._print(sp.Pow(x.base, -x.exp)) for x in below)
         return f"({text}/({under}))" if below else f"({text})"
 
-    def _print_Add(self, e: sp.Add, order: Any = None) -> str:  # noqa: ARG002, N802
+    def _print_Add(self, e, order=None):  # noqa: ARG002, N802
         return "(" + " + ".join(self._print(x) for x in e.args) + ")"
 
-    def _print_Pow(self, e: sp.Pow, rational: bool = False) -> str:  # noqa: ARG002, N802
+    def _print_Pow(self, e, rational=False):  # noqa: ARG002, N802
         base, exponent = self._print(e.base), e.exp
         if exponent == sp.Rational(1, 2):
             return f"root({base})"
@@ -234,7 +227,7 @@ class _Printer(StrPrinter):
             return f"(one/{base})"
         return f"power({base}, {self._print(exponent)})"
 
-    def _print_Function(self, e: sp.Function) -> str:  # noqa: N802
+    def _print_Function(self, e):  # noqa: N802
         arguments = ", ".join(self._print(x) for x in e.args)
         return f"{type(e).__name__}({arguments})"
 
@@ -242,7 +235,7 @@ class _Printer(StrPrinter):
     _print_exp = _print_Function
 
 
-def _power(base: Any, exponent: Any) -> Any:
+def _power(base, exponent):
     """Give a power; a base that a step's last bit took below 0 counts as 0."""
     if exponent == int(exponent):
         return base ** int(exponent)
@@ -259,9 +252,7 @@ _SCOPE = {
 }  # fmt: skip
 
 
-def function(
-    inputs: Sequence[Sequence[sp.Symbol]], steps: Any, *answers: Any
-) -> Callable[..., Any]:
+def function(inputs, steps, *answers):
     """Compile steps and lists of answers to a function of lists of numbers."""
     names = [name for name, _ in steps]
     flat = [value for _, value in steps] + [e for part in answers for e in part]
@@ -293,9 +284,7 @@ def function(
     return scope["made"]
 
 
-def _ready(
-    pending: Any, made: set[Any], value: sp.Expr, printer: _Printer
-) -> list[str]:
+def _ready(pending, made, value, printer):
     """Give the lines of the shared parts that a value needs, in their order."""
     needed: set[Any] = set()
     for x, e in reversed(pending):

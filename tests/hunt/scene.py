@@ -25,7 +25,7 @@ class Law:
     limit: str = ""
     until: float = math.inf
 
-    def text(self) -> str:
+    def text(self):
         """Give what a model file says of it."""
         sign = "=" if self.kind in ("limit", "equality") else ">="
         found: dict[str, Any] = {"relation": f"{self.gap} {sign} 0"}
@@ -87,20 +87,20 @@ class Scene:
     settings: dict[str, str] = field(default_factory=dict)
     velocities: dict[str, float] = field(default_factory=dict)
 
-    def gathered(self, name: str) -> dict[str, Any]:
+    def gathered(self, name):
         """Give a mapping of all items: coordinates, parameters, ..."""
         return {k: v for item in self.items for k, v in getattr(item, name).items()}
 
-    def terms(self, name: str) -> list[Any]:
+    def terms(self, name):
         """Give a list of all items: kinetic, forces, ..."""
         return [term for item in self.items for term in getattr(item, name)]
 
     @property
-    def q(self) -> list[str]:
+    def q(self):
         return list(self.gathered("coordinates"))
 
     @property
-    def times(self) -> list[float]:
+    def times(self):
         """Times of the rows, both ends included."""
         end, rows, k = self.start + self.duration, [], 0
         while (t := self.start + k * self.output_step) < end - 1e-9 * self.output_step:
@@ -108,10 +108,10 @@ class Scene:
             k += 1
         return [*rows, end]
 
-    def start_velocity(self, name: str) -> float:
+    def start_velocity(self, name):
         return self.velocities.get(name, self.gathered("coordinates")[name][1])
 
-    def text(self) -> str:
+    def text(self):
         """Write the model file."""
         lines = [f"# hunt: {self.seed}", "name: scene"]
         parameters = self.gathered("parameters")
@@ -147,11 +147,11 @@ class Scene:
         return "\n".join(lines) + "\n"
 
 
-def _sum(terms: list[str]) -> str:
+def _sum(terms):
     return " + ".join(f"({term})" for term in terms) if terms else "0"
 
 
-def _mapping(name: str, entries: dict[str, str]) -> list[str]:
+def _mapping(name, entries):
     if not entries:
         return []
     return [f"{name}:", *(f'  {k}: "{v}"' for k, v in entries.items())]

@@ -76,7 +76,7 @@ class Case(NamedTuple):
     text: str
 
 
-def case(seed: int, number: int) -> Case:
+def case(seed, number):
     """Give a case: of ten, five of an expression, four of a file, one of a line."""
     rng = random.Random(f"{seed} {number}")
     kind = number % 10
@@ -107,7 +107,7 @@ OF_WRITTEN = (
 )  # fmt: skip
 
 
-def expression(rng: random.Random) -> str:
+def expression(rng):
     """Give an expression that is grown, or a soup of its words."""
     if rng.random() < 0.3:
         return "".join(rng.choice(WORDS) for _ in range(rng.randint(1, 12)))
@@ -118,7 +118,7 @@ def expression(rng: random.Random) -> str:
     return f"{grown} = {_grown(rng, 1)}" if rng.random() < 0.1 else grown
 
 
-def _grown(rng: random.Random, depth: int) -> str:
+def _grown(rng, depth):
     if depth == 0:
         return rng.choice(NAMES if rng.random() < 0.6 else NUMBERS)
     form = rng.choice(CALLS)
@@ -126,14 +126,14 @@ def _grown(rng: random.Random, depth: int) -> str:
     return form.format(*holes)
 
 
-def written(rng: random.Random) -> str:
+def written(rng):
     """Give a model of a grammar over the file, now and then with a letter wrong."""
 
-    def grown(*more: str) -> str:
+    def grown(*more):
         names = rng.choice((*more, "x", "y", "x", "y", "t", "k", number()))
         return names if rng.random() < 0.5 else _grown(rng, rng.randint(1, 2))
 
-    def number() -> str:
+    def number():
         plain = ("1", "2", "0.5", "-1", "3", "0")
         return rng.choice(plain if rng.random() < 0.7 else NUMBERS)
 
@@ -157,7 +157,7 @@ def written(rng: random.Random) -> str:
     return _letter(rng, text) if rng.random() < 0.1 else text
 
 
-def mutated(rng: random.Random) -> str:
+def mutated(rng):
     """Give a shipped model in which a few things are wrong."""
     text = rng.choice(SHIPPED)
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
@@ -165,13 +165,13 @@ def mutated(rng: random.Random) -> str:
     return text
 
 
-def _letter(rng: random.Random, text: str) -> str:
+def _letter(rng, text):
     at = rng.randrange(len(text) + 1)
     new = rng.choice(("", "", rng.choice(RUBBISH), rng.choice("aex01_")))
     return text[:at] + new + text[at + rng.randrange(2) :]
 
 
-def _line(rng: random.Random, text: str) -> str:
+def _line(rng, text):
     lines = text.split("\n")
     at = rng.randrange(len(lines))
     new = rng.choice((lines[rng.randrange(len(lines))], rng.choice(LINES)))
@@ -179,7 +179,7 @@ def _line(rng: random.Random, text: str) -> str:
     return "\n".join(lines)
 
 
-def _word(rng: random.Random, text: str) -> str:
+def _word(rng, text):
     words = list(re.finditer(r"[\w.]+", text))
     if not words:
         return text
@@ -188,7 +188,7 @@ def _word(rng: random.Random, text: str) -> str:
     return text[: found.start()] + new + text[found.end() :]
 
 
-def _cut(rng: random.Random, text: str) -> str:
+def _cut(rng, text):
     first, last = sorted(rng.randrange(len(text) + 1) for _ in range(2))
     return text[:first] + text[last if rng.random() < 0.5 else first + 30 :]
 
@@ -198,7 +198,7 @@ CHANGES: tuple[Callable[[random.Random, str], str], ...] = (
 )  # fmt: skip
 
 
-def _options() -> dict[str, list[tuple[str, bool]]]:
+def _options():
     """Give the options of each command, and whether they take a value."""
     group = typer.main.get_command(_application())
     found = {}
@@ -215,7 +215,7 @@ def _options() -> dict[str, list[tuple[str, bool]]]:
 OPTIONS = _options()
 
 
-def command_line(rng: random.Random) -> tuple[str, ...]:
+def command_line(rng):
     """Give a command with arguments and options, few of which make sense."""
     name = rng.choice((*OPTIONS, "check", "derive", "run", "--help", "nonsense"))
     words = [name]

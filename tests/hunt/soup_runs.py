@@ -19,14 +19,10 @@ import sys
 import warnings
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim.cli import main
-from tests.hunt.soup import MODEL, OPTIONS, Case, case
+from tests.hunt.soup import MODEL, OPTIONS, case
 from tests.patience import PATIENCE
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 # 0: done, 1: no, 2: unusable, 3: unfinished. A bug is 70.
 CALM = (0, 1, 2, 3)
@@ -41,7 +37,7 @@ class TooLongError(BaseException):
     """A case takes longer than anybody waits."""
 
 
-def prepared(folder: Path) -> None:
+def prepared(folder):
     """Make the files that command lines name, and go there."""
     inner = folder / "a" / "b"
     inner.mkdir(parents=True, exist_ok=True)
@@ -54,7 +50,7 @@ def prepared(folder: Path) -> None:
     shutil.copytree(inner, folder / "kept", dirs_exist_ok=True)
 
 
-def wrong(case: Case) -> str:
+def wrong(case):
     """Call the command; say what is wrong with what it does, or give ""."""
     if case.line[1:2] != ("m.yaml",) or case.text == MODEL:
         _tidy()
@@ -81,7 +77,7 @@ def wrong(case: Case) -> str:
     return judged(case, code, out.buffer.getvalue().decode(), err.getvalue())  # type: ignore[attr-defined]
 
 
-def judged(case: Case, code: int, out: str, err: str) -> str:
+def judged(case, code, out, err):
     """Say what is wrong with an answer."""
     if code > 128:
         raise KeyboardInterrupt
@@ -108,7 +104,7 @@ def judged(case: Case, code: int, out: str, err: str) -> str:
     return f"prints {raw!r}" if raw else ""
 
 
-def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
+def hunt(seed, numbers, folder):
     """Try cases; keep what fails in files of the folder."""
     sorts: Counter[str] = Counter()
     tried = 0
@@ -126,7 +122,7 @@ def hunt(seed: int, numbers: Iterable[int], folder: Path) -> dict[str, Any]:
     return {"seed": seed, "cases": tried, "found": dict(sorts)}
 
 
-def _tidy() -> None:
+def _tidy():
     """Have the working directory as it was: a command line may have changed it."""
     here = Path.cwd()
     kept = here.parent.parent / "kept"
@@ -140,12 +136,12 @@ def _tidy() -> None:
     shutil.copytree(kept, here, dirs_exist_ok=True)
 
 
-def _sort(why: str) -> str:
+def _sort(why):
     """Give what failures of one sort have in common: what was raised, not the case."""
     return "".join(c for c in why if not c.isdigit())[:160]
 
 
-def _late(_number: int, _frame: object) -> NoReturn:
+def _late(_number, _frame):
     raise TooLongError
 
 

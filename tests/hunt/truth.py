@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tests.hunt.integrator import Extrapolation, Long, NoTruthError
-
-if TYPE_CHECKING:
-    from tests.hunt.mechanics import Mechanics
 
 # Halvings and secants until a crossing is located to the last bits.
 LOCATING = 200
@@ -52,7 +49,7 @@ class Motion:
 class Run:
     """One integration of one scene."""
 
-    def __init__(self, mechanics: Mechanics, effort: Effort) -> None:
+    def __init__(self, mechanics, effort):
         self.m, self.effort = mechanics, effort
         self.n = len(mechanics.q)
         self.p = list(mechanics.values)
@@ -65,17 +62,17 @@ class Run:
 
     # The equations, with the sides as they are
 
-    def acceleration(self, t: Any, y: Any) -> list[Any]:
+    def acceleration(self, t, y):
         state = list(y)
         if not self.stuck:
             return self.m.acceleration([t], state, self.p, self.u)
         self._balance(t, state)
         return self.m.acceleration([t], state, self.p, self.u)
 
-    def _balance(self, t: Any, state: list[Any]) -> None:
+    def _balance(self, t, state):
         """Choose the sides of stuck surfaces so that these stay where they are."""
 
-        def rates(values: list[float]) -> Any:
+        def rates(values):
             for k, value in zip(self.stuck, values, strict=True):
                 self.u[k] = Long(value)
             a = self.m.acceleration([t], state, self.p, self.u)
@@ -95,10 +92,10 @@ class Run:
         for k, value in zip(self.stuck, u, strict=True):
             self.u[k] = value
 
-    def slope(self, t: Any, y: Any) -> Any:
+    def slope(self, t, y):
         return np.concatenate([y[self.n :], np.array(self.acceleration(t, y), Long)])
 
-    def cap(self, t: Any, y: Any, dy: Any) -> float:
+    def cap(self, t, y, dy):
         """Give the longest step that sees every feature: a quarter of its width."""
         longest = float(self.m.scene.duration) / 20
         if not self.m.features:
@@ -113,7 +110,7 @@ class Run:
 
     # The start
 
-    def start(self) -> tuple[Any, Any]:
+    def start(self):
         scene = self.m.scene
         pairs = list(scene.gathered("coordinates").items())
         q = [Long(value) for _, (value, _) in pairs]
@@ -128,7 +125,7 @@ class Run:
         t = Long(scene.start)
         return t, self.projected(t, y, far=True)
 
-    def projected(self, t: Any, y: Any, *, far: bool = False) -> Any:
+    def projected(self, t, y, *, far=False):
         """Bring a state back onto the constraints, by the least change in M."""
         if not self.m.constraints:
             return y
@@ -140,7 +137,7 @@ class Run:
         y[self.n :] += np.array(moved, Long)
         return y
 
-    def sizes(self, t: Any, y: Any) -> Any:
+    def sizes(self, t, y):
         """Give what the forces at the place of the start do within one longest step.
 
         Without it the first trace of a pulse would have to be followed exactly.
@@ -157,19 +154,19 @@ class Run:
 
     # Sides
 
-    def surfaces(self, t: Any, y: Any) -> list[Any]:
+    def surfaces(self, t, y):
         return self.m.surfaces([t], list(y), self.p, self.u)
 
-    def slopes(self, t: Any, y: Any) -> list[Any]:
+    def slopes(self, t, y):
         a = self.acceleration(t, y)
         return self.m.slopes([t], list(y), self.p, self.u, a)
 
-    def look(self, t: Any, y: Any) -> None:
+    def look(self, t, y):
         """Take all sides from where the state is; inner kinks stand before outer."""
         for k in range(len(self.u)):
             self.u[k] = Long(1) if self.surfaces(t, y)[k] > 0 else Long(-1)
 
-    def choose(self, t: Any, y: Any, k: int, size: Any) -> None:
+    def choose(self, t, y, k, size):
         """Choose the side of surface k: where it is, or, on it, where it goes to."""
         if k in self.stuck:
             self.stuck.remove(k)
@@ -190,7 +187,7 @@ class Run:
         else:
             raise NoTruthError("a start that may leave a surface on either side")
 
-    def settle(self, t: Any, y: Any, later: Any) -> None:
+    def settle(self, t, y, later):
         """Choose all sides anew, those of t alone by the middle of what follows."""
         self.stuck = []
         self.look((t + later) / 2, y)
@@ -203,7 +200,7 @@ class Run:
             if not on_time and abs(now[k]) <= self._size(t, y, k):
                 self.choose(t, y, k, self._size(t, y, k))
 
-    def _size(self, t: Any, y: Any, k: int) -> Any:
+    def _size(self, t, y, k):
         """What counts as nothing for a surface: rounding of the terms that make it."""
         moved = self.surfaces(t, y * (1 + Long(2) ** -50))[k]
         return abs(moved - self.surfaces(t, y)[k]) + Long(10) ** -30
@@ -212,7 +209,7 @@ class Run:
 class Referee(Run):
     """Runs over arcs and rows."""
 
-    def motion(self) -> Motion:
+    def motion(self):
         scene = self.m.scene
         with np.errstate(all="ignore"):
             t, y = self.start()
@@ -241,22 +238,22 @@ class Referee(Run):
             tuple(self.switched), self.method.high - self.method.low,
         )  # fmt: skip
 
-    def _begin(self, t: Any, y: Any, later: list[Any]) -> None:
+    def _begin(self, t, y, later):
         if self.m.sides:
             self.settle(t, y, later[0] if later else t)
         self.method.step = None
 
-    def _wanted(self, times: list[Any]) -> list[Any]:
+    def _wanted(self, times):
         """Some rows of many: about forty, spread evenly, both ends among them."""
         stride = -(-len(times) // 40)
         return sorted({*times[::stride], times[-1]})
 
-    def _row(self, t: Any, y: Any) -> tuple[Any, ...]:
+    def _row(self, t, y):
         a = np.array(self.acceleration(t, y), Long)
         lam = np.array(self.m.multipliers([t], list(y), self.p, self.u), Long)
         return t, y[: self.n], y[self.n :], a, lam
 
-    def _reach(self, t: Any, y: Any, target: Any) -> tuple[Any, Any, bool]:
+    def _reach(self, t, y, target):
         while t < target:
             h, dy, found, later = self.method.advance(t, y, target)
             event = self._first_event(t, y, dy, h, found)
@@ -272,7 +269,7 @@ class Referee(Run):
             self._switch(t, y, k)
         return target, y, False
 
-    def _switch(self, t: Any, y: Any, k: int) -> None:
+    def _switch(self, t, y, k):
         self.switched.append(float(t))
         if len(self.switched) > MOST_EVENTS:
             raise NoTruthError("too many switches")
@@ -291,7 +288,7 @@ class Referee(Run):
 
     # Events
 
-    def _watched(self, t: Any, y: Any) -> list[Any]:
+    def _watched(self, t, y):
         """Give what changes its sign at an event, positive before it."""
         values = self.surfaces(t, y)
         count = len(self.u)
@@ -309,15 +306,13 @@ class Referee(Run):
             watched.append(sign * values[-1])
         return watched
 
-    def _first_event(
-        self, t: Any, y: Any, dy: Any, h: Any, found: Any
-    ) -> tuple[Any, int] | None:
+    def _first_event(self, t, y, dy, h, found):
         """Give the first event within a step: after how long, and which."""
         if not self.u and not self.m.scene.until:
             return None
         before, rates = self._watched(t, y), self._rates(t, y)
 
-        def at(part: Any) -> Any:
+        def at(part):
             if part == h:
                 return self._watched(t + h, found)
             state, _ = self.method.leap(t, y, dy, part)
@@ -340,7 +335,7 @@ class Referee(Run):
                 first = (where, k)
         return first
 
-    def _rates(self, t: Any, y: Any) -> list[Any]:
+    def _rates(self, t, y):
         """Give the rates of what is watched; 0 of stuck ones, which are not linear."""
         slopes = self.slopes(t, y)
         rates = [u * s for u, s in zip(self.u, slopes, strict=False)]
@@ -349,7 +344,7 @@ class Referee(Run):
         sign = 1 if "<" in self.m.scene.until else -1
         return [*rates, sign * slopes[-1]] if self.m.scene.until else rates
 
-    def _positive(self, at: Any, k: int, end: Any, before: Any) -> Any:
+    def _positive(self, at, k, end, before):
         """Give a time before `end` at which the watched number is positive."""
         if before[k] > 0:
             return Long(0)
@@ -363,13 +358,13 @@ class Referee(Run):
             return None
         return Long(0)
 
-    def _dip(self, t: Any, y: Any, dy: Any, h: Any, k: int) -> Any:
+    def _dip(self, t, y, dy, h, k):
         """Give a time within the step at which the number is negative, if any.
 
         It falls at the start and rises at the end: least where its rate vanishes.
         """
 
-        def fall(part: Any) -> Any:
+        def fall(part):
             state, _ = self.method.leap(t, y, dy, part)
             return -self._rates(t + part, state)[k]
 
@@ -378,7 +373,7 @@ class Referee(Run):
         return where if self._watched(t + where, state)[k] < 0 else None
 
 
-def _root(value: Any, low: Any, high: Any, near: Any = 0) -> Any:
+def _root(value, low, high, near=0):
     """Locate a change of sign: regula falsi, Illinois, with halvings."""
     a, b = value(low), value(high)
     for k in range(LOCATING):

@@ -12,8 +12,6 @@ from tests.hunt.mechanics import Mechanics
 from tests.hunt.truth import Effort, Referee
 
 if TYPE_CHECKING:
-    from tests.hunt.lagsim_runs import Answer
-    from tests.hunt.scene import Scene
     from tests.hunt.truth import Motion
 
 # A told error may be this much too small before the rows count as wrong; past MUTE
@@ -54,11 +52,11 @@ class Verdict:
     warned: tuple[str, ...] = field(default=())
 
     @property
-    def is_fault(self) -> bool:
+    def is_fault(self):
         return self.kind not in ("fine", "uncounted")
 
 
-def truth(scene: Scene) -> Truth:
+def truth(scene):
     """Give the referee's motion of a scene.
 
     Raises
@@ -84,7 +82,7 @@ def truth(scene: Scene) -> Truth:
     return Truth(motion, state, known, spread)
 
 
-def broken(answer: Answer) -> Verdict | None:
+def broken(answer):
     """Say what is wrong with a run that has no rows to compare."""
     if answer.code == -1:
         return Verdict("hang", answer.told)
@@ -97,7 +95,7 @@ def broken(answer: Answer) -> Verdict | None:
     return None
 
 
-def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
+def judge(scene, answer, exact):
     """Say what a run is worth."""
     if fault := broken(answer):
         return fault
@@ -115,7 +113,7 @@ def judge(scene: Scene, answer: Answer, exact: Truth) -> Verdict:
     return _compared(scene, record, found, exact, warned)
 
 
-def _rows(answer: Answer, exact: Truth, scene: Scene) -> Any:
+def _rows(answer, exact, scene):
     """Give the rows (k, 2n) at the times of the truth, or what is wrong with them."""
     times, t = exact.motion.times.astype(float), answer.column("t")
     ends = abs(t[-1] - times[-1])
@@ -130,9 +128,7 @@ def _rows(answer: Answer, exact: Truth, scene: Scene) -> Any:
     return values[[*at, len(t) - 1]]
 
 
-def _compared(
-    scene: Scene, record: dict[str, Any], rows: Any, exact: Truth, warned: Any
-) -> Verdict:
+def _compared(scene, record, rows, exact, warned):
     n = len(scene.q)
     off = np.abs(rows - exact.state).astype(float)
     if exact.motion.stopped:  # the last row moves with the time at which it stops
@@ -164,16 +160,16 @@ def _compared(
     return Verdict("fine", text, ratio, warned)
 
 
-def _lost(off: Any, told: Any) -> bool:
+def _lost(off, told):
     """Say whether any coordinate is off by a fair part of what was told."""
     return bool(np.any(off * MUTE > told))
 
 
-def _far(over: Any, exact: Truth) -> bool:
+def _far(over, exact):
     return bool(np.any(over > 1e-6 * (exact.range + 1e-300)))
 
 
-def _told(record: dict[str, Any], scene: Scene, exact: Truth) -> Any:
+def _told(record, scene, exact):
     """Give the told error of each coordinate, and what it means for its velocity."""
     n = len(scene.q)
     spread = exact.range.astype(float)
@@ -189,7 +185,7 @@ def _told(record: dict[str, Any], scene: Scene, exact: Truth) -> Any:
     return np.concatenate([parts, relative * speeds.astype(float)])
 
 
-def _whole_ratio(off: Any, over: Any, told: Any) -> float | None:
+def _whole_ratio(off, over, told):
     """Give the true error over the told one, of the coordinate where it is largest.
 
     What rounding may have done is none of it where that makes the told one too small;

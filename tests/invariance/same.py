@@ -77,7 +77,7 @@ class Motion:
     q: Any
 
 
-def moved(model: Document, names: tuple[str, ...], **options: Any) -> Motion:
+def moved(model, names, **options):
     """Run a model; give the columns of these names, with the times they stand for."""
     found = run(model.text(), **options)
     assert found.trajectory.outcome.word == "done"
@@ -100,7 +100,7 @@ class Known:
     range: Any
 
     @property
-    def sizes(self) -> Sizes:
+    def sizes(self):
         rates = (
             np.abs(np.diff(self.motion.q, axis=0)) / np.diff(self.motion.times)[:, None]
         )
@@ -109,7 +109,7 @@ class Known:
         )
 
 
-def known(model: Document) -> Known:
+def known(model):
     """Measure a motion: by a tighter tolerance, and by a start moved a little."""
     names = model.coordinates
     motion = moved(model, names)
@@ -130,7 +130,7 @@ def known(model: Document) -> Known:
     return Known(model, tight, error, np.maximum(growing, sizes), sizes)
 
 
-def differs(base: Known, change: Change) -> tuple[float, str]:
+def differs(base, change):
     """Give the greatest difference over what is allowed, and where it is."""
     model = change.put(base.model, base.sizes)
     other = moved(model, base.model.coordinates)

@@ -49,7 +49,7 @@ class Document:
     scale: float = 1.0
     shift: float = 0.0
 
-    def text(self) -> str:
+    def text(self):
         """Write the model file."""
         simulation: dict[str, Any] = {
             "start": repr(self.start), "duration": repr(self.duration),
@@ -74,10 +74,10 @@ class Document:
         }  # fmt: skip
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
 
-    def everywhere(self, change: Any) -> Document:
+    def everywhere(self, change):
         """Give the document with all texts of the motion changed."""
 
-        def each(texts: dict[str, Any]) -> dict[str, Any]:
+        def each(texts):
             return {name: _in_all(change, text) for name, text in texts.items()}
 
         return replace(
@@ -88,14 +88,14 @@ class Document:
         )  # fmt: skip
 
 
-def _in_all(change: Any, text: Any) -> Any:
+def _in_all(change, text):
     """Change a text, or each of several: slips on a disc, two coefficients."""
     if isinstance(text, dict):
         return {name: change(x) for name, x in text.items()}
     return [change(x) for x in text] if isinstance(text, list) else change(text)
 
 
-def document(text: str, keep: tuple[str, ...] = ()) -> Document:
+def document(text, keep=()):
     """Read a model file, less what only its output needs but for `keep`."""
     # BaseLoader keeps all scalars text.
     raw = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
@@ -105,7 +105,7 @@ def document(text: str, keep: tuple[str, ...] = ()) -> Document:
         values[name] = expression(given, values.__getitem__)
     simulation = raw["simulation"]
 
-    def number(given: str) -> float:
+    def number(given):
         return float(expression(given, values.__getitem__))
 
     initial, guesses = {}, set()
@@ -142,12 +142,12 @@ def document(text: str, keep: tuple[str, ...] = ()) -> Document:
     )  # fmt: skip
 
 
-def _texts(mapping: Any, key: str) -> dict[str, str]:
+def _texts(mapping, key):
     entries = (mapping or {}).items()
     return {k: v[key] if isinstance(v, dict) else v for k, v in entries}
 
 
-def _needed(definitions: dict[str, str], used: list[str]) -> dict[str, str]:
+def _needed(definitions, used):
     """Give the definitions that the motion needs, by name or by rate."""
     names: set[str] = set()
     pending = list(used)
@@ -159,15 +159,13 @@ def _needed(definitions: dict[str, str], used: list[str]) -> dict[str, str]:
     return {k: v for k, v in definitions.items() if k in names}
 
 
-def fresh(model: Document, name: str) -> str:
+def fresh(model, name):
     """Give a parameter's name that no other change of the model has taken."""
     count = sum(known.startswith(f"new_{name}") for known in model.parameters)
     return f"new_{name}{count or ''}"
 
 
-def replaced(
-    model: Document, factor: float = 1.0, far: float = 0.0, speed: float = 0.0
-) -> Document:
+def replaced(model, factor=1.0, far=0.0, speed=0.0):
     """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
     definitions, initial = {}, {}
     L, X, V, begin = (fresh(model, name) for name in ("L", "X", "V", "t"))
@@ -190,13 +188,13 @@ def replaced(
     )  # fmt: skip
 
 
-def _new(name: str) -> str:
+def _new(name):
     if name.endswith("_dot"):
         return name.removesuffix("_dot") + "_new_dot"
     return name + "_new"
 
 
-def seconds(model: Document, factor: float) -> Document:
+def seconds(model, factor):
     """Count time in units of `factor`."""
     changed = model.everywhere(
         lambda text: _T.sub(f"(t*{factor!r})", _RATE.sub(rf"(\1/{factor!r})", text))
@@ -230,12 +228,12 @@ def seconds(model: Document, factor: float) -> Document:
     )  # fmt: skip
 
 
-def kilograms(model: Document, factor: float) -> Document:
+def kilograms(model, factor):
     """Count masses, and so energies and forces, in units of 1/factor."""
 
     unit = fresh(model, "M")
 
-    def heavier(texts: dict[str, str]) -> dict[str, str]:
+    def heavier(texts):
         return {name: f"{unit}*({text})" for name, text in texts.items()}
 
     laws = {
@@ -248,9 +246,7 @@ def kilograms(model: Document, factor: float) -> Document:
     )  # fmt: skip
 
 
-def with_bystander(
-    model: Document, mass: float, place: float, speed: float
-) -> Document:
+def with_bystander(model, mass, place, speed):
     """Add a body that touches nothing."""
     energy = dict(model.energy)
     key = "lagrangian" if "lagrangian" in energy else "kinetic"
@@ -264,7 +260,7 @@ def with_bystander(
     )  # fmt: skip
 
 
-def reordered(model: Document) -> Document:
+def reordered(model):
     """Name coordinates and constraints the other way round."""
     return replace(
         model, coordinates=model.coordinates[::-1],
@@ -272,7 +268,7 @@ def reordered(model: Document) -> Document:
     )  # fmt: skip
 
 
-def later(model: Document, by: float) -> Document:
+def later(model, by):
     """Start later, with clocks that are set back in the texts."""
     changed = model.everywhere(lambda text: _T.sub(f"(t - {by!r})", text))
     return replace(changed, start=model.start + by, shift=model.shift + by)

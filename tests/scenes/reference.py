@@ -53,7 +53,7 @@ class State:
     a: dict[str, float] | None = None
 
 
-def states(name: str) -> list[State]:
+def states(name):
     """Give the reference states of a problem, in order of time."""
     found = []
     for r in PROBLEMS[name]["reference"]:
@@ -65,7 +65,7 @@ def states(name: str) -> list[State]:
     return sorted(found, key=lambda s: s.t)
 
 
-def model_text(name: str, end: str | None = None) -> str:
+def model_text(name, end=None):
     """Give the YAML of a problem.
 
     Rows are spaced by the first reference time, of which the others are multiples.
@@ -96,11 +96,11 @@ def model_text(name: str, end: str | None = None) -> str:
 
 
 @functools.cache
-def oracle_of(name: str) -> Oracle:
+def oracle_of(name):
     return Oracle(model_text(name))
 
 
-def accelerations(name: str, reference: dict[str, Any]) -> tuple[Any, Any, Any]:
+def accelerations(name, reference):
     """Give q'', lambda (of least norm) and A^T lambda at a state, by sympy."""
     oracle = oracle_of(name)
     values: dict[str, Any] = {"t": reference["t_value"], **oracle.nominal()}

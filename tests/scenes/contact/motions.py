@@ -18,16 +18,16 @@ G = 9.81
 
 
 def scene(
-    coordinates: str,
-    kinetic: str,
-    potential: str,
-    constraints: dict[str, Any],
-    initial: dict[str, Any],
+    coordinates,
+    kinetic,
+    potential,
+    constraints,
+    initial,
     *,
-    parameters: dict[str, Any] | None = None,
-    forces: dict[str, str] | None = None,
-    **simulation: Any,
-) -> str:
+    parameters=None,
+    forces=None,
+    **simulation,
+):
     """Write a model file; `coordinates` are names with spaces between.
 
     Gravity `g` is a parameter where a text has it.
@@ -47,7 +47,7 @@ def scene(
     return yaml.safe_dump(document, sort_keys=False)
 
 
-def contact(relation: str, restitution: float, **friction: Any) -> dict[str, Any]:
+def contact(relation, restitution, **friction):
     return {"relation": relation, "restitution": restitution} | friction
 
 
@@ -57,14 +57,14 @@ class Motion:
 
     result: lagsim.Result
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name):
         return self.result[name]
 
     @property
-    def t(self) -> Any:
+    def t(self):
         return self.result.t
 
-    def times(self, kind: str, constraint: str | None = None) -> list[float]:
+    def times(self, kind, constraint=None):
         """Give when events of a kind happened, of one constraint or of any."""
         return [
             e.time
@@ -72,42 +72,42 @@ class Motion:
             if e.kind == kind and constraint in (None, e.constraint)
         ]
 
-    def instants(self, kind: str) -> list[float]:
+    def instants(self, kind):
         """Give when something of a kind happened, once where several did."""
         return sorted(set(self.times(kind)))
 
-    def shared(self) -> Any:
+    def shared(self):
         """Tell which rows have the time of the one before."""
         return np.concatenate(([False], np.diff(self.t) == 0.0))
 
-    def pair(self, name: str, t: float) -> tuple[float, float]:
+    def pair(self, name, t):
         """Give a column before and after the impact at t."""
         rows = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))
         assert len(rows) == 2, (t, self.t[rows])
         assert self.t[rows[0]] == self.t[rows[1]]
         return float(self[name][rows[0]]), float(self[name][rows[1]])
 
-    def at(self, name: str, t: float) -> float:
+    def at(self, name, t):
         """Give a column at an output time: after, where an impact falls on it."""
         row = np.flatnonzero(np.abs(self.t - t) <= 1e-9 * max(1.0, abs(t)))[-1]
         return float(self[name][row])
 
 
 @functools.cache
-def play(text: str, **options: Any) -> Motion:
+def play(text, **options):
     """Run a scene to its end."""
     found = tried(text, **options)
     assert found.result.complete, found.result.reason
     return found
 
 
-def tried(text: str, **options: Any) -> Motion:
+def tried(text, **options):
     """Run a scene, wherever it ends."""
     model = lagsim.load(text)
     return Motion(lagsim.simulate(model, error_bar="never", **options))
 
 
-def close(found: Any, expected: Any, within: float = GLOBAL) -> None:
+def close(found, expected, within=GLOBAL):
     """Demand equality within a part of the largest expected, or of one if that is 0."""
     expected = np.asarray(expected, dtype=float)
     size = float(np.max(np.abs(expected), initial=0.0)) or 1.0

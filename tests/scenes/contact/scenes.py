@@ -10,9 +10,7 @@ from tests.scenes.contact.motions import contact, scene
 ROLLING = "x_dot + r*phi_dot"
 
 
-def ball(
-    e: float, *, y: Any = 1, v: Any = 0, g: Any = "9.81", **simulation: Any
-) -> str:
+def ball(e, *, y=1, v=0, g="9.81", **simulation):
     """A ball above a floor."""
     return scene(
         "y", "m*y_dot^2/2", "m*g*y", {"floor": contact("y >= 0", e)},
@@ -20,9 +18,7 @@ def ball(
     )  # fmt: skip
 
 
-def oscillator(
-    relation: str, e: float, x: Any = 1, v: Any = 0, **simulation: Any
-) -> str:
+def oscillator(relation, e, x=1, v=0, **simulation):
     """A mass on a spring, with a stop."""
     return scene(
         "x", "x_dot^2/2", "x^2/2", {"stop": contact(relation, e)},
@@ -30,7 +26,7 @@ def oscillator(
     )  # fmt: skip
 
 
-def balls(count: int, speeds: list[float], masses: list[float], e: float) -> str:
+def balls(count, speeds, masses, e):
     """Points on a line that touch; `speeds` are those at the start."""
     names = [f"x{k}" for k in range(1, count + 1)]
     kinetic = " + ".join(f"{m}*{x}_dot^2/2" for m, x in zip(masses, names, strict=True))
@@ -42,7 +38,7 @@ def balls(count: int, speeds: list[float], masses: list[float], e: float) -> str
     )
 
 
-def sphere(spin: float, mu: float = 0.2, e: float = 0.0, **simulation: Any) -> str:
+def sphere(spin, mu=0.2, e=0.0, **simulation):
     """A solid sphere that is dropped, spinning, onto a floor."""
     simulation = {"duration": 2, "output_step": 0.01} | simulation
     return scene(
@@ -53,7 +49,7 @@ def sphere(spin: float, mu: float = 0.2, e: float = 0.0, **simulation: Any) -> s
     )  # fmt: skip
 
 
-def incline(angle: Any, mu: Any, v: float = 0.0, **friction: Any) -> str:
+def incline(angle, mu, v=0.0, **friction):
     """A block on an incline; s runs downhill."""
     law = contact("n >= 0", 0, friction=friction or "mu", slip="s_dot")
     return scene(
@@ -63,7 +59,7 @@ def incline(angle: Any, mu: Any, v: float = 0.0, **friction: Any) -> str:
     )  # fmt: skip
 
 
-def belt() -> str:
+def belt():
     """A block on a running belt, held by a spring; rest on the belt at the start."""
     law = contact(
         "y >= 0", 0, friction={"static": "ms", "dynamic": "md"}, slip="x_dot - u"
@@ -76,7 +72,7 @@ def belt() -> str:
     )  # fmt: skip
 
 
-def dry(as_limit: bool) -> str:
+def dry(as_limit):
     """A block on a spring with dry friction, m = k = F = 1."""
     law: dict[str, Any] = {"constraints": {}, "forces": {"x": "-F*sign(x_dot)"}}
     if as_limit:
@@ -87,7 +83,7 @@ def dry(as_limit: bool) -> str:
     )  # fmt: skip
 
 
-def rod(mu: float, angle: float, slide: float, **held: dict[str, Any]) -> str:
+def rod(mu, angle, slide, **held):
     """A uniform rod that leans on its lower left end, which slides.
 
     Where it slides to the left a push N lifts the end by N/m times
@@ -105,7 +101,7 @@ def rod(mu: float, angle: float, slide: float, **held: dict[str, Any]) -> str:
     )  # fmt: skip
 
 
-def dome(gap: str = "hypot(x, y) >= R") -> str:
+def dome(gap="hypot(x, y) >= R"):
     """A point that slides down a smooth dome from 0.3 rad beside its top."""
     return scene(
         "x y", "m*(x_dot^2 + y_dot^2)/2", "m*g*y", {"dome": contact(gap, 0)},
@@ -114,7 +110,7 @@ def dome(gap: str = "hypot(x, y) >= R") -> str:
     )  # fmt: skip
 
 
-def string(factor: float, duration: float = 1.5) -> str:
+def string(factor, duration=1.5):
     """A bob on a string, kicked at its lowest point with v^2 = factor*g*l."""
     return scene(
         "x y", "m*(x_dot^2 + y_dot^2)/2", "m*g*y",
@@ -124,7 +120,7 @@ def string(factor: float, duration: float = 1.5) -> str:
     )  # fmt: skip
 
 
-def freewheel(torque: str, speed: float = 0) -> str:
+def freewheel(torque, speed=0):
     """Two inertias; the first drives the second and cannot hold it back."""
     return scene(
         "a b", "J*(a_dot^2 + b_dot^2)/2", "0",
@@ -134,7 +130,7 @@ def freewheel(torque: str, speed: float = 0) -> str:
     )  # fmt: skip
 
 
-def clutch(torque: str = "0") -> str:
+def clutch(torque="0"):
     """Two inertias and a clutch that holds 2 N m; the first turns at the start."""
     return scene(
         "a b", "J*(a_dot^2 + b_dot^2)/2", "0",
@@ -144,9 +140,7 @@ def clutch(torque: str = "0") -> str:
     )  # fmt: skip
 
 
-def table(
-    e: float, amplitude: float, w: float, y: Any = 0, v: Any = "A*w", **simulation: Any
-) -> str:
+def table(e, amplitude, w, y=0, v="A*w", **simulation):
     """A ball on a table that moves up and down; on it at the start, or above it."""
     return scene(
         "y", "m*y_dot^2/2", "m*g*y",
@@ -155,7 +149,7 @@ def table(
     )  # fmt: skip
 
 
-def swing(e: float) -> str:
+def swing(e):
     """A pendulum in Cartesian coordinates that strikes a wall at its lowest point."""
     return scene(
         "x y", "m*(x_dot^2 + y_dot^2)/2", "m*g*y",
@@ -165,7 +159,7 @@ def swing(e: float) -> str:
     )  # fmt: skip
 
 
-def block(start: float = 0.15, **simulation: Any) -> str:
+def block(start=0.15, **simulation):
     """A rigid block that rocks from one lower edge to the other."""
     simulation = {"duration": 10, "output_step": 0.02} | simulation
     corner = "y {0} b*sin(th) - h*cos(th) >= 0"
@@ -181,7 +175,7 @@ def block(start: float = 0.15, **simulation: Any) -> str:
     )  # fmt: skip
 
 
-def legs(x: float, y: float) -> str:
+def legs(x, y):
     """A table on four legs, small tilts a and b, with its weight off the middle."""
     corners = {"ne": "+ a + b", "nw": "- a + b", "se": "+ a - b", "sw": "- a - b"}
     return scene(
@@ -193,7 +187,7 @@ def legs(x: float, y: float) -> str:
     )  # fmt: skip
 
 
-def post() -> str:
+def post():
     """A fast point that meets a thin post in its way."""
     return scene(
         "x", "m*x_dot^2/2", "0", {"post": contact("(x - 5)^2 >= w^2", 1)},
@@ -202,7 +196,7 @@ def post() -> str:
     )  # fmt: skip
 
 
-def channel() -> str:
+def channel():
     """A point between two walls a micrometre apart."""
     walls = {"left": contact("x >= 0", 1), "right": contact("x <= d", 1)}
     return scene(
@@ -211,7 +205,7 @@ def channel() -> str:
     )  # fmt: skip
 
 
-def slide(vx: float, vy: float, mx: float = 1, my: float = 1) -> str:
+def slide(vx, vy, mx=1, my=1):
     """A point on a rough floor, or a runner that weighs more one way."""
     law = contact("z >= 0", 0, friction=0.3, slip=["x_dot", "y_dot"])
     return scene(

@@ -26,7 +26,7 @@ GLOBAL = 1e-9
 ROUNDED, AT_ONCE = 1e-3, 1e-12
 
 
-def _unknown(_t: Any) -> dict[str, Any]:
+def _unknown(_t):
     return {}
 
 
@@ -62,14 +62,14 @@ class Exact:
     warned: frozenset[str] = frozenset()
     unlike: tuple[str, ...] = ()
 
-    def words(self, name: str, count: int) -> list[str]:
+    def words(self, name, count):
         """Give some changes of words that say the same, others for each name."""
         known = [word for word in CHANGES if word not in self.unlike]
         first = zlib.crc32(name.encode())
         return [known[(first + 5 * k) % len(known)] for k in range(count)]
 
 
-def check(scene: Exact, word: str = "") -> None:
+def check(scene, word=""):
     """Hold a run against its scene, in plain words or in others."""
     text, shift, scale, rounding = scene.text, 0.0, 1.0, 0.0
     if word:
@@ -107,7 +107,7 @@ def check(scene: Exact, word: str = "") -> None:
         assert np.ptp(found["energy"] - work) < max(within, GLOBAL) * size
 
 
-def _compared(found: Any, exact: Any, within: float, rounding: float) -> None:
+def _compared(found, exact, within, rounding):
     largest = [np.nanmax(np.abs(x), initial=0.0) for x in exact.values()]
     size = max(largest, default=0.0) or 1.0
     for name, x in exact.items():
@@ -116,7 +116,7 @@ def _compared(found: Any, exact: Any, within: float, rounding: float) -> None:
         assert found[name][known] == pytest.approx(x[known], abs=bound), name
 
 
-def _happened(found: Any, scene: Exact, clock: Any, bound: float, word: str) -> None:
+def _happened(found, scene, clock, bound, word):
     """Hold all events after the start against those that are known."""
     start, shift, scale = clock
     first = start + (ROUNDED if word else AT_ONCE)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -26,10 +25,10 @@ LAWS = {
 
 
 def chain(
-    n: int, p: float, law: str, *, gap: float = 0.0, v: float = 1.0, k: float = 1.0,
-    m: float = 1.0, d: float = 1.0, at: float = 0.0, duration: float = 4.0,
-    within: float = 1e-9, **simulation: Any,
-) -> Exact:  # fmt: skip
+    n, p, law, *, gap = 0.0, v = 1.0, k = 1.0,
+    m = 1.0, d = 1.0, at = 0.0, duration = 4.0,
+    within = 1e-9, **simulation,
+):  # fmt: skip
     """Balls at `at` + i d, of which the first is `gap` before that and moves at v."""
     laws = [
         LAWS[law].format(g=f"x{i} + {d} - x{i + 1}", p=p, k=k) for i in range(n - 1)
@@ -44,7 +43,7 @@ def chain(
         output_step=duration / 20.0, **simulation,
     )  # fmt: skip
 
-    def rates(_t: float, y: Any) -> Any:
+    def rates(_t, y):
         c = y[: n - 1] - y[1:n]
         push = k * np.abs(c) ** p
         push = np.where(c > 0.0, push, -push if law == "both" else 0.0)
@@ -54,7 +53,7 @@ def chain(
         return np.concatenate([y[n:], force / m])
 
     @functools.cache
-    def solved(*t: float) -> Any:
+    def solved(*t):
         start = np.zeros(2 * n)
         start[0], start[n] = -gap, v
         size = abs(v) * min(1.0, duration)
@@ -64,12 +63,12 @@ def chain(
             atol=1e-16 * size, max_step=duration / 500.0,
         ).y  # fmt: skip
 
-    def motion(t: Any) -> dict[str, Any]:
+    def motion(t):
         # Far away the places are no measure of how they move.
         moved = [] if at else solved(*t)[:n]
         return {f"x{i}": i * d + x for i, x in enumerate(moved)}
 
-    def also(t: Any) -> dict[str, Any]:
+    def also(t):
         return {f"x{i}_dot": rate for i, rate in enumerate(solved(*t)[n:])}
 
     return Exact(text, motion, also, within=within)

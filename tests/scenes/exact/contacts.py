@@ -22,11 +22,11 @@ SCENES: dict[str, Exact] = {}
 # an impact is 1e-5 off.
 
 
-def stopped(width: float) -> tuple[Any, ...]:
+def stopped(width):
     """A spring's body, let go at 1 from where it is loose, stopped at -width."""
     first = math.acos(-width)
 
-    def u(t: Any) -> Any:
+    def u(t):
         loose = np.where(t < first, np.cos(t), -width * np.cos(t - first))
         return width + loose
 
@@ -73,13 +73,13 @@ END, AMPLITUDE, BOUND, RATE = 3.0, 2.0, 1.5, 3.0
 
 
 @functools.cache
-def slips() -> list[tuple[float, float, int]]:
+def slips():
     """Give of each slip when it begins and ends, and its sign."""
     found, t = [], math.asin(BOUND / AMPLITUDE) / RATE
     for k in range(3):
         begins, sign = t + k * math.pi / RATE, (-1) ** k
 
-        def gained(u: float, begins: float = begins, sign: int = sign) -> float:
+        def gained(u, begins=begins, sign=sign):
             """Give the velocity: the integral of 2 sin 3t - 1.5 sign."""
             swing = AMPLITUDE / RATE * (np.cos(RATE * begins) - np.cos(RATE * u))
             return float(swing - sign * BOUND * (u - begins))
@@ -89,21 +89,21 @@ def slips() -> list[tuple[float, float, int]]:
     return found
 
 
-def travelled(t: Any, begins: float, sign: int) -> Any:
+def travelled(t, begins, sign):
     """Give the way of a slip, the integral of its velocity."""
     swing = AMPLITUDE / RATE * np.cos(RATE * begins) * (t - begins)
     swing -= AMPLITUDE / RATE**2 * (np.sin(RATE * t) - np.sin(RATE * begins))
     return swing - sign * BOUND * (t - begins) ** 2 / 2
 
 
-def by_turns(t: Any) -> Any:
+def by_turns(t):
     return sum(
         np.where(t > begins, travelled(np.minimum(t, ends), begins, sign), 0.0)
         for begins, ends, sign in slips()
     )
 
 
-def begun(after: Any = END) -> dict[str, list[float]]:
+def begun(after=END):
     begins, ends, _ = zip(*slips(), strict=True)
     return {"slip": [*begins], "stick": [t for t in ends if t < after]}
 
@@ -127,7 +127,7 @@ for law, (names, force, laws) in RUBBING.items():
     )  # fmt: skip
 
 
-def on_a_floor(x: str, y: str) -> str:
+def on_a_floor(x, y):
     """A body on a floor under a force of two components."""
     floor = contact("h >= 0", 0.0, friction=BOUND / 10, slip=["x_dot", "y_dot"])
     return scene(
@@ -150,7 +150,7 @@ for angle in (0.0, 1e-3, 0.6435, math.pi / 2, 1.0, 2.0, -3.0):
 WAYS = {"x": math.cos(0.7), "y": math.sin(0.7), "u": math.cos(2.2), "v": -math.sin(2.2)}
 
 
-def two_on_floors(push: str, force: str) -> str:
+def two_on_floors(push, force):
     laws = {
         h: contact(f"{h} >= 0", 0.0, friction=BOUND / 10, slip=slip)
         for h, slip in {"h": ["x_dot", "y_dot"], "k": ["u_dot", "v_dot"]}.items()
@@ -171,7 +171,7 @@ for push, path in ((PUSH, by_turns), ("1.5 + t", lambda t: t**3 / 6)):
         )  # fmt: skip
 
 
-def turning(first: float, turn: float) -> Any:
+def turning(first, turn):
     """Integrate from just after the slip begins, with steps of another kind.
 
     There the slip has the direction of the force, but for what it turns in that time.
@@ -179,12 +179,12 @@ def turning(first: float, turn: float) -> Any:
     begins, after = BOUND - first, 1e-6
     way = np.array([math.cos(turn * begins), math.sin(turn * begins)])
 
-    def rates(t: float, state: Any) -> list[float]:
+    def rates(t, state):
         speeds, angle = state[2:], turn * t
         push = (first + t) * np.array([math.cos(angle), math.sin(angle)])
         return [*speeds, *(push - BOUND * speeds / np.hypot(*speeds))]
 
-    def at_the_end(names: tuple[str, ...], t: Any) -> dict[str, Any]:
+    def at_the_end(names, t):
         start = [*(way * after**3 / 6), *(way * after**2 / 2)]
         states = solve_ivp(
             rates, (begins + after, END), start, method="Radau", rtol=1e-11, atol=1e-17
@@ -209,7 +209,7 @@ for first in (0.0, BOUND):
 STIFF = 100.0
 
 
-def hops(mass: float, duration: float) -> tuple[list[float], float]:
+def hops(mass, duration):
     """Give when a slider slips that a moving end pulls by a spring, and where it ends.
 
     Between two times STIFF (x(t) - s) less its bound drives it, x = sin(2 pi t)/10.
@@ -227,7 +227,7 @@ def hops(mass: float, duration: float) -> tuple[list[float], float]:
         a = s - size * math.sin(w * t) + 0.5 / STIFF
         b = -size * w * math.cos(w * t) / fast
 
-        def rate(u: float, t: float = t, a: float = a, b: float = b) -> float:
+        def rate(u, t=t, a=a, b=b):
             turned = fast * (u - t)
             own = fast * (b * math.cos(turned) - a * math.sin(turned))
             return size * w * math.cos(w * u) + own
@@ -247,7 +247,7 @@ def hops(mass: float, duration: float) -> tuple[list[float], float]:
 MU = 0.3
 
 
-def stack(count: int) -> str:
+def stack(count):
     """Equal blocks, one on another, of which the bottom one is pushed by 20 t."""
     laws = {}
     for k in range(count):
@@ -263,7 +263,7 @@ def stack(count: int) -> str:
     )  # fmt: skip
 
 
-def carried(count: int, t: Any) -> Any:
+def carried(count, t):
     """Give x of the blocks above: with the bottom one, then pulled by friction alone.
 
     All are at their bounds then, and none of them slips on the next.
@@ -303,7 +303,7 @@ WHEEL = {"wheel": {"relation": "b_dot >= a_dot"}}
 BOX = {"l": contact("y - sin(th) >= 0", 0), "r": contact("y + sin(th) >= 0", 0)}
 
 
-def weightless(laws: dict[str, Any], **forces: str) -> str:
+def weightless(laws, **forces):
     """Bodies of 1 kg at rest at 0, a box of a third of that about its middle."""
     names = {"floor": "y", "on": "y z", "wheel": "a b", "r": "y th"}[[*laws][-1]]
     inertia = {"th": 3}
@@ -314,7 +314,7 @@ def weightless(laws: dict[str, Any], **forces: str) -> str:
     )  # fmt: skip
 
 
-def nothing(*names: str) -> Any:
+def nothing(*names):
     return lambda t: dict.fromkeys(names, 0.0 * t)
 
 
@@ -374,7 +374,7 @@ SCENES["pressed, then pulled"] = Exact(
 )  # fmt: skip
 
 
-def driven_wheel(t: Any) -> dict[str, Any]:
+def driven_wheel(t):
     """b goes along with a for half a turn of the force, then on by itself."""
     s = np.minimum(t, HALF)
     b = (s - np.sin(FAST * s) / FAST) / FAST / 2 + np.maximum(t - HALF, 0.0) / FAST
@@ -387,19 +387,19 @@ SCENES["a freewheel is overrun"] = Exact(
 
 
 @functools.cache
-def tilted(power: int) -> Any:
+def tilted(power):
     """Integrate a box that turns about its left corner until that parts.
 
     Free, it would go down: (1 - 3/2) t^power. From its first power at 1e-3 on.
     """
 
-    def rates(t: float, x: Any) -> tuple[float, float]:
+    def rates(t, x):
         th, v = x
         cos, sin = math.cos(th), math.sin(th)
         turned = (t**power * (cos + 0.5) + cos * sin * v * v) / (cos * cos + 1 / 3)
         return v, turned
 
-    def pushes(t: float, x: Any) -> float:
+    def pushes(t, x):
         return math.cos(x[0]) * rates(t, x)[1] - math.sin(x[0]) * x[1] ** 2 - t**power
 
     pushes.terminal, pushes.direction = True, -1  # type: ignore[attr-defined]
@@ -410,10 +410,10 @@ def tilted(power: int) -> Any:
     )  # fmt: skip
 
 
-def corner(power: int) -> Any:
+def corner(power):
     """The same, and what its forces do with it from then on."""
 
-    def motion(t: Any) -> dict[str, Any]:
+    def motion(t):
         held = tilted(power)
         (gone,) = held.t_events[0]
         th, rate = held.sol(np.clip(t, 1e-3, gone))

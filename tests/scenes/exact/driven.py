@@ -13,9 +13,7 @@ from tests.small_scenes import bounced
 SCENES: dict[str, Exact] = {}
 
 
-def on_a_spring(
-    relation: str, linked: bool, x: float = 0.0, y: float = 0.0, **simulation: Any
-) -> str:
+def on_a_spring(relation, linked, x=0.0, y=0.0, **simulation):
     """x is moved, and y hangs on it by a spring; a heavy z may be linked to both."""
     laws, start = {"a": relation}, simulation.get("start", 0.0)
     initial: dict[str, Any] = {"x": {"guess": x}, "x_dot": {"guess": 0}, "y": y}
@@ -29,25 +27,25 @@ def on_a_spring(
     )  # fmt: skip
 
 
-def aliased(start: float) -> Any:
+def aliased(start):
     """x = cos(w t), y = P x + C cos(t - start) + D sin(t - start), P = 1/(1 - w^2)."""
     w = 4.0 * np.pi
     P = 1.0 / (1.0 - w * w)
     C, D = 1.0 - P * np.cos(w * start), P * w * np.sin(w * start)
 
-    def motion(t: Any) -> dict[str, Any]:
+    def motion(t):
         x, s = np.cos(w * t), t - start
         return {"x": x, "y": P * x + C * np.cos(s) + D * np.sin(s)}
 
     return motion
 
 
-def struck(t: Any) -> dict[str, Any]:
+def struck(t):
     w = 2.0 * np.pi
     return {"x": np.sin(w * t), "y": (np.sin(w * t) - w * np.sin(t)) / (1.0 - w * w)}
 
 
-def at_once(t: Any) -> dict[str, Any]:
+def at_once(t):
     """As written x rests at the start, and moves at w just after: two rows."""
     rates = 2.0 * np.pi * np.cos(2.0 * np.pi * t)
     rates[0] = 0.0
@@ -94,7 +92,7 @@ PAIRS = {
 }
 
 
-def parting(relations: list[str], **simulation: Any) -> str:
+def parting(relations, **simulation):
     laws = dict(zip("ab", relations, strict=True))
     return scene(
         "x y z", "x_dot^2 + y_dot^2 + z_dot^2/2", "0", laws,
@@ -109,7 +107,7 @@ def parting(relations: list[str], **simulation: Any) -> str:
 REDUNDANT = frozenset({"redundant", "multipliers-not-unique"})
 
 
-def passing(t: Any) -> dict[str, Any]:
+def passing(t):
     return {"z": 1.0 + 2.0 * t}
 
 

@@ -26,7 +26,7 @@ class Parts:
     # Other coordinates: where they are, and their inertia.
     more: dict[str, float] = field(default_factory=dict)
 
-    def rubs(self, law: str, bound: float = 1.5) -> Parts:
+    def rubs(self, law, bound=1.5):
         """Let dry friction act on x; on a floor it weighs 10."""
         if law == "sign":
             own = self.forces.get("x", "0")
@@ -39,7 +39,7 @@ class Parts:
             self.laws["floor"] = contact("h >= 0", 0, friction=bound / 10, slip="x_dot")
         return self
 
-    def exact(self) -> Exact:
+    def exact(self):
         names = ["x", "y", *self.more]
         text = scene(
             " ".join(names), " + ".join(f"{q}_dot^2/2" for q in names), self.potential,
@@ -52,7 +52,7 @@ class Parts:
         )  # fmt: skip
 
 
-def by(law: str, x: str = "0", **more: Any) -> Parts:
+def by(law, x="0", **more):
     return Parts(forces={"x": x}, **more).rubs(law)
 
 

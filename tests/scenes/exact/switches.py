@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 from scipy.special import beta
@@ -45,7 +44,7 @@ OWN = {
 }
 
 
-def two(x: str, y: str, potential: str = "0") -> str:
+def two(x, y, potential="0"):
     """Two bodies at rest at 0 under these forces."""
     return scene(
         "x y", "(x_dot^2 + y_dot^2)/2", potential, {}, {"x": 0, "y": 0},
@@ -53,7 +52,7 @@ def two(x: str, y: str, potential: str = "0") -> str:
     )  # fmt: skip
 
 
-def resting(a: float) -> Any:
+def resting(a):
     return lambda t: {"x": 0.0 * t, "y": a * t**2 / 2.0}
 
 
@@ -80,10 +79,10 @@ for mass in (1e-17, 1e17):
     )  # fmt: skip
 
 
-def leaving(begins: float, way: float = 1.0, power: int = 0) -> Any:
+def leaving(begins, way=1.0, power=0):
     """x leaves its switch, and y feels its side from then on."""
 
-    def motion(t: Any) -> dict[str, Any]:
+    def motion(t):
         late = np.maximum(t - begins, 0.0)
         x = way * late ** (power + 2) / ((power + 1) * (power + 2))
         return {"x": x, "y": t**2 / 2.0 + way * late**2 / 2.0}
@@ -101,7 +100,7 @@ for force, motion in LEAVES.items():
     )
 
 
-def period(k: float, p: float) -> float:
+def period(k, p):
     """Give the period under -k |x|^p sign(x) of 1 kg from rest at x = 1.
 
     x'^2/2 = k (1 - x^(p + 1))/(p + 1), and x^(p + 1) = s in the quadrature.
@@ -141,7 +140,7 @@ SCENES["begins to rub"] = Exact(
 STILL, FAST = 1.3 * 9.81 / 37.7, math.sqrt(37.7 / 1.3)
 
 
-def shaken(size: float, t: Any) -> Any:
+def shaken(size, t):
     return size * (np.sin(t) - np.sin(FAST * t) / FAST) / (1.3 * (FAST * FAST - 1.0))
 
 
@@ -185,7 +184,7 @@ for force in ("1e-3", "1e-3*sin(t)", "1e-6*sin(t)", "1e-6*t^3"):
 PULL, PRESS = 9.81 * math.sin(0.3), 9.81 * math.cos(0.3)
 
 
-def incline(mu: float, v: float) -> str:
+def incline(mu, v):
     """A block on it with friction, thrown up or down."""
     return scene(
         "x", "x_dot^2/2", f"{PULL!r}*x", {}, {"x": 0, "x_dot": v},
@@ -193,10 +192,10 @@ def incline(mu: float, v: float) -> str:
     )  # fmt: skip
 
 
-def stopped(v: float, a: float) -> Any:
+def stopped(v, a):
     """Thrown with v it is slowed down by a."""
 
-    def motion(t: Any) -> dict[str, Any]:
+    def motion(t):
         s = np.minimum(t, abs(v) / a)
         return {"x": np.copysign(abs(v) * s - a * s**2 / 2.0, v)}
 

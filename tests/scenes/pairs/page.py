@@ -59,13 +59,13 @@ REFUSALS_HEAD = """
 """
 
 
-def _table(columns: list[str], marks: dict[str, list[str]]) -> str:
+def _table(columns, marks):
     rows = ["| | " + " | ".join(columns) + " |", "|---|" + "---|" * len(columns)]
     rows += [f"| {name} | " + " | ".join(own) + " |" for name, own in marks.items()]
     return "\n".join(rows) + "\n"
 
 
-def _number(text: str | None, notes: list[str]) -> str:
+def _number(text, notes):
     """Give + for what is not refused, else the number of the refusal."""
     if text is None:
         return "+"
@@ -74,12 +74,12 @@ def _number(text: str | None, notes: list[str]) -> str:
     return str(notes.index(text) + 1)
 
 
-def _pair(first: str, second: str, notes: list[str]) -> str:
+def _pair(first, second, notes):
     pair = next(p for p in ((first, second), (second, first)) if p in PAIRS)
     return _number(REFUSED.get(pair), notes)
 
 
-def page() -> str:
+def page():
     """Give the page: matrices, of the pairs the half below the diagonal."""
     names, notes = list(BY_NAME), []
     pairs = {}

@@ -45,7 +45,7 @@ def _parabola(t, at, x, v, a):
     return x + v * (t - at) + a * (t - at) ** 2 / 2
 
 
-def _steps(t: Any, x: float, v: float, force: Callable[[float, float], float]) -> Any:
+def _steps(t, x, v, force):
     """Give the motion under a force that is constant between its levels of x.
 
     Each piece is a parabola; it ends where x meets one of `force.levels`.
@@ -106,7 +106,7 @@ def _chain(t):
     }
 
 
-def _names(i: int) -> str:
+def _names(i):
     return "x$" if i == 0 else f"c{i}$"
 
 

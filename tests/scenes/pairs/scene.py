@@ -8,12 +8,8 @@ from __future__ import annotations
 import itertools
 import json
 import zlib
-from typing import TYPE_CHECKING, Any
 
 from tests.scenes.pairs.physical import FRAGMENTS
-
-if TYPE_CHECKING:
-    from tests.scenes.pairs.physical import Fragment
 
 STEP = 0.05
 HOLDS_AT_TIMES = (
@@ -36,11 +32,11 @@ REFUSED = {
 }
 
 
-def _quoted(items: dict[str, str]) -> str:
+def _quoted(items):
     return "\n".join(f"  {name}: {text}" for name, text in items.items()) or "  {}"
 
 
-def scene(*fragments: Fragment, coupled: bool = False, extra: str = "") -> str:
+def scene(*fragments, coupled=False, extra=""):
     """Give the model file of fragments.
 
     Coupled, the first coordinates x1 and x2 of two fragments are definitions,
@@ -54,7 +50,7 @@ def scene(*fragments: Fragment, coupled: bool = False, extra: str = "") -> str:
     untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
     for k, f in enumerate(fragments, 1):
 
-        def own(text: str, k: int = k) -> str:
+        def own(text, k=k):
             return text.replace("$", str(k))
 
         starts = dict(f.more) if coupled else {"x$": f.start, **f.more}
@@ -97,7 +93,7 @@ simulation: {{duration: {duration}, output_step: {STEP}{until}{formulation}}}
 {extra}"""
 
 
-def motion(*fragments: Fragment, t: Any) -> dict[str, Any]:
+def motion(*fragments, t):
     """Give the closed forms of all coordinates at times t (rows,)."""
     return {
         name.replace("$", str(k)): x
@@ -106,6 +102,6 @@ def motion(*fragments: Fragment, t: Any) -> dict[str, Any]:
     }
 
 
-def part_of(name: str, parts: int) -> bool:
+def part_of(name, parts):
     """Tell whether a case is in the quick slice: one of so many, by its name alone."""
     return zlib.crc32(name.encode()) % parts == 0
