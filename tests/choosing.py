@@ -7,17 +7,14 @@ import hashlib
 import os
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+from typing import TypeVar
 
 One = TypeVar("One")
 
 COMMIT = os.environ.get("LAGSIM_TEST_COMMIT", "")
 
 
-def chosen(test: str, commit: str, one_in: int) -> bool:
+def chosen(test, commit, one_in):
     """Tell whether a test is among the one in `one_in` of this commit.
 
     The same at every place and in every order; a test more or less changes nothing for
@@ -26,13 +23,13 @@ def chosen(test: str, commit: str, one_in: int) -> bool:
     return _number(test, commit) % one_in == 0
 
 
-def turn(test: str, commit: str, of: Sequence[One]) -> One:
+def turn(test, commit, of):
     """Give which of several cases a test tries at this commit: in time all of them."""
     return of[_number(test, commit) % len(of)]
 
 
 @functools.cache
-def tonight() -> str:
+def tonight():
     """Give the commit that nightly tests go by: the one that is set, or the tree's."""
     head = ["git", "rev-parse", "HEAD"]
     try:
@@ -42,18 +39,18 @@ def tonight() -> str:
     return COMMIT or done.stdout.decode().strip()
 
 
-def share(tests: Collection[str], commit: str, one_in: int) -> list[str]:
+def share(tests, commit, one_in):
     """Give one in `one_in` of some tests, one at least: others with each commit."""
     count = -(-len(tests) // one_in)
     return sorted(tests, key=lambda test: _number(test, commit))[:count]
 
 
-def _number(test: str, commit: str) -> int:
+def _number(test, commit):
     digest = hashlib.sha256(f"{test}\0{commit}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
 
 
-def slices(text: str) -> dict[str, int]:
+def slices(text):
     """Read `slow=4,nightly=100`."""
     pairs = (pair.split("=") for pair in text.split(",") if pair)
     return {mark: int(one_in) for mark, one_in in pairs}

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
 
 from lagsim.native.kernels.keys import as_kernel, is_own, names_in
 from lagsim.native.kernels.words import is_external
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
 
 def bind(
-    function: Callable[..., Any],
-    externals: Mapping[str, Callable[..., Any]],
-    statics: Mapping[str, object] | None = None,
-) -> Callable[..., Any]:
+    function,
+    externals,
+    statics=None,
+):
     """Give a kernel as plain Python, with its externals and statics put in.
 
     Parameters
@@ -34,7 +30,7 @@ def bind(
     """
     copies: dict[FunctionType, FunctionType] = {}
 
-    def copy(original: FunctionType) -> FunctionType:
+    def copy(original):
         if original in copies:
             return copies[original]
         names = dict(original.__globals__)

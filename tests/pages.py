@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from tests.support import ROOT
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 PAGES = ("README.md", *(f"docs/{p.name}" for p in sorted((ROOT / "docs").glob("*.md"))))
 _FENCED = re.compile(r"^( *)```(\w*)[^\n]*\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
@@ -25,17 +21,17 @@ class Block(NamedTuple):
     text: str
 
     @property
-    def name(self) -> str:
+    def name(self):
         """Its first line, for the names of tests."""
         return f"{self.page}: {self.text.partition(chr(10))[0]}"
 
 
-def text_of(page: str) -> str:
+def text_of(page):
     """Read a page by its path from the root."""
     return (ROOT / page).read_text(encoding="utf-8")
 
 
-def blocks(page: str) -> list[Block]:
+def blocks(page):
     """Give the fenced blocks of a page, in order."""
     found = []
     for margin, kind, inside in _FENCED.findall(text_of(page)):
@@ -44,18 +40,18 @@ def blocks(page: str) -> list[Block]:
     return found
 
 
-def indented(page: str) -> list[str]:
+def indented(page):
     """Give what is set apart by four blanks alone, and so says not what it is."""
     rest = _FENCED.sub("", text_of(page))
     return [piece for piece in _INDENTED.findall(rest) if piece.strip()]
 
 
-def prose(page: str) -> str:
+def prose(page):
     """Give a page without its blocks."""
     return _FENCED.sub("", text_of(page))
 
 
-def commands(block: Block) -> Iterator[tuple[str, str]]:
+def commands(block):
     """Give the commands of a block, each with what it is shown to print."""
     if block.kind == "sh":
         for line in block.text.replace("\\\n", "").splitlines():
@@ -67,7 +63,7 @@ def commands(block: Block) -> Iterator[tuple[str, str]]:
             yield first, shown
 
 
-def words_of(command: str, folder: Path) -> list[str]:
+def words_of(command, folder):
     """Split a command as a shell would, with its patterns and without its comment."""
     found = []
     for word in shlex.split(command, comments=True):
@@ -76,7 +72,7 @@ def words_of(command: str, folder: Path) -> list[str]:
     return found
 
 
-def anchors(page: str) -> set[str]:
+def anchors(page):
     """Give the anchors of a page's headings, as GitHub and the site make them."""
     found: set[str] = set()
     for title in re.findall(r"^#+ +(.*?) *#*$", prose(page), re.MULTILINE):
@@ -86,7 +82,7 @@ def anchors(page: str) -> set[str]:
     return found
 
 
-def links(page: str) -> list[str]:
+def links(page):
     """Give the targets of a page's links and pictures."""
     plain = re.sub(r"`[^`\n]*`", "", prose(page))
     marked = re.findall(r"\]\(<?([^)\s>]+)>?(?: [^)]*)?\)", plain)

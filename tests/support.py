@@ -14,11 +14,6 @@ from lagsim.run.observers import Keep
 from lagsim.run.session import Session, open_case
 
 if TYPE_CHECKING:
-    from lagsim.admissibility.examination import Start
-    from lagsim.mechanics.equations import Equations
-    from lagsim.plan.plan import Plan
-    from lagsim.run.session import Case
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 ROOT = Path(__file__).parent.parent
@@ -36,35 +31,35 @@ class Run:
     trajectory: Trajectory
     rows: Any
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name):
         return self.rows[:, self.system.columns.names.index(name)]
 
     @property
-    def equations(self) -> Equations:
+    def equations(self):
         return self.session.case.equations
 
     @property
-    def start(self) -> Start:
+    def start(self):
         """What it began with."""
         return self.session.case.start
 
     @property
-    def plan(self) -> Plan:
+    def plan(self):
         return self.session.plan
 
     @property
-    def system(self) -> System:
+    def system(self):
         return self.session.system
 
     @property
-    def drift(self) -> float:
+    def drift(self):
         """Greatest |energy - work - first value|."""
         names = self.system.columns.names
         balance = self["energy"] - (self["work"] if "work" in names else 0.0)
         return float(np.max(np.abs(balance - balance[0])))
 
 
-def at_outputs(t: Any, start: float, step: float) -> Any:
+def at_outputs(t, start, step):
     """Give the rows (k,) at output times, not those of impacts between them.
 
     Of two at one time the second, after the impact.
@@ -76,13 +71,13 @@ def at_outputs(t: Any, start: float, step: float) -> Any:
     return np.flatnonzero(near & later)
 
 
-def has_laws(name: str) -> bool:
+def has_laws(name):
     """Tell whether a shipped model has constraints that hold at times."""
     model = read_file(str(MODELS / f"{name}.yaml"))
     return not all(c.always for c in model.constraints)
 
 
-def case_of(model: Any, **options: Any) -> Case:
+def case_of(model, **options):
     """Open a Model, the text of one, or the name of a shipped one."""
     options = {k: str(v) for k, v in options.items()}
     if isinstance(model, str):
@@ -93,13 +88,13 @@ def case_of(model: Any, **options: Any) -> Case:
     return open_case(model)
 
 
-def ready(model: Any, *, loops: bool = False, **options: Any) -> Session:
+def ready(model, *, loops=False, **options):
     """Plan and compile what `case_of` takes; `loops` insists on the dense solve."""
     case = case_of(model, **options)
     return case.ready(by_loops(case.plan()) if loops else None)
 
 
-def run(model: Any, *, loops: bool = False, **keywords: Any) -> Run:
+def run(model, *, loops=False, **keywords):
     """Run what `ready` takes.
 
     Other keywords are those of `Session`, or of its run, or options of `simulation`

@@ -20,7 +20,6 @@ import yaml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
 DIGITS = 50
 
@@ -53,26 +52,26 @@ FUNCTIONS = {
 _WORD = re.compile(r"(?<![\w.])(?!(?:and|or|not)\b)[^\W\d]\w*")
 
 
-def symbol(name: str) -> sp.Symbol:
+def symbol(name):
     return sp.Symbol(name, real=True)
 
 
-def decimal(value: float) -> sp.Rational:
+def decimal(value):
     """Give a literal as it is written."""
     return sp.Rational(str(value))
 
 
 def expression(
-    text: str,
-    scope: Any,
-    functions: Mapping[str, Any] = FUNCTIONS,
-    number: Any = decimal,
-) -> sp.Expr:
+    text,
+    scope,
+    functions=FUNCTIONS,
+    number=decimal,
+):
     """Read `text`; `scope` gives what stands for a name, `number` for a literal."""
     # `^` binds as Python's `**` does; an underscore keeps names off its keywords.
     python = _WORD.sub(r"\g<0>_", text.replace("^", "**"))
 
-    def build(node: ast.AST) -> Any:
+    def build(node):
         match node:
             case ast.Constant(value=value):
                 return number(value)
@@ -119,7 +118,7 @@ class Oracle:
     number = staticmethod(decimal)
     pi: sp.Expr = sp.pi
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text):
         # BaseLoader keeps all scalars text: `y` and `on` are names.
         document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
         self.parameter_texts = _texts(document.get("parameters"))
@@ -139,10 +138,10 @@ class Oracle:
         self._equations()
 
     @classmethod
-    def of(cls, path: Path) -> Oracle:
+    def of(cls, path):
         return cls(path.read_text(encoding="utf-8"))
 
-    def name(self, name: str) -> sp.Expr:
+    def name(self, name):
         """Give what stands for `name`; definitions are written out."""
         if name not in self._names:
             if name in self.definition_texts:
@@ -152,20 +151,20 @@ class Oracle:
             self._names[name] = value
         return self._names[name]
 
-    def read(self, text: str) -> sp.Expr:
+    def read(self, text):
         return expression(text, self.name, self.functions, self.number)
 
-    def rate(self, e: sp.Expr) -> sp.Expr:
+    def rate(self, e):
         """Give d/dt by the chain rule."""
         inertial = (sp.diff(e, v) * a for v, a in zip(self.v, self.a, strict=True))
         return sp.Add(self.drift(e), *inertial)
 
-    def drift(self, e: sp.Expr) -> sp.Expr:
+    def drift(self, e):
         """Give d/dt for vanishing accelerations."""
         moved = (sp.diff(e, q) * v for q, v in zip(self.q, self.v, strict=True))
         return sp.Add(sp.diff(e, self.t), *moved)
 
-    def _lagrangian(self, energy: Mapping[str, str]) -> None:
+    def _lagrangian(self, energy):
         if "lagrangian" in energy:
             self.L = self.read(energy["lagrangian"])
             self.kinetic = sp.nan
@@ -176,26 +175,26 @@ class Oracle:
         moved = zip(self.v, momenta, strict=True)
         self.energy = sp.Add(*(v * p for v, p in moved)) - self.L
 
-    def _constraints(self, texts: Mapping[str, str]) -> None:
+    def _constraints(self, texts):
         self.constraints = []
         for text in texts.values():
             left, _, right = text.partition("=")
             node = self.read(left.rstrip("<> ")) - self.read(right or "0")
             self.constraints.append(-node if left.endswith("<") else node)
 
-    def _forces(self, forces: Mapping[str, str]) -> None:
+    def _forces(self, forces):
         for on, text in forces.items():
             force, direction = self.read(text), self.name(on)
             moves = direction.free_symbols & set(self.v)
             for j, x in enumerate(self.v if moves else self.q):
                 self.Q[j] += force * sp.diff(direction, x)
 
-    def _dissipation(self, text: str) -> None:
+    def _dissipation(self, text):
         loss = self.read(text)
         for j, v in enumerate(self.v):
             self.Q[j] -= sp.diff(loss, v)
 
-    def _equations(self) -> None:
+    def _equations(self):
         momenta = [sp.diff(self.L, v) for v in self.v]
         self.M = [[sp.diff(p, v) for v in self.v] for p in momenta]
         self.f = [
@@ -215,12 +214,12 @@ class Oracle:
         )
 
     @property
-    def inputs(self) -> list[sp.Symbol]:
+    def inputs(self):
         parameters = [symbol(name) for name in self.parameter_texts]
         return [self.t, *self.q, *self.v, *parameters]
 
     @cached_property
-    def _compiled(self) -> Any:
+    def _compiled(self):
         everything = [
             *sp.flatten(self.M), *self.f, *sp.flatten(self.A), *self.b, self.energy,
             self.kinetic, self.power_without_constraints, *self.constraints,
@@ -228,20 +227,20 @@ class Oracle:
         ]  # fmt: skip
         return sp.lambdify(self.inputs, everything, modules="mpmath", cse=True)
 
-    def at(self, values: Mapping[str, float]) -> Numbers:
+    def at(self, values):
         """Evaluate with DIGITS digits; give doubles."""
         return self._numbers(np.array([float(x) for x in self.digits(values)]))
 
-    def exactly(self, values: Mapping[str, float]) -> Numbers:
+    def exactly(self, values):
         """Evaluate with DIGITS digits, and keep them."""
         return self._numbers(np.array(self.digits(values), dtype=object))
 
-    def digits(self, values: Mapping[str, float]) -> list[Any]:
+    def digits(self, values):
         with mpmath.workdps(DIGITS):
             arguments = [mpmath.mpf(values[s.name]) for s in self.inputs]
             return [mpmath.mpf(x) for x in self._compiled(*arguments)]
 
-    def _numbers(self, flat: Any) -> Numbers:
+    def _numbers(self, flat):
         n, m = len(self.q), len(self.constraints)
         sizes = [n * n, n, m * n, m, 1, 1, 1, m, m]
         M, f, A, b, energy, kinetic, power, residuals, rates = np.split(
@@ -252,7 +251,7 @@ class Oracle:
             residuals, rates,
         )  # fmt: skip
 
-    def nominal(self) -> dict[str, float]:
+    def nominal(self):
         """Give the parameters' values, each from the earlier ones."""
         known: dict[str, sp.Expr] = {"pi": sp.pi}
         for name, text in self.parameter_texts.items():
@@ -260,7 +259,7 @@ class Oracle:
         return {name: float(known[name]) for name in self.parameter_texts}
 
 
-def _texts(section: Any, key: str = "value") -> dict[str, str]:
+def _texts(section, key="value"):
     """Give name -> text of a section whose entries are texts or mappings with `key`."""
     return {
         name: entry if isinstance(entry, str) else entry[key]
@@ -268,13 +267,11 @@ def _texts(section: Any, key: str = "value") -> dict[str, str]:
     }
 
 
-def random_values(
-    oracle: Oracle, start: Mapping[str, float], seed: int
-) -> dict[str, float]:
+def random_values(oracle, start, seed):
     """Give a state near `start`, and parameters near their own values."""
     random = np.random.default_rng(seed)
 
-    def near(x: float, part: float) -> float:
+    def near(x, part):
         return x + part * random.uniform(-1, 1) * (abs(x) or 1.0)
 
     values = {name: near(x, 0.2) for name, x in oracle.nominal().items()}

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from lagsim.methods.parts import driver
 from lagsim.run.system.runner import FUNCTION
 from tests.kernels import bind
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from types import ModuleType
-
-    from lagsim.run.system.runner import Runner
 
 
 class Plain:
     """The kernels of a method, bound; what is called of the model is given by name."""
 
-    def __init__(
-        self, method: ModuleType, model: dict[str, Callable[..., Any]], **statics: bool
-    ) -> None:
+    def __init__(self, method, model, **statics):
         self.method = method
         self.model = model
         none = {"CONSTRAINED": False, "UNTIL": False, "SWITCHES": False}
@@ -30,7 +20,7 @@ class Plain:
         own |= {"interpolate_rates"} if method.ADAPTIVE else {"make"}
         self.driven = model | {name: self.kernel(name) for name in own}
 
-    def kernel(self, name: str) -> Callable[..., Any]:
+    def kernel(self, name):
         """Give a kernel of the method."""
         called = self.model
         if name != "interpolate":
@@ -39,13 +29,13 @@ class Plain:
             called = called | {"make": self.kernel("make")}
         return bind(getattr(self.method, name), called, self.statics)
 
-    def advance(self, s: Any, p: Any, out: Any, rows: int, budget: int) -> int:
+    def advance(self, s, p, out, rows, budget):
         """Do what the native `advance` does; `out` is flat."""
         advance = bind(driver.advance, self.driven, self.statics)
         return int(advance(s, p, out, rows, budget))
 
 
-def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
+def linked(runner):
     """Give the model's native functions, as kernels call them."""
     names = ["energies_masses", "terms", "observe", *runner.method.NEEDS]
     if "balance" in names:
@@ -63,8 +53,8 @@ def linked(runner: Runner) -> dict[str, Callable[..., Any]]:
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}
 
 
-def _through(call: Callable[..., Any]) -> Callable[..., Any]:
-    def function(t: float, y: Any, p: Any, out: Any) -> None:
+def _through(call):
+    def function(t, y, p, out):
         call(t, y.ctypes.data, p.flat.ctypes.data, out.ctypes.data)
 
     return function
