@@ -13,9 +13,7 @@ from lagsim.model.reader import read
 COUPLED = """\
 parameters: {c: 0.5}
 coordinates: {x: , y: }
-energy:
-  kinetic: x_dot^2/2 + y_dot^2/2 + c*x_dot*y_dot
-  potential: sqrt(x) + y^2
+energy: {kinetic: x_dot^2/2 + y_dot^2/2 + c*x_dot*y_dot, potential: sqrt(x) + y^2}
 initial: {x: 1, y: 0}
 simulation: {duration: 1}
 """

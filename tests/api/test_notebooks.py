@@ -17,9 +17,7 @@ from tests.support import MODELS
 SWING = """
 name: swing <1> & 2
 coordinates: {a: {unit: rad}, z: {unit: m}}
-definitions:
-  x: {value: sin(a), unit: m}
-  y: {value: -cos(a), unit: m}
+definitions: {x: {value: sin(a), unit: m}, y: {value: -cos(a), unit: m}}
 energy: {kinetic: a_dot^2/2 + z_dot^2, potential: -9*cos(a)}
 initial: {a: 1, z: 0, z_dot: 1}
 simulation: {duration: 2, output_step: 0.01}

@@ -14,9 +14,7 @@ from tests.support import MODELS
 NONHOLONOMIC = """\
 coordinates: {x: , y: , phi: }
 energy: {kinetic: (x_dot^2 + y_dot^2 + phi_dot^2)/2, potential: 0}
-constraints:
-  edge: x_dot*sin(phi) = y_dot*cos(phi)
-  driven: phi_dot = cos(t)
+constraints: {edge: x_dot*sin(phi) = y_dot*cos(phi), driven: phi_dot = cos(t)}
 initial: {x: 0, y: 0, phi: 0, x_dot: 1, phi_dot: 1}
 simulation: {duration: 1}
 """

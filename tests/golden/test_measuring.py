@@ -32,9 +32,7 @@ from tests.support import MODELS
 PENDULUM = """
 parameters: {g: 9.8, l: 1, zero: 0}
 coordinates: {a: {}, s: {}}
-energy:
-  kinetic: (l^2*a_dot^2 + s_dot^2)/2 + zero*s
-  potential: -g*l*cos(a)
+energy: {kinetic: (l^2*a_dot^2 + s_dot^2)/2 + zero*s, potential: -g*l*cos(a)}
 forces: {a: "0.1*cos(2*t)"}
 initial: {a: 1, s: 0, s_dot: 0.5}
 simulation: {duration: 10, output_step: 0.1, rtol: 1e-9}

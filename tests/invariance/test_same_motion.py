@@ -76,9 +76,7 @@ simulation: {duration: 4, output_step: 0.02}
     # A sphere with spin that bounces, slips, rolls and comes to rest.
     "bounces": """
 coordinates: {x: {}, y: {}, phi: {}}
-energy:
-  kinetic: (x_dot^2 + y_dot^2)/2 + 0.002*phi_dot^2
-  potential: 9.81*y
+energy: {kinetic: (x_dot^2 + y_dot^2)/2 + 0.002*phi_dot^2, potential: 9.81*y}
 constraints:
   floor: {relation: y >= 0.1, restitution: 0.6, friction: 0.2, slip: x_dot + phi_dot/10}
 initial: {x: 0, y: 1, phi: 0, phi_dot: 50}

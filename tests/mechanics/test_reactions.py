@@ -76,9 +76,7 @@ constraints:
 GUESSED = ", ".join(f"{x}: {{guess: 0.1}}, {x}_dot: {{guess: 0.1}}" for x in "xyz")
 PARTS = """
 parameters: {l: 1, k: 40, g: 9.81, c: 0.1, mu: 0.3, r: 0.4}
-forces:
-  x: 2*sin(3*t) - 0.1*x_dot
-  u: -0.3*u_dot
+forces: {x: 2*sin(3*t) - 0.1*x_dot, u: -0.3*u_dot}
 simulation: {duration: 1.5, output_step: 0.01}
 """
 PLAIN = "kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2 + r*u_dot^2, potential: g*y + k*u^2/2"

@@ -188,9 +188,7 @@ definitions:
   twice: 2*theta_dot
   phase: rate*x
   pull: if(t < 1, friction, 0)
-energy:
-  kinetic: m*x_dot^2/2 + m*l^2*theta_dot^2/2
-  potential: m*g*x
+energy: {kinetic: m*x_dot^2/2 + m*l^2*theta_dot^2/2, potential: m*g*x}
 forces: {x: spring + friction + drag, theta: torque}
 constraints: {floor: {relation: x >= 0, restitution: 0}, brake: theta_dot = 0}
 initial: {x: 1, theta: 0}

@@ -14,11 +14,7 @@ def test_a_mass_that_becomes_nothing_is_solved_for_by_other_functions():
     text = """
 parameters: {m: 1, M: 1, g: 9.8}
 coordinates: {a: {}, b: {}}
-definitions:
-  x: sin(a)
-  y: -cos(a)
-  X: x + sin(b)
-  Y: y - cos(b)
+definitions: {x: sin(a), y: -cos(a), X: x + sin(b), Y: y - cos(b)}
 energy:
   kinetic: m*(x_dot^2 + y_dot^2)/2 + M*(X_dot^2 + Y_dot^2)/2
   potential: m*g*y + M*g*Y

@@ -35,9 +35,7 @@ EXCITED = SPRING.replace("STRETCHED", "1e-4")
 HELD = """
 parameters: {K: 1e8, c: 2e5}
 coordinates: {x: {}, y: {}, z: {}}
-energy:
-  kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2
-  potential: 9.8*y + K*(z - x)^2/2
+energy: {kinetic: (x_dot^2 + y_dot^2 + z_dot^2)/2, potential: 9.8*y + K*(z - x)^2/2}
 forces: {z: -c*(z_dot - x_dot), x: c*(z_dot - x_dot)}
 constraints: {rod: x^2 + y^2 = 1}
 initial: {x: sin(1), y: -cos(1), z: sin(1)}
