@@ -349,8 +349,8 @@ def diagnose(source: Source, error: Exception) -> Diagnosis:
     """Say what a syntax error of the YAML parser means."""
     case = _Case(source, error)
     for rule in (
-        _tab, _missing_space, _unfinished, _second_colon, _indentation, _beginning,
-        _ending,
+        _tab, _joined_dash, _missing_space, _unfinished, _second_colon, _indentation,
+        _beginning, _ending,
     ):  # fmt: skip
         found = rule(case)
         if found is not None:
@@ -453,6 +453,16 @@ def _tab(case: _Case) -> Diagnosis | None:
     return case.fault(text, "indent with spaces", at, code="yaml-tab")
 
 
+def _joined_dash(case: _Case) -> Diagnosis | None:
+    """Name an item of a list without a blank after its sign."""
+    found = re.match(r"(\s*)-([^\s\d.-].*:.*)", case.line)
+    if found is None:
+        return None
+    text, at = "a blank is missing after `-`", (case.at[0], len(found[1]))
+    hint = f"write `- {found[2].strip()}`"
+    return case.fault(text, hint, at, code="missing-space")
+
+
 def _missing_space(case: _Case) -> Diagnosis | None:
     if "simple key" in case.context and case.context_at:
         number = case.context_at[0]
@@ -484,9 +494,10 @@ def _unfinished(case: _Case) -> Diagnosis | None:
         return None
     rest = case.source.lines[at[0]][at[1] :]
     if "simple key" in context:
-        found = rest.strip()
+        found, apart = rest.strip(), re.match(r"(\w+)\s+([^:]+)\Z", rest.strip())
         text = f"expected `key: value`, found `{found[:40]}`"
-        return case.fault(text, at=at, length=len(found))
+        hint = f"a colon is missing: `{apart[1]}: {apart[2]}`" if apart else ""
+        return case.fault(text, hint, at=at, length=len(found))
     if "quoted scalar" in context:
         if "end of stream" in case.problem or "document" in case.problem:
             return case.fault("this quote is never closed", at=at)
@@ -504,6 +515,14 @@ def _second_colon(case: _Case) -> Diagnosis | None:
     if case.character != ":" or case.entry is None:
         return None
     hint = "give each entry its own line or comma; a text with a colon must be quoted"
+    first, *more = re.split(r",\s*(?=\w+:\s)", case.entry["value"].strip(" }"))
+    keys = "value|unit|description|guess|relation|restitution|friction|slip|limit|when"
+    pairs = [part for part in (first, *more) if re.match(rf"(?:{keys}):\s", part)]
+    if more and len(pairs) == len(more) and ":" not in first:
+        key = "relation" if re.search("[<>=]", first) else "value"
+        pairs = [f"{key}: {first}", *more]
+    if len(pairs) == len(more) + 1 and not re.search("[{}]", "".join(pairs)):
+        hint = f"write `{case.entry['key']}: {{{', '.join(pairs)}}}`"
     return case.set_aside("a second `:` in one entry", hint)
 
 
@@ -519,10 +538,16 @@ def _indentation(case: _Case) -> Diagnosis | None:
         text = f"this line is indented as if it belonged to `{above[:40]}`, "
         text += "which has a value already"
     else:
-        ended = ("expected key", "block end", "document start")
+        ended = ("expected key", "block end", "document start", "'-' indicator")
         if case.at[1] > case.indent or not any(w in case.problem for w in ended):
             return None
         text = "this line fits no section above it"
+        number = case.above if "'-' indicator" in case.problem else case.at[0]
+        line = case.source.lines[number]
+        item = re.fullmatch(r"(\s*)- *(\w+:\s.*)", line)
+        if item and ("key" in case.problem or re.match(_ENTRY, case.line)):
+            hint = f"write `{item[2].strip()}`, without the `-` of a list"
+            return case.fault(text, hint, (number, len(item[1])))
     return case.fault(text, _ONE_COLUMN, (case.at[0], case.indent))
 
 

@@ -148,6 +148,8 @@ class File:
             faults.raise_if_any()
         self.energy = equations.energy_fields(top)
         self.names = names = Names("lagrangian" in self.energy)
+        for _, value in top.unknown:
+            names.faulty |= {name.text for name, _ in entries_of(value)}
         self.x = x = Expressions(graph, names, faults)
         self.options = options
         self._check_version()
@@ -164,6 +166,7 @@ class File:
         self._check_names()
         names.reactions += runs.asked_reactions(top.value("output"))
         self.initial = top.found.get("initial")
+        names.started |= {key.text for key, _ in entries_of(top.value("initial"))}
         self.simulation = top.below("simulation", SIMULATION)
         self.starting = {k: t for k, t in overrides.items() if _starts(k, names)}
         self.instead = {k: t for k, t in overrides.items() if k not in self.starting}

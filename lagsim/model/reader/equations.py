@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, items_of
 from lagsim.model.reader.expressions import Kind, check_name
-from lagsim.model.reader.fields import Fields, entries, fields, listed
+from lagsim.model.reader.fields import Fields, entries, fields, kind_of, listed
 from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
 
 if TYPE_CHECKING:
@@ -39,9 +40,8 @@ def energy_fields(top: Fields) -> Fields:
     elif not found.sound:
         pass
     elif "lagrangian" in found and given:
-        text = (
-            f"both {' and '.join(f'`{k}`' for k in given)} and `lagrangian` are given"
-        )
+        both = " and ".join(f"`{k}`" for k in given)
+        text = f"both {both} and `lagrangian` are given"
         hint = "`lagrangian` replaces `kinetic` and `potential`"
         faults.add("both-given", text, found.place_of("lagrangian"), hint)
     elif "lagrangian" not in found and not given:
@@ -157,6 +157,13 @@ def read_relation(
 def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
     """Give the constraints whose names are good, and declare these."""
     found = []
+    text = node.text if isinstance(node, Scalar) else ""
+    named = re.fullmatch(r"(\w+)\s*=([^=]+=?[^=]+)", text)
+    if node and named and x.names.meaning(named[1]) is None:
+        hint = f"a colon is missing: `{named[1]}: {named[2].strip()}`"
+        text = f"`constraints` must be a mapping, found {kind_of(node)}"
+        x.faults.add("not-a-mapping", text, node.place, hint)
+        return []
     for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
             found.append(entry)
@@ -279,9 +286,8 @@ class _Reader:
         if node is not None:
             restitution = self.x.number(node, f"the restitution of {what}")
             if restitution is not None and not 0 <= restitution <= 1:
-                text = (
-                    f"the restitution of {what} is {restitution:g}, outside of 0 to 1"
-                )
+                text = f"the restitution of {what} is {restitution:g}, "
+                text += "outside of 0 to 1"
                 faults.add("out-of-range", text, node.place)
         elif known:
             text = f"{what} is one-sided and has no `restitution`"
@@ -352,6 +358,8 @@ class _Reader:
             found.append(slip)
             if not _has_velocity(slip, x):
                 text, hint = f"{what} contains no velocity", "it is a sliding velocity"
+                if isinstance(part, Scalar) and part.text in x.names.moving():
+                    hint = f"write {part.text}_dot"
                 x.faults.add("not-affine", text, part.place, hint)
             elif not _is_affine(slip, x):
                 text = f"{what} is not affine in the velocities"

@@ -110,6 +110,8 @@ class Names:
         The definitions whose reactions are asked for, as far as that can be read.
     readable
         False where a section that gives names could not be read.
+    started
+        The names that `initial` has.
     """
 
     has_lagrangian: bool
@@ -119,6 +121,7 @@ class Names:
     constraints: list[str] = field(default_factory=list)
     reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
+    started: set[str] = field(default_factory=set)
 
     @property
     def complete(self) -> bool:
@@ -219,6 +222,10 @@ class Names:
             near = faults.guess(base, self.constraints)
             hint = f"did you mean `lambda_{near}`?" if near else ""
             return f"there is no constraint `{base}`", hint
+        if name in self.started and among is None:
+            self.faulty.add(name)  # reported once
+            hint = f"it has a start value: write `{name}: {{}}` in `coordinates`"
+            return f"unknown name `{name}`", hint
         usable = self.variables if among is None else among
         hint = hints.of_name(name, usable, self.moving() if among is None else ())
         hint = hint or faults.did_you_mean(name, usable)
@@ -232,7 +239,8 @@ class Names:
         meaning = self.meaning(base)
         if meaning is None:
             near = faults.guess(base, self.moving())
-            hint = f"did you mean `{near}{ending}`?" if near else ""
+            near = near and f"did you mean `{near}{ending}`?"
+            hint = near or f"define `{base}` in `coordinates` or `definitions`"
             return f"`{name}`: there is no coordinate or definition `{base}`", hint
         if meaning.kind.level is Level.VELOCITY:
             hint = f"the second rate is written `{meaning.base}_ddot`"
@@ -419,7 +427,10 @@ class Expressions:
         if token in self.names.faulty:
             return
         if relation:
-            hint = hints.of_relation(text, token)
+            hint = hints.of_relation(text, token, self.names.variables)
+        if fault.code == "arity":
+            comma = re.search(quantities.SEPARATED, text[fault.offset :])
+            hint = quantities.separated(comma[0]) if comma else ""
         hint = hint or self._meant(scalar, fault.offset, beside=beside)
         hint = hint or hints.of_expression(fault, text, self.names.variables)
         place = scalar.place_of(fault.offset, fault.length)
@@ -497,7 +508,7 @@ class Expressions:
         name, meaning = used.text, self.names.meaning(used.text)
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
-                self._refuse_unknown(used, scalar, numbers=most is Level.NUMBER)
+                self._refuse_unknown(used, scalar, most)
             return False
         kind, base = meaning
         if kind.level > most:
@@ -525,18 +536,20 @@ class Expressions:
             return self.refuse(used, scalar, code, text, hint)
         return node is not None
 
-    def _refuse_unknown(self, used: Name, scalar: Scalar, *, numbers: bool) -> None:
+    def _refuse_unknown(self, used: Name, scalar: Scalar, most: Level) -> None:
         """Refuse a name that means nothing; once where a hint is of several names."""
         name, names = used.text, self.names
         hint = hints.of_unknown(scalar.text, used.offset)
         if hint and (scalar, hint) == self._last_hint:
             return
         self._last_hint = scalar, hint
-        among = list(self.known) if numbers else None
+        among = list(self.known) if most is Level.NUMBER else None
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
         if not hint and not hints.spelt_call(name, ""):
             hint = self._meant(scalar, used.offset)
+        if not hint and most is Level.OUTPUT:
+            hint = f"define `{shortened(name)}` in `definitions`"
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"
         self.refuse(used, scalar, "unknown-name", text, hint)
 

@@ -150,12 +150,13 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A mapping whose keys are known; `sound` is False where it could not be read."""
+    """A mapping: known and unknown keys; `sound` is False where it is none."""
 
     found: dict[str, Entry]
     place: Place
     sound: bool
     faults: Faults
+    unknown: tuple[Entry, ...] = ()
 
     def __contains__(self, key: str) -> bool:
         """Tell whether the key is there."""
@@ -217,26 +218,40 @@ def fields(
     """
     given = entries(node, what, faults)
     found = {key.text: (key, value) for key, value in given if key.text in known}
+    unknown: list[Entry] = []
     for key, value in given:
         name = key.text
         if name in known:
             continue
-        near = _called(name, known, faults)
-        hint = hints.of_key(key, value, given, known) or belongs(name)
+        hint = hints.of_key(key, value, given, known)
+        given_by = value if hints.text_of(value) or not hint else Broken(key.place)
+        if (
+            isinstance(given_by, Broken)
+            and (first := re.split(r"\W", name)[0]) in known
+        ):
+            near = first
+        elif "relation" in known and re.search("[<>=]", name):
+            near, given_by, hint = "relation", key, f"write `relation: {name}`"
+        elif not (near := _called(name, value, known)):
+            hint = hint or belongs(name)
+            counted = name.casefold() in (*hints.COUNTS, *hints.SPANS)
+            near = "" if counted else faults.guess(name, known)
         if near:
             hint = hint or f"did you mean `{near}`?"
-            found.setdefault(near, (key, value))
+            found.setdefault(near, (key, given_by))
         elsewhere = map(belongs, hints.KEYS.get(name.casefold(), ()))
         hint = hint or next(filter(None, elsewhere), f"known are {listed(known)}")
         text = f"unknown key `{shortened(name)}` in {what}"
         faults.add("unknown-key", text, key.place, hint)
-    return Fields(found, place, is_mapping(node), faults)
+        unknown += [] if near else [(key, value)]
+    return Fields(found, place, is_mapping(node), faults, tuple(unknown))
 
 
-def _called(key: str, known: Collection[str], faults: Faults) -> str:
-    """Give the key that is called otherwise elsewhere, or is most like this one."""
-    if key.casefold() in (*hints.COUNTS, *hints.SPANS):
-        return ""
+def _called(key: str, value: Node, known: Collection[str]) -> str:
+    """Give the key that is called otherwise elsewhere, or an empty text."""
+    several = isinstance(value, Mapping)
+    relation = isinstance(value, Scalar) and re.search("[<>=]", value.text)
+    unfit = {"forces": not several, "dissipation": several, "until": not relation}
     elsewhere = hints.KEYS.get(key.casefold().replace(" ", "_"), ())
-    named = (other for other in elsewhere if other in known)
-    return next(named, "") or faults.guess(key, known)
+    fitting = (other for other in elsewhere if not unfit.get(other))
+    return next((other for other in fitting if other in known), "")

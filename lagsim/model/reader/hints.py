@@ -12,7 +12,7 @@ import unicodedata
 from typing import TYPE_CHECKING, TypeVar
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.model.nodes import Mapping, Scalar, Sequence
+from lagsim.model.nodes import Mapping, Scalar, Sequence, items_of, texts_of
 from lagsim.model.reader import quantities
 from lagsim.model.reader.quantities import NUMBER
 
@@ -47,30 +47,18 @@ _RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()
 # Functions that are written with others: their arguments, and how.
 _REWRITTEN = _by_word(
     {
-        "log2": ("x", "log(x)/log(2)"),
-        "log1p": ("x", "log(1 + x)"),
-        "expm1": ("x", "exp(x) - 1"),
-        "exp2": ("x", "2^x"),
-        "exp10": ("x", "10^x"),
-        "pow power": ("a b", "a^b"),
-        "square sqr": ("x", "x^2"),
-        "cube": ("x", "x^3"),
-        "rational": ("a b", "(a/b)"),
-        "root": ("x n", "x^(1/n)"),
-        "sec": ("x", "1/cos(x)"),
-        "csc": ("x", "1/sin(x)"),
+        "log2": ("x", "log(x)/log(2)"), "log1p": ("x", "log(1 + x)"),
+        "expm1": ("x", "exp(x) - 1"), "exp2": ("x", "2^x"), "exp10": ("x", "10^x"),
+        "pow power": ("a b", "a^b"), "square sqr": ("x", "x^2"), "cube": ("x", "x^3"),
+        "rational": ("a b", "(a/b)"), "root": ("x n", "x^(1/n)"),
+        "sec": ("x", "1/cos(x)"), "csc": ("x", "1/sin(x)"),
         **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
         **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
-        "cot ctg cotan": ("x", "1/tan(x)"),
-        "acot arccot": ("x", "atan2(1, x)"),
-        "mod fmod rem": ("x y", "x - y*floor(x/y)"),
-        "round": ("x", "floor(x + 0.5)"),
+        "cot ctg cotan": ("x", "1/tan(x)"), "acot arccot": ("x", "atan2(1, x)"),
+        "mod fmod rem": ("x y", "x - y*floor(x/y)"), "round": ("x", "floor(x + 0.5)"),
         "int trunc fix": ("x", "sign(x)*floor(abs(x))"),
-        "clip clamp": ("x a b", "max(a, min(x, b))"),
-        "norm": ("x y", "hypot(x, y)"),
-        "where ifelse iif ite cond piecewise": (
-            "condition a b", "if(condition, a, b)",
-        ),
+        "clip clamp": ("x a b", "max(a, min(x, b))"), "norm": ("x y", "hypot(x, y)"),
+        "where ifelse iif ite cond piecewise": ("condition a b", "if(condition, a, b)"),
         "deg2rad radians rad deg": ("x", f"x*pi/180: {RADIANS}"),
         "rad2deg degrees": ("x", "x*180/pi"),
     }
@@ -80,7 +68,7 @@ _REWRITTEN = _by_word(
 _KEYS = {
     "parameters": "constants params consts given",
     "coordinates columns": "variables vars dof dofs generalized_coordinates q states",
-    "definitions": "define functions expressions",
+    "definitions": "define functions expressions positions kinematics",
     "forces": "loads generalized_forces applied_forces",
     "simulation": "sim solve integration solver_options",
     "scene": "graphics drawing draw visualization animation geometry",
@@ -89,28 +77,21 @@ _KEYS = {
     "kinetic duration": "t ke ekin kinetic_energy",
     "potential": "v u pe epot potential_energy",
     "lagrangian": "l lagrange lagrange_function",
-    "dissipation": "d r rayleigh friction damping",
+    "dissipation": "d r rayleigh friction", "forces dissipation": "damping",
     "duration": "time tmax t_max length",
-    "end": (
-        "t_end tend tf t1 to stop tstop t_stop t_final tfinal final final_time "
-        "stop_time end_time finish till"
-    ),
+    "end": ("t_end tend tf t1 to tstop t_stop t_final tfinal final final_time "
+        "stop_time end_time finish till"),
     "start": "t0 t_start tstart start_time begin from",
-    "output_step step": "dt timestep time_step sampling dt_out",
-    "step": "h max_step",
-    "until": "stop_when stop_condition event events terminate",
-    "rtol": "tol tolerance reltol precision",
-    "atol": "abstol",
-    "method": "solver integrator scheme",
-    "unit": "units dimension",
-    "description": "help comment text label desc",
-    "value": "default val",
-    "relation value": "eq equation expression expr",
-    "friction": "mu",
-    "restitution": "e bounce cor restitution_coefficient",
-    "links": "lines rods edges bars",
-    "points": "masses bodies",
-}
+    "output_step step": "dt timestep time_step sampling dt_out", "step": "h max_step",
+    "until end": "stop stop_when stop_condition event events terminate",
+    "rtol": "tol tolerance reltol precision", "atol": "abstol",
+    "method": "solver integrator scheme", "unit": "units dimension",
+    "description title": "label", "description": "help comment text title desc",
+    "dynamic": "kinetic sliding", "value": "default val",
+    "relation value": "eq equation expression expr contact condition law",
+    "friction": "mu", "restitution": "e bounce cor restitution_coefficient",
+    "links": "lines rods edges bars", "points": "masses bodies",
+}  # fmt: skip
 KEYS = {name: keys.split() for keys, names in _KEYS.items() for name in names.split()}
 # Keys of counts, where a length is asked for here: no key has their values.
 COUNTS = (
@@ -120,7 +101,7 @@ COUNTS = (
 # Keys of two times.
 SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
 # What gives a rate, of its first argument.
-_RATES_OF = "d|D|der|deriv|derivative|Derivative|diff|Diff|dot"
+_RATES_OF = "(?i:d|der|deriv|derivative|diff|dot)"
 # Every name that stands for a function somewhere, the longest first.
 CALLED = "|".join(
     sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
@@ -237,7 +218,9 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
     (r"\b0[xXbBoO]\w+", "numbers are decimal"),
     (r"(\d+\.?\d*)[dD]([-+]?\d+)\b", "write {0}e{1}"),
+    (r"(\d+\.?\d*[eE])\s*[−–]\s*(\d+)", "write {0}-{1}"),
     (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
+    (rf"({NUMBER})\s*(?:±|\+/?-).*", "write {0}"),
     (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
     (r"∞|\binf\b", "every number is finite"),
     (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)", f"write {{0}}*pi/180: {RADIANS}"),
@@ -258,10 +241,8 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"=>", "write `>=` for `=>`"),
     (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
     (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
-    (
-        r"([\w.]+)(?:\s+(?:mod|rem)\s+|\s*%\s*)([\w.]+)",
-        "write {0} - {1}*floor({0}/{1})",
-    ),
+    (r"([\w.]+)(?:\s+(?:mod|rem)\s+|\s*%\s*)([\w.]+)",
+     "write {0} - {1}*floor({0}/{1})"),
     (r"([\w.]+)\s+div\s+([\w.]+)", "write floor({0}/{1})"),
     *(
         (rf"\b({CALLED})\s*{power}", _power_of_call)
@@ -272,10 +253,8 @@ _SPELLINGS: list[tuple[str, Meant]] = [
             rf"([²³])\s*({_ARGUMENT})?",
         )
     ),
-    (
-        rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
-        lambda found: f"write a{found[1]}({found[2] or found[3] or '...'})",
-    ),
+    (rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
+     lambda found: f"write a{found[1]}({found[2] or found[3] or '...'})"),
     (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", _call),
     (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", _call),
     (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
@@ -283,17 +262,12 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (_SECOND_QUOTIENT, _SECOND_RATE),
     (_QUOTIENT, _RATE),
     (rf"\bd\s*/\s*dt\s*(?:\(\s*(?=\w+\s*\)))?{_NAME}(?:\s*\))?", _RATE),
-    (
-        rf"\b(?:d\s*/\s*dt|{_RATES_OF})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
-        "write r_dot, with `r: {0}` in `definitions`",
-    ),
+    (rf"\b(?:d\s*/\s*dt|{_RATES_OF})\s*\(\s*([^(),]+?)\s*(?:,\s*t\s*)?\)",
+     "write r_dot, with `r: {0}` in `definitions`"),
     (rf"\bdot\s+{_NAME}", _RATE),
     (rf"{_NAME}(?:\u0308|''|″|′′|’’|\s*[.\s-]\s*ddot\b)", _SECOND_RATE),
     (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
-    (
-        rf"{_NAME}(?:[\u0307'′’]|\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t\s*\))",
-        _RATE,
-    ),
+    (rf"{_NAME}(?:[\u0307'′’]|\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t?\s*\))", _RATE),
     (rf"\b{_MADE_OF}\.{_NAME}", "write {0}, without the text before the dot"),
     (r"([⁺⁻][⁰¹²³⁴-⁹]+)", _fractions),
     (r"\|([^|]+)\|", "write abs({0})"),
@@ -303,30 +277,30 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"\$", "write the expression without `$`"),
     (r"\^\{([^{}]*)\}", "write ^({0})"),
     (r"[\w)]\s*!(?!=)", "there is no factorial"),
-    (
-        r"([\w.]+)\s*//\s*([\w.]+)",
-        "write floor({0}/{1}), or ` #` where a comment begins",
-    ),
+    (r"([\w.]+)\s*//\s*([\w.]+)",
+     "write floor({0}/{1}), or ` #` where a comment begins"),
     (r"[≠]", f"write < or >: {_EXACT}"),
     (r"[“”„‘’‚]", "an expression contains no quotes"),
     (r"[\u200b-\u200f\u2060\ufeff]", "delete it: it is invisible"),
-    (r"(?<!&)&(?!&)", "write `and`"),
+    (r"(?<!&)&(?!&)|\bAND\b", "write `and`"),
+    (r"\bOR\b", "write `or`"),
     (r";\s*$", "leave `;` out"),
     (r"[⋅∙•∗]", "write `*`"),
+    (r"\.([*/^])", "write `{0}` for `.{0}`"),
+    (r"~(?=\s*[-+]?[\d.])", "leave `~` out"),
     (r"\w\([^()]*;", "write `,` between arguments"),
-    (
-        r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
-        "write {0}({1}, {0}({2}, {3}))",
-    ),
+    (r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
+     "write {0}({1}, {0}({2}, {3}))"),
     (r"\batan\(([^(),]+),\s*([^(),]+)\)", "write atan2({0}, {1})"),
     (r"\batan2\(([^(),/]+)/([^(),/]+)\)", "write atan2({0}, {1})"),
     (r"\blog\(([^(),]+),\s*([^(),]+)\)", "write log({0})/log({1})"),
-]
+]  # fmt: skip
 # What is written for LaTeX, one after the other.
 _FUNCTION = rf"\\({'|'.join(sorted(FUNCTIONS, key=len, reverse=True))})\b"
 _LATEX = [
     (r"\\(?:left|right|displaystyle|limits)\b|\\[,;:! ]", " "),
     (r"\\(?:cdot|times)\b", "*"),
+    (r"(?<=\w)(?=\\)", " "),
     (r"\\(d?dot)\b\s*\{?\s*\\?([^\W\d_]\w*)\s*\}?", r"\2_\1 "),
     (r"_\{(\w+)\}", r"_\1"),
     (r"\^\{([^{}]*)\}", r"^(\1)"),
@@ -337,12 +311,12 @@ _LATEX = [
     (r"\\(?:var)?([^\W\d_]+)", r" \1"),
     (r"(?<=[\w)])\s+(?=[\w(])|(?<=\))(?=[\w(])", "*"),
     (r"\s+", ""),
-    (r"([-+=<>]+)", r" \1 "),
+    (r"(?<=.)([-+=<>]+)", r" \1 "),
 ]
 # What parses as an expression and is meant otherwise.
 _PARSED = (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE)
 # The first of them are of numbers.
-_OF_NUMBERS = 10
+_OF_NUMBERS = 11
 
 
 @functools.cache
@@ -397,11 +371,14 @@ _IN_RELATIONS = {
 }
 
 
-def of_relation(text: str, token: str) -> str:
+def of_relation(text: str, token: str, known: Collection[str]) -> str:
     """Give a hint for a relation with a fault at a token, or an empty text."""
     if text.rstrip().endswith("="):
         return f"write {text.strip()} 0"
-    return _IN_RELATIONS.get(token, "")
+    if token in _IN_RELATIONS:
+        return _IN_RELATIONS[token]
+    right = re.fullmatch(r"[^<>=]*(?:[<>]?=)\s*([^<>=]+)", text)
+    return _of_number(right[1], known, beside=False) if right else ""
 
 
 def of_expression(fault: ExpressionError, text: str, known: Collection[str]) -> str:
@@ -452,6 +429,8 @@ def of_text(
     number = quantities.around(quantities.SEPARATED, text, offset)
     if number and (hint := quantities.separated(number[0])):
         return hint
+    if text == whole and (typed := _typed(text)):
+        return f"write {typed}"
     if "\\" in text and text == whole:
         return f"write {latex(text)}"
     hint = _matching(text, offset, known) or _of_unit(
@@ -461,6 +440,21 @@ def of_text(
     words = {word for word in re.findall(r"[^\W\d_]+", hint) if not word.isascii()}
     named = {word: _called_so(word, known) or word for word in words}
     return re.sub(r"[^\W\d_]+", lambda word: named.get(word[0], word[0]), hint)
+
+
+_PRINTED = str.maketrans("·×⋅−–⁻⁺⁰¹²³⁴⁵⁶⁷⁸⁹", "***---+0123456789", "\u0307")
+
+
+def _typed(text: str) -> str:
+    """Give an expression with several signs of print in the letters of a keyboard."""
+    text = unicodedata.normalize("NFD", text.replace("π", "pi"))
+    several = len(re.findall(r"[⁺⁻]?[⁰¹²³⁴-⁹]+|[^\x00-\x7f]", text)) > 1
+    text = re.sub(
+        r"[⁺⁻]?[⁰¹²³⁴-⁹]+", r"^\g<0>", re.sub("\\w\u0307", r"\g<0>_dot", text)
+    )
+    text = text.translate(_PRINTED)
+    product = re.search(r"\d[^\W\d]", text)  # d^2x, or one without its sign
+    return text if several and text.isascii() and not product else ""
 
 
 def _matching(
@@ -521,6 +515,8 @@ def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
     if product and not quantities.is_unit(unit):
         return ""
     hint = quantities.quantity(number, unit, beside=beside)
+    if product and len(names) > 1:
+        return f"a product is written {number}*{quantities.unit(unit)}"
     if product and unit not in FUNCTIONS:
         product_of = f"{number}*{quantities.unit(unit)}"
         return f"{hint}; a product is written {product_of}"
@@ -631,8 +627,8 @@ def rate_of(name: str, moving: Collection[str]) -> str:
     for ending, spellings in _RATES.items():
         for pattern in spellings:
             match = re.fullmatch(pattern, name, re.IGNORECASE)
-            if match and match[1] in moving:
-                return match[1] + ending
+            if match and (base := _called_so(match[1], moving)):
+                return base + ending
     return ""
 
 
@@ -669,6 +665,17 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
         return (
             f"write `output_step: {length}/{text_of(value)}`: the spacing of the rows"
         )
+    apart = re.fullmatch(r"(\w+)\s*(?:\s|=)\s*(\S.*)", key.text)
+    if apart and apart[1] in known and not text_of(value):
+        return f"a colon is missing: `{apart[1]}: {apart[2]}`"
+    if "y2" in known and not text_of(value) and len(given) > 1:
+        before, first = given[max(1, given.index((key, value))) - 1]
+        both = f"{text_of(first)}, {key.text}"
+        kept = f'"{both}"' if before.text == "title" else f"[{both}]"
+        return f"write `{before.text}: {kept}`"
+    place = texts_of(items_of(value))
+    if "links" in known and len(place) in (2, 3) and name not in KEYS:
+        return f"`{key.text}` belongs below `points:`, indented"
     if not re.fullmatch(r"\d[\d.]*", name):
         return ""
     if hint := quantities.split_by_comma(key):  # 1,5 or {1, unit: m}

@@ -24,28 +24,20 @@ _UNIT = rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf"
 
 # Units elsewhere: the unit of the SI, and the factors above and below the line.
 _ELSEWHERE = {
-    "deg degree degrees": ("rad", "pi", "180"),
-    "grad gon": ("rad", "pi", "200"),
+    "deg degree degrees": ("rad", "pi", "180"), "grad gon": ("rad", "pi", "200"),
     "rev revs revolution revolutions turn turns": ("rad", "2 pi", ""),
-    "rpm": ("rad/s", "2 pi", "60"),
-    "min minute minutes": ("s", "60", ""),
-    "h hr hour hours": ("s", "3600", ""),
-    "day days": ("s", "86400", ""),
-    "s sec second seconds": ("s", "", ""),
-    "us µs μs": ("s", "", "1e6"),
-    "g gram grams": ("kg", "", "1000"),
-    "mg": ("kg", "", "1e6"),
-    "in inch inches": ("m", "0.0254", ""),
-    "ft": ("m", "0.3048", ""),
-    "lb": ("kg", "0.45359237", ""),
-    "bar": ("Pa", "1e5", ""),
-    "cm": ("m", "", "100"),
+    "rpm": ("rad/s", "2 pi", "60"), "min minute minutes": ("s", "60", ""),
+    "h hr hour hours": ("s", "3600", ""), "day days": ("s", "86400", ""),
+    "s sec second seconds": ("s", "", ""), "us µs μs": ("s", "", "1e6"),
+    "g gram grams": ("kg", "", "1000"), "mg": ("kg", "", "1e6"),
+    "in inch inches": ("m", "0.0254", ""), "ft": ("m", "0.3048", ""),
+    "lb": ("kg", "0.45359237", ""), "bar": ("Pa", "1e5", ""), "cm": ("m", "", "100"),
     "dm": ("m", "", "10"),
     **{f"m{of}": (of, "", "1000") for of in ("m", "s", "N", "J", "rad")},
     **{f"k{of}": (of, "1000", "") for of in ("m", "N", "J", "W", "Hz", "Pa")},
     **{f"M{of}": (of, "1e6", "") for of in ("N", "J", "W", "Pa")},
     **{f"G{of}": (of, "1e9", "") for of in ("N", "J", "W", "Pa")},
-}
+}  # fmt: skip
 _SCALES = {unit: row for units, row in _ELSEWHERE.items() for unit in units.split()}
 _PER_MINUTE = r"(?:1|U|revs?)/min|min\^-1"
 _WORD = r"[^\W\d_]\w*"
@@ -154,7 +146,7 @@ def separated(text: str) -> str:
 
 
 _SPAN = (
-    rf"(?:[\w.]*(?:range|linspace)\s*)?[\[(]?\s*({NUMBER})\s*(?:,|\.\.)"
+    rf"(?:[\w.]*(?:range|linspace)\s*)?[\[(]?\s*({NUMBER})\s*(?:,|\.\.|\bto\b|(?<=0):)"
     rf"\s*({NUMBER})\s*(?:,.*)?[\])]?"
 )
 
@@ -165,6 +157,12 @@ def span(node: Node) -> str:
     if separated(text) or not (ends := re.fullmatch(_SPAN, text)):
         return ""
     return f"write `start: {ends[1]}` and `end: {ends[2]}`"
+
+
+def time(node: Node) -> str:
+    """Say how one time is written, where there are two or a rate; else nothing."""
+    found = re.fullmatch(rf"({NUMBER})\s*(?:Hz|1/s|fps)", " ".join(texts_of([node])))
+    return f"write 1/{found[1]}" if found else span(node)
 
 
 def around(pattern: str, text: str, offset: int) -> re.Match[str] | None:

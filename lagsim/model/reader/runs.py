@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from lagsim.methods import options
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions, Names
 
 MAX_ROWS = 10**8
+# Keys of one time.
+TIMES = ("duration", "end", "output_step", "step")
 
 # --- When to start and stop, how finely, and how to integrate
 
@@ -99,7 +102,7 @@ class _Simulation:
     ) -> float | None:
         """Give a number that must be from `least` to `most`, or `positive`."""
         node = self.given.value(key)
-        if node and key in ("duration", "end") and (hint := quantities.span(node)):
+        if node and key in TIMES and (hint := quantities.time(node)):
             text = f"`{key}` must be one time, found {kind_of(node)}"
             self._fault("not-an-expression", text, key, hint)
             return None
@@ -116,10 +119,8 @@ class _Simulation:
     def _end(self, start: float | None) -> float | None:
         key = "duration" if "duration" in self.given else "end"
         if key == "duration" and "end" in self.given:
-            text, place = "both `duration` and `end`", self.given.place_of("end")
-            self.x.faults.add(
-                "both-given", f"{text} are given", place, "give one of them"
-            )
+            text, place = "both `duration` and `end` are", self.given.place_of("end")
+            self.x.faults.add("both-given", f"{text} given", place, "give one of them")
         end = self._number(key, positive=key == "duration")
         if end is None or start is None:
             return None
@@ -166,7 +167,7 @@ def read_scene(found: Fields, x: Expressions) -> Scene:
         named.append(key.text)
         if check_name(key, "a point", x.faults):
             points[key.text] = _point(key.text, node, x)
-    whole = not isinstance(section, Broken)
+    whole = not isinstance(section, Broken) and not found.unknown
     section = found.value("links")
     if section is not None and (pair := _pair(section, named)):
         text = f"`links` is a list of links, each a list, found {kind_of(section)}"
@@ -185,9 +186,17 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
     if not isinstance(node, Sequence):
         text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
         hint = hints.as_list(node)
+        if isinstance(node, Scalar) and not re.search("[,(]", node.text):
+            hint = f"write [{node.text}, 0]"
         if isinstance(node, Mapping):
             hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
         x.faults.add("not-a-list", text, node.place, hint)
+        return ()
+    apart = " ".join(texts_of(node.items[:1])).split() if len(node.items) == 1 else []
+    if len(apart) in (2, 3) and all(x.names.meaning(part) for part in apart):
+        text = f"{what} must have 2 or 3 components, found 1"
+        hint = f"write [{', '.join(apart)}]"
+        x.faults.add("wrong-count", text, node.place, hint)
         return ()
     compiled = [x.compile(part, what, Level.VELOCITY) for part in node.items]
     if len(node.items) not in (2, 3) and None not in compiled:
@@ -201,7 +210,7 @@ def _pair(node: Node, named: list[str]) -> list[str]:
     """Give the two points that a link names without brackets of its own, or none."""
     found = texts_of(items_of(node))
     if isinstance(node, Scalar):
-        found = [part.strip() for part in re.split(r",|->?|–", node.text)]
+        found = re.split(r"\s*(?:,|->?|–|\s)\s*", node.text)
     return found if len(found) == 2 and set(found) <= set(named) else []
 
 
@@ -215,8 +224,11 @@ def _link(
         return None
     ends = items(node, "a link", x.faults)
     if isinstance(node, Sequence) and len(ends) != 2:
-        text = f"a link joins 2 points, found {len(ends)}"
-        x.faults.add("wrong-count", text, node.place, "such as [pivot, bob]")
+        text, names = f"a link joins 2 points, found {len(ends)}", texts_of(ends)
+        names = (_pair(ends[0], named) or names) if len(ends) == 1 else names
+        links = [f"[{a}, {b}]" for a, b in pairwise(names) if {a, b} <= {*named}]
+        hint = f"write {', '.join(links)}" if links else "such as [pivot, bob]"
+        x.faults.add("wrong-count", text, node.place, hint)
         return None
     names = []
     for end in _named(ends, "a link names points", x):
@@ -333,6 +345,9 @@ def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, 
 def _plot(node: Node, x: Expressions) -> Plot | None:
     if isinstance(node, Broken):
         return None
+    shown = entries_of(node)
+    if 0 < len(shown) < 3 and not any(hints.text_of(value) for _, value in shown):
+        node = Sequence(tuple(key for key, _ in shown), node.place)
     found = fields(node, "a plot", PLOT, x.faults, node.place)
     curves: dict[str, tuple[Curve, ...]] = {}
     for axis in AXES:
@@ -340,7 +355,8 @@ def _plot(node: Node, x: Expressions) -> Plot | None:
         if value is not None:
             curves[axis] = _curves(value, axis, x)
         elif axis != "y2" and found.sound:
-            hint = "such as {x: t, y: theta}"
+            hint = f"such as `y: {next(iter(x.names.moving()), 'theta')}`"
+            hint = "write `x: t` for a curve against time" if axis == "x" else hint
             x.faults.add("missing-key", f"the plot has no `{axis}`", node.place, hint)
     title, log = found.text("title"), frozenset(_axes(found, x))
     if not (curves.get("x") and curves.get("y")):

@@ -46,7 +46,8 @@ def read_coordinates(given: list[Entry], x: Expressions) -> tuple[Coordinate, ..
         what = f"the coordinate `{key.text}`"
         if isinstance(node, Scalar) and not node.empty:
             text = f"{what} has no value here, found `{node.text}`"
-            hint = f"write {{unit: {node.text}}}; start values belong in `initial`"
+            unit = node.text.removeprefix("unit ")
+            hint = f"write {{unit: {unit}}}; start values belong in `initial`"
             if re.match(r"[-+.\d]", node.text):
                 hint = "write {}; its start value belongs in `initial`"
             x.faults.add("not-a-mapping", text, node.place, hint)
@@ -285,9 +286,8 @@ class Parameters(_Numbers):
                 continue
             moving = names.moving()
             rates = (f"{q}_dot" for q in moving)
-            hint = faults.did_you_mean(
-                name, [*names.of(Kind.PARAMETER), *moving, *rates]
-            )
+            among = [*names.of(Kind.PARAMETER), *moving, *rates]
+            hint = faults.did_you_mean(name, among)
             text = f"there is no parameter or start value `{name}`"
             if "." in name:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
@@ -412,7 +412,12 @@ class Initial(_Numbers):
         values = [value for k, value in entries_of(node) if k.text not in own]
         given = node.items if isinstance(node, Sequence) else values
         texts = texts_of(given)
-        both = len(texts) == len(given) == len(("position", "velocity"))
+        if isinstance(node, Scalar) and not quantities.separated(node.text):
+            texts = [part.strip() for part in node.text.split(",")]
+            texts = [] if "(" in node.text or "" in texts else texts
+        elif len(texts) < len(given):
+            return []
+        both = len(texts) == len(("position", "velocity"))
         moving = name in self.x.names.of(Kind.COORDINATE)
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
@@ -430,9 +435,8 @@ class Initial(_Numbers):
         hint = "start values are those of positions and velocities"
         if kind not in STARTED:
             text = f"`{name}` is {kind.text} and has no start value"
-            hint = (
-                "its value belongs in `parameters`" if kind is Kind.PARAMETER else hint
-            )
+            own = "its value belongs in `parameters`"
+            hint = own if kind is Kind.PARAMETER else hint
             faults.add("not-a-start-value", text, key.place, hint)
             return False, None
         definition = self.x.definitions.get(base)
@@ -444,9 +448,7 @@ class Initial(_Numbers):
             faults.add("output-only", text, key.place, hint)
             return False, None
         if kind is Kind.RATE and level is not Level.POSITION:
-            text = (
-                f"`{name}` asks for the rate of `{base}`, which depends on velocities"
-            )
+            text = f"`{name}` asks for the rate of `{base}`, which uses velocities"
             faults.add("no-rate", text, key.place)
             return False, None
         if kind is Kind.RATE and node is not None:
@@ -461,7 +463,8 @@ class Initial(_Numbers):
         near = near or hints.rate_within(name, moving)
         if not near and name in hints.SPEEDS and len(coordinates) == 1:
             near = f"{coordinates[0]}_dot"
-        near = near or faults.guess(name, [*moving, *(f"{q}_dot" for q in moving)])
+        if not near and name.removesuffix("_dot") not in self._above:
+            near = faults.guess(name, [*moving, *(f"{q}_dot" for q in moving)])
         hint = "start values are those of coordinates, definitions and their rates"
         hint += f", such as {moving[0]}_dot" if moving else ""
         if near:  # read as that, or it would be reported as missing too
