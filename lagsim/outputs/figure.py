@@ -239,6 +239,8 @@ class Picture(Figure):
         Of what is between the header and the notes: panels, and what belongs to them.
     title, subject : str
         At the left and at the right of the first line.
+    width : float
+        The least one: it grows up to `WIDTH` until the first line fits.
     legend : sequence of (str, Pen)
         Below it.
     remarks, notes : sequence of str
@@ -265,6 +267,8 @@ class Picture(Figure):
         notes: Iterable[str] = (),
         layout: Any = None,
     ) -> None:
+        header = text_width(title, HEADING, "bold") + text_width(subject) + GAP
+        width = max(width, min(header + 2 * EDGE, WIDTH))
         room = width - 2 * EDGE
         names = in_lines(legend, room)
         above, below = wrapped(remarks, room), wrapped(notes, room)

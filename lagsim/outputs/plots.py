@@ -702,7 +702,8 @@ def constraint_forces(
     if any(name in impulses for name in acting):
         subject = "constraint forces and impulses"
     if len(acting) < len(names):
-        subject = f"{subject}; {len(names) - len(acting)} more are 0"
+        rest = len(names) - len(acting)
+        subject = f"{subject}; {rest} more {'is' if rest == 1 else 'are'} 0"
     else:
         subject = _counted(subject, len(shown), len(names))
     panels = Panels(record, [(name,) for name in shown])

@@ -94,7 +94,9 @@ class Drawing {
       const y = Math.round(view.at([0, k * step])[1]) + 0.5;
       this.line([[0, y], [view.width, y]]);
       pen.stroke();
-      if (y > 12 && y < view.height - 22) pen.fillText(written(k * step, step), 7, y);
+      // The name of a run stands above its picture's corner.
+      const first = this.canvas.previousElementSibling ? 34 : 12;
+      if (y > first && y < view.height - 22) pen.fillText(written(k * step, step), 7, y);
     }
     if (unit) pen.fillText(unit, 7, view.height - 9);
   }

@@ -597,8 +597,8 @@ def _step_shown(document: Document, name: str) -> tuple[float, str]:
     for border in borders[:1]:
         for key in ("found", "predicted"):
             if border[key]:
-                return border[key], f"border {key}"
-    return document["steps"][-1], "largest tried"
+                return border[key], "border" if key == "found" else key
+    return document["steps"][-1], "largest"
 
 
 def spread(places: Sequence[float]) -> tuple[Scale, Floats]:
@@ -653,9 +653,9 @@ def _about_maps(document: Document, regions: Sequence[Region]) -> list[str]:
         least = min(steps["least"] for steps in runs["steps"].values())
         most = max(steps["most"] for steps in runs["steps"].values())
         lines.append(
-            f"Each cell is one run, as long as the model's ({runs['duration']:.4g} s), "
-            f"but of at least {least} and at most {most} steps. The start velocities "
-            f"are changed by {runs['perturbation']['energy']:g} of the energy, so that "
+            f"Each cell is a run of {least} to {most} steps, over the model's duration "
+            f"({runs['duration']:.4g} s) where it can be. The start velocities are "
+            f"changed by {runs['perturbation']['energy']:g} of the energy, so that "
             "every mode is excited. A run grows or decays if energy − work changes by "
             "more than 1 % of the energy of the motion."
         )
@@ -677,7 +677,7 @@ def _about_maps(document: Document, regions: Sequence[Region]) -> list[str]:
         lines.append(f"No border found: {'; '.join(missed)}.")
     if never:
         lines.append(
-            f"By the eigenvalues the motion grows at every step: {', '.join(never)}."
+            f"By the eigenvalues {', '.join(never)} amplifies the motion at every step."
         )
     if unknown := document["eigenvalues"]["unknown"]:
         lines.append(f"No eigenvalues: {unknown}.")

@@ -622,7 +622,7 @@ def _found(
     """
     first, last = min(strip), max(strip)
     if not strip[first].stable:
-        return None, f"does not hold at {first:.3g} s either"
+        return None, f"no step holds, down to {first:.3g} s"
     around = {part * step for step in expected if step for part in AROUND}
     known = {**strip, **{h: trial(h) for h in sorted(around) if first < h < last}}
     for before, after in pairwise(sorted(known)):
@@ -635,7 +635,7 @@ def _found(
                 else:
                     high = middle
             return high, ""
-    return None, f"holds up to {last:.3g} s"
+    return None, f"all steps hold, up to {last:.3g} s"
 
 
 def _reason(fault: LagsimError) -> str:

@@ -107,7 +107,7 @@ def test_euler_grows_as_it_should():
         assert cell["growth"] == pytest.approx(rate, rel=0.01)
     border = found["borders"]["euler"]
     assert (border["found"], border["predicted_at_start"]) == (None, 0.0)
-    assert "does not hold" in border["note"]
+    assert "no step holds" in border["note"]
 
 
 def test_rk4_decays_and_verlet_holds():
@@ -116,7 +116,7 @@ def test_rk4_decays_and_verlet_holds():
     assert told == {("rk4", "decays"), ("verlet", "holds")}
     for border in found["borders"].values():
         assert border["found"] is None
-        assert "holds up to" in border["note"]
+        assert "all steps hold" in border["note"]
 
 
 def test_the_third_order_resonance_shows_in_a_map():
