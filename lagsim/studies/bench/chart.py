@@ -677,7 +677,7 @@ def _about_maps(document: Document, regions: Sequence[Region]) -> list[str]:
         lines.append(f"No border found: {'; '.join(missed)}.")
     if never:
         lines.append(
-            f"By the eigenvalues {', '.join(never)} amplifies the motion at every step."
+            f"By the eigenvalues every step amplifies the motion: {', '.join(never)}."
         )
     if unknown := document["eigenvalues"]["unknown"]:
         lines.append(f"No eigenvalues: {unknown}.")
