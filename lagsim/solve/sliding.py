@@ -14,6 +14,7 @@ Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Side
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
@@ -264,7 +265,8 @@ def product(k: int, p: Parameters, a: Floats) -> float:
 def solve(size: int, B: Floats, right: Floats) -> None:
     """Solve B X = right (size, 3) in place, with row pivoting.
 
-    What B does not determine is left at 0.5 in the first column, else at 0.
+    What B does not determine is as close to 0.5 in the first column, else to 0, as the
+    rest lets it be: surfaces that depend on each other share what they must do.
     """
     rank = 0
     for k in range(size):
@@ -277,27 +279,50 @@ def solve(size: int, B: Floats, right: Floats) -> None:
                 right[3 * i : 3 * i + 3] -= factor * right[3 * rank : 3 * rank + 3]
             B[i * size + k] = 0.0
         rank += found
-    row = rank - 1
+    if rank < size:
+        take_least(size, rank, B, right)
+        return
     for back in range(size):
         k = size - 1 - back
-        if row >= 0 and begins(size, row, B) == k:
-            for c in range(3):
-                value = right[3 * row + c]
-                for j in range(k + 1, size):
-                    value -= B[row * size + j] * right[3 * j + c]
-                right[3 * k + c] = value / B[row * size + k]
-            row -= 1
-        else:
-            right[3 * k : 3 * k + 3] = 0.0
-            right[3 * k] = 0.5
+        for c in range(3):
+            value = right[3 * k + c]
+            for j in range(k + 1, size):
+                value -= B[k * size + j] * right[3 * j + c]
+            right[3 * k + c] = value / B[k * size + k]
 
 
-def begins(size: int, row: int, B: Floats) -> int:
-    """Return the first column of a row that is not 0."""
-    k = 0
-    while k < size - 1 and B[row * size + k] == 0.0:
-        k += 1
-    return k
+def take_least(size: int, rank: int, B: Floats, right: Floats) -> None:
+    """Leave the X closest to 0.5, or 0, for which the first `rank` rows hold.
+
+    The rows are made orthonormal; the next one is room.
+    """
+    for i in range(rank):
+        row = B[i * size :]
+        for j in range(i):
+            other = B[j * size :]
+            part = product_of(size, row, other)
+            row[:size] -= part * other[:size]
+            right[3 * i : 3 * i + 3] -= part * right[3 * j : 3 * j + 3]
+        length = sqrt(product_of(size, row, row))
+        row[:size] /= length
+        right[3 * i : 3 * i + 3] /= length
+    room = B[rank * size :]
+    for c in range(3):
+        room[:size] = 0.5 if c == 0 else 0.0
+        for i in range(rank):
+            row = B[i * size :]
+            part = right[3 * i + c] - product_of(size, row, room)
+            room[:size] += part * row[:size]
+        for k in range(size):
+            right[3 * k + c] = room[k]
+
+
+def product_of(size: int, a: Floats, b: Floats) -> float:
+    """Product of two rows (size,)."""
+    found = 0.0
+    for j in range(size):
+        found += a[j] * b[j]
+    return found
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:

@@ -1,10 +1,13 @@
 """Switches in forces beside constraints that come and go: both act as if alone."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from lagsim.model.reader import read
 from tests.run.switching.scenes import one_quick
+from tests.scenes.contact.motions import scene as mechanical
 from tests.support import run
 
 # A body of 1 kg that a wind pushes with 1 N beyond x = 0.5 and 1 N more beyond x = 1.
@@ -69,3 +72,32 @@ def test_laws_and_switches_act_as_if_alone(law, push):
     known = np.isfinite(expected)
     assert np.count_nonzero(known) > 6
     assert z[known] == pytest.approx(expected[known], abs=1e-9)
+
+
+def rubbing(pairs, *, as_limit):
+    """Tell of bodies on springs that rub on the ground, and some on each other."""
+    bound = {"a": 1, "b": 1, "c": 1, "d": 2, "e": 1, "f": 0.5}
+    slips = {x: (f"{x}_dot", F) for x, F in bound.items()}
+    slips |= {x + y: (f"{y}_dot - {x}_dot", 0.3) for x, y in pairs}
+    force = dict.fromkeys(bound, "0") | {"a": "6*sin(t)", "f": "4*sin(1.3*t)"}
+    for name, (v, F) in ({} if as_limit else slips).items():
+        force[name[-1]] += f" - {F}*sign({v})"
+        force[name[0]] += f" + {F}*sign({v})" if len(name) > 1 else ""
+    laws = {k: {"relation": f"{v} = 0", "limit": F} for k, (v, F) in slips.items()}
+    springs = " + ".join(f"({x} - {y})^2" for x, y in itertools.pairwise(bound))
+    return mechanical(
+        " ".join(bound), " + ".join(f"{x}_dot^2/2" for x in bound),
+        f"20*({springs}) + a^2/2", laws if as_limit else {},
+        dict.fromkeys(bound, 0.0) | {"f": 0.1}, forces=force, duration=3,
+        output_step=0.125,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("pairs", one_quick(["ab"], ["ab", "bc", "cd"]))
+def test_friction_by_switches_is_that_by_limits_where_more_rubs_than_moves(pairs):
+    ways = [run(read(rubbing(pairs, as_limit=x), "rubbing.yaml")) for x in (0, 1)]
+    assert len(ways[1].trajectory.events) > 10
+    times = np.arange(0.0, 3.01, 0.125)
+    for name in "abcdef":
+        found, expected = (x[name][np.searchsorted(x["t"], times - 1e-9)] for x in ways)
+        assert found == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
