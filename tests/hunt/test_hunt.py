@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from tests.hunt.contact_verdict import tried as tried_contact
+from tests.hunt.contact_verdict import truth
 from tests.hunt.contacts import contact_scene
 from tests.hunt.hunting import hunt, report
 from tests.hunt.lagsim_runs import Lagsim
+from tests.hunt.scene import Item, Law, Scene
 
 # A told error is to be within this factor of the truth, on this part of the scenes.
 FACTOR, MOSTLY = 30.0, 0.95
@@ -90,6 +92,30 @@ def hunted_contacts(seed, count, lagsim, folder):
             f"{place}\n  {verdict.text}"
         )
     return kinds, "\n".join(told)
+
+
+def ball(e, **law):
+    """A ball of mass 2 that is dropped from 1 and slides at 3."""
+    item = Item(
+        "ball", coordinates={"x": (0.0, 3.0), "y": (1.0, 0.0)}, loose=("x", "y"),
+        kinetic=("x_dot^2 + y_dot^2",), potential=("2*9.81*y",),
+        laws=(Law("contact", "y", e, slip="x_dot", **law),),
+    )  # fmt: skip
+    return Scene("ball", (item,), 0.0, 3.0, 0.1)
+
+
+@pytest.mark.slow
+def test_the_referee_knows_bounces_rest_and_friction():
+    rows, known, path = truth(ball(0.5, mu=0.1))
+    first = np.sqrt(2 / 9.81)
+    times = first * (1 + 2 * (1 - 0.5 ** np.arange(4)))
+    assert path.impacts[:4] == pytest.approx(times, abs=1e-10)
+    # Once it lies the floor has pushed as much as its weight, and a tenth along.
+    # Bounces that take 3e-9 of the run are left out.
+    assert rows[-1][1:] == pytest.approx([0, 3 - 0.981 * 3, 0], abs=2e-8)
+    assert np.max(known) < 1e-7
+    stopped, _, _ = truth(ball(0.0, mu=0.5))
+    assert stopped[-1][2] == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Laws that are finite and continuous at a switch, and branches that have no value."""
 
+import itertools
 import math
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from lagsim.model.reader import read
 from tests.run.switching.scenes import events, one_quick, scene
 from tests.support import run
 
@@ -114,6 +116,32 @@ def test_a_ball_on_a_hertzian_contact(potential, force):
     assert times[2] - times[1] == pytest.approx(2 * fall, abs=1e-9)
     if force is None:
         assert found.drift < 1e-8
+
+
+@pytest.mark.parametrize("count", one_quick(5, 4, 10))
+def test_a_push_along_balls_that_touch(count):
+    """They move with t, t^3.5, t^7.25, t^12.9, ... at first: powers have no scale."""
+    q = [f"x{k}" for k in range(count)]
+    gaps = [f"{a} - {b}" for a, b in itertools.pairwise(q)]
+    text = f"""
+coordinates: {{{", ".join(f"{x}: {{}}" for x in q)}}}
+energy:
+  kinetic: ({" + ".join(f"{x}_dot^2" for x in q)})/2
+  potential: {" + ".join(f"400*if({d} > 0, ({d})^2.5, 0)" for d in gaps)}
+initial: {{{", ".join(f"{x}: 0, {x}_dot: {int(x == 'x0')}" for x in q)}}}
+simulation: {{duration: 1, output_step: 0.01}}
+"""
+    found = run(read(text, "balls.yaml"))
+
+    def rates(_t, y):
+        push = 1e3 * np.maximum(-np.diff(y[:count]), 0.0) ** 1.5
+        return [*y[count:], *(np.append(0.0, push) - np.append(push, 0.0))]
+
+    y = np.eye(2 * count)[count]
+    true = solve_ivp(
+        rates, (0, 1), y, method="DOP853", rtol=1e-13, atol=1e-15, max_step=1e-3
+    ).y[:count, -1]
+    assert [found[x][-1] for x in q] == pytest.approx(true, abs=1e-9)
 
 
 @pytest.mark.parametrize("slope", one_quick("1e8", "1e4", "1e10"))

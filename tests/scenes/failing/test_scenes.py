@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import lagsim
 from lagsim.methods import dop853
 from lagsim.model.reader import read_file
 from lagsim.run.observers.monitors import ResidualMonitor
@@ -103,6 +104,61 @@ def test_the_rounding_of_a_stiff_force_shortens_no_steps():
     assert np.max(np.abs(tight["x"] - exact["x"])) < 1e-12
 
 
+EXCITED = """
+parameters: {K: 1e8, l: 1, g: 9.8}
+coordinates: {theta: {}, u: {}}
+definitions: {fast: u_dot^2/2 + K*(u - (g*cos(theta) + theta_dot^2)/K)^2/2}
+energy:
+  kinetic: ((l + u)*theta_dot)^2/2 + u_dot^2/2
+  potential: g*(l - (l + u)*cos(theta)) + K*u^2/2
+initial: {theta: 1, u: 1e-4}
+output: {columns: [fast]}
+simulation: {duration: 1, output_step: 0.05}
+"""
+
+
+def test_radau_damps_a_fast_mode_silently_at_loose_tolerance():
+    found = run(EXCITED, method="radau", rtol=1e-2, duration=3)
+    assert found.trajectory.outcome.word == "done"
+    # An oscillation of 1e-4 of the length is below the tolerance.
+    assert found["fast"][-1] < 0.03 * found["fast"][0]
+    # The slow motion is right nevertheless.
+    exact = run(EXCITED, method="dop853", rtol=1e-9, duration=3)
+    assert np.max(np.abs(found["theta"] - exact["theta"])) < 1e-2
+    assert exact["fast"][-1] == pytest.approx(exact["fast"][0], rel=0.05)
+    tight = run(EXCITED, method="radau", rtol=1e-7, duration=0.05, output_step=0.01)
+    assert tight["fast"][-1] == pytest.approx(tight["fast"][0], rel=0.05)
+
+
+# Switches
+
+
+def test_a_pulse_between_two_steps_is_located():
+    found = run("failing/pulse")
+    # A push of 1 spread over d = 1 ms gives the amplitude 2 sin(d/2)/d.
+    t, d = found["t"], 1e-3
+    late = t > 50.001
+    expected = 2.0 / d * math.sin(d / 2) * np.sin(t[late] - 50.0 - d / 2)
+    assert found["x"][late] == pytest.approx(expected, abs=1e-9)
+    assert np.max(np.abs(found["x"][t <= 50.0])) == 0.0
+    times = [e.time for e in found.trajectory.events]
+    assert times == pytest.approx([50.0, 50.001], abs=1e-12)
+
+
+def test_jumps_that_are_located_cost_little():
+    found = run("failing/square-wave", method="dop853", rtol=1e-10)
+    # Those of scipy's DOP853, which locates nothing, are 14,546 at this tolerance.
+    assert found.trajectory.statistics.evaluations < 14_546 / 2
+    # x'' = s - x, s = +-1: (x - s, x') turns by pi between two jumps, so that
+    # |x| grows by 2 in each of the 19 pieces begun.
+    k = np.floor(found["t"] / math.pi)
+    s = 1.0 - 2.0 * (k % 2)
+    turned = found["t"] - k * math.pi
+    expected = s * (1.0 - (2.0 * k + 1.0) * np.cos(turned))
+    inside = (turned > 1e-6) & (turned < math.pi - 1e-6)
+    assert found["x"][inside] == pytest.approx(expected[inside], abs=1e-7)
+
+
 # Constraints
 
 
@@ -116,6 +172,12 @@ def test_a_duplicated_row_shares_its_force():
     assert found["lambda_twice"] == pytest.approx(g / 5, rel=1e-13)
     for force in ("Qc_x", "Qc_y"):
         assert found[force] == pytest.approx(g / 2, rel=1e-14)
+
+
+def test_a_contradictory_row_is_refused():
+    found = lagsim.check(lagsim.load(MODELS / "failing/duplicate-row.yaml", gap=0.1))
+    assert not found.admissible
+    assert not found.repair
 
 
 def test_multipliers_grow_where_forces_do_not():
@@ -156,3 +218,54 @@ def test_a_nonlinear_velocity_constraint_does_work():
     residuals = ResidualMonitor(found.system.columns.names)
     residuals.add(found.rows)
     assert residuals.energy_drift < 1e-11
+
+
+# Contact
+
+
+def impacts(found):
+    return [e.time for e in found.trajectory.events if e.kind == "impact"]
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-8, -1e-8])
+def test_a_graze_is_found_by_the_rate_of_the_gap(depth):
+    found = run(changed("graze", depth=depth))
+    if depth < 0.0:  # it passes beside the post
+        assert impacts(found) == []
+        assert found["y_dot"] == pytest.approx(0.0, abs=1e-15)
+        return
+    # cos(a) = 1 - depth where it touches; it is thrown off by 2 a. Rounding of the
+    # place, 1e-16, is 1e-16/depth of the depth and half of that of the angle.
+    a = 2 * math.asin(math.sqrt(depth / 2))
+    within = 1e-15 / depth + 1e-11
+    [met] = impacts(found)
+    assert met == pytest.approx(10.0 - math.sin(a), abs=math.sin(a) * within + 1e-14)
+    assert found["y_dot"][-1] == pytest.approx(math.sin(2 * a), rel=within)
+    assert found["x_dot"][-1] == pytest.approx(math.cos(2 * a), rel=1e-14)
+    assert np.min(found["residual_post"]) > -1e-12
+
+
+ROW = {
+    # Newton's law on every gap that closes or touches, and the sum of m v:
+    "three at once": ({}, [-1 / 3, 2 / 3, 2 / 3], 2),
+    "1, 2, 1 at once": ({"m2": 2, "gap": 1, "v3": -1}, [-1, 0, 1], 2),
+    # Pair by pair: each keeps its sum of m v and turns its difference of v.
+    "three one by one": ({"gap": 1e-6}, [0, 0, 1], 2),
+    "1, 2, 1 one by one": (
+        {"m2": 2, "gap": 1 + 1e-6, "v3": -1}, [-13 / 27, -10 / 27, 33 / 27], 3
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROW)
+def test_balls_in_a_row_go_by_the_order_of_impacts(name):
+    values, speeds, count = ROW[name]
+    found = run(changed("balls-in-a-row", **values))
+    got = [found[f"{x}_dot"][-1] for x in ("x1", "x2", "x3")]
+    assert got == pytest.approx(speeds, abs=1e-12)
+    assert len(impacts(found)) == count
+    # The energy does not tell which is right: all keep it.
+    assert np.ptp(found["energy"]) < 1e-12
+    told = [w.text for w in found.trajectory.warnings if w.code == "impact-order"]
+    assert len(told) == (1 if name.endswith("at once") else 0)
+    assert all("simultaneous" in text for text in told)

@@ -70,6 +70,20 @@ def test_a_constant_in_the_potential_changes_nothing(name, constant):
     assert np.max(np.abs(moved - float(constant))) < 1e-15 * abs(float(constant))
 
 
+def test_kepler_keeps_momentum_and_perihelion():
+    found = run("kepler")
+    expected = {"angular_momentum": 0.8, "perihelion_x": 0.6, "perihelion_y": 0.0}
+    for column, value in expected.items():
+        # Ten orbits at 1e-11, each step's error kept for ever.
+        assert np.max(np.abs(found[column] - value)) < 1e-9
+
+
+def test_heavy_top_keeps_its_momenta():
+    found = run("heavy-top")
+    for column, value in {"p_phi": 0.0046875, "p_psi": 0.009375}.items():
+        assert np.max(np.abs(found[column] - value)) < 1e-9 * value
+
+
 def test_bead_keeps_jacobis_integral_in_both_forms():
     expected = -(math.sin(0.1) ** 2) - math.cos(0.1)
     angle, cartesian = run("bead-hoop"), run("bead-hoop-cartesian")
@@ -81,6 +95,13 @@ def test_bead_keeps_jacobis_integral_in_both_forms():
     work = math.sqrt(2.0) * (momentum - momentum[0])
     assert np.max(np.abs(cartesian["work"] - work)) < 1e-9
     assert np.max(np.abs(cartesian["z"] + np.cos(angle["theta"]))) < 1e-8
+
+
+def test_two_forms_of_the_chain_agree():
+    angles, cartesian = run("chain-angles"), run("chain-cartesian")
+    for column in ("x10", "y10"):
+        # Errors of both runs; the motion enlarges them about a hundredfold.
+        assert np.max(np.abs(angles[column] - cartesian[column])) < 1e-8
 
 
 FREE_PARTICLES = """

@@ -573,6 +573,11 @@ def test_a_drift_counts_from_a_thousand_tolerances_on(rtol):
     assert not codes(spoilt(found, "energy", bump(0.5 * least * whole)), bar)
 
 
+def test_methods_with_a_fixed_step_are_not_asked():
+    found = spoilt(run(SWING, method="rk4", step="0.01"), "energy", bump(1e-5))
+    assert codes(found, bar_of(found, lambda t: 1e-6 + 0.0 * t)) == []
+
+
 def test_an_absolute_tolerance_is_what_was_asked_for():
     found = spoilt(run(SWING, atol="1e-5"), "energy", bump(1e-5))
     assert codes(found, bar_of(found, lambda t: 1e-5 + 0.0 * t)) == []
