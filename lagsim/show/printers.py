@@ -34,8 +34,9 @@ _FUNCTIONS = {"Abs": "abs", "ceiling": "ceil", "Min": "min", "Max": "max"}
 _VARYING = 1
 # Groups of symbols, in the order in which sums are sorted by them.
 _MOVING = {4: 0, 3: 1, 5: 2}
-# The text of an expression, which is made where two have else the same place.
-_TEXT = functools.cmp_to_key(lambda a, b: (str(a) > str(b)) - (str(a) < str(b)))
+# The text of an expression, made once where two have else the same place.
+_text = functools.lru_cache(maxsize=50_000, typed=True)(str)
+_TEXT = functools.cmp_to_key(lambda a, b: (_text(a) > _text(b)) - (_text(a) < _text(b)))
 
 
 class Printer:
