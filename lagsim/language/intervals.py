@@ -23,7 +23,7 @@ from lagsim.language.functions import OPERATIONS
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.functions import Function
@@ -464,17 +464,22 @@ def _rule_of(
 
 
 class Enclosures:
-    """Encloses nodes while t runs through intervals, all other variables fixed.
+    """Encloses nodes while variables run through intervals, all others fixed.
 
-    What does not depend on t is the one number that `evaluate` gives.
+    The variables are t, or those of `names`, each anywhere in the same interval. What
+    does not depend on them is the one number that `evaluate` gives.
     """
 
     def __init__(
-        self, g: Graph, nodes: Iterable[int], values: Mapping[str, float]
+        self,
+        g: Graph,
+        nodes: Iterable[int],
+        values: Mapping[str, float],
+        names: Collection[str] = ("t",),
     ) -> None:
         self.nodes = list(nodes)
-        self.t = g.variable("t")
-        moving = g.dependent(self.nodes, ("t",))
+        self.running = [g.variable(name) for name in names]
+        moving = g.dependent(self.nodes, names)
         cone = g.cone(self.nodes)
         fixed = [n for n in cone if n not in moving]
         self.fixed = {
@@ -484,13 +489,13 @@ class Enclosures:
         self.program = [
             (n, *_rule_of(g.ops[n], g.args[n]))
             for n in cone
-            if n in moving and n != self.t
+            if n in moving and n not in self.running
         ]
 
     def __call__(self, lo: Floats, hi: Floats) -> list[Interval]:
         """Enclosure of each node over the intervals from `lo` to `hi`."""
         found = dict(self.fixed)
-        found[self.t] = interval(lo, hi)
+        found |= dict.fromkeys(self.running, interval(lo, hi))
         with np.errstate(all="ignore"):
             for n, rule, args in self.program:
                 found[n] = rule(*(found[a] for a in args))

@@ -30,9 +30,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.language.derivatives import tangent
+from lagsim.language.derivatives import local_slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
+from lagsim.language.intervals import Enclosures
 from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.constraints import Flow, Row
 from lagsim.mechanics.equations import Quadrature, Work
@@ -40,7 +41,7 @@ from lagsim.mechanics.factorisation import Factorisation, symmetric
 from lagsim.model.model import Force, Parameter, Relation
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
@@ -164,7 +165,7 @@ def eliminable(
     mass = Counter(j for row in e.M for j in row.entries)
     keys = []
     for k, row in enumerate(e.rows):
-        A = row.A.entries if usable(g, row) else {}
+        A = row.A.entries if usable(g, row, values, moving) else {}
         numbers = evaluate(g, A.values(), values)
         steep = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
         most = max(steep.values(), default=0.0)
@@ -179,14 +180,43 @@ def eliminable(
     return min(keys)[3:] if keys else None
 
 
-def usable(g: Graph, row: Row) -> bool:
-    """Whether a row may give a coordinate: it is holonomic, without switches.
+# Where the argument of such a function is at an end of its range, or at 0, the function
+# has a value and its slope is infinite; of powers, where the exponent is below 1.
+ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh", "hypot")
 
-    Where the rate of a relation jumps, all velocities do: that is an impact.
+
+def usable(
+    g: Graph, row: Row, values: Mapping[str, float], moving: Collection[str]
+) -> bool:
+    """Whether a row may give a coordinate: holonomic, without switches and edges.
+
+    Where the rate of a relation jumps, all velocities do: that is an impact. At an edge
+    (y = sqrt(1 - x), x = 1) the relation ends, and what is left of the motion without
+    the coordinate would be thrown back. Moving are the positions and t.
     """
-    rows = (OPERATIONS.get(g.ops[n]) for n in g.cone([row.residual]))
+    cone = g.cone([row.residual])
+    rows = (OPERATIONS.get(g.ops[n]) for n in cone)
     switches = any(x is not None and (x.switch or x.condition) for x in rows)
-    return row.holonomic and not switches
+    return row.holonomic and not switches and not _has_edge(g, cone, values, moving)
+
+
+def _has_edge(
+    g: Graph, cone: Sequence[int], values: Mapping[str, float], moving: Collection[str]
+) -> bool:
+    """Whether somewhere a root has a value and an infinite slope."""
+    turning = g.dependent(cone, moving)
+    roots = [n for n in cone if n in turning and g.ops[n] in ROOTS and _is_root(g, n)]
+    slopes = [slope for n in roots for _, slope in local_slopes(g, n)]
+    line = np.array([-math.inf]), np.array([math.inf])
+    return any(
+        bool(np.any(x.partial | x.unbounded))
+        for x in Enclosures(g, slopes, values, moving)(*line)
+    )
+
+
+def _is_root(g: Graph, n: int) -> bool:
+    exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
+    return exponent is None or 0.0 < exponent < 1.0
 
 
 def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
