@@ -158,9 +158,11 @@ def solve(problem: Problem) -> Solution:
     Raises
     ------
     FloatingPointError
-        Where c is not finite.
+        Where c or D is not finite.
     """
     r = len(problem.c)
+    if not np.isfinite([problem.c, *problem.D]).all():
+        raise FloatingPointError("forces that are not finite")
     groups = _decoupled(problem) if r > 1 else []
     if len(groups) <= 1:
         return _solved(problem)
@@ -514,15 +516,8 @@ def lemke(M: Floats, q: Floats) -> Floats | None:
     M : ndarray, shape (n, n)
         With entries near 1: scaled.
     q : ndarray, shape (n,)
-
-    Raises
-    ------
-    FloatingPointError
-        Where q is not finite.
     """
     n, size = len(q), float(np.abs(q).max(initial=0.0))
-    if not np.isfinite(size):
-        raise FloatingPointError("forces that are not finite")
     if not n or float(q.min()) >= 0.0:
         return np.zeros(n)
     # Columns: w, which is the inverse of the basis, z, the artificial variable, q.
