@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 
 from tests.support import run
 
@@ -301,3 +301,31 @@ def test_the_slider_crank_for_a_hundred_turns():
     speed = result["a_dot"] ** 2 * (1 + 2 * np.sin(result["a"]) ** 2)
     assert np.max(np.abs(speed - speed[0])) < 1e-8
     assert result["a"][-1] > 2 * np.pi * 99
+
+
+# A relation that has no value beyond a point at which its slope is infinite: the time
+# until there, along an arc without forces, and of a pendulum that swings up to its side.
+ARC = quad(lambda y: np.sqrt((1 + 4 * y**2) / 5), 0, 1, epsabs=1e-13)[0]
+SWING = quad(lambda a: (5.38 + 19.62 * np.cos(a)) ** -0.5, 0, np.pi / 2, epsabs=1e-13)[
+    0
+]
+EDGES = [
+    ("y = sqrt(1 - x)", "0", "x: 0, y: 1, x_dot: 2, y_dot: -1", ARC),
+    ("y = -sqrt(1 - x^2)", "9.81*y", "x: 0, y: -1, x_dot: 5", SWING),
+    ("y = -cos(asin(x))", "9.81*y", "x: 0, y: -1, x_dot: 5", SWING),
+]
+
+
+@pytest.mark.parametrize(("relation", "potential", "start", "end"), EDGES)
+def test_a_relation_ends_at_its_edge(relation, potential, start, end):
+    """The run ends there as well; eliminated, the motion would be thrown back."""
+    found = run(f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: {potential}}}
+constraints: {{c: {relation}}}
+initial: {{{start}}}
+simulation: {{duration: 3, output_step: 0.1}}
+""")
+    assert found.trajectory.outcome.failed
+    # Near there y has half of the digits.
+    assert found.trajectory.end == pytest.approx(end, abs=1e-7)
