@@ -180,9 +180,8 @@ def eliminable(
     return min(keys)[3:] if keys else None
 
 
-# Where the argument of such a function is at an end of its range, or at 0, the function
-# has a value and its slope is infinite; of powers, where the exponent is below 1.
-ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh", "hypot")
+# Functions with values, and no slope, where an argument is at an end of its range or 0.
+ROOTS = ("sqrt", "cbrt", "pow", "asin", "acos", "acosh")
 
 
 def usable(
@@ -191,32 +190,20 @@ def usable(
     """Whether a row may give a coordinate: holonomic, without switches and edges.
 
     Where the rate of a relation jumps, all velocities do: that is an impact. At an edge
-    (y = sqrt(1 - x), x = 1) the relation ends, and what is left of the motion without
-    the coordinate would be thrown back. Moving are the positions and t.
+    (x = 1 of y = sqrt(1 - x)) the relation ends, and what is left of the motion without
+    the coordinate would be thrown back.
     """
     cone = g.cone([row.residual])
     rows = (OPERATIONS.get(g.ops[n]) for n in cone)
-    switches = any(x is not None and (x.switch or x.condition) for x in rows)
-    return row.holonomic and not switches and not _has_edge(g, cone, values, moving)
-
-
-def _has_edge(
-    g: Graph, cone: Sequence[int], values: Mapping[str, float], moving: Collection[str]
-) -> bool:
-    """Whether somewhere a root has a value and an infinite slope."""
-    turning = g.dependent(cone, moving)
-    roots = [n for n in cone if n in turning and g.ops[n] in ROOTS and _is_root(g, n)]
-    slopes = [slope for n in roots for _, slope in local_slopes(g, n)]
+    if not row.holonomic or any(x and (x.switch or x.condition) for x in rows):
+        return False
+    roots = sorted(n for n in g.dependent(cone, moving) if g.ops[n] in ROOTS)
+    slopes = [local_slopes(g, n)[0][1] for n in roots]
     line = np.array([-math.inf]), np.array([math.inf])
-    return any(
-        bool(np.any(x.partial | x.unbounded))
-        for x in Enclosures(g, slopes, values, moving)(*line)
+    found = zip(roots, Enclosures(g, slopes, values, moving)(*line), strict=True)
+    return not any(
+        x.partial.any() or (g.ops[n] != "pow" and x.unbounded.any()) for n, x in found
     )
-
-
-def _is_root(g: Graph, n: int) -> bool:
-    exponent = g.value(g.args[n][1]) if g.ops[n] == "pow" else 0.5
-    return exponent is None or 0.0 < exponent < 1.0
 
 
 def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:

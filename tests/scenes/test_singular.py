@@ -304,11 +304,9 @@ def test_the_slider_crank_for_a_hundred_turns():
 
 
 # A relation that has no value beyond a point at which its slope is infinite: the time
-# until there, along an arc without forces, and of a pendulum that swings up to its side.
+# until there, along an arc without forces, and of a pendulum up to its side.
 ARC = quad(lambda y: np.sqrt((1 + 4 * y**2) / 5), 0, 1, epsabs=1e-13)[0]
-SWING = quad(lambda a: (5.38 + 19.62 * np.cos(a)) ** -0.5, 0, np.pi / 2, epsabs=1e-13)[
-    0
-]
+SWING = quad(lambda a: (5.38 + 19.62 * np.cos(a)) ** -0.5, 0, np.pi / 2)[0]
 EDGES = [
     ("y = sqrt(1 - x)", "0", "x: 0, y: 1, x_dot: 2, y_dot: -1", ARC),
     ("y = -sqrt(1 - x^2)", "9.81*y", "x: 0, y: -1, x_dot: 5", SWING),
