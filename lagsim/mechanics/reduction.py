@@ -199,7 +199,7 @@ def usable(
         return False
     roots = sorted(n for n in g.dependent(cone, moving) if g.ops[n] in ROOTS)
     slopes = [local_slopes(g, n)[0][1] for n in roots]
-    line = np.array([-math.inf]), np.array([math.inf])
+    line = np.array([[-math.inf], [math.inf]])
     found = zip(roots, Enclosures(g, slopes, values, moving)(*line), strict=True)
     return not any(
         x.partial.any() or (g.ops[n] != "pow" and x.unbounded.any()) for n, x in found

@@ -30,6 +30,7 @@ def test_it_does_so_in_other_words(name):
     ("name", "word"),
     [
         ("balanced under 0", "boosted"), ("nearly balanced", "boosted"),
+        ("pushed by another's way, -1", "grams"),
         ("balanced under if(t < 1, 0, 1e-3*(t - 1))", "shifted"),
         ("two are pushed by 2.0*sin(3.0*t) beside 0", "shifted"),
     ],

@@ -412,9 +412,11 @@ def bound_roundoff_between(s: Control, p: Parameters, h: float, k: Floats) -> No
 
 
 def lead_positions(s: Control, h: float, k: Floats) -> None:
-    """Leave the state as `point`, its positions moved by an Euler step."""
+    """Leave the state as `point`, moved by velocities, what rests by accelerations."""
+    accelerations = k[s.velocities]
     s.point[: s.size] = s.y
-    s.point[: s.n] += h * k[: s.n]
+    for i in range(s.n):
+        s.point[i] += h * k[i] if k[i] != 0.0 else 0.5 * h * h * accelerations[i]
 
 
 def add_bound(
