@@ -13,6 +13,7 @@ import pytest
 
 from lagsim.cli import run
 from lagsim.native.link import cache
+from lagsim.outputs.results import LOCK
 from lagsim.run import interrupt
 from lagsim.studies import restart
 from tests.cli._results import manifest
@@ -159,6 +160,7 @@ def test_of_another_run_nothing_is_taken_and_nothing_is_lost(
     asked = ("run", model, "-q", "--no-plots", "-o", "cut")
     ended(asked, 3, signal.SIGKILL)
     before = {path.name: path.read_bytes() for path in Path("cut").iterdir()}
+    assert before.pop(LOCK) == b""  # the next one takes it over, and takes it away
 
     def refused(word, *more):
         done = lagsim(*asked, "--resume", *more, code=2)
