@@ -283,7 +283,6 @@ class Contacts(Source):
         changes = arc.energies(found.y) - arc.energies(before, found.rows[0])
         found.y[arc.state.quadratures][: arc.system.works] += changes
         arc.system.p.impulses[some] = result.impulses
-        after = (rates + problem.D @ result.impulses).tolist()
         sizes = [abs(impulse) for impulse in result.impulses.tolist()]
         largest = max(sizes)
         for i, k in enumerate(some):
@@ -292,7 +291,7 @@ class Contacts(Source):
                 continue
             event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
-                rate_after=after[i], energy=float(np.sum(changes)),
+                rate_after=float(result.after[i]), energy=float(np.sum(changes)),
             )  # fmt: skip
             found.events.append(event)
             self.bounces[k] += 1
