@@ -115,7 +115,6 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     Along the change of the force there, as the force itself would. A step that does not
     bring it closer is not made: where the surface's slope vanishes there is no way.
     """
-    n = p.n
     sliding = int(p.sliding)
     if sliding == 0:
         return
@@ -125,10 +124,9 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     far = distance(p)
     p.former[p.dynamic] = y[p.dynamic]
     for j in range(sliding):
-        field_change = p.side_fields[(j + 1) * width :]
-        change = field_change[p.velocities]
-        y[p.positions] += change[:n] * p.right[3 * j + 1]
-        y[p.velocities] += change[:n] * p.right[3 * j + 2]
+        change = p.side_fields[(j + 1) * width :]
+        y[p.positions] += change[p.velocities] * p.right[3 * j + 1]
+        y[p.velocities] += change[p.velocities] * p.right[3 * j + 2]
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
         y[p.dynamic] = p.former[p.dynamic]
@@ -265,8 +263,8 @@ def product(k: int, p: Parameters, a: Floats) -> float:
 def solve(size: int, B: Floats, right: Floats) -> None:
     """Solve B X = right (size, 3) in place, with row pivoting.
 
-    What B does not determine is as close to 0.5 in the first column, else to 0, as the
-    rest lets it be: surfaces that depend on each other share what they must do.
+    Where surfaces depend on each other, the first column, of shares, is as close to 0.5
+    as B lets it be; in the others what B leaves open is 0.
     """
     rank = 0
     for k in range(size):
@@ -279,42 +277,45 @@ def solve(size: int, B: Floats, right: Floats) -> None:
                 right[3 * i : 3 * i + 3] -= factor * right[3 * rank : 3 * rank + 3]
             B[i * size + k] = 0.0
         rank += found
-    if rank < size:
-        take_least(size, rank, B, right)
-        return
-    for back in range(size):
-        k = size - 1 - back
-        for c in range(3):
-            value = right[3 * k + c]
+    first = 1 if rank < size else 0
+    for i in range(rank, size):
+        right[3 * i + first : 3 * i + 3] = 0.0
+    for back in range(rank):
+        i = rank - 1 - back
+        k = i
+        while B[i * size + k] == 0.0:
+            k += 1
+        for c in range(first, 3):
+            value = right[3 * i + c]
+            right[3 * i + c] = 0.0
             for j in range(k + 1, size):
-                value -= B[k * size + j] * right[3 * j + c]
-            right[3 * k + c] = value / B[k * size + k]
+                value -= B[i * size + j] * right[3 * j + c]
+            right[3 * k + c] = value / B[i * size + k]
+    if rank < size:
+        share(size, rank, B, right)
 
 
-def take_least(size: int, rank: int, B: Floats, right: Floats) -> None:
-    """Leave the X closest to 0.5, or 0, for which the first `rank` rows hold.
+def share(size: int, rank: int, B: Floats, right: Floats) -> None:
+    """Leave the first column closest to 0.5 for which the first `rank` rows hold.
 
     The rows are made orthonormal; the next one is room.
     """
+    shares = B[rank * size :]
+    shares[:size] = 0.5
     for i in range(rank):
         row = B[i * size :]
         for j in range(i):
             other = B[j * size :]
             part = product_of(size, row, other)
             row[:size] -= part * other[:size]
-            right[3 * i : 3 * i + 3] -= part * right[3 * j : 3 * j + 3]
+            right[3 * i] -= part * right[3 * j]
         length = sqrt(product_of(size, row, row))
         row[:size] /= length
-        right[3 * i : 3 * i + 3] /= length
-    room = B[rank * size :]
-    for c in range(3):
-        room[:size] = 0.5 if c == 0 else 0.0
-        for i in range(rank):
-            row = B[i * size :]
-            part = right[3 * i + c] - product_of(size, row, room)
-            room[:size] += part * row[:size]
-        for k in range(size):
-            right[3 * k + c] = room[k]
+        part = right[3 * i] / length - product_of(size, row, shares)
+        right[3 * i] /= length
+        shares[:size] += part * row[:size]
+    for k in range(size):
+        right[3 * k] = shares[k]
 
 
 def product_of(size: int, a: Floats, b: Floats) -> float:
