@@ -13,7 +13,7 @@ PREPARE = """
 import json, sys, time
 from lagsim.model.reader import read_file
 from lagsim.run.session import open_case
-from lagsim.run.system import System
+from lagsim.program.system import System
 from lagsim.native.link import engine
 engine.target()
 laps, last = {}, time.perf_counter()

@@ -49,9 +49,8 @@ def candidates(n):
 
     from lagsim.model.reader import read
     from lagsim.plan.making import by_loops
+    from lagsim.program.system import FUNCTION, System
     from lagsim.run.session import open_case
-    from lagsim.run.system import System
-    from lagsim.run.system.runner import FUNCTION
 
     case = open_case(read(rod_chain(n, 1.0), "rods.yaml"))
     equations, start, plan = case.equations, case.start, case.plan()

@@ -44,7 +44,7 @@ def solving_metric(M: Floats, A: Floats) -> Floats:
 def completed(M: Floats, A: Floats) -> Floats:
     """M, or M + A^T W A where it is singular (n, n).
 
-    W is diagonal and to the size of M (see `solve.dense`).
+    W is diagonal and to the size of M (see `program/dense.py`).
     """
     if is_positive(M):
         return M

@@ -7,7 +7,10 @@ values of the parameters is not found.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.equations import memoized_by_motion
@@ -16,6 +19,7 @@ from lagsim.methods import Structure
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations
 
 
@@ -68,3 +72,40 @@ def _varies(equations: Equations, entries: list[int]) -> str:
     if names & frozenset(equations.q):
         return "positions"
     return "time" if "t" in names else "nothing"
+
+
+def coupled(e: Equations) -> list[int]:
+    """Return for each coordinate the first that M and all rows join it with."""
+    slopes = (row.entries for row in e.slopes)
+    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
+
+
+def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
+    """Return for each of n coordinates the first one that `rows` join it with."""
+    sets = DisjointSets(n)
+    for row in rows:
+        for i, j in pairwise(row):
+            sets.merge(i, j)
+    return [sets.leader(i) for i in range(n)]
+
+
+def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
+    """`largest_beside` in each group of coordinates with one label."""
+    whole = np.array(found)
+    for label in sorted({k for i, k in enumerate(labels) if k != i}):
+        group = np.array(labels) == label
+        whole[group] = largest_beside(roots[group], found[group])
+    return whole
+
+
+def largest_beside(roots: Floats, found: Floats) -> Floats:
+    """Return the largest of range_j min(1, root_j/root_i): by size, without n^2."""
+    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
+    lightest = np.argsort(roots)
+    whole = np.zeros(len(found))
+    below = np.maximum.accumulate((finite * roots)[lightest])
+    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
+    own = roots[lightest]
+    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
+    whole[lightest] = np.fmax(lighter, above)
+    return whole

@@ -101,7 +101,7 @@ def method(name: str) -> ModuleType:
     - QUADRATURES (optional): whether y may have components after `work`, whose rates
       are integrated as they are: the action, the coordinates that `reduction` leaves;
     - EVENTS (optional): False where its steps go over switches and contacts;
-    - NEEDS: names of functions of the model beyond y', see `system.functions`;
+    - NEEDS: names of functions of the model beyond y', see `program/functions.py`;
     - STATE, the class of the memory it keeps, PARAMETERS (optional), that of what the
       model gives it, and the kernels `start`, `step` and `interpolate`; besides, where
       ADAPTIVE, `interpolate_rates`, and else `make`, around which `fixed.step` is.

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import Neighbourhood, row_lengths
+from lagsim.check.point import Point
+from lagsim.check.rank import Neighbourhood, row_lengths
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
+from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method, options_of
@@ -28,13 +29,12 @@ from lagsim.plan.cost import step_parts
 from lagsim.plan.formulation import formulate
 from lagsim.plan.plan import ANY, Part, Plan, newton_of
 from lagsim.plan.subsystems import LARGEST, refusal, saving, subsystems
-from lagsim.solve.series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.admissibility.examination import Start
+    from lagsim.check.examination import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods import Structure
@@ -239,7 +239,7 @@ def _check_straight(
 CHEAP = 10**6
 # Code that fills in more entries of M and A than these compiles for long.
 MOST_ENTRIES = 10_000
-# Functions of as many slopes as n (n + m), twice: see `system.functions`.
+# Functions of as many slopes as n (n + m), twice: see `program/functions.py`.
 SLOPES = frozenset(("jacobian", "lagrangian"))
 
 

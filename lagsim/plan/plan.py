@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.mechanics.newton_matrix import newton
 from lagsim.methods import method
 from lagsim.model.model import DEFAULT_RTOL
-from lagsim.solve.newton import newton
 
 if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
+    from lagsim.mechanics.newton_matrix import Newton
     from lagsim.mechanics.reduction import Reduction
     from lagsim.mechanics.switches import Switches
     from lagsim.notes import Choice
     from lagsim.plan.subsystems import Subsystem
-    from lagsim.solve.newton import Newton
 
 
 def newton_of(name: str, equations: Equations) -> Newton | None:

@@ -12,7 +12,6 @@ import numpy as np
 
 from lagsim.methods import method
 from lagsim.methods.parts.constraints import CLOSE
-from lagsim.run.system.functions import held_together
 from lagsim.tolerances import (
     NEARLY_DEPENDENT_ROWS,
     SAME_STEP,
@@ -29,8 +28,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Settings
     from lagsim.native.layout import Block
     from lagsim.plan.plan import Plan
-    from lagsim.run.system import System
-    from lagsim.run.system.runner import Runner
+    from lagsim.program.system import Runner, System
 
     Options = Sequence[tuple[str, float]]
 
@@ -265,7 +263,7 @@ class Arc(NamedTuple):
             if runner is not self.runner:
                 state = taken_over(state, runner, settings.options)
         if self.system.laws:
-            state.linked[:] = held_together(self.system)
+            state.linked[:] = self.system.held_together()
         state.end = ahead = min(end, ahead)
         # A row within rounding of the end is the end's.
         last = settings.end - SAME_STEP * settings.output_step

@@ -24,6 +24,7 @@ import numpy as np
 from lagsim.methods import method
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
+from lagsim.program.system import BLOCK
 from lagsim.run.arc import first_arc, largest_shift
 from lagsim.run.events.constraints import (
     Dependence,
@@ -39,7 +40,6 @@ from lagsim.run.events.times import Features, TimeBreaks
 from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
 from lagsim.run.interrupt import Horizon
 from lagsim.run.stiffness import Stiffness
-from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import (
     GO_ON,
     Decision,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts.state import BLOCK_FULL
+from lagsim.program.localized import is_localized_in_time
 from lagsim.run.arc import LONG
 from lagsim.run.arcs import Run
-from lagsim.run.system.localized import is_localized_in_time
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

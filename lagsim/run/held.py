@@ -13,7 +13,7 @@ import numpy as np
 from lagsim.language.derivatives import gradient
 from lagsim.language.evaluate import evaluate_rows, roundings
 from lagsim.mechanics.equations import pushes
-from lagsim.run.system.functions import in_groups, joined
+from lagsim.mechanics.structure import in_groups, joined
 from lagsim.tolerances import SUM_ROUNDOFF
 
 if TYPE_CHECKING:

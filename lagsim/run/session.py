@@ -16,16 +16,16 @@ from lagsim.run.interrupt import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.admissibility.examination import Start, StartReport
+    from lagsim.check.examination import Start, StartReport
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
     from lagsim.plan.plan import Plan
+    from lagsim.program.system import System
     from lagsim.run.arc import Arc
     from lagsim.run.arcs import Apart, Run
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Corners, Observer
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
 
 LAPS = (
@@ -124,7 +124,7 @@ class Case(NamedTuple):
         ------
         InputError
         """
-        from lagsim.run.system import System
+        from lagsim.program.system import System
 
         clock = clock or Clock()
         clock.lap("import")
@@ -251,7 +251,7 @@ def open_case(
 
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
-    from lagsim.admissibility.examination import examine
+    from lagsim.check.examination import examine
 
     clock.lap("import")
     examined = examine(equations, settings.start)
@@ -279,7 +279,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.admissibility.examination import examine
+    from lagsim.check.examination import examine
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()

@@ -24,10 +24,10 @@ from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution
 from lagsim.plan.cost import STAGES
+from lagsim.program.system import System
 from lagsim.run.arc import LONG, SERIES
 from lagsim.run.failures import by_method
 from lagsim.run.interrupt import MOST_STEPS
-from lagsim.run.system import System
 from lagsim.run.trajectory import GO_ON, Decision, Source
 from lagsim.tolerances import TINY
 

@@ -29,11 +29,11 @@ from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_erro
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.equations import groups, shared
+from lagsim.mechanics.structure import largest_beside
 from lagsim.methods import method, options_of
 from lagsim.notes import Caution
 from lagsim.run.error import Failed
 from lagsim.run.observers.monitors import EnergyMonitor, Gaps, ResidualMonitor, gained
-from lagsim.run.system.functions import largest_beside
 from lagsim.run.trajectory import Outcome
 from lagsim.tolerances import (
     COMPUTED_ZERO,

@@ -37,17 +37,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from lagsim.mechanics.structure import in_groups, joined, largest_beside
 from lagsim.notes import Choice
 from lagsim.outputs.manifest import manifest
 from lagsim.plan.plan import ANY
+from lagsim.program.localized import is_localized_in_time
 from lagsim.run.arc import SERIES
 from lagsim.run.error import LOST, ErrorBar, Failed
 from lagsim.run.interrupt import MOST_STEPS
 from lagsim.run.observers import Corners, Relay
 from lagsim.run.observers.monitors import Checkpoints
 from lagsim.run.observers.thinning import picture_thinning
-from lagsim.run.system.functions import in_groups, joined, largest_beside
-from lagsim.run.system.localized import is_localized_in_time
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import Evidence, alarms, audit, fault, inertia_roots, up_to
 from lagsim.tolerances import (
@@ -65,11 +65,11 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.notes import Caution
     from lagsim.plan.plan import Plan
+    from lagsim.program.system import System
     from lagsim.run.interrupt import Interrupt
     from lagsim.run.observers import Observer, Store
     from lagsim.run.observers.thinning import Frames
     from lagsim.run.session import Case, Clock, Session
-    from lagsim.run.system import System
     from lagsim.run.trajectory import Trajectory
     from lagsim.studies.alarms import Finding
 

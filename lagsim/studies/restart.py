@@ -33,9 +33,8 @@ from lagsim.methods import method, names
 from lagsim.native.link import cache
 from lagsim.native.link.engine import target
 from lagsim.outputs.results import PART, RESTART, RESTART_ROWS, put
+from lagsim.program.system import Runner, System
 from lagsim.run.arcs import Apart
-from lagsim.run.system import System
-from lagsim.run.system.runner import Runner
 from lagsim.studies.declared import UndeclaredError, decoded, encoded
 from lagsim.version import __version__
 

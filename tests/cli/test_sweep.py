@@ -15,8 +15,8 @@ import pytest
 
 from lagsim.cli.sweep import _names as completed
 from lagsim.outputs.results import PART
+from lagsim.program.system import System
 from lagsim.run.observers.monitors import ResidualMonitor
-from lagsim.run.system import System
 from lagsim.studies.sweep.sweeping import JOURNAL as NAME
 from tests.cli._results import document, manifest, names, started, table, waited
 from tests.patience import finished

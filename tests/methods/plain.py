@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lagsim.methods.parts import driver
-from lagsim.run.system.runner import FUNCTION
+from lagsim.program.system import FUNCTION
 from tests.kernels import bind
 
 

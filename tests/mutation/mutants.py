@@ -84,14 +84,16 @@ ROOMS = {
     ), 0.25),
     "language": Room("language/**/*.py", ("tests/language",), 0.25),
     "model": Room("model/**/*.py", ("tests/model", "tests/codes"), 0.35),
-    "mechanics": Room("mechanics/**/*.py", ("tests/mechanics", "tests/solve"), 0.5),
-    "admissibility": Room("admissibility/**/*.py", ("tests/admissibility",), 0.4),
+    "mechanics": Room("mechanics/**/*.py", ("tests/mechanics", "tests/program"), 0.5),
+    "check": Room("check/**/*.py", ("tests/check",), 0.4),
     "show": Room("show/**/*.py", ("tests/show",), 0.35),
-    "native": Room("native/**/*.py", ("tests/native", "tests/solve"), 0.35),
+    "native": Room("native/**/*.py", ("tests/native", "tests/program"), 0.35),
     "methods": Room("methods/**/*.py", ("tests/methods",), 0.5),
-    "solve": Room("solve/**/*.py", ("tests/solve", "tests/mechanics"), 0.35),
     "plan": Room(
         "plan/**/*.py", ("tests/plan", "tests/cli/test_formulations.py"), 0.5
+    ),
+    "program": Room(
+        "program/**/*.py", ("tests/program", "tests/mechanics", "tests/run"), 0.35
     ),
     "run": Room("run/**/*.py", ("tests/run",), 0.35),
     "outputs": Room("outputs/**/*.py", ("tests/outputs",), 0.35),

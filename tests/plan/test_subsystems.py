@@ -8,8 +8,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive, groups
 from lagsim.model.reader import read
 from lagsim.plan.subsystems import subsystems
+from lagsim.program.system import BLOCK
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.system.runner import BLOCK
 from lagsim.run.trajectory import Outcome
 from tests.mechanics.test_reduction import differences
 from tests.support import case_of, run

@@ -7,8 +7,8 @@ import signal
 import numpy as np
 import pytest
 
-from lagsim.run.interrupt import Interrupt, Pace
-from lagsim.run.system.runner import BLOCK
+from lagsim.program.system import BLOCK, Pace
+from lagsim.run.interrupt import Interrupt
 from lagsim.run.trajectory import Outcome
 from tests.small_scenes import expected_times, oscillator
 from tests.support import ready, run

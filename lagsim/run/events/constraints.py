@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import Point
-from lagsim.admissibility.rank import weakest_rows
-from lagsim.admissibility.refusal import admitted_inertia
+from lagsim.check.point import Point
+from lagsim.check.rank import weakest_rows
+from lagsim.check.refusal import admitted_inertia
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.plan.making import by_loops, usual_lengths
+from lagsim.program.system import System
 from lagsim.run.arc import shift
-from lagsim.run.system import System
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source
 from lagsim.tolerances import CLEAR_OF_ROUNDING, RESIDUAL_ROUNDOFF, SAME_TIME, SATISFIED
 

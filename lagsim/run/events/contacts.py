@@ -1,8 +1,8 @@
 """Constraints that come into force and go: contacts, friction, limits, freewheels.
 
-In an arc each law has a mode (`solve.laws`). Where one ends, or a gap closes, it is
-asked first whether anything strikes: impulses take the velocities to where they may go
-on. Then the accelerations decide which of the closed laws hold. A contact that would
+In an arc each law has a mode (`program/laws.py`). Where one ends, or a gap closes, it
+is asked first whether anything strikes: impulses take the velocities to where they may
+go on. Then the accelerations decide which of the closed laws hold. A contact that would
 rebound by less than the tolerance tells apart rests: of a ball that bounces ever less
 the time at which it comes to rest is that of the geometric series.
 """

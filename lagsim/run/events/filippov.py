@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
-from lagsim.run.system.functions import on_velocities
+from lagsim.program.functions import on_velocities
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
@@ -231,7 +231,7 @@ ASIDE = 1e-3
 
 
 class Rows(NamedTuple):
-    """What surfaces do at a state, as `solve.sliding.surface_rows` gives it."""
+    """What surfaces do at a state, as `sliding.surface_rows` gives it."""
 
     residuals: Floats
     rates: Floats

@@ -2,7 +2,7 @@
 
 The branch of each switch in time is fixed in an arc. A smooth pulse, a ramp or a gate
 of t alone is flat to rounding before it begins; no step sees it coming. Where such a
-function of t may rise is where its argument (see `system.localized`) is largest, passes
+function of t may rise is where its argument (see `localized`) is largest, passes
 zero or is least: `breaks` finds every such moment, however long the rest before it. How
 far the argument has to go from there for the function to fade tells how wide it is.
 Steps end where that begins and shrink towards the moment itself, see
@@ -25,17 +25,17 @@ from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
+from lagsim.program.localized import indicators_in_time
 from lagsim.run.events.breaks import Values, break_times
 from lagsim.run.events.sequence import Sequence
-from lagsim.run.system.localized import indicators_in_time
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from lagsim.language.arrays import Floats
+    from lagsim.program.localized import Indicator
     from lagsim.run.arc import Arc
-    from lagsim.run.system.localized import Indicator
 
 
 # Breaks accumulate if, after FEWEST, windows of so many get shorter so fast that all

@@ -24,8 +24,8 @@ import numpy as np
 
 from lagsim.errors import InputError
 from lagsim.methods import method as method_named
+from lagsim.program.system import FUNCTION
 from lagsim.run.observers import Keep
-from lagsim.run.system.runner import FUNCTION
 from lagsim.studies.comparison import on_grid
 
 if TYPE_CHECKING:

@@ -32,11 +32,11 @@ from lagsim.methods import method as method_named
 from lagsim.methods import names
 from lagsim.outputs.manifest import head
 from lagsim.plan.making import method_refusal
+from lagsim.program.system import System
 from lagsim.run.interrupt import Interrupt
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor
 from lagsim.run.session import Session
-from lagsim.run.system import System
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.attempts import cost
 from lagsim.studies.bench.solving import asking

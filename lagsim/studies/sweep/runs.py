@@ -30,16 +30,16 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.refusal import clear_starts, needs_no_solve
+from lagsim.check.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs.units import of_table
+from lagsim.program.functions import Columns
+from lagsim.program.localized import names_in_exponents
 from lagsim.run.ensemble import Ensemble, refusal
 from lagsim.run.observers import Extremes
 from lagsim.run.session import Clock, Session, StartError, examined, wanted
-from lagsim.run.system.functions import Columns
-from lagsim.run.system.localized import names_in_exponents
 from lagsim.run.trajectory import Outcome
 from lagsim.studies.alarms import UNEXPLAINED
 from lagsim.studies.attempts import Attempts, ErrorBars

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.run.system.runner import Runner
+from lagsim.program.system import Runner
 from tests.run.switching.scenes import one_quick, scene
 from tests.support import run
 

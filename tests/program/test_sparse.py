@@ -8,8 +8,8 @@ import pytest
 from benchmarks.rod_chain import rod_chain
 from lagsim.mechanics.ldl import BUDGET
 from lagsim.native.graph import tapes
+from lagsim.program.system import System
 from lagsim.run.observers import Keep
-from lagsim.run.system import System
 from tests.support import MODELS, case_of, ready, run
 
 ALL = sorted(MODELS.glob("*.yaml"))

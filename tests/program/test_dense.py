@@ -12,7 +12,7 @@ import pytest
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.native.link import cache
 from lagsim.native.link.engine import Engine
-from lagsim.solve.dense import position_step, solve_motion, velocity_step
+from lagsim.program.dense import position_step, solve_motion, velocity_step
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 from tests.kernels import bind
 

@@ -7,20 +7,27 @@ new values of parameters compile nothing.
 
 from __future__ import annotations
 
+import ctypes
 from copy import copy
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from lagsim.mechanics.motion_series import motion_series
+from lagsim.mechanics.structure import coupled, joined
 from lagsim.methods import method, moreau
-from lagsim.methods.parts.parameters import KEPT, Parameters
+from lagsim.methods.parts import driver
+from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop
+from lagsim.native.layout import address
 from lagsim.native.link.cache import begin_kernel_object, kernel_object, object_code
+from lagsim.native.link.engine import Engine
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
-from lagsim.run.system.functions import (
+from lagsim.program import dense, laws, sliding
+from lagsim.program.functions import (
     AFTER_FREEZING,
     Columns,
     fill,
@@ -29,21 +36,36 @@ from lagsim.run.system.functions import (
     surface_functions,
     varying_inertias,
 )
-from lagsim.run.system.localized import indicators, is_localized_in_time, signal_nodes
-from lagsim.run.system.runner import Runner, of_method
-from lagsim.solve import dense, laws, sliding
-from lagsim.solve.series import motion_series
+from lagsim.program.localized import indicators, is_localized_in_time, signal_nodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.methods.parts.driver import State
     from lagsim.model.model import Model
     from lagsim.native.graph.keys import Functions
     from lagsim.native.graph.straight_line import Code
     from lagsim.plan.plan import Plan
-    from lagsim.run.system.localized import Indicator
+    from lagsim.program.localized import Indicator
+
+
+# Rows in one block: a few hundred kilobytes; fewer where there are many columns.
+BLOCK = 2048
+MOST_NUMBERS = 2**20
+_POINTER = ctypes.c_void_p
+# Of the functions of a model: t, y, p, out.
+FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
+_PROJECTION = (None, (ctypes.c_double, _POINTER, _POINTER))
+_ADVANCE = (
+    ctypes.c_int64,
+    (_POINTER, _POINTER, _POINTER, ctypes.c_int64, ctypes.c_int64),
+)
+_TABULATE = (
+    None,
+    (_POINTER, ctypes.c_int64, ctypes.c_int64, _POINTER, _POINTER, ctypes.c_int64),
+)
 
 
 def kernels(system: System) -> Iterator[bytes]:
@@ -107,7 +129,7 @@ class System:
     parts : list of System
         Of the subsystems, where they are integrated apart.
     indicators : list of Indicator
-        Of localized terms, which may act within a step, see `system.localized`.
+        Of localized terms, which may act within a step, see `localized`.
     objects : list of bytes
         Object code of the model's functions.
     operations : int
@@ -180,7 +202,7 @@ class System:
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
-        self.together: dict[bytes, list[int]] = {}  # see `coupling.held_together`
+        self._joined: dict[bytes, list[int]] = {}  # of `held_together`
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.objects = [found_code, *kernels(self)]
 
@@ -363,3 +385,205 @@ class System:
         self.p.law_shares = other.p.law_shares
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
+
+    def held_together(self) -> list[int]:
+        """Return for each coordinate the first that the rows in force join it with."""
+        e, on = self.equations, self.p.law_mode != OFF
+        key = on.tobytes()
+        if key not in self._joined:
+            acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
+            rows = [row.A.entries for row in (*e.rows, *acting)]
+            self._joined[key] = joined(len(e.q), rows)
+        return self._joined[key]
+
+
+# Kernels work for a moment at a time, so that a signal is seen soon.
+# Steps of a call: so few at first, then as many as take about this long, in seconds.
+# Where a kernel pauses changes nothing in what it computes.
+FIRST = 16
+MOST = 4000
+MOMENT = 0.02
+# Room for so many rows of each step.
+ROWS = 128
+
+
+class Pace:
+    """The steps and rows that a kernel is asked for at a time, run after run.
+
+    Attributes
+    ----------
+    steps : int
+    """
+
+    def __init__(self) -> None:
+        self.steps = FIRST
+
+    @property
+    def rows(self) -> int:
+        """The rows that a call may write."""
+        return ROWS * self.steps
+
+    def lasted(self, seconds: float) -> None:
+        """Choose the next call by how long one of so many steps has lasted."""
+        if seconds > 2.0 * MOMENT:
+            self.steps = max(1, int(self.steps * MOMENT / seconds))
+        elif seconds < MOMENT:
+            self.steps = min(2 * self.steps, MOST)
+
+
+class Runner:
+    """A system linked with a method.
+
+    Parameters
+    ----------
+    name : str
+        That of the method.
+
+    Attributes
+    ----------
+    method : module
+    pace : Pace
+        That of the runs so far.
+    block : ndarray, shape (rows, 1 + size)
+        Times and states of the rows that the last call of `advance` has written.
+    """
+
+    def __init__(self, system: System, name: str) -> None:
+        around = kernel_object(
+            [driver.advance, driver.tabulate], _statics(system, name)
+        )
+        kernels = [kernel_object(*of_method(system, name)), around]
+        self.system, self.engine = system, Engine([*system.objects, *kernels])
+        self.pace = Pace()
+        self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
+        self.method = method(name)
+        self._prepare = self.engine.function("prepare", *FUNCTION)
+        self._advance = self.engine.function("advance", *_ADVANCE)
+        if system.watched > 0:
+            self._project = self.engine.function("project_sliding", *_PROJECTION)
+        self._tabulate = self.engine.function("tabulate", *_TABULATE)
+        columns, width = system.rows_observed, 1 + system.size
+        self._columns, self._width = columns, width
+        self.block = np.empty((max(1, min(BLOCK, MOST_NUMBERS // columns)), width))
+        self._rows = address(self.block)
+
+    @cached_property
+    def empty(self) -> State:
+        """A state that nothing has been put into: for copies, of all bindings."""
+        system = self.system
+        sizes = {} if system.newton is None else system.newton.sizes_of_factors
+        state: State = self.method.STATE.made(
+            n=system.n,
+            size=system.size,
+            signals=len(system.indicators),
+            surfaces=system.watched,
+            inertias=len(system.inertias),
+            **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
+        )
+        state.kinds[:] = [x.kind for x in system.indicators]
+        state.powers[:] = [x.power for x in system.indicators]
+        rows = system.equations.rows
+        fixed = all(row.holonomic and row.scleronomic for row in rows)
+        state.fixed_rows = float(fixed and not system.laws)
+        state.joined[:] = coupled(system.equations)
+        state.linked[:] = joined(system.n, [row.A.entries for row in rows])
+        return state
+
+    def over(self, system: System) -> Runner:
+        """Return the same code over the memory of a system bound to other values."""
+        new = copy(self)
+        new.__dict__ |= {"system": system, "_functions": {}}
+        return new
+
+    def function(
+        self, name: str, length: int | None = None
+    ) -> Callable[[float, Floats], Floats]:
+        """Return one of the model's functions as (t, y) -> out (length,)."""
+        known = self._functions.get((name, length))
+        if known is not None:
+            return known
+        call = self.engine.function(name, *FUNCTION)
+        p, system = self.system.p.address, self.system
+        size = length or max(system.rows_observed, system.size + 2, 2 + system.n)
+
+        def evaluate(t: float, y: Floats) -> Floats:
+            out, y = np.zeros(size), np.array(y, dtype=float, order="C")
+            call(t, address(y), p, address(out))
+            return out
+
+        self._functions[name, length] = evaluate
+        return evaluate
+
+    def event_functions(self, t: float, y: Floats) -> Floats:
+        """Event functions of the modes: of surfaces, then laws."""
+        return self.function("event_functions", self.system.watched)(t, y)
+
+    def project_sliding(self, t: float, y: Floats) -> None:
+        """Project y, in place, onto the surfaces that the motion slides along."""
+        self._project(t, y.ctypes.data, self.system.p.address)
+
+    def prepare(self) -> None:
+        """Compute what depends on parameters and modes alone, before each arc.
+
+        No arc sees what another one left in the working memory.
+        """
+        p = self.system.p
+        p.reference = self.system.plan.smallest_singular_value
+        p.factored = p.noted = 0.0
+        p.sigma = p.least_sigma = 1.0
+        p.flat[p.place("motion") :] = self.system.unused
+        if self.system.has_loops:
+            rows = len(self.system.plan.lengths)  # laws have none
+            p.lengths[:rows] = self.system.plan.lengths
+            p.aside[:rows] = self.system.plan.set_aside
+        self._prepare(0.0, None, p.address, None)
+
+    def advance(self, state: State, rows: int, budget: int) -> int:
+        """Run the method on, for so many rows at most; see `driver.advance`."""
+        rows = min(rows, len(self.block))
+        code: int = self._advance(
+            state.address, self.system.p.address, self._rows, rows, budget
+        )
+        return code
+
+    def shown(self, count: int) -> Floats:
+        """Columns (count, columns) of the first rows of the block."""
+        return self._columns_of(self._rows, count, self._width - 1)
+
+    def tabulate(self, states: Floats) -> Floats:
+        """Columns (rows, columns) of `states` (rows, 1 + size)."""
+        states = np.ascontiguousarray(states)
+        count, width = states.shape
+        return self._columns_of(states.ctypes.data, count, width - 1)
+
+    def _columns_of(self, states: int, count: int, size: int) -> Floats:
+        out = np.empty((count, self._columns))
+        if count:
+            self._tabulate(
+                states, count, size, self.system.p.address, address(out), self._columns
+            )
+        return out
+
+
+def of_method(
+    system: System, name: str
+) -> tuple[list[Callable[..., Any]], dict[str, object]]:
+    """Kernels of a method, and what is known of the system they work on."""
+    by, statics = method(name), _statics(system, name)
+    del statics["ADAPTIVE"]
+    # What a method must make ready for `until` it must for switches.
+    statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
+    statics["SPARSE"] = system.newton is not None
+    kernels = [by.start, by.step, by.interpolate]
+    kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)
+    return kernels, {key: x for key, x in statics.items() if hasattr(by, key)}
+
+
+def _statics(system: System, name: str) -> dict[str, object]:
+    return {
+        "CONSTRAINED": system.m > 0 and system.plan.projected,
+        "UNTIL": system.equations.model.until is not None,
+        "SWITCHES": system.watched > 0,
+        "LOCALIZED": bool(system.indicators),
+        "ADAPTIVE": method(name).ADAPTIVE,
+    }

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.admissibility.point import (
+from lagsim.check.point import (
     LINKS,
     Condition,
     Lengths,
@@ -27,7 +27,7 @@ from lagsim.admissibility.point import (
     gradient_of,
     of_rows,
 )
-from lagsim.admissibility.rank import analyse
+from lagsim.check.rank import analyse
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares

@@ -7,14 +7,10 @@ computed for each row of the results.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.constraints import Flow, Kind, scale_of
 from lagsim.mechanics.equations import (
     ACTION,
@@ -24,14 +20,14 @@ from lagsim.mechanics.equations import (
     reactions,
 )
 from lagsim.mechanics.ldl import without_rows
-from lagsim.methods.parts.parameters import ALWAYS, OFF
+from lagsim.mechanics.motion_series import linear_form, motion_rates
+from lagsim.mechanics.structure import coupled
+from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
-from lagsim.solve.series import linear_form, motion_rates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -40,55 +36,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.switches import Switches
     from lagsim.methods.moreau import Impulses
     from lagsim.plan.plan import Plan
-    from lagsim.run.system import System
-
-
-def coupled(e: Equations) -> list[int]:
-    """Return for each coordinate the first that M and all rows join it with."""
-    slopes = (row.entries for row in e.slopes)
-    return joined(len(e.q), [*slopes, *(together for _, together in e.coupled)])
-
-
-def held_together(system: System) -> list[int]:
-    """Return for each coordinate the first that the rows in force join it with."""
-    e, known = system.equations, system.together
-    on = system.p.law_mode != OFF
-    key = on.tobytes()
-    if key not in known:
-        acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
-        known[key] = joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
-    return known[key]
-
-
-def joined(n: int, rows: Iterable[Iterable[int]]) -> list[int]:
-    """Return for each of n coordinates the first one that `rows` join it with."""
-    sets = DisjointSets(n)
-    for row in rows:
-        for i, j in pairwise(row):
-            sets.merge(i, j)
-    return [sets.leader(i) for i in range(n)]
-
-
-def in_groups(labels: Sequence[int], roots: Floats, found: Floats) -> Floats:
-    """`largest_beside` in each group of coordinates with one label."""
-    whole = np.array(found)
-    for label in sorted({k for i, k in enumerate(labels) if k != i}):
-        group = np.array(labels) == label
-        whole[group] = largest_beside(roots[group], found[group])
-    return whole
-
-
-def largest_beside(roots: Floats, found: Floats) -> Floats:
-    """Return the largest of range_j min(1, root_j/root_i): by size, without n^2."""
-    finite = np.where(np.isfinite(found) & np.isfinite(roots), found, 0.0)
-    lightest = np.argsort(roots)
-    whole = np.zeros(len(found))
-    below = np.maximum.accumulate((finite * roots)[lightest])
-    above = np.maximum.accumulate(finite[lightest][::-1])[::-1]
-    own = roots[lightest]
-    lighter = np.divide(below, own, out=np.zeros_like(below), where=own > 0.0)
-    whole[lightest] = np.fmax(lighter, above)
-    return whole
 
 
 class Columns:
@@ -215,7 +162,7 @@ def _conditions(e: Equations) -> list[int]:
 
 
 def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
-    """Return what the loops of `solve.dense` and `solve.laws` begin with."""
+    """Return what the loops of `dense` and `laws` begin with."""
     g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
@@ -374,7 +321,7 @@ def on_velocities(equations: Equations, side: Side) -> bool:
 def surface_functions(
     equations: Equations, switches: Switches
 ) -> tuple[dict[str, list[int]], list[int], list[int]]:
-    """`surfaces` and `surface_rows`, see `solve.sliding`; and the pattern of J.
+    """`surfaces` and `surface_rows`, see `sliding`; and the pattern of J.
 
     That is where among its elements each row begins, and the column of each.
     """
@@ -425,7 +372,7 @@ def functions(
 ) -> dict[str, list[int]]:
     """All functions of a system for a method that `needs` more than y'.
 
-    With `switching`, y' and the rows come from what `solve.sliding` makes of `field`.
+    With `switching`, y' and the rows come from what `sliding` makes of `field`.
     """
     g = equations.graph
     rest = g.call("sub", equations.energy, equations.kinetic_form)
@@ -572,7 +519,7 @@ def _in_parts(g: Graph, sizes: Sequence[int]) -> list[int]:
 
 
 def _rounding(e: Equations, elimination: Elimination) -> list[int]:
-    """Bounds of the rounding of accelerations, as `solve.dense.rounding` gives them."""
+    """Bounds of the rounding of accelerations, as `dense.rounding` gives them."""
     g, n = e.graph, len(e.q)
     force_rounding = _force_rounding(e)
     pairs = zip(force_rounding, _inertial(e, elimination), strict=False)
@@ -600,7 +547,7 @@ def _largest(g: Graph, sizes: Iterable[int]) -> int:
 
 
 def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
-    """Return what `solve.dense` begins with; or the entries of Newton's matrix."""
+    """Return what `dense` begins with; or the entries of Newton's matrix."""
     e, g = equations, equations.graph
     if plan.newton is not None and plan.elimination is not None:
         return {"jacobian": plan.newton.nodes(e, plan.elimination)}

@@ -13,7 +13,7 @@ import pytest
 
 from lagsim.methods.parts import parameters as kept
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.solve import dense, laws
+from lagsim.program import dense, laws
 from tests.kernels import bind
 
 if TYPE_CHECKING:

@@ -40,7 +40,7 @@ from lagsim.methods.parts.parameters import (
     Parameters,
 )
 from lagsim.native.kernels.words import external
-from lagsim.solve.dense import (
+from lagsim.program.dense import (
     NAN,
     REFLECTED,
     augment_force,
