@@ -112,23 +112,23 @@ class Problem:
         return np.asarray((self.low == self.high).all(axis=0))
 
     @cached_property
+    def own(self) -> Flags:
+        """Which rows have bounds of their own (r,)."""
+        return self.normals < 0
+
+    @cached_property
     def discs(self) -> list[list[int]]:
         """Rows that share a disc, two by two."""
         later = (self.pairs >= 0) & (self.pairs < np.arange(len(self.c)))
         some = np.flatnonzero(later & ~self.fixed).tolist()
         return [[self.pairs.item(k), k] for k in some]
 
-    @cached_property
-    def rubs(self) -> bool:
-        """Whether bounds depend on multipliers."""
-        return bool((self.normals >= 0).any())
-
     def bounds(self, p: Floats) -> tuple[Floats, Floats]:
         """Return the bounds (r,), (r,) where the multipliers are p."""
-        if not self.rubs:
+        if self.own.all():
             return self.low[0], self.high[0]
-        n, push = self.normals, p[self.normals]
-        push = np.where((n < 0) | ((push < 0.0) & ~self.fixed), 0.0, push)
+        push = p[self.normals]
+        push[self.own | ((push < 0.0) & ~self.fixed)] = 0.0
         return self.low[0] + self.low[1] * push, self.high[0] + self.high[1] * push
 
     def limits(self, p: Floats) -> Floats:
@@ -161,7 +161,7 @@ def solve(problem: Problem) -> Solution:
         Where c or D is not finite.
     """
     r = len(problem.c)
-    if not np.isfinite([problem.c, *problem.D]).all():
+    if not (np.isfinite(problem.c).all() and np.isfinite(problem.D).all()):
         raise FloatingPointError("forces that are not finite")
     groups = _decoupled(problem) if r > 1 else []
     if len(groups) <= 1:
@@ -174,7 +174,9 @@ def solve(problem: Problem) -> Solution:
 
 
 def _decoupled(problem: Problem) -> list[list[int]]:
-    """Rows in groups that have no entry of D and no bound in common."""
+    """Rows in groups with no entry of D and no bound in common; none if all have."""
+    if problem.D.all():
+        return []
     sets = DisjointSets(len(problem.c))
     for i, j in np.argwhere(problem.D).tolist():
         sets.merge(i, j)
@@ -190,18 +192,18 @@ def _solved(problem: Problem) -> Solution:
     if few is not None:
         return few
     unit, s = _scaled(problem)
-    best, least = np.zeros(len(s)), np.inf
-    for p in _attempts(unit):
-        off = _residual(unit, p)
+    best, least = None, np.inf
+    for point in _attempts(unit):
+        off = point.residual()
         if off < least:
-            best, least = p, off
+            best, least = point, off
         if least <= CONVERGED:
             break
-    there = _Point(unit, best)
-    p = best - there.F
+    best = best or _Point(unit, np.zeros(len(s)))
+    p = best.p - best.F
     free = [k for rows in unit.discs for k in rows]
-    p[free] = best[free]
-    w = np.where(there.inside, 0.0, there.w)
+    p[free] = best.p[free]
+    w = np.where(best.inside, 0.0, best.w)
     return Solution(p * s, w / s, least < SOLVED_LAWS)
 
 
@@ -222,8 +224,9 @@ def _by_cases(problem: Problem) -> Solution | None:
     normals = problem.normals.tolist()
     low, high = problem.low.tolist(), problem.high.tolist()
     choices = []
-    for k, fixed in enumerate(problem.fixed.tolist()):
+    for k in range(len(c)):
         ends = [end for end in (low, high) if isfinite(end[0][k])]
+        fixed = low[0][k] == high[0][k] and low[1][k] == high[1][k]
         choices.append(ends[:1] if fixed else [None, *ends])
     for case in product(*choices):
         p = _held(D, c, normals, case)
@@ -290,49 +293,41 @@ def _scaled(problem: Problem) -> tuple[Problem, Floats]:
     return replace(problem, D=D, c=s * problem.c, low=low, high=high), s
 
 
-def _residual(problem: Problem, p: Floats) -> float:
-    """Size of F at p (r,), relative to the largest terms of w."""
-    F = _Point(problem, p).F
-    terms = np.abs(problem.D) @ np.abs(p) + np.abs(problem.c)
-    return float(np.abs(F).max(initial=0.0) / (terms.max(initial=0.0) or 1.0))
-
-
 # How much diagonal is added, where rows are on discs and elsewhere, and how often its
 # force is taken back.
 FIRM_ON_DISCS, FIRM = 1e-2, 1e-6
 PROXIMAL_ON_DISCS, PROXIMAL = 8, 2
 
 
-def _attempts(unit: Problem) -> Iterator[Floats]:
-    """Try multipliers (r,) for a scaled problem, one after the other."""
+def _attempts(unit: Problem) -> Iterator[_Point]:
+    """Try multipliers for a scaled problem, one after the other."""
     r, discs = len(unit.c), bool(unit.discs)
     if not discs or np.linalg.matrix_rank(unit.D, DEPENDENT_DIRECTIONS) == r:
-        p = _descend(unit, np.zeros(r))
-        if _regular(_Point(unit, p).slopes(), np.ones(r)) is not None:
-            yield p
+        point = _descend(unit, np.zeros(r))
+        if _regular(point.slopes(), np.ones(r)) is not None:
+            yield point
     if discs:
         yield _proximal(unit, FIRM_ON_DISCS, PROXIMAL_ON_DISCS)
         for corners in CORNERS:
             yield _descend(unit, _by_pivots(unit, corners))
         return
-    yield _by_pivots(unit)
+    yield _Point(unit, _by_pivots(unit))
     yield _proximal(unit, FIRM, PROXIMAL)
     limited = np.isfinite(unit.high).all(axis=0)
     at = np.where(unit.c > 0.0, unit.low, unit.high)
     low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
-    yield _by_pivots(replace(unit, low=low, high=high))
+    yield _Point(unit, _by_pivots(replace(unit, low=low, high=high)))
 
 
-def _proximal(unit: Problem, firm: float, times: int) -> Floats:
-    """Multipliers (r,) where more diagonal is added, and its force taken back."""
+def _proximal(unit: Problem, firm: float, times: int) -> _Point:
+    """Multipliers where more diagonal is added, and its force taken back."""
     p, extra = np.zeros(len(unit.c)), firm * np.abs(unit.D.diagonal())
-    found = p
     D, discs = unit.D + np.diag(extra), bool(unit.discs)
     for _ in range(times):
         firmer = replace(unit, D=D, c=unit.c - extra * p)
-        p = _descend(firmer, p) if discs else _by_pivots(firmer)
+        p = _descend(firmer, p).p if discs else _by_pivots(firmer)
         found = _descend(unit, p)
-        if _residual(unit, found) <= RESIDUAL_ROUNDOFF:
+        if found.residual() <= RESIDUAL_ROUNDOFF:
             break
     return found
 
@@ -352,7 +347,7 @@ PARTS = (1.0, 0.5, 0.25, 0.0625)
 FAR = 1e8
 
 
-def _descend(problem: Problem, p: Floats) -> Floats:
+def _descend(problem: Problem, p: Floats) -> _Point:
     """Take Newton's steps from p (r,) for as long as they get nearer."""
     here = _Point(problem, p)
     least = TERM_ROUNDOFF * float(np.abs(problem.c).max())
@@ -371,7 +366,7 @@ def _descend(problem: Problem, p: Floats) -> Floats:
         else:
             break
         here = there
-    return here.p
+    return here
 
 
 def _regular(J: Floats, right: Floats) -> Floats | None:
@@ -400,7 +395,8 @@ class _Point:
         low, self.high = problem.bounds(p)
         z = self.z = p - self.w
         self.inside = (low < z) & (z < self.high)
-        self.F = np.where(self.inside, self.w, p - np.clip(z, low, self.high))
+        nearest = np.minimum(np.maximum(z, low), self.high)
+        self.F = np.where(self.inside, self.w, p - nearest)
         for rows in problem.discs:
             size, bound = float(np.hypot(*z[rows])), self.high[rows[1]]
             self.inside[rows] = size <= bound
@@ -409,12 +405,18 @@ class _Point:
                 self.F[rows] = p[rows] - bound / size * z[rows]
         self.size = float(np.abs(self.F).max())
 
+    def residual(self) -> float:
+        """Size of F relative to the largest terms of w."""
+        problem = self.problem
+        terms = np.abs(problem.D) @ np.abs(self.p) + np.abs(problem.c)
+        return self.size / (float(terms.max()) or 1.0)
+
     def slopes(self) -> Floats:
         """Slopes of F (r, r)."""
         problem, D, n = self.problem, self.problem.D, self.problem.normals
         unit_rows = np.eye(len(n))
         J = np.where(self.inside[:, None], D, unit_rows)
-        at = np.flatnonzero(~self.inside & (n >= 0))
+        at = (~(self.inside | problem.own)).nonzero()[0]
         above = self.z[at] >= self.high[at]
         slopes = np.where(above, problem.high[1, at], problem.low[1, at])
         pushed = (self.p[n[at]] >= 0.0) | problem.fixed[at]

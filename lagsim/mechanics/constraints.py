@@ -165,6 +165,8 @@ class Kind(Enum):
     strikes : bool
         An impact gives it an impulse: what is bounded gives none in no time, but
         friction goes with that of its contact.
+    one_sided, bounded : bool
+        The multiplier pushes and does not pull; it is bounded in both directions.
     """
 
     CONTACT = (kept.CONTACT, 0.0, inf, True)
@@ -175,16 +177,7 @@ class Kind(Enum):
 
     def __init__(self, code: float, low: float, high: float, strikes: bool) -> None:
         self.code, self.low, self.high, self.strikes = code, low, high, strikes
-
-    @property
-    def one_sided(self) -> bool:
-        """Whether the multiplier pushes and does not pull."""
-        return self.low == 0.0
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the multiplier is bounded in both directions."""
-        return self.high < inf
+        self.one_sided, self.bounded = low == 0.0, high < inf
 
 
 class Law(NamedTuple):

@@ -58,7 +58,7 @@ class Mode(IntEnum):
     REDUNDANT = 3  # it holds because others do
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Closed:
     """Contacts that touch with their slips, and other rows in force: r of them.
 
@@ -88,6 +88,11 @@ class Closed:
     restitutions: Floats
     factor: Floats | None = None
 
+    @cached_property
+    def bounded(self) -> Flags:
+        """Which multipliers are bounded in both directions (r,)."""
+        return np.array([kind.bounded for kind in self.kinds], dtype=bool)
+
 
 def _problem(
     closed: Closed, c: Floats, sizes: Floats, directions: Floats, *, given: Flags
@@ -102,9 +107,11 @@ def _problem(
         size = sizes[k] if kind.bounded else 1.0
         part = 1 if kind is Kind.SLIP else 0
         low[part, k], high[part, k] = kind.low * size, kind.high * size
-    low[:, given] = high[:, given] = high[:, given] * directions[given]
     normals, pairs = np.array(closed.normals), np.array(closed.pairs)
-    return Problem(closed.D, c, low, high, normals, np.where(given, -1, pairs))
+    if given.any():
+        low[:, given] = high[:, given] = high[:, given] * directions[given]
+        pairs[given] = -1
+    return Problem(closed.D, c, low, high, normals, pairs)
 
 
 # --- the Delassus matrix --------------------------------------------------------------
@@ -345,10 +352,11 @@ def modes(
 
 def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, Floats]:
     """Which rows slide already (r,), and the directions of their friction (r,)."""
+    if not closed.bounded.any():
+        return closed.bounded, np.zeros(len(rates))
     pairs = np.array(closed.pairs)
     slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
-    bounded = np.array([kind.bounded for kind in closed.kinds], dtype=bool)
-    given: Flags = bounded & (slips > slip_noise)
+    given: Flags = closed.bounded & (slips > slip_noise)
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 
@@ -372,14 +380,14 @@ class _Rows:
         """Contacts and freewheels."""
         return [k for k, kind in enumerate(self.closed.kinds) if kind.one_sided]
 
-    def rounding(self, solution: Solution) -> Floats:
-        """Bounds of the rounding of the accelerations of rows (r,).
+    def rounding(self, p: Floats, limits: Floats) -> Floats:
+        """Bounds of the rounding of the accelerations of rows (r,), at multipliers p.
 
         Against all that could push: what rests without a force has its friction's
         scale.
         """
-        problem, p = self.problem, solution.p
-        pushes = np.maximum(np.abs(p), problem.limits(p))
+        problem = self.problem
+        pushes = np.maximum(np.abs(p), limits)
         terms = np.abs(problem.D) @ pushes + np.abs(problem.c)
         parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
         return np.asarray(np.maximum(self.roundoff, parts * terms))
@@ -392,7 +400,8 @@ class _Rows:
         is all there is.
         """
         p, own = solution.p, self.closed.D.diagonal()
-        rounding = self.rounding(solution)
+        limits = self.problem.limits(p)
+        rounding = self.rounding(p, limits)
         small = rounding / np.where(own > 0.0, own, 1.0)
         modes, directions = [Mode.OFF] * len(p), self.directions.copy()
         held = [k for k, kind in enumerate(self.closed.kinds) if kind is Kind.TIMED]
@@ -410,7 +419,7 @@ class _Rows:
             if n >= 0 and n not in touches:
                 directions[k] = 0.0
                 continue
-            modes[k], way = self._bounded(k, solution, rounding, small[k])
+            modes[k], way = self._bounded(k, solution, rounding, limits[k], small[k])
             if modes[k] is Mode.SLIDING:
                 directions[k] = way
             else:
@@ -420,16 +429,16 @@ class _Rows:
             for k in held:
                 modes[k] = Mode.HELD
             return modes, directions, True
-        self._hold([*held, *tied], apart, modes, directions, p)
+        self._hold([*held, *tied], apart, modes, directions, p, limits)
         return modes, directions, False
 
     def _bounded(
-        self, k: int, solution: Solution, rounding: Floats, small: float
+        self, k: int, solution: Solution, rounding: Floats, bound: float, small: float
     ) -> tuple[Mode, float]:
         """Mode of a bounded row, and its direction; one that is tied is off."""
         if self.given[k]:
             return Mode.SLIDING, float(self.directions[k])
-        pair, bound = self.closed.pairs[k], self.problem.limits(solution.p)[k]
+        pair = self.closed.pairs[k]
         rows = [k] if pair < 0 else [k, pair]
         slip = np.linalg.norm(solution.w[rows])
         force = np.linalg.norm(solution.p[rows])
@@ -449,13 +458,14 @@ class _Rows:
         modes: list[Mode],
         directions: Floats,
         p: Floats,
+        limits: Floats,
     ) -> None:
         """Set modes of rows that hold, each with the share of its bound that it bears.
 
         What others hold is redundant, and cannot part; slips of contacts without force
         are off.
         """
-        limits, span = self.problem.limits(p), _Independent(self.closed)
+        span = _Independent(self.closed)
         for k in holding:
             n = self.closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
@@ -500,7 +510,8 @@ def _supported(rows: _Rows, solution: Solution) -> Solution:
 
     All rows keep their accelerations within rounding.
     """
-    problem, rounding = rows.problem, rows.rounding(solution)
+    problem, p = rows.problem, solution.p
+    rounding = rows.rounding(p, problem.limits(p))
     while True:
         for k in _spare(rows, solution):
             away = (np.arange(len(problem.c)) == k) | (problem.normals == k)
@@ -556,8 +567,15 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     B = Y_H^T Y E_H is solved with as R^T (Q^T Y E_H), where Y_H = Q R.
     """
     closed, c, sizes = rows.closed, rows.problem.c, rows.sizes
+    # Directions are parts of the bounds in force, here of those of the problem.
+    redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
+    known = np.where(redundant, closed.statics, closed.bounds)
+    other = (known > 0.0) & (known != sizes)
+    parts = np.where(other, sizes, 1.0) / np.where(other, known, 1.0)
     E, p0 = _expressed(rows, modes, directions)
     held = [k for k, mode in enumerate(modes) if mode is Mode.HELD]
+    if not held:
+        return Modes(tuple(modes), directions * parts, p0, paradox=False)
     D, Y = closed.D[held], _columns(closed)
     B, h = (D @ E)[:, held], c[held] + D @ p0
     Q, R = np.linalg.qr(Y[:, held])
@@ -569,14 +587,10 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
         else:
             x -= least_squares(forces, np.linalg.solve(R.T, B @ x + h))
     p = E[:, held] @ x + p0
-    signed = np.isin(np.arange(len(p)), rows.one_sided)
-    least = -ACCELERATION_ROUNDOFF * np.abs(p).max(initial=0.0)
-    p[signed & (p < 0.0) & (p > least)] = 0.0
-    # Directions are parts of the bounds in force, here of those of the problem.
-    redundant = np.array([mode is Mode.REDUNDANT for mode in modes], dtype=bool)
-    known = np.where(redundant, closed.statics, closed.bounds)
-    other = (known > 0.0) & (known != sizes)
-    parts = np.where(other, sizes, 1.0) / np.where(other, known, 1.0)
+    least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
+    for k in rows.one_sided:
+        if least < p[k] < 0.0:
+            p[k] = 0.0
     jams = Mode.SLIDING in modes and _jams(rows, E, held, R, forces)
     return Modes(tuple(modes), directions * parts, p, jams)
 

@@ -195,8 +195,9 @@ class Contacts(Source):
         self.shape = here.shape
         edge = self.left if arc.t == self.left_at else set()
         if arc.t != self.asked_at:
-            slid = np.flatnonzero(arc.system.p.law_mode == kept.SLIDING)
-            self.slid, self.asked_at = set(slid.tolist()), arc.t
+            before = enumerate(arc.system.p.law_mode.tolist())
+            self.slid = {k for k, mode in before if mode == kept.SLIDING}
+            self.asked_at = arc.t
         events, paradox, unique = select_modes(here, edge, also, self.slid)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in events if e.constraint not in rested]
@@ -291,7 +292,7 @@ class Contacts(Source):
                 continue
             event = Event(
                 arc.t, "impact", name, rate_before=float(rates[i]),
-                rate_after=float(result.after[i]), energy=float(np.sum(changes)),
+                rate_after=float(result.after[i]), energy=float(changes.sum()),
             )  # fmt: skip
             found.events.append(event)
             self.bounces[k] += 1
@@ -326,7 +327,7 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     """
     system = here.arc.system
     struck = {k for k in range(here.count) if closed[k] and here.strikes(k)}
-    if not struck or np.any(system.p.slack[: system.surfaces] > 0.0):
+    if not struck or (system.p.slack[: system.surfaces] > 0.0).any():
         return {}
     depths = {k: here.depth(k) for k in struck}
     part = min(CLOSING * here.arc.plan.tolerance, SATISFIED)

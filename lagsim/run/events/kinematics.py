@@ -121,10 +121,11 @@ class Kinematics:
             conditions = arc.runner.function("conditions", self.count)(t, y)
             self.in_force = (conditions != 0.0).tolist()
         slopes, seen, ranges = self.shape.slopes, arc.seen, arc.ranges
-        levels = arc.state.positions, arc.velocities
-        self.seen, self.reach = seen, tuple(slopes @ ranges[x] for x in levels)
-        sizes = np.maximum(rate_scales, slopes @ seen[arc.velocities])
-        v = y[arc.velocities]
+        places, speeds = self.levels = arc.state.positions, arc.state.velocities
+        self.seen = seen
+        self.reach = slopes @ ranges[places], slopes @ ranges[speeds]
+        sizes = np.maximum(rate_scales, slopes @ seen[speeds])
+        v = y[speeds]
         # Of what has not moved yet: by where it will soon be.
         soon = seen[:n] + arc.settings.output_step * np.abs(v)
         held = np.maximum(gap_scales, slopes @ soon)
@@ -183,10 +184,10 @@ class Kinematics:
     def present(self) -> Floats:
         """The accelerations (L,) that there are with the laws that hold now."""
         system = self.arc.system
-        if not np.any(system.p.law_mode):
+        if not system.p.law_mode.any():
             return self.accelerations
         field = self.arc.runner.function("field", system.size + system.m)
-        a = field(self.t, self.y)[self.arc.velocities]
+        a = field(self.t, self.y)[self.levels[1]]
         return np.asarray(self.rows @ a - system.p.b[system.m - self.count :])
 
     def _known(self) -> Floats:
@@ -194,12 +195,10 @@ class Kinematics:
 
         Rows that hold do so within the rounding of their own terms.
         """
-        state, sizes = self.arc.state, self.seen.copy()
-        slopes = self.shape.slopes
+        sizes, slopes = self.seen.copy(), self.shape.slopes
         squares = (slopes * slopes).sum(axis=1)[:, None]
         per = slopes / np.where(squares > 0.0, squares, 1.0)
-        levels = state.positions, state.velocities
-        for level, scales in zip(levels, self.scales, strict=True):
+        for level, scales in zip(self.levels, self.scales, strict=True):
             part = sizes[level]
             np.maximum(part, (scales[:, None] * per).max(axis=0), out=part)
         return sizes
@@ -214,7 +213,7 @@ class Kinematics:
         p.law_mode[:] = mode
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
-        return field[arc.velocities], b.copy(), bounds.copy(), statics.copy()
+        return field[self.levels[1]], b.copy(), bounds.copy(), statics.copy()
 
     def accelerations_at(self, t: float, y: Floats) -> Floats:
         """Accelerations (L,) without any law at another time and state."""
