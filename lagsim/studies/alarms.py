@@ -183,9 +183,10 @@ def group_balances(equations: Equations, monitor: EnergyMonitor) -> list[Balance
         return []
     energies, forms = (shared(e, found, x)[0] for x in (e.energy, e.kinetic_form))
     nodes = [*energies, *forms]
-    for group, *own in zip(found, energies, forms, strict=True):
-        within = {x[j] for x in (e.q, e.velocities) for j in group}
-        if g.depends(own) & {*e.state} - within:
+    group_of = {x[j]: k for k, many in enumerate(found)
+                for x in (e.q, e.velocities) for j in many}  # fmt: skip
+    for k, both in enumerate(zip(energies, forms, strict=True)):
+        if any(group_of.get(name, k) != k for name in g.depends(both)):
             return []
     most = min(MOST_ROWS, int(MOST_OPERATIONS / len(g.cone(nodes))))
     stride = -(-len(monitor.passed) // max(most, 2))

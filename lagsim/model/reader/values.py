@@ -418,7 +418,7 @@ class Initial(_Numbers):
         elif len(texts) < len(given):
             return []
         both = len(texts) == len(("position", "velocity"))
-        moving = name in self.x.names.of(Kind.COORDINATE)
+        moving = self.x.names.variables.get(name) is Kind.COORDINATE
         return texts if both and moving and not quantities.is_unit(texts[1]) else []
 
     def _defined(self, key: Scalar) -> tuple[bool, int | None]:
