@@ -400,18 +400,19 @@ class Mark(NamedTuple):
     top: Pen
 
 
-# In the order of a legend. Filled where something holds from then on.
+# In the order of a legend, by the names of a page. Filled where something holds from
+# then on.
 MARKS = {
-    "impact": Mark("impacts", mark("|", 5.0, "#D55E00")),
-    "zeno": Mark("comes to rest", mark("o", 3.2, GREY)),
-    "stick": Mark("sticks", mark("v", 3.6, GREY)),
-    "slip": Mark("slips", mark("v", 3.6, GREY, "white")),
-    "contact": Mark("touches", mark("s", 3.2, GREY)),
-    "release": Mark("lets go", mark("s", 3.2, GREY, "white")),
-    "switch": Mark("switches", mark("|", 5.0, GREY)),
-    "rank": Mark("rank is lost", mark("D", 2.8, GREY)),
+    "impact": Mark("impact", mark("|", 5.0, "#D55E00")),
+    "zeno": Mark("at rest", mark("o", 3.2, GREY)),
+    "stick": Mark("stick", mark("v", 3.6, GREY)),
+    "slip": Mark("slip", mark("v", 3.6, GREY, "white")),
+    "contact": Mark("contact", mark("s", 3.2, GREY)),
+    "release": Mark("release", mark("s", 3.2, GREY, "white")),
+    "switch": Mark("switch", mark("|", 5.0, GREY)),
+    "rank": Mark("loss of rank", mark("D", 2.8, GREY)),
 }
-OTHERS = Mark("events", mark("|", 5.0, "#888888"))
+OTHERS = Mark("event", mark("|", 5.0, "#888888"))
 # Points from one mark to the next of its kind, beside its own width.
 TICKS_APART = 2.0
 # Single values more than these have no dots.
@@ -443,7 +444,8 @@ def line(axes: Axes, x: ArrayLike, y: ArrayLike, pen: Pen, **more: Any) -> None:
 
 def curve(axes: Axes, x: Array, y: Array, pen: Pen) -> None:
     """Draw y against x; a value between two gaps becomes a dot."""
-    line(axes, x, y, pen)
+    # Moved to whole pixels, a level curve between two would show its rounding.
+    line(axes, x, y, pen, snap=False)
     seen = np.isfinite(x) & np.isfinite(y)
     linked = np.append(seen[:-1] & seen[1:], False)
     alone = seen & ~linked & ~np.roll(linked, 1)

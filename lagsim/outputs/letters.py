@@ -45,6 +45,8 @@ class PictureNames(UnicodeNames):
         digits, _, rest = below.partition("_")
         if not rest:
             return base, below
+        if len(base) > 1 and any(len(part) > 1 for part in rest.split("_")):
+            return name, ""  # words: `normal_force`
         parts = [digits.translate(_DIGITS)] if digits else []
         parts += [GREEK.get(part, part) for part in rest.split("_") if part]
         return base, f"{BELOW}{','.join(parts)}{END}"
@@ -77,7 +79,7 @@ class Letters:
 
     def text(self, text: str) -> str:
         """Return an expression with its names written so."""
-        return _NAME.sub(lambda found: self.name(found[0]), text)
+        return _NAME.sub(lambda found: self.name(found[0]), text).replace("-", "−")
 
 
 def letters_of(model: Model) -> Letters:
@@ -101,7 +103,8 @@ def _below(found: re.Match[str]) -> str:
 
 
 def _dotted(found: re.Match[str]) -> str:
-    return rf"$\{_COMMANDS[found[2]]}{{\mathrm{{{found[1]}}}}}$"
+    letters = found[1].replace("_", r"\_")
+    return rf"$\{_COMMANDS[found[2]]}{{\mathrm{{{letters}}}}}$"
 
 
 def plain(text: str) -> str:

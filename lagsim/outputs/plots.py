@@ -107,7 +107,8 @@ def sheet(
     if timed:
         names += [(look.name, look.top) for look, _ in event_marks(record)]
     if record.horizon < record.rows.last("t"):
-        names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
+        look: Pen = {"color": LOST, "linewidth": 6.0, "solid_capstyle": "butt"}
+        names.append(("past the horizon", look))
     return Picture(
         height, record.title, subject, width=width, legend=names,
         remarks=[record.note] if record.note else (),
@@ -285,17 +286,17 @@ def label_greatest(
     t, values = (np.concatenate(parts) for parts in zip(*drawn, strict=True))
     at = int(np.where(np.isfinite(t + values), np.abs(values), 0.0).argmax())
     most = read_off(values[at])
-    beyond = f"powers of ten beyond {read_off(scale.linear)}"
+    beyond = f"logarithmic beyond {read_off(scale.linear)}"
     width, _ = size_of(axes)
     if above:  # in a small panel it would stand across the curve
-        text = fitted(f"{most}; {beyond}", 0.68 * width, SMALL)
+        text = fitted(f"peak {most}; {beyond}", 0.68 * width, SMALL)
         axes.set_title(text, loc="right", color=DIM)
         return
     # Where the greatest value is not.
     x, side = (0.01, "left") if t[at] > 0.5 * (t[0] + t[-1]) else (0.99, "right")
-    text = fitted(f"{most} at t = {read_off(t[at], 5)}; {beyond}", width, SMALL)
+    text = f"peak {most} at t = {read_off(t[at], 5)}; {beyond}"
     look: Pen = {"size": SMALL, "color": DIM, "transform": axes.transAxes}
-    axes.text(x, 0.96, text, ha=side, va="top", **look)
+    axes.text(x, 0.96, fitted(text, width, SMALL), ha=side, va="top", **look)
 
 
 def largest(record: Record, sizes: Mapping[str, float]) -> dict[str, float]:
@@ -536,7 +537,7 @@ class Views:
         if len(paths) <= len(PENS):
             pens = list(PENS[: len(paths)])
         return {
-            name: mark(".", 3.0, pen["color"]) if dotted(x, y) else pen
+            name: mark(".", 6.0, pen["color"]) if dotted(x, y) else pen
             for (name, (x, y)), pen in zip(paths.items(), pens, strict=True)
         }
 
@@ -607,10 +608,12 @@ class Views:
                 x, y = np.stack((shown[a][:, row], shown[b][:, row]), 1)
                 curve(axes, x, y, pen)
         small = 0.6 if len(self._pens) > MOST_NAMES else 1.0
-        for row, size, fill in ((0, 4.6, "white"), (-1, 2.6, "")):
+        for row, size, fill, edge in ((0, 4.6, "white", ""), (-1, 3.4, "", "white")):
             for name, pen in self._pens.items():
+                look = mark("o", small * size, pen["color"], fill)
+                look["markeredgecolor"] = edge or pen["color"]
                 x, y = shown[name][:, row]
-                point(axes, x, y, mark("o", small * size, pen["color"], fill))
+                point(axes, x, y, look)
         for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
             point(axes, x, y, FIXED_MARK)
 
@@ -640,11 +643,13 @@ def energy(record: Record) -> Picture:
     named = {"kinetic": "kinetic T", "potential": "potential V"}
     named |= {"lagrangian": "lagrangian L", "energy": total}
     names = [name for name in named if name in record.rows]
-    pens = dict(zip(names, (*PENS[: len(names) - 1], BLACK), strict=True))
-    drawn = {name: record.rows.series(name) for name in names}
+    whole = BLACK | {"linewidth": 1.8}
+    pens = dict(zip(names, (*PENS[: len(names) - 1], whole), strict=True))
+    # A part that is the whole is seen upon it.
+    drawn = {name: record.rows.series(name) for name in reversed(names)}
     values = spread_scale(*drawn.values())
     frame(axes, time_of(record), values, up=("energy", record.unit("energy")))
-    against_time(record, axes, drawn.values(), pens.values())
+    against_time(record, axes, drawn.values(), [pens[name] for name in drawn])
     label_greatest(axes, values, list(drawn.values()))
     legend_above(axes, [(named[name], pens[name]) for name in names])
     _drift(lower, record)

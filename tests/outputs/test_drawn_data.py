@@ -137,11 +137,11 @@ def test_energies_and_their_drift():
     upper, lower = panels(drawing)
     assert upper.named == ("t", "s", "energy", "J")
     assert lower.named == ("t", "s", "drift", "J")
-    assert_drawn(upper, *((T, columns[n]) for n in ("kinetic", "potential", "energy")))
+    assert_drawn(upper, *((T, columns[n]) for n in ("energy", "potential", "kinetic")))
     balance = columns["energy"] - columns["work"]
     assert_drawn(lower, (T, balance - balance[0], 1e-9))
     # A legend names the lines by their colours.
-    names = ["kinetic T", "potential V", "energy T + V"]
+    names = ["energy T + V", "potential V", "kinetic T"]
     for name, colour in zip(names, upper.lines, strict=True):
         [text] = [t for t in drawing.texts if t.said == name]
         x, y = text.place
@@ -154,7 +154,7 @@ def test_energies_and_their_drift():
 
 
 def test_events_horizon_and_notes_where_there_are_any():
-    told = {"switches", "past the horizon", "incomplete: until t = 3"}
+    told = {"switch", "past the horizon", "incomplete: until t = 3"}
     events = (0.5, 3.25, 11.0)
     more = {"events": {"switch": events}, "horizon": 7.5}
     _, drawing = energies(**more, note="incomplete: until t = 3")

@@ -37,6 +37,8 @@ def below(text):
         ("residual_b_x", "residual[b,x]"),
         ("friction.floor.1", "friction.floor.1"),
         ("thetas", "thetas"),
+        ("normal_force", "normal_force"),
+        ("wheel_x", "wheel[x]"),
     ],
 )
 def test_names(name, written):
@@ -50,7 +52,7 @@ def test_names_that_would_look_alike_stay_apart():
 
 def test_names_in_expressions_but_no_functions():
     text = "beta*sin(alpha_dot) + beta(2) - lambda_c^2"
-    expected = f"β*sin(α{DOT}) + beta(2) - λ[c]^2"
+    expected = f"β*sin(α{DOT}) + beta(2) − λ[c]^2"
     assert Letters().text(text) == below(expected)
 
 
@@ -69,6 +71,7 @@ def test_powers_of_units_are_raised(unit, written):
         (f"x{DOT}₁ for 3 $", f"x{DOT}₁ for 3 \\$"),
         ("λ[b,x] (N)", r"λ$_\mathrm{b,x}$ (N)"),
         (f"x{DOT}[left]", r"$\dot{\mathrm{x}}$$_\mathrm{left}$"),
+        (f"a_speed{DOT}", r"$\dot{\mathrm{a\_speed}}$"),
         (f"speed{TWO_DOTS} $", r"$\ddot{\mathrm{speed}}$ \$"),
         # Of a title, which may hold what it likes.
         ("[$x{a}] $x$ [", r"\$x{a} \$x\$ "),

@@ -230,8 +230,12 @@ def assert_grid(seen, screen, unit=""):
         (0, WIDE, 44, 24, "center"), (1, HIGH, 12, 22, "left"),
     ):  # fmt: skip
         places = np.array([screen([x, x])[axis] for x in values])
-        there = (places >= -1e-9) & (places <= size)
-        wanted = np.floor(places[there] + 0.5) + 0.5
+        # No line crosses the numbers, which are at the left and below.
+        lines_from, lines_to = ((44, size), (0, size - 22))[axis]
+        drawn = np.floor(places + 0.5) + 0.5
+        there = (places >= -1e-9) & (places <= size) & (drawn < lines_to)
+        there &= drawn > lines_from
+        wanted = drawn[there]
         found = [e[0, axis] for e in corners if e[0, axis] == e[1, axis]]
         assert near(sorted(found), sorted(wanted))
         texts = page.labels(seen, align=align)
@@ -531,6 +535,21 @@ def test_the_floor_is_below_all():
     # `b`, under the middle of the circle, is on the floor: where shadows go round.
     apart = np.subtract(shadow[1:3], square["box"][:2]) - 4
     assert near(apart, screen.along([1.0, 0, 0]), 1e-3)
+
+
+@pytest.mark.parametrize("size", [1.0, 2.1, 3.05, 6.3])
+@pytest.mark.parametrize("drag", [0, 90, 260])
+def test_the_whole_floor_is_seen_however_it_is_turned(size, drag):
+    place = [size * np.cos(T), 0.4 + size * np.sin(T), 0.1 * size * np.sin(T)]
+    rate = [-size * np.sin(T), size * np.cos(T), 0.1 * size * np.cos(T)]
+    seen = shown(
+        page.film(T, {"a": (place, rate)}), page.press(0, 0), page.move(drag, 0),
+        size=[1000.0, 600.0],
+    )  # fmt: skip
+    [floor] = fills(seen, "floor")
+    across = np.array([corner[1] for corner in floor["path"] if len(corner) > 2])
+    assert len(across) == 4
+    assert 0 <= across.min() < across.max() <= 1000
 
 
 @pytest.mark.parametrize("count", [4, 5])

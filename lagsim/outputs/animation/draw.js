@@ -70,6 +70,7 @@ class Drawing {
     if (close) pen.closePath();
   }
 
+  // Lines at round places, clear of the numbers at the left and below.
   grid() {
     const {pen, view, ink} = this;
     const [left, top] = view.under(0, 0), [right, bottom] = view.under(view.width, view.height);
@@ -83,20 +84,22 @@ class Drawing {
     pen.textAlign = "center";
     for (let k = Math.ceil(left / step); k * step <= right; k++) {
       const x = Math.round(view.at([k * step, 0])[0]) + 0.5;
-      this.line([[x, 0], [x, view.height]]);
+      if (x <= 44) continue;
+      this.line([[x, 0], [x, view.height - 22]]);
       pen.stroke();
       const text = written(k * step, step), half = Math.max(24, pen.measureText(text).width / 2 + 2);
-      if (x > 44 && x < view.width - half) pen.fillText(text, x, view.height - 6);
+      if (x < view.width - half) pen.fillText(text, x, view.height - 6);
     }
     pen.textAlign = "left";
     pen.textBaseline = "middle";
     for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
       const y = Math.round(view.at([0, k * step])[1]) + 0.5;
-      this.line([[0, y], [view.width, y]]);
+      if (y >= view.height - 22) continue;
+      this.line([[44, y], [view.width, y]]);
       pen.stroke();
       // The name of a run stands above its picture's corner.
       const first = this.canvas.previousElementSibling ? 34 : 12;
-      if (y > first && y < view.height - 22) pen.fillText(written(k * step, step), 7, y);
+      if (y > first) pen.fillText(written(k * step, step), 7, y);
     }
     if (unit) pen.fillText(unit, 7, view.height - 9);
   }
@@ -105,11 +108,7 @@ class Drawing {
   base(places, dots) {
     const {pen, view, run, ink} = this, z = view.floor;
     if (z === null || view.raised <= 0) return;
-    const step = stepOf(1.2 * Math.max(...view.spans), 10);
-    const [[left, right], [front, back]] = [0, 1].map((k) => [
-      step * Math.floor((view.middle[k] - view.spans[k] / 2) / step + 1e-9),
-      step * Math.ceil((view.middle[k] + view.spans[k] / 2) / step - 1e-9),
-    ]);
+    const step = view.step, [[left, right], [front, back]] = view.ground;
     pen.lineWidth = 1;
     if (!this.one) {
       const corners = [[left, front], [right, front], [right, back], [left, back]];

@@ -61,7 +61,9 @@ class Bars {
       const [from, to] = [part(Math.min(0, now)), part(Math.max(0, now))];
       bar.style.setProperty("--from", `${from}%`);
       bar.style.setProperty("--long", `${to - from}%`);
-      value.textContent = `${short(now)} ${unit}`.trim();
+      // Of what is rounding beside the others no digit counts.
+      const shown = Math.abs(now) < 1e-9 * this.span ? 0 : now;
+      value.textContent = `${short(shown)} ${unit}`.trim();
     }
   }
 }

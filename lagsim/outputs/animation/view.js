@@ -15,6 +15,13 @@ class View {
     // Where all is at one height, a floor would cut it: only its lines are drawn.
     this.flat = this.space && spans[2] < 0.02 * size;
     this.floor = this.space ? run.floor : null;
+    if (this.space) {
+      this.step = stepOf(1.2 * Math.max(...this.spans), 10);
+      this.ground = [0, 1].map((k) => [
+        this.step * Math.floor((this.middle[k] - this.spans[k] / 2) / this.step + 1e-9),
+        this.step * Math.ceil((this.middle[k] + this.spans[k] / 2) / this.step - 1e-9),
+      ]);
+    }
     this.reset();
   }
 
@@ -52,7 +59,11 @@ class View {
     // Arrows have room beyond the points.
     const size = Math.min(this.width, this.height);
     const edge = this.run.usual ? 0.2 * size : Math.min(64, 0.14 * size);
-    return Math.min((this.width - 2 * edge) / across, (this.height - 2 * edge) / up);
+    const fit = Math.min((this.width - 2 * edge) / across, (this.height - 2 * edge) / up);
+    if (!this.space || this.floor === null) return fit;
+    // The corners of the floor are seen as well, however it is turned.
+    const far = this.ground.map((ends, k) => Math.max(...ends.map((end) => Math.abs(end - this.middle[k]))));
+    return Math.min(fit, this.width / (2 * Math.hypot(...far)));
   }
 
   get scale() { return this.fitting * this.zoom; }
