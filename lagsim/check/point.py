@@ -23,6 +23,7 @@ import numpy as np
 
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate, evaluate_with_error
+from lagsim.language.sparse import Budget
 from lagsim.mechanics.algebra import (
     Entries,
     factored,
@@ -250,8 +251,6 @@ class Point:
 
     def _is_positive_along(self, chains: Chains) -> bool:
         """Whether M is positive by its pivots, against its diagonal."""
-        from lagsim.language.sparse import Budget
-
         pivots = chains.factorisation(self.g, Budget()).pivots
         own = self.array([pivots[k][0] for k in range(self.n)])
         diagonal = self.array(self.e.inertias)

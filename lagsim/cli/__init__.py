@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 from lagsim import files
+from lagsim.errors import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -140,7 +141,6 @@ def _usage(error: Any) -> int:
     from lagsim.cli import _streams
     from lagsim.cli._faults import errors_document
     from lagsim.cli._shared import show_json
-    from lagsim.errors import Problem
 
     if type(error).__name__ == "NoArgsIsHelpError":
         # Nothing is wrong: the page that it shows has no number.

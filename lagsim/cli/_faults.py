@@ -16,6 +16,7 @@ from lagsim.cli._shared import show_json
 from lagsim.cli._streams import annotate_problem, complain, width_of
 from lagsim.errors import WINDOW, InputError, LagsimError, Problem
 from lagsim.run.session import StartError
+from lagsim.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -189,7 +190,6 @@ def _report_file(trace: str) -> Path | None:
     """Write a report of a bug to a file of the user's cache; None without room."""
     from lagsim.native.link.cache import folder
     from lagsim.outputs.manifest import versions
-    from lagsim.version import __version__
 
     where = folder("reports")
     if where is None:

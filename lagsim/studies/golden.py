@@ -25,7 +25,7 @@ from lagsim.methods import method as method_named
 from lagsim.model.model import DEFAULT_RTOL
 from lagsim.outputs.manifest import encode, versions
 from lagsim.outputs.results import open_results
-from lagsim.outputs.units import stated_units
+from lagsim.outputs.units import of_table, stated_units
 from lagsim.run.observers import Keep
 from lagsim.run.observers.monitors import ResidualMonitor, numbers
 from lagsim.studies.comparison import (
@@ -789,7 +789,6 @@ def _notes(
 def picture(case: Case, verdict: Verdict) -> bytes:
     """Draw the worst columns of a verdict on a run; return a PNG."""
     from lagsim.outputs.letters import letters_of
-    from lagsim.outputs.units import of_table
     from lagsim.studies import comparison_chart
 
     model = case.equations.model

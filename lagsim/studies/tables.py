@@ -25,7 +25,7 @@ from lagsim import files, limits
 from lagsim.errors import InputError, Problem
 from lagsim.outputs import Format
 from lagsim.outputs.results import MANIFEST
-from lagsim.outputs.table import numberless, unguarded
+from lagsim.outputs.table import arrow, numberless, unguarded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -263,8 +263,6 @@ def _read_npz(file: BinaryIO) -> Table:
 
 
 def _read_parquet(file: BinaryIO) -> Table:
-    from lagsim.outputs.table import arrow
-
     try:
         about = arrow().read_metadata(file)
         _refuse_large(8 * about.num_rows * about.num_columns)

@@ -14,6 +14,8 @@ import sys
 import weakref
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from lagsim.errors import InputError, Problem
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
@@ -104,8 +106,6 @@ def _demand_known(cpu: str) -> None:
     InputError
     """
     import subprocess
-
-    from lagsim.errors import InputError, Problem
 
     # It answers on stderr, and nowhere else.
     asked = [sys.executable, "-P", "-c", _ASK, cpu]

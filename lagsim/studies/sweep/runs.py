@@ -34,6 +34,9 @@ from lagsim.check.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
+from lagsim.outputs import Format
+from lagsim.outputs.manifest import encode
+from lagsim.outputs.table import table_writer
 from lagsim.outputs.units import of_table
 from lagsim.program.functions import Columns
 from lagsim.program.localized import names_in_exponents
@@ -512,10 +515,7 @@ class Runs:
         OSError
             Where there is no room.
         """
-        from lagsim.outputs import Format
-        from lagsim.outputs.manifest import encode
         from lagsim.outputs.results import MANIFEST, open_results
-        from lagsim.outputs.table import table_writer
 
         clock, work = Clock(), self.work
         assert work.kept is not None
