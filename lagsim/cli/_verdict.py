@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.check.verdict import ONE_SIDED, START_VALUE
+from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
@@ -12,8 +12,8 @@ from lagsim.codes import number
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.check.examination import StartReport
-    from lagsim.check.verdict import Verdict
+    from lagsim.admissibility.examination import StartReport
+    from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.notes import Choice
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from lagsim.check.verdict import START_VALUE
+from lagsim.admissibility.verdict import START_VALUE
 from lagsim.codes import failure
 from lagsim.outputs.units import of_table
 from lagsim.version import __version__
@@ -15,8 +15,8 @@ from lagsim.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.check.examination import StartReport
-    from lagsim.check.verdict import Verdict
+    from lagsim.admissibility.examination import StartReport
+    from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
     from lagsim.notes import Caution, Choice

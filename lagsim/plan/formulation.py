@@ -24,8 +24,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.check.examination import start_at
-from lagsim.check.point import Point
+from lagsim.admissibility.examination import start_at
+from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
 from lagsim.mechanics.equations import Instant
@@ -36,7 +36,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from lagsim.check.examination import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.errors import Place
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.check.point import Point
-from lagsim.check.rank import Neighbourhood, row_lengths
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
@@ -34,7 +34,7 @@ from lagsim.tolerances import NEARLY_DEPENDENT_ROWS, STATE_ROUNDOFF
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.check.examination import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.methods import Structure

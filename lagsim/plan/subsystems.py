@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.check.examination import start_at
+from lagsim.admissibility.examination import start_at
 from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.equations import Instant, coordinates_of, groups, shared
 from lagsim.mechanics.linearisation import Linearisation
@@ -21,7 +21,7 @@ from lagsim.plan.cost import step_cost
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from lagsim.check.examination import Start
+    from lagsim.admissibility.examination import Start
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model

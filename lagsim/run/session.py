@@ -16,7 +16,7 @@ from lagsim.run.interrupt import MOST_STEPS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.check.examination import Start, StartReport
+    from lagsim.admissibility.examination import Start, StartReport
     from lagsim.mechanics.equations import Equations, Instant
     from lagsim.model.model import Model, Settings
     from lagsim.notes import Choice
@@ -251,7 +251,7 @@ def open_case(
 
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
-    from lagsim.check.examination import examine
+    from lagsim.admissibility.examination import examine
 
     clock.lap("import")
     examined = examine(equations, settings.start)
@@ -279,7 +279,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.check.examination import examine
+    from lagsim.admissibility.examination import examine
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()

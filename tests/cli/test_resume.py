@@ -14,7 +14,7 @@ import pytest
 from lagsim.cli import run
 from lagsim.native.link import cache
 from lagsim.outputs.results import LOCK
-from lagsim.run import interrupt
+from lagsim.program import system
 from lagsim.studies import restart
 from tests.cli._results import manifest
 from tests.support import MODELS
@@ -29,11 +29,11 @@ pytestmark = [
 KILLED = """
 import os, sys
 from lagsim.cli import main, run
-from lagsim.run import interrupt
+from lagsim.program import system
 from lagsim.studies import restart
 run.KEPT_AFTER_SECONDS = restart.EVERY_SECONDS = 0.0
 restart.MOST_OF_THE_TIME = 1e9
-interrupt.MOST = 16
+system.MOST = 16
 left, kind = int(sys.argv.pop(1)), int(sys.argv.pop(1))
 keep = restart.Restart._keep
 def kept(self, *given):
@@ -273,7 +273,7 @@ def can_be_kept(lagsim, monkeypatch, name, *more):
     monkeypatch.setattr(restart, "EVERY_SECONDS", 0.0)
     monkeypatch.setattr(restart, "MOST_OF_THE_TIME", 1e9)
     monkeypatch.setattr(run, "KEPT_AFTER_SECONDS", -1.0)
-    monkeypatch.setattr(interrupt, "MOST", 16)
+    monkeypatch.setattr(system, "MOST", 16)
     more = (*more, "--error-bar", "never", "--no-plots")
     assert lagsim(*line(name, "out", *more)).code == 0
     assert kept

@@ -11,7 +11,7 @@ import re
 
 import pytest
 
-from lagsim.check.examination import examine
+from lagsim.admissibility.examination import examine
 from lagsim.errors import InputError
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import derive

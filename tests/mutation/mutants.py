@@ -85,7 +85,7 @@ ROOMS = {
     "language": Room("language/**/*.py", ("tests/language",), 0.25),
     "model": Room("model/**/*.py", ("tests/model", "tests/codes"), 0.35),
     "mechanics": Room("mechanics/**/*.py", ("tests/mechanics", "tests/program"), 0.5),
-    "check": Room("check/**/*.py", ("tests/check",), 0.4),
+    "admissibility": Room("admissibility/**/*.py", ("tests/admissibility",), 0.4),
     "show": Room("show/**/*.py", ("tests/show",), 0.35),
     "native": Room("native/**/*.py", ("tests/native", "tests/program"), 0.35),
     "methods": Room("methods/**/*.py", ("tests/methods",), 0.5),

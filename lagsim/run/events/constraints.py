@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.check.point import Point
-from lagsim.check.rank import weakest_rows
-from lagsim.check.refusal import admitted_inertia
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import weakest_rows
+from lagsim.admissibility.refusal import admitted_inertia
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.check.refusal import clear_starts, needs_no_solve
+from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED

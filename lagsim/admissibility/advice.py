@@ -11,8 +11,8 @@ from lagsim.notes import Caution
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from lagsim.check.rank import Dependence, RankReport
-    from lagsim.check.verdict import Residual, Verdict
+    from lagsim.admissibility.rank import Dependence, RankReport
+    from lagsim.admissibility.verdict import Residual, Verdict
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model

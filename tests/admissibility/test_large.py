@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.rod_chain import rod_chain
-from lagsim.check.examination import examine
-from lagsim.check.point import Point
-from lagsim.check.rank import scaled_rows, weakest_rows
+from lagsim.admissibility.examination import examine
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read, read_file

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lagsim.check.examination import examine
-from lagsim.check.refusal import clear_starts, needs_no_solve
+from lagsim.admissibility.examination import examine
+from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from lagsim.check.examination import examine
+from lagsim.admissibility.examination import examine
 from lagsim.mechanics.equations import derive
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
-    from lagsim.check.examination import StartReport
+    from lagsim.admissibility.examination import StartReport
 
 
 def judged(text: str, *, classify: bool = False) -> StartReport:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.check.point import (
+from lagsim.admissibility.point import (
     LINKS,
     Condition,
     Lengths,
@@ -27,7 +27,7 @@ from lagsim.check.point import (
     gradient_of,
     of_rows,
 )
-from lagsim.check.rank import analyse
+from lagsim.admissibility.rank import analyse
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lagsim.check.point import Point
+from lagsim.admissibility.point import Point
 from tests.check.scenes import check, codes, judged, scene, warning
 
 SHIFTS = (0.0, 1e3, 1e6)

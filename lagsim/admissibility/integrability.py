@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.check.newton import reach, relations_of
-from lagsim.check.point import of_rows
+from lagsim.admissibility.newton import reach, relations_of
+from lagsim.admissibility.point import of_rows
 from lagsim.language.derivatives import tangent
 from lagsim.language.functions import CHOOSING, STEPS
 from lagsim.mechanics.algebra import Span, least_squares, null_space
@@ -23,8 +23,8 @@ from lagsim.tolerances import DEPENDENT_DIRECTIONS, HALF_OF_DIGITS
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from lagsim.check.point import Point
-    from lagsim.check.verdict import Verdict
+    from lagsim.admissibility.point import Point
+    from lagsim.admissibility.verdict import Verdict
     from lagsim.mechanics.constraints import Row
 
 # What has one form on one side of a switch and another on the other.

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.check import advice
-from lagsim.check.newton import (
+from lagsim.admissibility import advice
+from lagsim.admissibility.newton import (
     Found,
     Relations,
     Trouble,
@@ -22,20 +22,20 @@ from lagsim.check.newton import (
     nearest_sparse,
     reach,
 )
-from lagsim.check.point import (
+from lagsim.admissibility.point import (
     Condition,
     Lengths,
     Point,
     conditions,
     gradient_of,
 )
-from lagsim.check.rank import LEVELS, RankReport, analyse
-from lagsim.check.refusal import (
+from lagsim.admissibility.rank import LEVELS, RankReport, analyse
+from lagsim.admissibility.refusal import (
     needs_constraints,
     out_of_scale,
     refuse_infinite,
 )
-from lagsim.check.verdict import (
+from lagsim.admissibility.verdict import (
     Verdict,
     contact_status,
     in_force,
@@ -55,8 +55,8 @@ from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lagsim.check.integrability import Reach
-    from lagsim.check.rank import Dependence, ThinSet
+    from lagsim.admissibility.integrability import Reach
+    from lagsim.admissibility.rank import Dependence, ThinSet
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -278,7 +278,7 @@ class _Examiner:
         dependent = {d.name for d in judged.ranks.dependences}
         verdicts = [x._replace(redundant=x.name in dependent) for x in verdicts]
         if classify and not all(row.holonomic for row in e.rows):
-            from lagsim.check.integrability import classified
+            from lagsim.admissibility.integrability import classified
 
             verdicts, reach = classified(here, verdicts)
         lasting = judged.ranks if e is self.always else analyse(always)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.check.point import conditions
+from lagsim.admissibility.point import conditions
 from lagsim.language.derivatives import tangent
 from lagsim.mechanics.algebra import (
     Entries,
@@ -31,7 +31,7 @@ from lagsim.tolerances import CONVERGED, HALF_OF_DIGITS, STATE_ROUNDOFF, TERM_RO
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from lagsim.check.point import Condition, Point
+    from lagsim.admissibility.point import Condition, Point
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.constraints import Row
 

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from lagsim.check.newton import Relations, Trouble, reach, relations_of
-from lagsim.check.point import of_rows
+from lagsim.admissibility.newton import Relations, Trouble, reach, relations_of
+from lagsim.admissibility.point import of_rows
 from lagsim.mechanics.algebra import (
     Span,
     cholesky,
@@ -46,7 +46,7 @@ from lagsim.tolerances import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
-    from lagsim.check.point import Point
+    from lagsim.admissibility.point import Point
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
 

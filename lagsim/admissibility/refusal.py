@@ -22,7 +22,7 @@ from lagsim.tolerances import DEPENDENT_ROWS, HALF_OF_DIGITS, LEAST_PIVOT, UNIT_
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from lagsim.check.point import Point
+    from lagsim.admissibility.point import Point
     from lagsim.errors import Place
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
