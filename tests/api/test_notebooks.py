@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import lagsim
 from tests.cli.conftest import lagsim as command  # noqa: F401
-from tests.support import MODELS
+from tests.support import MODELS, ROOT
 
 SWING = """
 name: swing <1> & 2
@@ -188,5 +188,6 @@ def test_stars_and_signs_in_texts_are_no_markup():
 def test_the_names_are_there_before_they_are_loaded():
     assert set(lagsim.__all__) <= set(dir(lagsim))
     assert all(getattr(lagsim, name) is not None for name in lagsim.__all__)
+    assert not {path.stem for path in (ROOT / "lagsim").iterdir()} & {*lagsim.__all__}
     with pytest.raises(AttributeError, match="no attribute `simulat`"):
         _ = lagsim.simulat
