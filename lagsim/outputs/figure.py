@@ -26,7 +26,7 @@ from matplotlib.lines import Line2D
 
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.letters import BELOW, END, mathtext, plain
-from lagsim.outputs.scale import extent, label, size_of
+from lagsim.outputs.scale import Counting, extent, label, read_off, size_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -219,8 +219,9 @@ def legend(
     wanted = sum(SAMPLE + text_width(name, SMALL) + GAP for name, _ in entries)
     share = math.inf if wanted <= room else room / len(entries) - SAMPLE - GAP
     names = [mathtext(fitted(name, share, SMALL)) for name, _ in entries]
-    # Where there is no pen there is no line.
-    lines = [Line2D([], [], **(pen or {"linestyle": "none"})) for _, pen in entries]
+    # Where there is no pen there is no line; a broad one keeps to its place.
+    pens = (pen or {"linestyle": "none"} for _, pen in entries)
+    lines = [Line2D([], [], **{"solid_capstyle": "butt", **pen}) for pen in pens]
     return of.legend(lines, names, ncols=len(names), **more)
 
 
@@ -400,8 +401,7 @@ class Mark(NamedTuple):
     top: Pen
 
 
-# In the order of a legend, by the names of a page. Filled where something holds from
-# then on.
+# In the order of a legend. Filled where something holds from then on.
 MARKS = {
     "impact": Mark("impact", mark("|", 5.0, "#D55E00")),
     "zeno": Mark("at rest", mark("o", 3.2, GREY)),
@@ -609,10 +609,12 @@ class Column(NamedTuple):
     unit: str
     values: Floats
 
-    def within(self, room: float = math.inf) -> str:
-        """Return what stands at its axis, cut to so many inches."""
-        text = f"{self.name} ({self.unit})" if self.unit else self.name
-        return mathtext(fitted(text, room))
+    def stand_at(self, axis: Axis, room: float = math.inf) -> None:
+        """Name an axis, in so many inches, with what its numbers count in."""
+        if axis.get_scale() == "linear":
+            axis.set_major_formatter(Counting())
+            axis.get_offset_text().set_visible(False)
+        axis.set_label_text(_named(axis, (self.name, self.unit), room))
 
 
 def stacked(found: Picture, count: int, height: float, top: float = 0.0) -> list[Axes]:
@@ -645,7 +647,7 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
         _draw(axes, against, group)
         if equal:
             axes.set_aspect("equal", adjustable="datalim")
-    panels[-1].set_xlabel(against.within())
+    against.stand_at(panels[-1].xaxis)
     found.align_ylabels()
     return found
 
@@ -661,7 +663,7 @@ def spectrum_figure(
     _draw(axes, across, [up])
     axes.set_yscale("log")
     axes.minorticks_off()
-    axes.set_xlabel(across.within())
+    across.stand_at(axes.xaxis)
     largest = float(up.values.max(initial=0.0))
     if largest:
         axes.set_ylim(SHOWN * largest, 5 * largest)
@@ -676,7 +678,7 @@ def spectrum_figure(
             bbox=white | {"pad": 0.3, "alpha": 0.8},
         )  # fmt: skip
     lines = [
-        f"{number}:  {frequency:.4g} {across.unit},  {amplitude:.3g}{unit}"
+        f"{number}:  {frequency:.4g} {across.unit},  {read_off(amplitude, 3)}{unit}"
         for number, (frequency, amplitude) in enumerate(peaks, 1)
     ]
     axes.text(
@@ -715,13 +717,13 @@ def map_figure(
         cells = np.ma.masked_invalid(column.values)
         drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
         bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
-        bar.set_label(column.within(MAP + SPARE))
+        column.stand_at(bar.ax.yaxis, MAP + SPARE)
         is_last = k + abreast >= len(maps)
         axes.tick_params(length=2.0, labelbottom=is_last, labelleft=k % abreast == 0)
         if k % abreast == 0:
-            axes.set_ylabel(up.within(MAP + SPARE))
+            up.stand_at(axes.yaxis, MAP + SPARE)
         if is_last:
-            axes.set_xlabel(across.within(width))
+            across.stand_at(axes.xaxis, width)
     for axes in panels.flat[len(maps) :]:
         axes.remove()
     return found
@@ -744,7 +746,7 @@ def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
     axes.yaxis.get_offset_text().set_fontsize(SMALL)
     axes.margins(x=0.0 if against.name == "t" else 0.03)
     if len(group) == 1:
-        axes.set_ylabel(group[0].within(PATH))
+        group[0].stand_at(axes.yaxis, PATH)
     else:
         axes.set_ylabel(mathtext(group[0].unit))
         axes.legend(

@@ -107,8 +107,7 @@ def sheet(
     if timed:
         names += [(look.name, look.top) for look, _ in event_marks(record)]
     if record.horizon < record.rows.last("t"):
-        look: Pen = {"color": LOST, "linewidth": 6.0, "solid_capstyle": "butt"}
-        names.append(("past the horizon", look))
+        names.append(("past the horizon", {"color": LOST, "linewidth": 6.0}))
     return Picture(
         height, record.title, subject, width=width, legend=names,
         remarks=[record.note] if record.note else (),

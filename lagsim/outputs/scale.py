@@ -20,7 +20,6 @@ from matplotlib.ticker import (
     MaxNLocator,
     NullLocator,
     ScalarFormatter,
-    StrMethodFormatter,
     SymmetricalLogLocator,
 )
 
@@ -123,14 +122,15 @@ class Scale(NamedTuple):
         """Return at most so many ticks, and how their numbers are written."""
         if not most:
             return NullLocator(), ScalarFormatter()
+        read = FuncFormatter(lambda x, _: read_off(x))
         if self.linear:
-            return self._beyond(most), FuncFormatter(lambda x, _: read_off(x))
+            return self._beyond(most), read
         if self.log:
             low, high = sorted((math.log10(self.low), math.log10(self.high)))
             if math.floor(high) - math.ceil(low) + 1 >= LEAST_TICKS:
                 return LogLocator(numticks=most), FuncFormatter(_as_power)
             subs = (1.0, 2.0, 5.0) if high - low > 1.0 else (1, 1.5, 2, 3, 4, 5, 6, 8)
-            return LogLocator(subs=subs, numticks=most), StrMethodFormatter("{x:g}")
+            return LogLocator(subs=subs, numticks=most), read
         steps, least = [1, 2, 2.5, 5, 10], min(most, LEAST_TICKS)
         locator = MaxNLocator(max(1, most - 1), steps=steps, min_n_ticks=least)
         formatter = Counting()

@@ -17,6 +17,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
+from lagsim.outputs.letters import raised
 from lagsim.outputs.results import MANIFEST
 from lagsim.studies.tables import of_another_run, read_results, thinned
 
@@ -158,7 +159,8 @@ def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
     }
     told = [name for name, values in starts.items() if len(set(values)) > 1]
     if not differ and len(told) == 1 and np.isfinite(starts[told[0]]).all():
-        return f"{told[0]} at the start", starts[told[0]]
+        unit = raised(runs[0].table.units.get(told[0], ""))
+        return f"{told[0]} at the start" + f" ({unit})" * bool(unit), starts[told[0]]
     return "run", [float(k + 1) for k in range(len(runs))]
 
 

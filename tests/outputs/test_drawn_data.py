@@ -87,16 +87,11 @@ def assert_drawn(panel, *curves):
 T = np.linspace(0.0, 12.0, 400)
 # Values that ask for an offset, a power of ten, both, neither; and of both signs.
 SERIES = {
-    "plain": 3.0 * np.sin(T) - 1.0,
-    "small": 4e-7 * np.cos(2 * T),
-    "large": 7e8 * np.sin(T),
-    "far": 7e6 + 12.0 * np.sin(T),
-    "deep": -7e6 + 12.0 * np.sin(T),
-    "near one": 1.0 + 3e-9 * np.cos(T),
-    "falling": -2e-5 * T,
-    "level": 0.0 * T + 5.0,
-    "zero": 0.0 * T,
-}
+    "plain": 3.0 * np.sin(T) - 1.0, "small": 4e-7 * np.cos(2 * T),
+    "large": 7e8 * np.sin(T), "far": 7e6 + 12.0 * np.sin(T),
+    "deep": -7e6 + 12.0 * np.sin(T), "near one": 1.0 + 3e-9 * np.cos(T),
+    "falling": -2e-5 * T, "level": 0.0 * T + 5.0, "zero": 0.0 * T,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SERIES)

@@ -123,15 +123,10 @@ def test_kinds_of_events_are_told_apart_and_named():
 
 def test_what_is_marked():
     events = [
-        Event(1.0, "impact", "a"),
-        Event(1.0, "impact", "b"),
-        Event(1.0, "release", "a"),
-        Event(2.0, "impact"),
-        Event(3.0, "zeno", "a"),
-        Event(3.5, "zeno", switch="sign(v)"),
-        Event(4.0, "release", "b"),
-        Event(5.0, "until"),
-    ]
+        Event(1.0, "impact", "a"), Event(1.0, "impact", "b"), Event(2.0, "impact"),
+        Event(1.0, "release", "a"), Event(3.0, "zeno", "a"), Event(5.0, "until"),
+        Event(3.5, "zeno", switch="sign(v)"), Event(4.0, "release", "b"),
+    ]  # fmt: skip
     assert marked(events) == {
         "impact": [1.0, 2.0], "zeno": [3.0], "switch": [3.5], "release": [4.0],
     }  # fmt: skip

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from lagsim.model.model import Scene
-from lagsim.outputs import plots
-from lagsim.outputs.figure import DPI, Picture, content, curve, fitted, text_width
+from lagsim.outputs import figure, plots
+from lagsim.outputs.figure import DPI, content, fitted, text_width
 from lagsim.run.observers.thinning import DRIFT
 from tests.outputs.drawn import (
     NOWHERE,
@@ -150,15 +150,23 @@ def test_a_line_stands_where_it_stands_in_pixels():
 
 
 def test_a_level_curve_is_level_between_two_pixels():
-    [[axes]] = (sheet := Picture(2.0, "level")).panels([2.0], [1.0])
+    [[axes]] = (sheet := figure.Picture(2.0, "level")).panels([2.0], [1.0])
     axes.set_axis_off()
     x = np.linspace(0, 1, 50)
     low, high = axes.transAxes.transform([[0, 0], [0, 1]])[:, 1]
     middle = (np.floor(0.5 * (low + high)) + 0.5 - low) / (high - low)
-    curve(axes, x, middle + 1e-13 * np.cos(9 * np.arange(50)), {"color": "#000000"})
+    figure.curve(axes, x, middle + 1e-13 * np.cos(9 * np.arange(50)), figure.BLACK)
     seen = pixels(sheet)[150:, 200:500, 0]
     assert (seen < 128).any()
     assert not np.ptp(seen, axis=1).any()
+
+
+def test_numbers_of_charts_count_in_the_power_at_their_axis():
+    t = np.arange(5.0)
+    across, up = figure.Column("t", "s", t), figure.Column("x", "m", 1e-10 * t)
+    [axes] = figure.figure("x", across, [up]).axes
+    assert axes.get_ylabel() == "x (10⁻¹⁰ m)"
+    assert not axes.yaxis.get_offset_text().get_visible()
 
 
 def test_a_part_of_the_energy_that_is_the_whole_is_seen():

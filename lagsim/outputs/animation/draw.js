@@ -80,12 +80,14 @@ class Drawing {
     pen.fillStyle = ink.dim;
     pen.font = "11px system-ui, sans-serif";
     const unit = this.run.units.length;
+    // The name of a run stands above its picture's corner.
+    const first = this.canvas.previousElementSibling ? 34 : 0;
     pen.textBaseline = "alphabetic";
     pen.textAlign = "center";
     for (let k = Math.ceil(left / step); k * step <= right; k++) {
       const x = Math.round(view.at([k * step, 0])[0]) + 0.5;
       if (x <= 44) continue;
-      this.line([[x, 0], [x, view.height - 22]]);
+      this.line([[x, first], [x, view.height - 22]]);
       pen.stroke();
       const text = written(k * step, step), half = Math.max(24, pen.measureText(text).width / 2 + 2);
       if (x < view.width - half) pen.fillText(text, x, view.height - 6);
@@ -94,12 +96,10 @@ class Drawing {
     pen.textBaseline = "middle";
     for (let k = Math.ceil(bottom / step); k * step <= top; k++) {
       const y = Math.round(view.at([0, k * step])[1]) + 0.5;
-      if (y >= view.height - 22) continue;
+      if (y < first || y >= view.height - 22) continue;
       this.line([[44, y], [view.width, y]]);
       pen.stroke();
-      // The name of a run stands above its picture's corner.
-      const first = this.canvas.previousElementSibling ? 34 : 12;
-      if (y > first) pen.fillText(written(k * step, step), 7, y);
+      if (y > Math.max(first, 12)) pen.fillText(written(k * step, step), 7, y);
     }
     if (unit) pen.fillText(unit, 7, view.height - 9);
   }
@@ -339,7 +339,11 @@ class Drawing {
     pen.textAlign = "left";
     pen.textBaseline = "middle";
     const unit = run.units.force || "";
-    pen.fillText(`constraint force ${written(round, round)} ${unit}`.trim(), 54 + long, y);
+    pen.strokeStyle = ink.card;
+    pen.lineWidth = 4;
+    const text = `constraint force ${written(round, round)} ${unit}`.trim();
+    pen.strokeText(text, 54 + long, y);
+    pen.fillText(text, 54 + long, y);
   }
 
   // One that is longer than shown has a gap in its shaft.

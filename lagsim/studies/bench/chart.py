@@ -138,7 +138,7 @@ FORMULATIONS = {"ignorable": 1, "elimination": 1, "baumgarte": 2, "drift": 3}
 SCIPY_MARKERS = ("x", "+", "1", "2", "3")
 GREY = "#777777"
 
-ERROR = "← more accurate      error against range"
+ERROR = "← more accurate      error / range"
 # Inches: a panel with its scales, what is below all of them, names beside.
 HEIGHT, REST, NAMES = 3.3, 0.3, 2.4
 
@@ -205,7 +205,7 @@ def cost_panel(
     across.put(axes, "x", 9)
     log_scale(*known, margin=0.05, least=0.08).put(axes, "y", 7)
     axes.grid(visible=True)
-    axes.set_ylabel(f"← faster      {of}")
+    axes.set_ylabel(f"← cheaper      {of}")
     if floor > across.low:
         axes.axvspan(across.low, floor, facecolor=LOST, alpha=0.45, zorder=0.2)
         axes.axvline(floor, **FLOOR)
@@ -235,11 +235,11 @@ def figure(document: Document) -> Picture:
     found = shown(document["rows"], WORST)
     legend = [
         ("Pareto front", FRONT | {"linewidth": 4.0}),
-        ("what `auto` takes", CHOSEN),
-        ("the reference is known to this", FLOOR),
+        ("choice of `auto`", CHOSEN),
+        ("error of the reference", FLOOR),
     ]
     drawing = Picture(
-        2 * HEIGHT + REST, document["model"]["name"], "what an error costs",
+        2 * HEIGHT + REST, document["model"]["name"], "work-precision diagram",
         legend=legend, notes=_about_costs(document, found), layout="constrained",
     )  # fmt: skip
     panels = drawing.subplots(2)
@@ -446,7 +446,7 @@ def _strips(part: SubFigure, document: Document) -> None:
                 if _within(border[key], across):
                     point(axes, border[key], 0.0, look)
         axes.set_ylabel(method, rotation=0.0, ha="right", va="center", size=SMALL)
-    axes.set_xlabel(STEPS.within())
+    STEPS.stand_at(axes.xaxis)
     axes.annotate(
         CHEAPER, (1.0, 0.0), (0.0, -22.0), "axes fraction", "offset points",
         size=SMALL, ha="right", va="top", color=DIM,
@@ -492,7 +492,7 @@ def _maps(part: SubFigure, document: Document) -> None:
     up, steps = spread(document["steps"])
     methods = document["methods"]["fixed"]
     alike = {"sharex": True, "sharey": True}
-    panels = _grid(part, len(methods), MAPS, STEPS.within(), **alike)
+    panels = _grid(part, len(methods), MAPS, STEPS.name + " (s)", **alike)
     for axes, method in zip(panels, methods, strict=True):
         across.put(axes, "x", 4)
         up.put(axes, "y", 6)
@@ -503,7 +503,7 @@ def _maps(part: SubFigure, document: Document) -> None:
             levels = np.where(levels > up.low, levels, np.nan)
             curve(axes, varied.values[: len(borders)], levels, pen)
         axes.set_title(method, weight="bold")
-        axes.set_xlabel(varied.within(WIDTH / MAPS))
+        varied.stand_at(axes.xaxis, WIDTH / MAPS)
 
 
 class Region(NamedTuple):
@@ -638,7 +638,7 @@ def _work(part: SubFigure, document: Document) -> None:
         for name, values in curves.items():
             x = varied.values[: len(values)]
             curve(axes, x, values, look_of(name).line | {"label": name})
-    axes.set_xlabel(varied.within(WIDTH))
+    varied.stand_at(axes.xaxis, WIDTH)
     part.align_ylabels()
     panels[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.02), ncols=5)
 
@@ -653,8 +653,8 @@ def _about_maps(document: Document, regions: Sequence[Region]) -> list[str]:
         least = min(steps["least"] for steps in runs["steps"].values())
         most = max(steps["most"] for steps in runs["steps"].values())
         lines.append(
-            f"Each cell is a run of {least} to {most} steps, over the model's duration "
-            f"({runs['duration']:.4g} s) where it can be. The start velocities are "
+            f"Each cell is a run of the model's duration ({runs['duration']:.4g} s), "
+            f"but of {least} steps at least and {most} at most. Start velocities are "
             f"changed by {runs['perturbation']['energy']:g} of the energy, so that "
             "every mode is excited. A run grows or decays if energy − work changes by "
             "more than 1 % of the energy of the motion."

@@ -139,9 +139,9 @@ def _curves(
             low = np.full(len(none), axes.get_ylim()[0])
             axes.plot(none, low, **FAILED, clip_on=False, zorder=3.0)
             axes.set_ylim(low[0])
-        axes.set_ylabel(_column(found, name, cells).within(CURVES))
+        _column(found, name, cells).stand_at(axes.yaxis, CURVES)
     panels[-1].set_xscale("log" if is_log(x.values) else "linear")
-    panels[-1].set_xlabel(x.within(WIDTH))
+    x.stand_at(panels[-1].xaxis, WIDTH)
     drawing.align_ylabels()
     return drawing
 

@@ -189,7 +189,7 @@ def test_names_stand_beside_a_sample_of_their_curve():
 def test_what_is_better_and_what_it_was_measured_on_is_said():
     drawing = drawn(work_precision, DOCUMENTS["one"])
     for panel in drawing.panels:
-        assert panel.labels[1].startswith("← faster")
+        assert panel.labels[1].startswith("← cheaper")
         assert panel.limits[0][0] < panel.limits[0][1]  # errors grow to the right
         assert panel.limits[1][0] < panel.limits[1][1]
     assert drawing.panels[1].labels[0].startswith("← more accurate")
