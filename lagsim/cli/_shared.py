@@ -137,7 +137,7 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
     return aligned(list(rows), lefts=2)
 
 
-def aligned(rows: Sequence[Sequence[str]], lefts: int = 1, indent: str = "  ") -> str:
+def aligned(rows: Sequence[Sequence[str]], *, lefts: int) -> str:
     """Return rows of texts, which may end early, in columns.
 
     The first `lefts` columns are aligned to the left, all others to the right.
@@ -149,7 +149,7 @@ def aligned(rows: Sequence[Sequence[str]], lefts: int = 1, indent: str = "  ") -
             text.ljust(width) if k < lefts else text.rjust(width)
             for k, (text, width) in enumerate(zip(row, widths, strict=False))
         ]
-        lines.append((indent + "  ".join(cells)).rstrip())
+        lines.append(("  " + "  ".join(cells)).rstrip())
     return "\n".join(lines)
 
 

@@ -9,7 +9,7 @@ from heapq import heapify, heappop, heappush
 from typing import TYPE_CHECKING, overload
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Container, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from lagsim.language.graph import Graph
 
@@ -82,14 +82,12 @@ class Budget:
 def minimum_degree(
     rows: Sequence[set[int]],
     budget: Budget,
-    late: Container[int] = (),
     after: Mapping[int, Collection[int]] | None = None,
 ) -> list[int]:
     """Order of elimination that keeps fill small; counts its operations.
 
-    The row of fewest entries comes next; where there are several the first of them, and
-    what is `late` after the others (A. George and J. W. H. Liu, SIAM Review 31 (1989),
-    section 2).
+    The row of fewest entries comes next; where there are several the first of them
+    (A. George and J. W. H. Liu, SIAM Review 31 (1989), section 2).
 
     Parameters
     ----------
@@ -100,11 +98,11 @@ def minimum_degree(
     """
     order: list[int] = []
     waits = {k: set(before) for k, before in (after or {}).items() if before}
-    queue = [(len(row), k in late, k) for k, row in enumerate(rows)]
+    queue = [(len(row), k) for k, row in enumerate(rows)]
     heapify(queue)
     left = set(range(len(rows)))
     while left:
-        degree, _, k = heappop(queue)
+        degree, k = heappop(queue)
         if k not in left or k in waits or degree != len(rows[k]):
             continue  # out of date: another entry has its degree
         left.remove(k)
@@ -118,7 +116,7 @@ def minimum_degree(
                 waits[i].discard(k)
                 if not waits[i]:
                     del waits[i]
-            heappush(queue, (len(rows[i]), i in late, i))
+            heappush(queue, (len(rows[i]), i))
     return order
 
 
