@@ -29,12 +29,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import local_slopes, pulled, slopes, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.language.sparse import (
-    Budget,
-    SparseVector,
-    TooLongError,
-    minimum_degree,
-)
+from lagsim.language.sparse import Budget, SparseVector, TooLongError, minimum_degree
 from lagsim.mechanics.factorisation import Factorisation, Vector, add_to, symmetric
 from lagsim.model.model import Level
 

@@ -137,18 +137,15 @@ class Newton(NamedTuple):
         return np.asarray(np.linalg.solve(whole, -right)[:n])
 
 
-def full_operations(n: int, m: int) -> int:
-    """Multiplications of both factorisations (2 n: complex), and of J."""
-    return n**3 // 3 + (2 * n) ** 3 // 3 + 2 * n**3 + dense_operations(n, m)
-
-
 @memoized_by_motion
 def newton(equations: Equations) -> Newton | None:
     """Find Newton's matrix; None where full matrices take fewer operations."""
     if equations.laws or equations.chains is not None:
         return None
     n, m = len(equations.q), len(equations.rows)
-    most = int(full_operations(n, m) / SLOWER / BOTH)
+    # Multiplications of both factorisations (2 n: complex), and of J.
+    full = n**3 // 3 + (2 * n) ** 3 // 3 + 2 * n**3 + dense_operations(n, m)
+    most = int(full / SLOWER / BOTH)
     entries = sorted(_entries(equations, most))
     if len(entries) > most:
         return None

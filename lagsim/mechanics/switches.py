@@ -110,10 +110,6 @@ class Roots(NamedTuple):
         used = {possible._of(n) for n in cone}
         return cls(g, {n: name for n, name in names.items() if name in used})
 
-    def with_floors(self, sides: Sequence[Side]) -> tuple[Side, ...]:
-        """Sides with their floors."""
-        return tuple(s._replace(floor=self.floors.get(s.node, "")) for s in sides)
-
     def _of(self, n: int) -> str:
         found = self.floor(n)
         return found[0] if found else ""
@@ -576,7 +572,8 @@ def find_switches(
     while True:
         sides, sides_of = _sides(g, [state[d] for d in watched])
         roots = Roots.among(g, dynamics, sides, speeds)
-        sides = roots.with_floors(sides)
+        floors = roots.floors
+        sides = tuple(s._replace(floor=floors.get(s.node, "")) for s in sides)
         every = tuple(state.values())
         found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))

@@ -61,16 +61,6 @@ class Structure(NamedTuple):
         """M is made of parameters only."""
         return self.mass_varies_with == "nothing"
 
-    @property
-    def constant_parts(self) -> int:
-        """Matrices that are factored once: 2 M and A, 1 only M, 0 neither."""
-        return (1 + self.constant_rows) * self.constant_mass
-
-    @property
-    def linear_time_invariant(self) -> bool:
-        """Y' = J y + c, with constants J and c."""
-        return self.linear and self.autonomous
-
 
 def unrestricted(_scene: Structure) -> str:
     """No refusal, "": the method handles every scene."""

@@ -161,7 +161,10 @@ def make(s: Symplectic, p: Parameters, after: float, h: float) -> int:
     if not is_finite(s.size, s.new):
         return NOT_FINITE
     s.evaluations += s.stages
-    arrive(s, p, after)
+    # The velocities have moved since the forces were found.
+    s.slope[s.positions] = s.new[s.velocities]
+    if s.size > s.quadratures.start:
+        power(after, s.new, p, s.slope[s.quadratures])
     return DONE
 
 
@@ -185,10 +188,3 @@ def kick(s: Symplectic, p: Parameters, t: float, h: float) -> None:
         add(n, v, lost, 0.5 * h, a)
     else:
         add(n, v, lost, h, a)
-
-
-def arrive(s: Symplectic, p: Parameters, t: float) -> None:
-    """Make y' after the step: the velocities have moved since the forces were found."""
-    s.slope[s.positions] = s.new[s.velocities]
-    if s.size > s.quadratures.start:
-        power(t, s.new, p, s.slope[s.quadratures])

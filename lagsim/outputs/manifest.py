@@ -71,7 +71,7 @@ def manifest(
         "factorisations": counts.factorisations,
         "events": [e._asdict() for e in trajectory.events],
         "event_counts": dict(trajectory.event_counts),
-        "energy_drift": residuals.energy_drift,
+        "energy_drift": residuals.drift.size,
         "constraint_residual": residuals.constraint_residual,
         "error": _error(error_bar),
         "warnings": [c.record for c in cautions],

@@ -132,7 +132,8 @@ def _automatic(
     equations: Equations, scene: Structure, solved: Elimination | None, rtol: float
 ) -> Choice:
     if solved is not None:
-        if scene.linear_time_invariant and 2 * len(equations.q) <= MOST_STATES:
+        is_constant = scene.linear and scene.autonomous  # y' = J y + c
+        if is_constant and 2 * len(equations.q) <= MOST_STATES:
             reason = "linear equations, and constant in time"
             return Choice("method: exponential", reason)
         gain = _gain(equations, solved, rtol)
@@ -393,7 +394,8 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         refuse(name, method(name).refusal(scene), settings)
     adaptive = bool(method(name).ADAPTIVE)
     tape = tape or many_slopes(name, equations, elimination, choices)
-    constant = scene.constant_parts
+    # What is factored once: 2 M and A, 1 only M, 0 neither.
+    constant = (1 + scene.constant_rows) * scene.constant_mass
     # With the constraints, M is constant where they are.
     known = constant if not start.augmented or constant == 2 else 0
     return Plan(

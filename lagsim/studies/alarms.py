@@ -105,8 +105,8 @@ class Evidence:
         e, monitor, residuals = self.equations, self.monitor, self.residuals
         whole = Balance(
             range(len(e.q)), (), e.energy, monitor.energy_in_play, monitor.work_range,
-            residuals.energy_drift, residuals.energy_gained, residuals.worst_row,
-            monitor.balance, monitor.passed, residuals.drift_since,
+            residuals.drift.size, residuals.energy_gained, residuals.drift.row,
+            monitor.balance, monitor.passed, residuals.drift.since,
         )  # fmt: skip
         return [*(group_balances(e, monitor) if self.plan.atol is None else ()), whole]
 

@@ -24,7 +24,7 @@ from lagsim.methods.parts.missed import (
     restore_extents,
     signals_at,
 )
-from lagsim.methods.parts.parameters import Parameters
+from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
 from lagsim.methods.parts.state import (
     BLOCK_FULL,
     DEGENERATE,
@@ -35,6 +35,7 @@ from lagsim.methods.parts.state import (
     RANK_LOST,
     STIFF,
     SWITCH_FOUND,
+    derivative,
     event_functions,
     inertias,
     interpolate,
@@ -45,7 +46,7 @@ from lagsim.methods.parts.state import (
     until,
 )
 from lagsim.native.layout import array
-from lagsim.tolerances import SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
+from lagsim.tolerances import SUM_ROUNDOFF, SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
 
 CONSTRAINED = True
 UNTIL = True
@@ -137,6 +138,7 @@ def arrived(s: State, p: Parameters) -> int:
         take_cut(s, p)
         if s.event == 0.0 and s.switched == 0.0:
             s.fresh = 1.0
+            s.arc_start = s.t
             begin(s, p)
     if s.event > 0.0:
         return EVENT_FOUND
@@ -287,7 +289,10 @@ def fill(s: State, out: Floats, rows: int) -> int:
     while True:
         t = s.row_start + s.row * s.row_step
         due = t < s.row_limit and t <= s.t
-        beside = has_extra(s) and not (due and t < s.extra)
+        # A state beside the rows; at an end it is the next arc's.
+        at_hand = s.extra == s.t and s.cut == 0.0 and s.t < s.end
+        beside = s.extras > 0.0 and (s.extra < s.t or at_hand)
+        beside = beside and not (due and t < s.extra)
         if beside:
             t = s.extra
         elif not due:
@@ -306,12 +311,6 @@ def fill(s: State, out: Floats, rows: int) -> int:
             s.extras -= 1.0
             return 0
         s.row += 1.0
-
-
-def has_extra(s: State) -> bool:
-    """Whether a state beside the rows is due; at an end it is the next arc's."""
-    at_hand = s.extra == s.t and s.cut == 0.0 and s.t < s.end
-    return s.extras > 0.0 and (s.extra < s.t or at_hand)
 
 
 def orient(s: State, value: float) -> None:
@@ -639,6 +638,51 @@ def over(p: Parameters, k: int, value: float) -> bool:
     return not value >= least_allowed(p, k)
 
 
+def ends(s: State, p: Parameters, k: int, value: float, x: float) -> bool:
+    """Whether a mode ends at the fraction x of the last step, by event function k."""
+    return over(p, k, value) and x >= errs_until(s, p, k, value)
+
+
+def errs_until(s: State, p: Parameters, k: int, value: float) -> float:
+    """Fraction of the last step up to which a gap has such a value by an error.
+
+    One that is open after the step, and neither closes at its start nor is pushed to,
+    is open in between: where it is not, the interpolant errs, as it does about what
+    leaves the ground as a power of the time. What has not risen at the end of such a
+    step either is below its ground by the method's error, and on it from then on.
+    """
+    if not SWITCHES or not p.surfaces <= k < p.surfaces + p.laws:
+        return 0.0
+    if not value >= -erring_depth(s, p, k - p.surfaces):
+        return 0.0
+    if not over(p, k, event_function_at(s, p, k, 1.0)):
+        return inf
+    return 1.0 if not ADAPTIVE and p.slack[k] > 0.0 else 0.0
+
+
+def erring_depth(s: State, p: Parameters, k: int) -> float:
+    """Depth that an error is, of law k if it parts at the start of the step; or 0."""
+    if p.law_mode[k] != OFF or p.law_kind[k] > FREEWHEEL:
+        return 0.0
+    interpolate(s, 0.0, s.work)
+    derivative(s.step_t, s.work, p, s.spare)
+    first = p.m - p.laws + k
+    row, a = p.A[first * s.n :], s.spare[s.velocities]
+    push = -p.b[first]
+    roundoff = abs(push)
+    moved = 0.0
+    allowed = 0.0
+    for i in range(s.n):
+        push += row[i] * a[i]
+        roundoff += abs(row[i]) * max(s.parts[i], abs(a[i]))
+        moved += abs(row[i]) * s.sizes[s.n + i]
+        allowed += abs(row[i]) * s.tolerances[i]
+    moved = max(moved, s.step_h * roundoff)
+    if p.law_speeds[k] < -SUM_ROUNDOFF * moved or push < -SUM_ROUNDOFF * roundoff:
+        return 0.0
+    return float(allowed) if ADAPTIVE else inf
+
+
 def first_end(
     s: State, p: Parameters, low: float, x: float, before: Floats, after: Floats
 ) -> float:
@@ -650,14 +694,14 @@ def first_end(
     count = watched(p)
     high = 0.0
     for k in range(count):
-        if over(p, k, after[k]):
+        if ends(s, p, k, after[k], x):
             high = x
     for k in range(count):
         fall = before[count + k]
         rise = after[count + k]
         if touches(x - low, before[k], fall, after[k], rise):
             least = least_event(s, p, k, low, x)
-            if over(p, k, event_function_at(s, p, k, least)):
+            if ends(s, p, k, event_function_at(s, p, k, least), least):
                 high = least if high == 0.0 else min(high, least)
     if SWITCHES and high == 0.0:
         slack = p.slack
@@ -715,12 +759,13 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
     count = watched(p)
     first = count
     for k in range(count):
-        if over(p, k, event_function_at(s, p, k, high)):
+        if ends(s, p, k, event_function_at(s, p, k, high), high):
             first = k
             least = least_allowed(p, k)
             if event_function_at(s, p, k, low) >= 0.0:
                 least = 0.0
-            high = end_of(s, p, k, least, low, high)
+            if errs_until(s, p, k, event_function_at(s, p, k, high)) == 0.0:
+                high = end_of(s, p, k, least, low, high)
             if SWITCHES and least < 0.0:
                 # A flight that began a rounding below ends where it is over.
                 middle = 0.5 * (low + high)
@@ -730,6 +775,12 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
         s.event = 1.0
     else:
         s.switched = first + 1.0
+    if SWITCHES:
+        for k in range(p.laws):
+            law = p.surfaces + k
+            value = event_function_at(s, p, law, high)
+            errs = over(p, law, value) and errs_until(s, p, law, value) > 0.0
+            p.law_opens[k] = 1.0 if errs else 0.0
     shorten(s, high)
 
 

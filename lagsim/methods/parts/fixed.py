@@ -52,7 +52,10 @@ def start(s: Fixed, p: Parameters) -> None:
 def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or return a code other than 0."""
     after = next_time(s)
-    code = make(s, p, after, step_length(s, after))
+    # Full steps are the same to the last bit, which after - t is not: a symplectic
+    # method conserves an energy that depends on the step.
+    h = s.fixed_step if after < s.end else after - s.t
+    code = make(s, p, after, float(h))
     if code == DONE:
         take(s, p, after)
     return code
@@ -65,17 +68,6 @@ def next_time(s: State) -> float:
     if after + SAME_STEP * s.fixed_step >= s.end:
         return float(s.end)
     return float(after)
-
-
-def step_length(s: State, after: float) -> float:
-    """Step that ends at `after`.
-
-    Full steps are the same to the last bit, which after - t is not: a symplectic
-    method conserves an energy that depends on the step.
-    """
-    if after < s.end:
-        return float(s.fixed_step)
-    return float(after - s.t)
 
 
 def judge(
@@ -102,12 +94,10 @@ def is_rounding(s: Fixed, p: Parameters, h: float, v: Floats, change: Floats) ->
         bound_roundoff(s, p, s.t, s.y, s.k, 1.0)
         s.rounding_known = 1.0
     roundoff = s.roundoff[s.velocities]
-    most = 0.0
     for i in range(s.n):
-        known = STATE_ROUNDOFF * abs(v[i]) + h * roundoff[i]
-        if not abs(change[i]) <= known:
-            most = 1.0
-    return most == 0.0
+        if not abs(change[i]) <= STATE_ROUNDOFF * abs(v[i]) + h * roundoff[i]:
+            return False
+    return True
 
 
 def conclude(s: Fixed, p: Parameters, after: float, h: float) -> int:

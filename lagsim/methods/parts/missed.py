@@ -289,13 +289,6 @@ def missed_feature(s: Signals, p: Parameters) -> float:
 
 def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Signals and their rates (2 K,) at the fraction x of the last step."""
-    slopes(s, x)
-    interpolate(s, x, s.point)
-    signals(s.step_t + x * s.step_h, s.point, p, out)
-
-
-def slopes(s: Signals, x: float) -> None:
-    """Leave the slope of the dense output in `point_rates`."""
     interpolate(s, x - 2.0 * BESIDE, s.far_before)
     interpolate(s, x + 2.0 * BESIDE, s.far_after)
     interpolate(s, x - BESIDE, s.near_before)
@@ -304,6 +297,8 @@ def slopes(s: Signals, x: float) -> None:
     s.point_rates[:] = unit * (
         8.0 * (s.point[: s.size] - s.near_before) - (s.far_after - s.far_before)
     )
+    interpolate(s, x, s.point)
+    signals(s.step_t + x * s.step_h, s.point, p, out)
 
 
 def search_stretch(s: Signals, p: Parameters, low: float, high: float) -> float:

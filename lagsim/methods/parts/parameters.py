@@ -151,6 +151,7 @@ class Laws(Surfaces):
     # Two slips that begin keep about this speed's direction; 0 once they are faster.
     law_floor: Floats = array("laws")
     law_rounding: Floats = array("laws")  # of its margin, while it is out of force
+    law_opens: Floats = array("laws")  # 1: parts in the step that an event has cut
     law_part: Floats = array("laws")  # of the contact's multiplier, or the force
     impulses: Floats = array("laws")  # of an impact, while its row is written
 

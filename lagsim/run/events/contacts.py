@@ -97,7 +97,7 @@ class Contacts(Source):
         self.asked_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
-        p.law_floor[:] = 0.0
+        p.law_floor[:] = p.law_opens[:] = 0.0
 
     def begin(self, arc: Arc) -> Decision:
         """Choose the modes at the state reached."""
@@ -172,6 +172,10 @@ class Contacts(Source):
     def _through(self, arc: Arc, met: int | None) -> Found:
         """Go through impacts, then choose the modes."""
         here, found = Kinematics(arc, arc.y, known=self.shape), Found(arc.y.copy())
+        if arc.system.p.law_opens.any():
+            found.y = _raised_state(here)
+            arc.system.p.law_opens[:] = 0.0
+            here = Kinematics(arc, found.y.copy(), known=self.shape)
         also = {met} if met is not None else set()
         recent = (t for t, _ in reversed(self.sequence.recent) if t < arc.t)
         flown = arc.t - next(recent, arc.settings.start)
@@ -339,6 +343,20 @@ def _grazing(here: Kinematics, closed: list[bool], flown: float) -> dict[int, fl
     }
     others = struck.difference(found)
     return {k: depth for k, depth in found.items() if not here.acts_on(k, others)}
+
+
+def _raised_state(here: Kinematics) -> Floats:
+    """State (size,) with what is below its ground by an error on it, not closing."""
+    state, p, reply = here.arc.state, here.arc.system.p, here.shape.reply
+    y, held = here.y.copy(), np.flatnonzero(p.law_mode == kept.HELD)
+    levels = (state.positions, here.residuals), (state.velocities, here.rates)
+    for level, values in levels:
+        low = np.flatnonzero((p.law_opens > 0.0) & (values < 0.0))
+        if len(low):
+            rows = [*low, *held]
+            asked = np.append(values[low], np.zeros(len(held)))
+            y[level] -= reply.response[:, rows] @ _raised(reply.D, rows, asked)
+    return y
 
 
 def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
@@ -509,7 +527,8 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     moment, steady = SOON * here.arc.state.row_step, here.arc.settings.end - here.t
     while moment < steady:
         y = _state_after(here, found, moment)
-        bends = here.accelerations_at(here.t + moment, y) - here.accelerations
+        later = Kinematics(here.arc, y, here.t + moment, here.shape)
+        bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment
         if not math.isfinite(change):  # there are no forces so far ahead
             return moment
@@ -535,7 +554,8 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
         elif mode == kept.OFF and law.kind.one_sided:
             position = law.kind is Kind.CONTACT
             rounding[k] = here.slack[k] if position else here.still[k]
-            size[k] = rounding[k] if here.gaps[k] <= rounding[k] else 0.0
+            if here.gaps[k] <= rounding[k]:  # what has not risen yet has a slack
+                size[k] = max(rounding[k], math.ulp(0.0))
             size[k] += 2.0 * here.grazing.get(k, 0.0)
     event_functions = arc.runner.event_functions(arc.t, here.y)[K:]
     slack[:] = size + 2.0 * np.maximum(0.0, -event_functions)

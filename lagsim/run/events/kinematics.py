@@ -7,7 +7,7 @@ a step was cut.
 from __future__ import annotations
 
 import math
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -176,7 +176,9 @@ class Kinematics:
     @cached_property
     def roundoff(self) -> Floats:
         """Rounding bounds of `accelerations` (L,): by their terms, and by the state."""
-        a, b, *_ = self._free(self.t, self.y + _aside(len(self.y)) * self._known())
+        # Each component moves by another part, or what cancels would stay hidden.
+        parts = PROBE * (0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0])
+        a, b, *_ = self._free(self.t, self.y + parts * self._known())
         stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
@@ -214,14 +216,6 @@ class Kinematics:
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
         return field[self.levels[1]], b.copy(), bounds.copy(), statics.copy()
-
-    def accelerations_at(self, t: float, y: Floats) -> Floats:
-        """Accelerations (L,) without any law at another time and state."""
-        n, m = self.arc.system.n, self.arc.system.m
-        numbers = self.arc.runner.function("geometry", (n + m) * n + 4 * m)(t, y)
-        rows = numbers[(n + m - self.count) * n : (n + m) * n].reshape(-1, n)
-        a, b, *_ = self._free(t, y)
-        return np.asarray(rows @ a - b)
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.
@@ -314,12 +308,3 @@ class Kinematics:
             factor=reply.factor[:, at],
         )
         return closed, reply.response[:, at]
-
-
-@lru_cache(maxsize=16)
-def _aside(size: int) -> Floats:
-    """By what parts a state is moved.
-
-    Each component by another, or what cancels would stay hidden.
-    """
-    return PROBE * (0.5 + np.modf(APART * np.arange(1.0, size + 1.0))[0])

@@ -358,6 +358,8 @@ class ResidualMonitor:
     Attributes
     ----------
     first_energy : float
+    drift : Growth
+        Of |energy - work - first value|.
     """
 
     def __init__(self, columns: Sequence[str]) -> None:
@@ -365,7 +367,7 @@ class ResidualMonitor:
         self._work = columns.index("work") if "work" in columns else None
         self._start: float | None = None
         self.first_energy = 0.0
-        self._drift = Growth()
+        self.drift = Growth()
         judged = judged_columns(columns)
         places = np.array([*judged.values()], dtype=np.intp).reshape(-1, 2)
         self._residual_at, self._scale_at = places.T
@@ -384,7 +386,7 @@ class ResidualMonitor:
             self._start = float(balance[0])
             self.first_energy = float(rows[0, self._energy])
         with np.errstate(invalid="ignore"):
-            self._drift.add(rows, np.abs(balance - self._start))
+            self.drift.add(rows, np.abs(balance - self._start))
         sizes, scales = np.abs(rows[:, self._residual_at]), rows[:, self._scale_at]
         so_far = np.fmax(np.fmax.accumulate(scales), self._scales)
         parts = np.divide(sizes, so_far, out=np.zeros_like(sizes), where=so_far > 0)
@@ -395,26 +397,12 @@ class ResidualMonitor:
         self._scales = np.maximum(self._scales, np.max(scales, axis=0))
 
     @property
-    def energy_drift(self) -> float:
-        """Greatest |energy - work - first value|; nan where one of them is."""
-        return self._drift.size
-
-    @property
-    def worst_row(self) -> Floats | None:
-        """Row where energy - work is farthest from its first value, if it changes."""
-        return self._drift.row
-
-    @property
     def energy_gained(self) -> float:
         """The deviation that is the greatest, with its sign."""
-        if self.worst_row is None or self._start is None:
+        if self.drift.row is None or self._start is None:
             return 0.0
-        worst = _balance(self.worst_row[np.newaxis], self._energy, self._work)
+        worst = _balance(self.drift.row[np.newaxis], self._energy, self._work)
         return float(worst[0]) - self._start
-
-    def drift_since(self, bound: float) -> float | None:
-        """Return the first time at which energy - work is off by more than `bound`."""
-        return self._drift.since(bound)
 
     def constraint_since(self, name: str, part: float) -> float | None:
         """Return when a residual first exceeds a part of its scale so far."""

@@ -605,7 +605,7 @@ class Curve:
         return row | {
             "error": error,
             "error_lambda": of_lambda,
-            "energy_drift": residuals.energy_drift,
+            "energy_drift": residuals.drift.size,
             "constraint_residual": residuals.constraint_residual,
         }
 

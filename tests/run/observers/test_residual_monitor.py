@@ -33,9 +33,9 @@ def test_a_scale_that_is_zero_counts_for_nothing():
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_what_is_not_finite_is_not_passed_over(bad):
     monitor = monitor_of(PLAIN, [[0, 1], [1, bad]], [[2, 1]])
-    assert not math.isfinite(monitor.energy_drift)
+    assert not math.isfinite(monitor.drift.size)
     good = [0, 1, 0, 0, 0, 1, 1]
     monitor = monitor_of(FULL, [good, [1, 1, 0, bad, 0, 1, 1]], [good])
     assert not math.isfinite(monitor.constraint_residual)
     monitor = monitor_of(FULL, [good], [[1, bad, bad, 0, 0, 1, 1]], [good])
-    assert not math.isfinite(monitor.energy_drift)
+    assert not math.isfinite(monitor.drift.size)

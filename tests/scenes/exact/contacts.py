@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
@@ -432,3 +433,46 @@ for power in (1, 3):
     SCENES[f"a box is lifted off a corner by {force}"] = Exact(
         weightless(BOX, y=force, th=f"0.5*{force}"), corner(power), within=1e-8,
     )  # fmt: skip
+
+
+# What leaves its ground by a power of the time: polynomials through the ends of a step
+# dip below the ground. force -> the weight, when it leaves, the push from then on.
+S = Polynomial([0.0, 1.0])
+LEAVING = {
+    "9.81*t": (G, 1.0, G * S),
+    "9.81*t^2": (G, 1.0, G * ((1 + S) ** 2 - 1)),
+    "9.81*t^9": (G, 1.0, G * ((1 + S) ** 9 - 1)),
+    "9.81*(1 + (t - 1)^3)": (G, 1.0, G * S**3),
+    "9.81*(1 + max(0, t - 1)^2)": (G, 1.0, G * S**2),
+    "t^2": (0.0, 0.0, S**2),
+    "t^5": (0.0, 0.0, S**5),
+}
+
+
+def leaving(weight, begins, push, t):
+    """Two on a rising floor; a ball strikes in the first step of their flight."""
+    y = push.integ(2)(np.maximum(t - begins, 0.0)) + t**3 / 100
+    u = np.maximum(weight / 2 * ((begins + 0.0044) ** 2 - t**2), 0.0)
+    return {"y": y, "z": y, "u": u}
+
+
+for method, error in {"rattle": 1e-3, "rk4": 1e-6, "dop853": 1e-9}.items():
+    for force, forced in LEAVING.items():
+        weight, begins, push = forced
+        SCENES[f"leave by {force}, {method}"] = Exact(
+            scene(
+                "y z u", "(y_dot^2 + z_dot^2 + u_dot^2)/2", f"{weight}*(y + z + u)",
+                {
+                    "floor": contact("y >= t^3/100", 0), "on": contact("z >= y", 0),
+                    "ball": contact("u >= 0", 0),
+                },
+                {"y": 0, "z": 0, "u": weight / 2 * (begins + 0.0044) ** 2},
+                forces={"y": f"2*({force} + 0.06*t)"}, duration=2, output_step=0.033,
+                method=method, **({} if method == "dop853" else {"step": 0.01}),
+            ),
+            lambda t, forced=forced: leaving(*forced, t),
+            lambda t, begins=begins, push=push: {
+                "lambda_floor": np.maximum(0.0, -2.0 * push(t - begins)),
+            },
+            within=error,
+        )  # fmt: skip
