@@ -196,7 +196,7 @@ def label(axis: Axis, name: str, unit: str = "") -> str:
 def read_off(value: float, digits: int = 4) -> str:
     """Return a number in a few digits, as one writes it by hand."""
     short = f"{value:.{digits}g}"
-    if "e" in short or (value and not 1e-3 <= abs(value) < 1e5):
+    if "e" in short:
         front, _, power = f"{value:.{digits - 1}e}".partition("e")
         front = front.rstrip("0").rstrip(".")
         times = "" if front in ("1", "-1") else f"{front} × "

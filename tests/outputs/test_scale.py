@@ -123,7 +123,7 @@ def test_a_scale_of_powers_can_be_drawn_whatever_it_is_given(values):
     ("value", "said"),
     [
         (0.0, "0"), (5.0, "5"), (-1599.2, "−1599"), (1e8, "10⁸"), (-1e8, "−10⁸"),
-        (3.361e38, "3.361 × 10³⁸"), (2e-7, "2 × 10⁻⁷"), (0.05, "0.05"),
+        (3.361e38, "3.361 × 10³⁸"), (2e-7, "2 × 10⁻⁷"), (5e-4, "0.0005"),
     ],
 )  # fmt: skip
 def test_numbers_as_one_writes_them(value, said):
