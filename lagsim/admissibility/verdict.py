@@ -509,16 +509,9 @@ def _with_mode(
     main = [found[k] for k, x in own.items() if x is not Kind.SLIP]
     slips = [found[k] for k, x in own.items() if x is Kind.SLIP]
     holds = bool(main) and main[0] in _HELD
-    if kind is Kind.LIMITED:
-        mode = "sticks" if holds else "slides"
-    elif kind is Kind.FREEWHEEL:
-        mode = "engaged" if holds else "free"
-    elif verdict.name in struck:
+    mode = kind.words[0 if holds else 1]
+    if kind in (Kind.CONTACT, Kind.TIMED) and verdict.name in struck:
         mode = "impact"
-    elif not holds:
-        mode = "open"
-    elif not slips:
-        mode = "closed"
-    else:
-        mode = "sticks" if all(x in _HELD for x in slips) else "slides"
+    elif kind in (Kind.CONTACT, Kind.TIMED) and holds and slips:
+        mode = Kind.SLIP.words[0 if all(x in _HELD for x in slips) else 1]
     return verdict._replace(holds=holds, mode=mode)

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
     from lagsim.model.model import Constraint, OneSided
 
+    Words = tuple[str, str]
+
 
 class Row(NamedTuple):
     """Constraint that holds as an equality, as nodes.
@@ -165,18 +167,23 @@ class Kind(Enum):
     strikes : bool
         An impact gives it an impulse: what is bounded gives none in no time, but
         friction goes with that of its contact.
+    words : tuple of str
+        What users read of it where it holds, and where it does not.
     one_sided, bounded : bool
         The multiplier pushes and does not pull; it is bounded in both directions.
     """
 
-    CONTACT = (kept.CONTACT, 0.0, inf, True)
-    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, True)
-    SLIP = (kept.SLIP, -1.0, 1.0, True)
-    LIMITED = (kept.LIMITED, -1.0, 1.0, False)
-    TIMED = (kept.TIMED, -inf, inf, True)
+    CONTACT = (kept.CONTACT, 0.0, inf, True, ("closed", "open"))
+    FREEWHEEL = (kept.FREEWHEEL, 0.0, inf, True, ("engaged", "free"))
+    SLIP = (kept.SLIP, -1.0, 1.0, True, ("sticks", "slides"))
+    LIMITED = (kept.LIMITED, -1.0, 1.0, False, ("sticks", "slides"))
+    TIMED = (kept.TIMED, -inf, inf, True, ("closed", "open"))
 
-    def __init__(self, code: float, low: float, high: float, strikes: bool) -> None:
+    def __init__(
+        self, code: float, low: float, high: float, strikes: bool, words: Words
+    ) -> None:
         self.code, self.low, self.high, self.strikes = code, low, high, strikes
+        self.words = words
         self.one_sided, self.bounded = low == 0.0, high < inf
 
 
