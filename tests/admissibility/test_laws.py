@@ -5,7 +5,7 @@ import math
 import pytest
 
 from lagsim.errors import InputError
-from tests.check.scenes import codes, judged
+from tests.admissibility.scenes import codes, judged
 
 # A block on an incline: the angle of friction is atan(0.3) = 0.2915.
 BLOCK = """

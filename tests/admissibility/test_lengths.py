@@ -5,7 +5,7 @@ import math
 import pytest
 
 from lagsim.admissibility.point import Point
-from tests.check.scenes import check, codes, judged, scene, warning
+from tests.admissibility.scenes import check, codes, judged, scene, warning
 
 SHIFTS = (0.0, 1e3, 1e6)
 RELATIVE = (

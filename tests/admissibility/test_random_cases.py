@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.check.scenes import judged, scene
+from tests.admissibility.scenes import judged, scene
 
 # How far rows, and units, are scaled: powers of ten.
 ROWS, UNITS = 8.0, 6.0

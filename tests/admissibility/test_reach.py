@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from tests.check.scenes import judged, scene
+from tests.admissibility.scenes import judged, scene
 from tests.patience import PATIENCE
 from tests.support import MODELS
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.check.scenes import check, codes, judged, scene, warning
+from tests.admissibility.scenes import check, codes, judged, scene, warning
 from tests.scenes.reference import model_text
 from tests.support import MODELS
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lagsim.errors import InputError
-from tests.check.scenes import check, codes, judged, scene, warning
+from tests.admissibility.scenes import check, codes, judged, scene, warning
 from tests.support import run
 
 # relations, a point of the set, its dimension, the names that must be told

@@ -7,7 +7,7 @@ from operator import attrgetter
 import pytest
 
 from lagsim.errors import InputError
-from tests.check.scenes import (
+from tests.admissibility.scenes import (
     ASKED,
     PARALLELOGRAM,
     check,
