@@ -22,7 +22,7 @@ from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop
 from lagsim.native.layout import address
-from lagsim.native.link.cache import begin_kernel_object, kernel_object, object_code
+from lagsim.native.link.cache import Part, graph_part, kernel_part
 from lagsim.native.link.engine import Engine
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
@@ -68,31 +68,34 @@ _TABULATE = (
 )
 
 
-def kernels(system: System) -> Iterator[bytes]:
-    """Object code of what a method calls besides the model's functions."""
+def kernels(system: System) -> Iterator[Part]:
+    """Kernels that a method calls besides the model's functions."""
     called: list[Callable[..., Any]]
     if system.moreau is not None:
-        yield kernel_object([moreau.observe])
+        yield kernel_part([moreau.observe])
     elif system.laws:
         called = [laws.field, laws.rounding, laws.position_step, laws.velocity_step]
-        yield kernel_object([*called, laws.law_event_functions])
+        yield kernel_part([*called, laws.law_event_functions])
     elif system.plan.elimination is None:
         called = [dense.derivative, dense.observe]
         called = [*([dense.field] if system.surfaces else called), dense.rounding]
         called += [dense.position_step, dense.velocity_step] if system.m else []
-        yield kernel_object(called)
+        yield kernel_part(called)
     if system.has_jacobian:
-        yield kernel_object([dense.jacobian])
+        yield kernel_part([dense.jacobian])
     if system.watched:
         called = [sliding.derivative, sliding.observe]
         called += [sliding.event_functions, sliding.project_sliding]
-        yield kernel_object(called, {"LAWS": bool(system.laws)})
+        yield kernel_part(called, {"LAWS": bool(system.laws)})
 
 
 # Functions that find zeros, and do not write what is zero identically.
 SPARSE = ("slopes",)
 # Functions in which a product may be added without being rounded first.
 CONTRACTED = ("series",)
+# Functions that are called once in many steps.
+SELDOM = ("rounding", "force_rounding")
+MANNER = CONTRACTED, SPARSE, SELDOM
 
 
 class System:
@@ -130,8 +133,8 @@ class System:
         Of the subsystems, where they are integrated apart.
     indicators : list of Indicator
         Of localized terms, which may act within a step, see `localized`.
-    objects : list of bytes
-        Object code of the model's functions.
+    program : list of Part
+        The model's functions, and the kernels that a method calls with them.
     operations : int
         About how many one evaluation takes, of y' or of its series.
     """
@@ -191,20 +194,19 @@ class System:
         self.operations = self._operations(code)
         p = self._parameters()
         layout = self._layout(p)
-        begin_kernel_object(*of_method(self, plan.method))
-        found_code, self._p_size = object_code(
-            keys.fingerprint(
-                equations.graph, code, layout, plan.tape, SPARSE, CONTRACTED
-            ),
+        kernel_part(*of_method(self, plan.method)).begin()
+        written = graph_part(
+            keys.fingerprint(equations.graph, code, layout, plan.tape, MANNER),
             lambda: self._code(code, layout),
         )
+        self._p_size = written.p_size
         self._layout_of = layout.p
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
         self._joined: dict[bytes, list[int]] = {}  # of `held_together`
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
-        self.objects = [found_code, *kernels(self)]
+        self.program = [written, *kernels(self)]
 
     def _code(self, functions: Functions, layout: Layout) -> Code:
         """Write the code of all functions; only first runs do."""
@@ -216,7 +218,7 @@ class System:
             return tapes.generate(g, made, layout, SPARSE)
         from lagsim.native.graph import straight_line
 
-        return straight_line.generate(g, functions, layout, CONTRACTED, SPARSE)
+        return straight_line.generate(g, functions, layout, *MANNER)
 
     @property
     def has_loops(self) -> bool:
@@ -442,6 +444,8 @@ class Runner:
     Attributes
     ----------
     method : module
+    program : list of Part
+        All that is linked.
     pace : Pace
         That of the runs so far.
     block : ndarray, shape (rows, 1 + size)
@@ -449,11 +453,11 @@ class Runner:
     """
 
     def __init__(self, system: System, name: str) -> None:
-        around = kernel_object(
-            [driver.advance, driver.tabulate], _statics(system, name)
-        )
-        kernels = [kernel_object(*of_method(system, name)), around]
-        self.system, self.engine = system, Engine([*system.objects, *kernels])
+        around = kernel_part([driver.advance, driver.tabulate], _statics(system, name))
+        method_part = kernel_part(*of_method(system, name))
+        self.program = [*system.program, method_part, around]
+        self.system = system
+        self.engine = Engine([part.object for part in self.program])
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from lagsim.native.graph.straight_line import Code
 from lagsim.native.kernels import translation
 from lagsim.native.kernels.keys import KernelError
 from lagsim.native.kernels.words import unrolled
@@ -37,11 +36,11 @@ def wrong() -> None:
         i += 1  # noqa: PLW2901
 
 
-def made(ir: str, p_size: int = 0) -> bytes:
+def made(ir: str) -> bytes:
     """Make an object from the cache, or compile it; its IR tells it from all others."""
-    code, size = cache.object_code(ir, lambda: Code(ir, p_size))
-    assert size == p_size
-    return code
+    part = cache.graph_part(ir, lambda: (ir, 7))
+    assert part.p_size == 7
+    return part.object
 
 
 def value(code: bytes) -> float:
@@ -84,26 +83,28 @@ def test_compiled_once(kept: Path, compiled: list[str]) -> None:
 def test_kernels_are_translated_once(
     kept: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = cache.kernel_object([doubled])
+    first, ir = cache.kernel_part([doubled]).object, cache.kernel_part([doubled]).ir
     monkeypatch.setattr(translation, "translate", None)
-    assert cache.kernel_object([doubled]) == first
+    assert cache.kernel_part([doubled]).object == first
+    monkeypatch.setenv("LAGSIM_CPU", "generic")  # IR is that of all targets
+    assert cache.kernel_part([doubled]).ir == ir
     monkeypatch.undo()
     assert len(compiled) == 1
     monkeypatch.setenv("LAGSIM_CACHE", str(kept.parent))
     array = (ctypes.c_double * 2)(1.0, 2.0)
     for statics in (None, {"FACTOR": 3.0}):
-        code = cache.kernel_object([doubled], statics)
+        code = cache.kernel_part([doubled], statics).object
         pointer = ctypes.POINTER(ctypes.c_double)
         run = engine.Engine([code]).function("doubled", None, [ctypes.c_int64, pointer])
         run(2, array)
     assert list(array) == [6.0, 12.0]
-    assert len(list(kept.iterdir())) == 2
+    assert len(list(kept.iterdir())) == 3
 
 
 @pytest.mark.usefixtures("kept")
 def test_faults_of_kernels_come_out() -> None:
     with pytest.raises(KernelError):
-        cache.kernel_object([wrong])
+        _ = cache.kernel_part([wrong]).object
 
 
 def test_another_cpu_is_another_object(
@@ -247,8 +248,7 @@ def test_processes_at_once(kept: Path) -> None:
     code = (
         "import ctypes\n"
         "from lagsim.native.link import cache, engine\n"
-        "from lagsim.native.graph.straight_line import Code\n"
-        f"code = cache.object_code('x', lambda: Code({IR!r}, 0))[0]\n"
+        f"code = cache.graph_part('x', lambda: ({IR!r}, 0)).object\n"
         "f = engine.Engine([code]).function('f', ctypes.c_double, [])\n"
         "print(f())\n"
     )

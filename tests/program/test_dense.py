@@ -67,7 +67,7 @@ def plain(name: str, y: Floats, p: Parameters, out: Floats) -> None:
 
 @pytest.fixture(scope="module")
 def native() -> Any:
-    engine = Engine([cache.kernel_object([*KERNELS, *MODEL.values()])])
+    engine = Engine([cache.kernel_part([*KERNELS, *MODEL.values()]).object])
     pointer = ctypes.c_void_p
 
     def call(name: str, y: Floats, p: Parameters, out: Floats) -> None:

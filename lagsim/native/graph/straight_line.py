@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 
 CLEAR = "llvm.memset.p0.i64"
+# Functions of more pieces are translated one instruction after the other: compiled in
+# less than half the time, and run 5 % longer (40 links; an arm of seven joints).
+LONG = 6
 # An array of a function, and an index there.
 Place = tuple[str, int]
 
@@ -97,6 +100,7 @@ class Writer(Lines):
         more: str = "",
         linkage: str = "",
         cleared: int = 0,
+        seldom: bool = False,
     ) -> None:
         """Write it.
 
@@ -110,12 +114,15 @@ class Writer(Lines):
             Arrays besides those of the signature.
         cleared
             So many numbers of `out` are set to 0 before any is stored.
+        seldom
+            It is translated as it stands, as one of more pieces than LONG is.
         """
         signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
-        pieces = [
-            order[i : i + keys.PIECE] for i in range(0, len(order), keys.PIECE)
-        ] or [[]]
+        length, end = keys.PIECE, ") {"
+        if seldom or len(order) > LONG * length:
+            length, end = -(-length // 2), ") noinline optnone {"
+        pieces = [order[i : i + length] for i in range(0, len(order), length)] or [[]]
         at_end: dict[int, list[Place]] = {}
         for node, place in stores:
             at_end.setdefault(node, []).append(place)
@@ -125,8 +132,7 @@ class Writer(Lines):
         ]  # fmt: skip
         for piece_name, piece in zip(names, pieces, strict=True):
             kind = linkage if piece_name == name else "internal "
-            head = f"define {kind}void @{piece_name}({signature}) {{"
-            self.lines.append(head)
+            self.lines.append(f"define {kind}void @{piece_name}({signature}{end}")
             if len(pieces) == 1:
                 self._clear(cleared)
             self._piece(piece, places, passed, at_end)
@@ -455,12 +461,14 @@ def generate(
     layout: Layout,
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
+    seldom: Collection[str] = (),
 ) -> Code:
     """Code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros.
+    not write what is zero identically: they find zeros. Those named in `seldom` are
+    called too rarely for their translation to be worth time.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -478,7 +486,8 @@ def generate(
         at_once = len(nodes) if zeros > FEW_ZEROS and name not in sparse else 0
         if not at_once and name not in sparse:
             stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
-        writer.function(name, stores, places, cleared=at_once)
+        rare = name in seldom
+        writer.function(name, stores, places, cleared=at_once, seldom=rare)
     declared = sorted(set().union(*(writer.declared for writer in writers)))
     lines = [line for writer in writers for line in writer.lines]
     used = max(writer.scratch_used for writer in writers)

@@ -18,6 +18,7 @@ import struct
 import sys
 import threading
 import time
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,18 +29,16 @@ from lagsim.native.link import ahead, engine
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from lagsim.native.graph.straight_line import Code
-
 CACHE_VARIABLE = "LAGSIM_CACHE"
 """Environment variable naming the folder to use in place of the platform's."""
 
 LIMIT_BYTES = 256 * 2**20
 """Size at which the objects that were not used for longest are removed."""
 
-_FORMAT = "3"  # of files and keys; a change leaves all that is kept unused
+_FORMAT = "4"  # of files and keys; a change leaves all that is kept unused
 _MAGIC = b"lagsim object " + _FORMAT.encode() + b"\n"
 _SUFFIX = ".object"
-_SIZE = struct.Struct("<q")  # the length of p, before the object of a graph
+_SIZE = struct.Struct("<q")  # the length of p, before an object
 _USED_AGAIN_SECONDS = 86400.0  # how fine the age of a file is kept, to spare writes
 _ABANDONED_SECONDS = 3600.0  # after which a file half written has no writer
 
@@ -48,76 +47,90 @@ _coming: dict[str, Callable[[], bytes]] = {}
 _fingerprints: dict[tuple[object, ...], str] = {}
 
 
-def object_code(made_from: str, generate: Callable[[], Code]) -> tuple[bytes, int]:
-    """Object code of a graph, and the length of p that it needs.
+class Part:
+    """A part of a program: functions that are written, and compiled, together.
 
     Parameters
     ----------
-    made_from
-        Tells it from all others: a digest, see `graph_key`.
-    generate
-        Gives the LLVM IR, where the cache does not have its object.
-
-    Raises
-    ------
-    NativeError
-        If LLVM refuses the IR.
+    made_from : sequence of str
+        Its kind and a digest, by which IR and object code are kept.
+    write : function
+        Gives its IR, and the length of p that its functions need.
+    optimise : bool
+        See `engine.compile_object`.
     """
 
-    def compiled() -> bytes:
-        code = generate()
-        size = _SIZE.pack(code.p_size)
-        return size + engine.compile_object(code.ir, optimise=False)
+    def __init__(
+        self,
+        made_from: Sequence[str],
+        write: Callable[[], tuple[str, int]],
+        *,
+        optimise: bool,
+    ) -> None:
+        self.made_from, self.optimise, self._write = made_from, optimise, write
 
-    kept = _kept(["graph", made_from], compiled)
-    return kept[_SIZE.size :], _SIZE.unpack_from(kept)[0]
+    @cached_property
+    def _content(self) -> bytes:
+        return _kept([*self.made_from, *engine.target()], self._compiled)
+
+    def _compiled(self) -> bytes:
+        ir, p_size = self._write()
+        return _SIZE.pack(p_size) + engine.compile_object(ir, optimise=self.optimise)
+
+    @property
+    def object(self) -> bytes:
+        """Object code for `engine.target()`.
+
+        Raises
+        ------
+        KernelError
+            If a kernel leaves the subset.
+        NativeError
+            If LLVM refuses the IR.
+        """
+        return self._content[_SIZE.size :]
+
+    @property
+    def p_size(self) -> int:
+        """Length of p that its functions need; 0 for kernels."""
+        return int(_SIZE.unpack_from(self._content)[0])
+
+    @property
+    def ir(self) -> str:
+        """LLVM IR, the same for all targets; kept once it has been asked for."""
+        key = [*self.made_from, "ir"]
+        return _kept(key, lambda: str.encode(self._write()[0])).decode()
+
+    def begin(self) -> None:
+        """Have a second process make the object code, where there may be one."""
+        key, path = _place([*self.made_from, *engine.target()])
+        if path is None or not path.exists():
+            _coming[key] = ahead.bring(self._compiled)
 
 
-def kernel_object(
+def graph_part(made_from: str, generate: Callable[[], tuple[str, int]]) -> Part:
+    """Functions of a graph: its digest, see `graph.keys`, and what writes the code."""
+    return Part(["graph", made_from], generate, optimise=False)
+
+
+def kernel_part(
     functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
-) -> bytes:
-    """Object code of kernels; translates only what is not in the cache.
+) -> Part:
+    """Kernels; they are translated where they are not kept.
 
-    Parameters
-    ----------
-    functions, statics : sequence of functions, mapping
-        As for `translation.translate`.
-
-    Raises
-    ------
-    KernelError
-        If a kernel leaves the subset.
+    functions, statics : as for `translation.translate`.
     """
-    made_from = _fingerprint(functions, statics)
-    return _kept(made_from, lambda: _translated(functions, statics))
-
-
-def begin_kernel_object(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None = None
-) -> None:
-    """Have a second process make the object code of kernels, where there may be one."""
-    key, path = _place(_fingerprint(functions, statics))
-    if path is None or not path.exists():
-        _coming[key] = ahead.bring(lambda: _translated(functions, statics))
-
-
-def _fingerprint(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
-) -> list[str]:
-    """Digest of kernels, made once in a process: a short run takes little longer."""
+    # The digest is made once in a process: a short run takes little longer.
     known = *functions, repr(statics)
     if known not in _fingerprints:
         _fingerprints[known] = keys.fingerprint(functions, statics)
-    return ["kernel", _fingerprints[known]]
 
+    def translated() -> tuple[str, int]:
+        from lagsim.native.kernels import translation  # only first runs translate
 
-def _translated(
-    functions: Sequence[Callable[..., Any]], statics: Mapping[str, object] | None
-) -> bytes:
-    from lagsim.native.kernels import translation  # only first runs translate
+        return translation.translate(functions, statics), 0
 
-    ir = translation.translate(functions, statics)
-    return engine.compile_object(ir, optimise=True)
+    return Part(["kernel", _fingerprints[known]], translated, optimise=True)
 
 
 def folder(name: str = "objects") -> Path | None:
@@ -176,17 +189,14 @@ def _base() -> Path | None:
     return (given if given.is_absolute() else Path.home() / ".cache") / "lagsim"
 
 
-def _place(made_from: Sequence[str]) -> tuple[str, Path | None]:
-    """Key of what is made from that, on this machine, and where it is kept.
-
-    None where nothing can be.
-    """
+def _place(made_from: Sequence[object]) -> tuple[str, Path | None]:
+    """Key of what is made from that, and where it is kept, if it can be."""
     where = folder()
-    key = _digest([_FORMAT, *made_from, *engine.target()])
+    key = _digest([_FORMAT, *made_from])
     return key, None if where is None else where / f"{key}{_SUFFIX}"
 
 
-def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
+def _kept(made_from: Sequence[object], make: Callable[[], bytes]) -> bytes:
     key, path = _place(made_from)
     code = None if path is None else _read(path, key)
     coming = _coming.pop(key, make)
@@ -197,10 +207,10 @@ def _kept(made_from: Sequence[str], make: Callable[[], bytes]) -> bytes:
     return code
 
 
-def _digest(parts: Iterable[str]) -> str:
+def _digest(parts: Iterable[object]) -> str:
     digest = hashlib.sha256()
     for part in parts:
-        text = part.encode()
+        text = str(part).encode()
         digest.update(b"%d:" % len(text))
         digest.update(text)
     return digest.hexdigest()
