@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from contextlib import suppress
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import CONSTANT, VARIABLE, Graph
@@ -71,6 +74,24 @@ def about_angles(model: Model) -> Iterator[Caution]:
             if term and term.name not in reported:
                 reported.add(term.name)
                 yield Caution("degrees", term.text(g.ops[node]))
+    texts = [scalar.text for scalar in model.stated.texts().values()]
+    for text in (*model.stated.numbers(), *texts):
+        for op, value in _bare(text):
+            term = _Term(f"{value}", "an angle is", value)
+            if term.name not in reported:
+                reported.add(term.name)
+                yield Caution("degrees", term.text(op))
+
+
+def _bare(text: str) -> Iterator[tuple[str, float]]:
+    """Functions of a number in degrees, as sin(20): a graph has only their values."""
+    for side in re.split("[<>]?=", text):
+        with suppress(ExpressionError):
+            signless = (x for x in parse(side).postfix if x[0] != "neg")
+            for (kind, value), (op, _) in pairwise(signless):
+                angle = kind == "number" and op in _OF_ANGLES
+                if angle and _is_of_degrees(float(value)):
+                    yield op, float(value)
 
 
 def _terms(

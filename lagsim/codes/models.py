@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import Row
+from lagsim.codes.row import PAINLEVE, PLANE, Row
 
 # A mass that two coordinates hold by a rod.
-_ROD = """\
-coordinates: {x: {unit: m}, y: {unit: m}}
-definitions: {}
-energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
-constraints: {rod: x^2 + y^2 = l^2}
-"""
+_ROD = f"{PLANE}constraints: {{rod: x^2 + y^2 = l^2}}\n"
 
 ROWS = (
     # E1xx: files, YAML, and the sections of a model.
@@ -446,15 +441,7 @@ output: {reactions: [x]}
         "From the start on, some accelerations and contact forces satisfy the "
         "equations of motion and all laws of contact.",
         "start with the bodies apart, or with less friction",
-        """\
-parameters: {mu: 1.4, angle: atan(0.5)}
-coordinates: {x: {}, y: {}, q: {}}
-definitions: {end: x - sin(q)}
-energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2/3)/2, potential: 9.81*y}
-constraints:
-  tip: {relation: y >= cos(q), restitution: 0, friction: mu, slip: end_dot}
-initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
-""",
+        PAINLEVE,
         ("lagsim run pendulum.yaml",)),
     Row("E309", "out-of-scale",
         "Numbers of the model are too large or too small for double precision.",

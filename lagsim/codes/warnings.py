@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from lagsim.codes.row import MODEL, warning
+from lagsim.codes.row import MODEL, PAINLEVE, PLANE, warning
 
-_PLANE = """\
-coordinates: {x: {unit: m}, y: {unit: m}}
-definitions: {}
-energy: {kinetic: m*(x_dot^2 + y_dot^2)/2, potential: m*g*y}
-"""
 _RUN = ("lagsim run pendulum.yaml --no-plots",)
 _OSCILLATOR = "lagsim run models/failing/oscillator.yaml --no-plots "
 
@@ -25,37 +20,37 @@ ROWS = (
     warning("W103", "rough-start",
         "The start was rounded, and satisfies the constraints only approximately.",
         "write the start value as the expression that is shown",
-        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n"),
     warning("W104", "redundant",
         "A constraint follows from others.",
         "leave it out; the motion is the same",
-        _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
+        PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n"),
     warning("W105", "multipliers-not-unique",
         "Constraints are redundant: their multipliers are not unique, and those of "
         "least norm are given.",
         "leave constraints out until the others determine their forces",
-        _PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
+        PLANE + "constraints: {one: x = y, other: 2*x = 2*y}\n"
         "initial: {x: 1, y: 1}\n"),
     warning("W106", "vanishing-gradient",
         "The gradient of a constraint vanishes at the start.",
         "start elsewhere, or write the constraint otherwise",
-        _PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n"),
+        PLANE + "constraints: {cross: x*y = 0}\ninitial: {x: 0, y: 0}\n"),
     warning("W107", "multiple-root",
         "A relation is a power, whose gradient is 0 wherever it holds: its root is "
         "taken.",
         "take the root of both sides",
-        _PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n"),
+        PLANE + "constraints: {line: (x - y)^2 = 0}\ninitial: {x: 1, y: 1}\n"),
     warning("W108", "double-root",
         "A guess is at a double root of the constraints.",
         "guess elsewhere, or write the constraint so that its root is simple",
-        _PLANE + "constraints: {curve: y^3 = (x - 1)^2*(x + 2), line: x = 1}\n"
+        PLANE + "constraints: {curve: y^3 = (x - 1)^2*(x + 2), line: x = 1}\n"
         "initial: {x: {guess: 1.1}, y: {guess: 0.1}}\n"),
     warning("W109", "other-roots",
         "The guesses have other solutions than the one taken.",
         "guess nearer to the one that is meant",
-        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: {guess: 0.01}}\n"),
     warning("W110", "undetermined-guess",
         "Nothing determines a guess: it stays as given.",
@@ -65,15 +60,7 @@ ROWS = (
         "Friction laws contradict each other at the start (Painlevé's paradox): `run` "
         "refuses it.",
         "reduce the friction, or let a body yield a little",
-        """\
-parameters: {mu: 1.4, angle: atan(0.5)}
-coordinates: {x: {}, y: {}, q: {}}
-definitions: {end: x - sin(q)}
-energy: {kinetic: (x_dot^2 + y_dot^2 + q_dot^2/3)/2, potential: 9.81*y}
-constraints:
-  tip: {relation: y >= cos(q), restitution: 0, friction: mu, slip: end_dot}
-initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
-"""),
+        PAINLEVE),
     warning("W112", "reaction-zero",
         "No energy, force or constraint uses a definition whose reaction is asked for: "
         "the reaction is 0.",
@@ -82,7 +69,7 @@ initial: {x: 0, y: cos(angle), q: angle, x_dot: -1}
     warning("W201", "start-changed",
         "The run starts from the nearest exact state.",
         "write the start that is shown by `lagsim check --repair`",
-        _PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
+        PLANE + "constraints: {rod: x^2 + y^2 = l^2}\n"
         "initial: {x: 0.8, y: -0.6000001}\n",
         _RUN),
     warning("W202", "step-unused",

@@ -10,6 +10,7 @@ and all its faults be reported at once.
 
 from __future__ import annotations
 
+import itertools
 import re
 import sys
 from contextlib import suppress
@@ -256,7 +257,8 @@ class _Builder:
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
         """Give the parts of a collection, those within parentheses in one piece.
 
-        In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`.
+        In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`, in
+        `{limit: 0,4*N}` the keys `limit` and `4*N`.
         """
         whole: list[Node] = []
         step, i = 1 + mapping, 0
@@ -270,7 +272,9 @@ class _Builder:
     def _in_one(self, pieces: list[Scalar]) -> Scalar:
         start, end = pieces[0].start, pieces[-1].end
         place = self.source.place(start, end - start)
-        text = ", ".join(piece.text for piece in pieces)
+        text = pieces[0].text
+        for before, piece in itertools.pairwise(pieces):
+            text += ("," if _is_decimal(before, piece) else ", ") + piece.text
         return Scalar(text, place, self.source, start, end)
 
 
@@ -282,13 +286,22 @@ def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:
     pieces, depth = [parts[i]], _left_open(parts[i])
     for j in range(i + 1, len(parts), step):
         piece, value = parts[j], parts[j + step - 1]
-        if depth <= 0 or not isinstance(piece, Scalar) or piece.style:
+        if not isinstance(piece, Scalar) or piece.style:
             break
         if step == 2 and not (isinstance(value, Scalar) and value.empty):
+            break
+        if depth <= 0 and not (step == 2 and _is_decimal(pieces[-1], piece)):
             break
         pieces.append(piece)
         depth += _left_open(piece)
     return pieces
+
+
+def _is_decimal(before: Node, piece: Scalar) -> bool:
+    """Tell whether a comma between two parts is that of a decimal number."""
+    if not isinstance(before, Scalar) or piece.start != before.end + len(","):
+        return False
+    return before.text[-1:].isdecimal() and piece.text[:1].isdecimal()
 
 
 def _left_open(part: Node) -> int:
@@ -308,8 +321,10 @@ _ENTRY = (
     r"(?P<value>\S.*)"
 )
 _ITEM = r"(?P<lead>\s*(?:-\s+)+)(?P<value>\S.*)"
-_NO_SPACE = r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:]\S*)"
-_EQUALS = r"\s*(?P<key>\w+)\s*=\s*(?P<value>[^:=]+)$"
+_NO_SPACE = (
+    r"\s*(?:-\s+)*(?P<key>[^\s:#{}\[\],'\"]+):(?P<value>[^\s:](?:\S| (?![#\s]|\w+:))*)"
+)
+_EQUALS = r"\s*(?:\w+\s+)*(?P<key>\w+)\s*:?=\s*(?P<value>[^:=;]+);?$"
 # What a sign begins in YAML; those without a name of theirs cannot begin a value.
 _BEGINS = {
     "|": "a block of text", ">": "a block of text", "*": "an alias", "&": "an anchor",
@@ -533,6 +548,9 @@ def _indentation(case: _Case) -> Diagnosis | None:
         if ":" not in above:
             text = f"a colon is missing after `{above[:40]}`"
             hint = f"write `{above[:40]}:`"
+            apart = re.fullmatch(r"(\w+)\s+(\S.*)", above)
+            if apart and case.indent <= len(line) - len(line.lstrip()):
+                hint = f"a colon is missing: `{apart[1]}: {apart[2]}`"
             at = case.above, line.index(above)
             return case.fault(text, hint, at, length=len(above))
         text = f"this line is indented as if it belonged to `{above[:40]}`, "

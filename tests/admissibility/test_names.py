@@ -50,6 +50,9 @@ IN_DEGREES = [
         ({"seen": "k*sin(w*t + alpha)", "alpha": "90"}, "`alpha` is 90"),
         ({"seen": "k*sin(theta + 120)"}, "a term is 120"),
         ({"theta": "cos(alpha)", "alpha": "15"}, "`alpha` is 15"),
+        ({"seen": "k*sin(20)"}, "an angle is 20 and enters sin"),
+        ({"alpha": "cos(-45)"}, "an angle is 45 and enters cos"),
+        ({"theta": "tan(30)"}, "an angle is 30 and enters tan"),
     )],
     ({"seen": "k*tan(theta)", "theta": "22.5"}, "degrees: `theta` starts at 22.5"),
 ]  # fmt: skip
@@ -73,6 +76,7 @@ def test_an_angle_in_degrees_enters_a_function(given, told):
         {"seen": "sin(theta)", "theta": "60*pi/180"},
         {"seen": "sin(theta)", "theta": "1.0471975511965976"},
         {"seen": "sin(theta)", "theta": "6"},  # not yet a turn
+        {"seen": "sin(2) + cos(3.7) + sin(10*t) + tan(20*pi/180) + sin(720)"},
         {"seen": "sin(theta)", "theta": "103.84"},  # has turned 16 times
         {"seen": "sin(theta)", "theta": "20*pi"},
         {"seen": "sin(theta)", "theta": "720"},

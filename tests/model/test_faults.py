@@ -76,7 +76,7 @@ unknown-name | the file gives `lagrangian` | energy: {lagrangian: x_dot^2 + y_do
     definitions: {a: ⟪kinetic⟫}
 unknown-name | sin(...) | definitions: {a: ⟪sin⟫}
 # expressions (their own tests are elsewhere; here: the place in the file)
-expression-syntax | write `*` | definitions: {a: 2 ⟪x⟫}
+expression-syntax | write 2*x | definitions: {a: 2 ⟪x⟫}
 expression-parenthesis | never closed | LAW ⟪(⟫x - y}}
 unknown-name | `zz` | definitions:¶  a: >-¶    x +¶    2*⟪zz⟫
 unknown-name | `zz` | definitions: {a:   1 +   ⟪zz⟫}

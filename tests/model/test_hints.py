@@ -54,7 +54,6 @@ SAYS = [
     r"write (`[^`]+` and `[^`]+`)",
     r"quote (?:the value|the expression): (\".*\")",
     r"write (\{[^}]*\}\}|\{\}|\{[^{}]*(?:\{\}[^{}]*)*\})",
-    r"(?:write|with) `\*`, (\S+)$",
     r"(?:write|missing:|after the colon:) `([^`]+)`",
     r"leave `[^`]+` out()",
     r"write (\[.*\])",
@@ -82,15 +81,12 @@ CASES = [
     ("rate", 100 * PI, "3000 min^-1   3000 1/min   3000 U/min   3000/min"),
     ("rate", -20 * 2 * PI / 60, "-20 rpm"),
     ("initial", 0.0012, "1,2e-3"),
-    ("initial", -0.5, "⟪−⟫0.5"),
-    ("initial", PI / 3, "np.deg2rad(60)"),
+    ("initial", -0.5, "−0.5"),
     ("parameter", 5.0, "{⟪val⟫: 5}   5kg*m^2   5 Ns/m   [5 kg]   5 kg"),
-    ("parameter", 0.127, "5 inches"),
     ("parameter", 6.67e-11, "6.67e-11 m^3/(kg s^2)"),
-    ("parameter", 2.5, "2.5 kg·m²"),
     ("parameter", 1000.0, "1000e−0   1·10³   1d3"),
-    ("parameter", 0.015, "1.5D-2"),
-    ("parameter", 9.81, "9.81 m s^-2   9.81 m/s**2   9.81 m/s²"),
+    ("parameter", 9.81, "9.81 m s^-2   9.81 m/s**2   9.81 m/s²   9.81 m/s^{-2}"),
+    ("parameter", 9.81, "9.81 m·s⁻²   9.81 ms⁻²   {value: 9,81}"),
     ("rate", 1500 * 2 * PI / 60, "{value: 1500, unit: rpm}   1500 rpm   1500rpm"),
     ("rate", PI / 6, "30 deg/s   30°/s"),
     ("definition", 4 * L, "2 m l"),
@@ -100,114 +96,105 @@ CASES = [
     ("initial", PI / 6, "pi/6 rad"),
     ("initial", -PI / 6, "-30 degrees"),
     ("initial", PI, "0.5 turns"),
-    ("initial", PI / 4, "50 grad"),
+    ("initial", PI / 4, "50 grad   π/4   np.pi/4   45*π/180   45 Deg   45º"),
     ("initial", 1.0, "{value: 1, unit: rad}   1 rad   [1]"),
-    ("initial", 3 * PI / 4, "⟪3π⟫/4"),
-    ("initial", 2 * PI, "⟪2 pi⟫"),
-    ("initial", 0.5, "½"),
-    ("initial", 3.0, "3e"),
-    ("duration", 2.0, "{value: 2, unit: s}   2⟪;⟫   2⟪,⟫   2 s   [2]"),
-    ("duration", 120.0, "2 min"),
-    ("duration", 0.5, "500 ms"),
+    ("initial", 2 * PI, "2 pi"),
+    ("duration", 2.0, "{value: 2, unit: s}   2;   2,   2 s   [2]"),
     ("duration", 1000.5, "1,000.5   1.000,5   1 000.5"),
     ("duration", 1000.0, "1'000   1_000"),
-    ("duration", 2.5, "2,5"),
     ("parameter", 1.0, "[1, m]   1 [m]"),
-    ("parameter", 7.0, "{value: ⟪7 kg⟫}"),
+    ("parameter", 7.0, "{value: 7 kg}"),
     ("parameter", 0.5, "1/2 kg"),
-    ("parameter", 0.1, "10 cm"),
     ("parameter", 3000.0, "3 kN/m"),
     ("parameter", 2000.0, "2 N/mm"),
-    ("parameter", 7800.0, "7.8 g/cm^3"),
-    ("parameter", 0.005, "5 g"),
-    ("parameter", 0.2, "20 %"),
-    ("parameter", 1500 * 2 * PI / 60, "1500 rpm"),
-    ("parameter", 1.5, "1.5f"),
+    ("parameter", 1.5, "1.5f   1½"),
     ("parameter", 0.001, "1x10^-3"),
     ("parameter", 1e-06, "1-e6"),
     ("parameter", 2 * 10 ** 0.5, "2e0.5"),
-    ("parameter", 2.0, "2.0 ± 0.1   ⟪~⟫2.0   mm"),
+    ("parameter", 2.0, "2.0 ± 0.1   ~2.0   mm"),
     ("definition", -1.1, "-x_dot N"),
     ("definition", math.cos(T), "\\cos\\theta   Cos[theta]   COS theta   cosθ"),
     ("definition", L * math.sin(T), "lsin(theta)"),
-    ("definition", X / 2, "x*⟪Rational(1,2)⟫"),
+    ("definition", X / 2, "x*Rational(1,2)   0,5*x   if x > 0 then 0,5*x else l"),
+    ("definition", X / 2, "max(0,5*x, -l)"),
     ("definition", 1.1, "diff(x, t)   x.diff()   \\dot{x}   d/dt(x)   d/dt x   Dot(x)"),
-    ("definition", 1.1, "∂x/∂t   x.dot   X_DOT   x.dt   x'   x′   ẋ"),
-    ("definition", 1.1, "x.diff(t)   dot x   xDot"),
+    ("definition", 1.1, "∂x/∂t   x.dot   X_DOT   x.dt   x'   x′   ẋ   x.diff(t)"),
+    ("definition", 1.1, "dot x   xDot"),
     ("definition", 0.9, "d^2x/dt^2   \\ddot{x}   d²x/dt²   d2x/dt2   xdotdot   x.ddot"),
     ("definition", 0.9, "x''   a_x   ẍ"),
     ("definition", math.cos(PI / 6), "cosd(30)"),
-    ("definition", math.degrees(math.atan(X)), "atand(x)"),
-    ("definition", X, "if x > 0 then x else l   np.where(x > 0, x, l)   x ⟪+⟫   ⟪=⟫ x"),
+    ("definition", X, "if x > 0 then x else l   np.where(x > 0, x, l)   x ⟪+⟫   = x"),
     ("definition", X, "x if x > 0 else l   ite(x > 0, x, l)   x(t)   x[t]   [x]"),
+    ("definition", X, "mod(x, l)   x mod 2   \\lvert x \\rvert   \\left|x\\right|"),
+    ("definition", X, "float(x)   x.   y = x"),
     ("definition", math.asin(X), "sin^-1(x)   sin⁻¹(x)"),
-    ("definition", math.sin(math.radians(T)), "sin(⟪theta°⟫)"),
+    ("definition", math.sin(math.radians(T)), "sin(theta°)"),
     ("definition", math.sin(T), "SIN(theta)   sin[theta]   sin theta   sintheta"),
-    ("definition", math.sin(2 * T), "sin 2*theta"),
+    ("definition", math.sin(2 * T), "sin 2*theta   sin 2θ   \\sin 2\\theta"),
     ("definition", math.sin(2 * X), "sin2x"),
     ("definition", math.sin(X) ** 2, "sin^2(x)   sin²(x)   sin^2 x   sin2(x)"),
     ("definition", math.sin(T) ** 2, "sin²θ"),
     ("definition", math.tan(X) ** (-2), "cot^2(x)"),
-    ("definition", math.atan(X), "tan^-1 x"),
-    ("definition", math.log(X), "ln x"),
-    ("definition", math.sinh(X), "sh(x)"),
     ("definition", math.e, "numpy.e"),
     ("definition", math.cos(X + L) ** 2, "cos**2(x + l)"),
-    ("definition", 1.21, "x_dot2"),
+    ("definition", 1.21, "x_dot2   ½mẋ²   ½·m·x'^2   \\tfrac{1}{2}m\\dot{x}^{2}"),
     ("definition", 0.4 * L * math.sin(T), "dheight"),
-    ("definition", math.atan(math.sin(X)), "arctan(sin(x))"),
-    ("definition", 1 / math.tan(X), "cot x"),
-    ("definition", X ** 0.5, "\\sqrt{x}   sqrt x   x^⟪½⟫   √x"),
+    ("definition", X ** 0.5, "\\sqrt{x}   sqrt x   x^½   √x"),
     ("definition", X ** 2, "\\frac{1}{2} m x^2   np.power(x, 2)   power(x,2)   x²"),
-    ("definition", X ** 2, "x⟪^{2}⟫   0.5mx^2   x2"),
+    ("definition", X ** 2, "x^{2}   0.5mx^2   x2"),
     ("definition", (X + L) ** 2, "\\left(x + l\\right)^{2}   pow(x + l, 2)"),
-    ("definition", math.log10(X), "⟪log_10⟫(x)   log(x, 10)   lg(x)"),
-    ("definition", X % L, "mod(x, l)"),
-    ("definition", X % 2, "x mod 2"),
-    ("definition", L % 2, "l % 2"),
-    ("definition", 1.0, "if(x > 0 ⟪&&⟫ x < 1, 1, 2)   if(x > 9 ⟪||⟫ x < 1, 1, 2)"),
-    ("definition", 1.0, "if(x > 0 ⟪&⟫ x < 1, 1, 2)   if(⟪x != 0⟫, 1, 2)   l div 2"),
-    ("definition", 1.0, "if(⟪l == 3⟫, 1, 2)   if(x ⟪=>⟫ 0, 1, 2)   if(⟪l = 3⟫, 1, 2)"),
-    ("definition", 1.0, "if(x ⟪≥⟫ 0, 1, 2)   l // 2   t > 1"),
+    ("definition", math.log10(X), "log_10(x)   log(x, 10)   lg(x)"),
+    ("definition", 1.0, "l % 2   if(x > 0 && x < 1, 1, 2)"),
+    ("definition", 1.0, "if(x > 9 || x < 1, 1, 2)   if(x > 0 & x < 1, 1, 2)"),
+    ("definition", 1.0, "if(x != 0, 1, 2)   l div 2   if(l == 3, 1, 2)"),
+    ("definition", 1.0, "if(x => 0, 1, 2)   if(l = 3, 1, 2)   if(x ≥ 0, 1, 2)"),
+    ("definition", 1.0, "l // 2   t > 1   if(x≠0, 1, 2)"),
     ("definition", 0.0, "cos(x) > 2   round(x)"),
-    ("definition", math.atan2(X, L), "⟪np.arctan2⟫(x, l)   atan(x, l)   atan2(x/l)"),
-    ("definition", 3.0, "max(x, l, 1)   max(x⟪;⟫ l)"),
-    ("definition", math.sin(X), "⟪math.sin⟫(x)"),
+    ("definition", math.atan2(X, L), "np.arctan2(x, l)   atan(x, l)   atan2(x/l)"),
+    ("definition", 3.0, 'max(x, l, 1)   max(x; l)   "x > 0 ? l : x"   l when t > 1'),
+    ("definition", 3.0, "(t > 1)*l   l if t > 1"),
+    ("definition", math.sin(X), "math.sin(x)   \\mathrm{sin}(x)"),
+    ("definition", math.sin(X), "Modelica.Math.sin(x)   sin x"),
     ("definition", PI, "math.pi   pi()   PI"),
     ("definition", math.exp(X), "exp^x   e^x"),
-    ("definition", 2 * math.exp(-X), "2*⟪e^(-x)⟫"),
-    ("definition", 2 * abs(X - L), "2*⟪|x - l|⟫   |x - l|*2"),
-    ("definition", (X + 1) ** 0.5, "sqrt(x + ⟪1,0⟫)   √(x+1)"),
+    ("definition", 2 * math.exp(-X), "2*e^(-x)"),
+    ("definition", 2 * abs(X - L), "2*|x - l|   |x - l|*2"),
+    ("definition", (X + 1) ** 0.5, "sqrt(x + 1,0)   √(x+1)"),
     ("definition", X ** (1 / 3), "∛x"),
-    ("definition", L * math.cos(T), "l\\cos\\theta"),
     ("definition", -1.21 - X**2, "-x\u0307² − x²   -ẋ² - x²"),
-    ("definition", X * L, "x⟪\u200b⟫*l   x \\cdot l   x⟪.*⟫l   x⟪·⟫l   x⟪×⟫l   x⟪⋅⟫l"),
-    ("definition", X * L, "x l"),
-    ("definition", X / L, "\\frac{x}{l}   x⟪÷⟫l"),
-    ("definition", L - X, "l⟪−⟫x"),
+    ("definition", X * L, "x\u200b*l   x \\cdot l   x.*l   x·l   x×l   x⋅l   x l"),
+    ("definition", X * L, "l × x   m·l·x/2   x∙l"),
+    ("definition", X / L, "\\frac{x}{l}   x÷l   \\frac{\\frac{x}{2}}{l}*m   $x/l$"),
     ("definition", 2 * X, "2x"),
-    ("definition", 2 * X * L, "2*⟪xl⟫"),
     ("definition", X * (L + 1), "x(l + 1)"),
     ("definition", T, "\\theta   Theta   θ"),
+    ("definition", 0.6, "θ\u0308"),
     ("definition", None, "\\frac{m}{2}\\dot{x}^2 + \\sin^2\\theta"),
-    ("definition", 1 / X, "x⟪⁻¹⟫"),
-    ("definition", 2 * L, "m*⟪params.l⟫"),
+    ("definition", 1 / X, "x⁻¹"),
     ("definition", math.sin(math.cos(X)) ** 2, "sin^2(cos(x))"),
     ("definition", (2 * X) ** 0.5, "√(x + (x))"),
-    ("definition", 0.5, "sin(⟪30°⟫)"),
     ("definition", -0.4, "d(theta)/dt   dot(theta)   θ\u0307   thetȧ   θ'"),
-    ("definition", 0.6, "θ\u0308"),
-    ("definition", L, "\"⟪x > 0 ? l : x⟫\"   l when t > 1   ⟪(t > 1)⟫*l   l if t > 1"),
-    ("definition", 2.0, "if(⟪!⟫(x > 0), 1, 2)   if(x ⟪=<⟫ 0, 1, 2)"),
-    ("definition", 2.0, "if(x ⟪≤⟫ 0, 1, 2)"),
+    ("definition", 2.0, "if(!(x > 0), 1, 2)   if(x =< 0, 1, 2)   if(x ≤ 0, 1, 2)"),
     ("definition", 4.0, "2*⟪time⟫"),
-    ("definition", 0.16, "\\dot{\\theta}^2"),
-    ("definition", L * 1.21, "l*⟪x'⟫**2"),
+    ("definition", L * 1.21, "l*x'**2"),
     ("definition", 2.2, "2*⟪dx/dt⟫"),
     ("energy", None, "{x}   [x]"),
-    ("definition", -X, "- x"),
-    ("relation", None, "x² − x² = x_dot   x_dot = ⟪0 m⟫   x_dot ⟪==⟫ 0   x_dot ⟪:=⟫ 0"),
-    ("relation", None, "x_dot ⟪≈⟫ 0   x_dot ="),
+    ("definition", 4 * PI, "2πt   2·π·t"),
+    ("definition", 9 * 0.16, "½·m·l²·θ\u0307²   ½ m l² θ\u0307²"),
+    ("definition", 9 * 0.16, "\\frac12 m l^2 \\dot\\theta^2"),
+    ("definition", L * 2**0.5, "√2*l   l·√2   l√2"),
+    ("definition", 9.09**0.5, "√(l² + x²)   \\sqrt{l^2+x^{2}}"),
+    ("definition", 6 * (1 - math.cos(T)), "m·l·(1 − cos θ)   ml(1-cosθ)"),
+    ("definition", 6 * math.cos(T), "mlcosθ   m l \\cos\\left(\\theta\\right)"),
+    ("definition", math.exp(-X), "e^{-x}   e^{-\\frac{3x}{l}}   np.exp(-x)"),
+    ("definition", math.cos(PI * X), "np.cos(np.pi*x)   Math.cos(Math.PI*x)"),
+    ("definition", 3 * math.sin(X), "3sinx   3 sin x   params['l']*sin x"),
+    ("parameter", 2.4, "{value: 0,4*m*l}   {value: m*0,4*l}   0,4*m*l"),
+    ("parameter", 5e-6, "5 µm"),
+    ("parameter", 12345678.5, "{value: 12,345,678.5}   12,345,678.5"),
+    ("rate", 10.0, "10 1/s   10 s⁻¹   36 kph   10 rad·s^{-1}"),
+    ("relation", None, "ẋ = 0   xdot² = 0   x² − x² = x_dot   x_dot = 0 m"),
+    ("relation", None, "x_dot == 0   x_dot := 0   x_dot ≈ 0   x_dot ="),
 ]  # fmt: skip
 SPELT = [(where, text, x) for where, x, texts in CASES for text in texts.split("   ")]
 
@@ -282,10 +269,16 @@ output:
 
 # What is replaced in the file, and mistakes there.
 FILES = {
-    "kinetic:": "⟪T⟫:", "initial:": "⟪x0⟫:", "g: 9.8": "g: ⟪9,8⟫",
-    "simulation:": "⟪sim⟫:", "coordinates:": "⟪states⟫:", "scene:": "⟪visualization⟫:",
-    "links:": "⟪edges⟫:   ⟪lines⟫:", "x: -x": "⟪X⟫: -x   ⟪x_dot⟫: -x",
-    "potential:": "⟪Potential⟫:   ⟪V⟫:", "definitions:": "⟪define⟫:   ⟪positions⟫:",
+    "kinetic:": "⟪T⟫:",
+    "initial:": "⟪x0⟫:",
+    "g: 9.8": "g: ⟪9,8⟫",
+    "simulation:": "⟪sim⟫:",
+    "coordinates:": "⟪states⟫:",
+    "scene:": "⟪visualization⟫:",
+    "links:": "⟪edges⟫:   ⟪lines⟫:",
+    "x: -x": "⟪X⟫: -x   ⟪x_dot⟫: -x",
+    "potential:": "⟪Potential⟫:   ⟪V⟫:",
+    "definitions:": "⟪define⟫:   ⟪positions⟫:",
     "end": "⟪to⟫   ⟪t_end⟫   ⟪stop_time⟫   ⟪End⟫",
     "forces:": "⟪generalized_forces⟫:   ⟪damping⟫:",
     "¶    - {x: t, y: theta}": " ⟪{x: t, y: theta}⟫",
@@ -296,34 +289,46 @@ FILES = {
     "l: 1¶": "l: {⟪default⟫: 1}¶   ⟪l (m)⟫: 1¶   ⟪l=1⟫¶   l: ⟪{1, m}⟫¶",
     "¶  theta: {unit: rad}¶  x: {unit: m}": " ⟪[theta, x]⟫    ⟪theta, x⟫",
     "columns: [s]": "columns: ⟪s⟫   columns: [⟪S⟫]   ⟪variables⟫: [s]   columns: ⟪{s}⟫",
-    "[[pivot, bob]]":
-        "[[pivot, ⟪bop⟫]]   ⟪[pivot, bob]⟫   ⟪pivot, bob⟫   [⟪pivot-bob⟫]   "
-        "[⟪[pivot bob]⟫]   ⟪{pivot: bob}⟫   ⟪pivot -> bob⟫",
-    "end: 2":
-        "⟪tspan: [0, 2]⟫   ⟪t_span: (0, 2)⟫   ⟪end: [0, 2]⟫   "
+    "[[pivot, bob]]": "[[pivot, ⟪bop⟫]]   ⟪[pivot, bob]⟫   ⟪pivot, bob⟫   "
+        "[⟪pivot-bob⟫]   [⟪[pivot bob]⟫]   ⟪{pivot: bob}⟫   ⟪pivot -> bob⟫",
+    "end: 2": "⟪tspan: [0, 2]⟫   ⟪t_span: (0, 2)⟫   ⟪end: [0, 2]⟫   "
         "⟪end: linspace(0, 2, 101)⟫   end: 2¶  ⟪steps: 1000⟫   "
         "start: 0¶  end: 2¶  ⟪points: 1000⟫   end: 2¶  ⟪fps: 500⟫   ⟪end=2⟫   "
         "⟪end:2⟫   ⟪end 2⟫   ⟪end: 0:2⟫   ⟪end: 0 to 2⟫   "
         "end: 2¶  output_step: ⟪500 Hz⟫   ⟪from⟫: 0¶  end: 2",
-    "bob: [s, c]":
-        "bob: ⟪\"[s, c]\"⟫   bob: ⟪{pos: [s, c]}⟫   bob: ⟪(s, c)⟫   bob: ⟪s, c⟫   "
-        "bob: ⟪[s c]⟫   bob: ⟪{x: s, y: c}⟫   bob: [s⟪;⟫ c]",
-    "- {x: t, y: theta}":
-        "- ⟪theta vs t⟫   - {x: ⟪time⟫, y: theta}   - ⟪theta⟫   - ⟪[t, theta]⟫   "
-        "⟪-{x: t, y: theta}⟫   - ⟪{t, theta}⟫",
-    "theta: {unit: rad}":
-        "⟪theta: unit: rad⟫   theta: {⟪unit rad⟫}   theta: ⟪unit rad⟫   "
-        "theta: ⟪[rad]⟫   theta: ⟪rad⟫   theta: ⟪1⟫   theta: {⟪units⟫: rad}",
-    "theta: 1¶":
-        "⟪theta: [1, 0]⟫¶   ⟪theta: 1, 0⟫¶   ⟪- theta: 1⟫¶   "
+    "bob: [s, c]": "bob: ⟪\"[s, c]\"⟫   bob: ⟪{pos: [s, c]}⟫   bob: ⟪(s, c)⟫   "
+        "bob: ⟪s, c⟫   bob: ⟪[s c]⟫   bob: ⟪{x: s, y: c}⟫   bob: [s⟪;⟫ c]",
+    "- {x: t, y: theta}": "- ⟪theta vs t⟫   - {x: ⟪time⟫, y: theta}   - ⟪theta⟫   "
+        "- ⟪[t, theta]⟫   ⟪-{x: t, y: theta}⟫   - ⟪{t, theta}⟫",
+    "theta: {unit: rad}": "⟪theta: unit: rad⟫   theta: {⟪unit rad⟫}   "
+        "theta: ⟪unit rad⟫   theta: ⟪[rad]⟫   theta: ⟪rad⟫   theta: ⟪1⟫   "
+        "theta: {⟪units⟫: rad}",
+    "theta: 1¶": "⟪theta: [1, 0]⟫¶   ⟪theta: 1, 0⟫¶   ⟪- theta: 1⟫¶   "
         "⟪theta: {value: 1, rate: 0}⟫¶   theta: 1¶  ⟪d/dt theta⟫: 0¶   "
-        "theta: 1¶  ⟪\\dot{theta}⟫: 0¶   "
-        "theta: 1¶  ⟪theta'⟫: 0¶   theta: 1¶  ⟪dtheta/dt⟫: 0¶   ⟪theta(0)⟫: 1¶   "
-        "⟪theta0⟫: 1¶   ⟪Theta⟫: 1¶   ⟪θ⟫: 1¶   ⟪theta = 1⟫¶   ⟪theta:1⟫¶",
+        "theta: 1¶  ⟪\\dot{theta}⟫: 0¶   theta: 1¶  ⟪theta'⟫: 0¶   "
+        "theta: 1¶  ⟪dtheta/dt⟫: 0¶   ⟪theta(0)⟫: 1¶   ⟪theta0⟫: 1¶   ⟪Theta⟫: 1¶   "
+        "⟪θ⟫: 1¶   ⟪theta = 1⟫¶   ⟪theta:1⟫¶",
     "rod: x_dot = 0": "rod: {⟪contact⟫: x_dot = 0}   rod: {⟪relation = x_dot = 0⟫}   "
-        "rod: {⟪eq⟫: x_dot = 0}   rod: x_dot ⟪==⟫ 0",
-    "potential: -g*c":
-        "potential: -⟪G⟫*c   potential: ⟪- g*c⟫   potential: ⟪[-g*c]⟫   "
+        "rod: {⟪eq⟫: x_dot = 0}   rod: ⟪x_dot == 0⟫",
+    "forces:¶  x: -x_dot": "forces: ⟪{x, -x_dot}⟫   forces: ⟪[x, -x_dot]⟫   "
+        "forces: ⟪[x -x_dot]⟫   forces: ⟪x, -x_dot⟫   forces:¶  ⟪- [x, -x_dot]⟫   "
+        "forces:¶  x: ⟪{force: -x_dot}⟫",
+    "kinetic: (l^2*theta_dot^2 + x_dot^2)/2": "kinetic: ⟪½(l²θ̇² + ẋ²)⟫   "
+        "kinetic: ⟪0.5(l^2 thetadot^2 + xdot^2)⟫   "
+        "⟪kinetic:(l^2*theta_dot^2 + x_dot^2)/2⟫",
+    "parameters:¶  l: 1¶  g: 9.8¶": "parameters:¶  ⟪l := 1⟫¶  g: 9.8¶   "
+        "parameters:¶  ⟪l 1⟫¶  g: 9.8¶   parameters:¶  ⟪l = 1;⟫¶  g: 9.8¶   "
+        "parameters:¶  l: ⟪{1 m}⟫¶  g: 9.8¶   "
+        "parameters:¶  l: ⟪[{value: 1}]⟫¶  g: 9.8¶",
+    "coordinates:¶  theta: {unit: rad}¶  x: {unit: m}": "coordinates: ⟪theta x⟫   "
+        "coordinates:¶  ⟪theta¶  x⟫   coordinates:¶  theta: {⟪rad⟫}¶  x: {unit: m}",
+    "theta: 1¶  x: 0": "⟪\\dot{x}⟫: 0¶  theta: 1¶  x: 0   "
+        "⟪der(x)⟫: 0¶  theta: 1¶  x: 0",
+    "constraints:¶  rod: x_dot = 0":
+        "constraints:¶  rod: {relation: x_dot = 0, limit: ⟪0,4*g⟫}",
+    "potential: -g*c¶": "potential: ⟪−g·c⟫¶   potential: ⟪-gc⟫¶   "
+        "potential: ⟪-g·(l·cos θ)⟫¶   potential: ⟪-g c⟫¶   potential: ⟪-g*c\"⟫¶",
+    "potential: -g*c": "potential: -⟪G⟫*c   potential: ⟪- g*c⟫   potential: ⟪[-g*c]⟫   "
         "potential: -g*c⟪;⟫",
 }  # fmt: skip
 MISTAKES = [
@@ -369,12 +374,6 @@ def test_a_hint_for_a_file_that_is_followed(old, new):
         pytest.fail(f"{hint!r} gave {followed!r}: {error}")
     assert meaning(model) == meaning(read(FILE, "model.yaml"))
     admitted(model)
-
-
-@pytest.mark.parametrize("number", ["12,345,678", "12,345,678.5", "1,000.5"])
-def test_thousands_in_braces(number):
-    found = faults_of("  g: 9.8\n", f"  k: {{value: {number}, unit: m}}\n  g: 9.8\n")
-    assert {said(p.whole.hint) for p in found} == {number.replace(",", "")}
 
 
 # What is replaced in the file, the mistake, a part of the hint, and what a person makes
@@ -443,16 +442,12 @@ ADVISED = [
      "energy:"),
     ("scene:", "scene:\n  plots: []", "`plots` belongs below `output:`, indented",
      "scene:"),
-    ("kinetic: (", "kinetic: T = (", "right of it", "kinetic: ("),
     # what is no expression
-    ("  l: 1", "  l: 3 kN", "write 3*1000, in N", "  l: 3*1000"),
     ("  l: 1", "  l: 1.5.2", "one decimal point", ""),
     ("  l: 1", "  l: inf", "finite", ""),
     ("  l: 1", "  l: 3i", "every number is real", ""),
-    (C, "c: $x$", "without `$`", "c: x"),
     (C, "c: x[1]", "there are no indices", "c: x"),
     (C, "c: ‘x’", "an expression contains no quotes", "c: x"),
-    (C, "c: if((x) ≠ 0, 1, 2)", "write < or >", "c: if(x < 0, 1, 2)"),
     ("  end: 2", "  end: 1:30", "one number", "  end: 90"),
     ("  theta: 1", "  theta: guess", "{guess: 0}", "  theta: {guess: 0}"),
     ("  theta: 1", "  theta: none", "such as 0", "  theta: 0"),

@@ -314,7 +314,7 @@ def test_overrides_come_before_anything_is_evaluated():
         ("x_ddot", "1", "unknown-parameter", 7, "`x_ddot` is an acceleration"),
         ("", "1", "unknown-parameter", 7, "no parameter"),
         ("k", "2*", "expression-syntax", 11, "ends"),
-        ("k", "2 3", "expression-syntax", 11, "write `*`"),
+        ("k", "2 3", "expression-syntax", 11, "write 2*3"),
         ("k", "", "expression-syntax", 9, "expected"),
         ("k", "m", "later-parameter", 9, "is below it"),
         ("m", "2*kk", "unknown-name", 11, "did you mean `k`"),

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
-from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, items_of
+from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, items_of
+from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, kind_of, listed
 from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
@@ -70,7 +71,9 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
 
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     """Build the forces."""
-    found = []
+    found, pair = [], node.entries if isinstance(node, Mapping) else ()
+    if len(pair) == 2 and not any(hints.text_of(value) for _, value in pair):
+        node = Sequence(tuple(key for key, _ in pair), pair[0][0].place)  # {x, F}
     for key, value in entries(node, "`forces`", x.faults):
         direction = _direction(key, x)
         compiled = x.compile(value, f"the force on `{key.text}`", Level.VELOCITY)

@@ -18,9 +18,9 @@ from lagsim.language.functions import FUNCTIONS, JOINING
 from lagsim.language.parser import (
     ExpressionError,
     Parsed,
+    ParsedRelation,
     parse,
     parse_condition,
-    parse_relation,
 )
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     # Tells whether a name may stand in an expression; else that is reported.
     Rule = Callable[[Name, Scalar], bool]
 
-_T = TypeVar("_T")
+_P = TypeVar("_P", Parsed, ParsedRelation)
 
 # A value, and a bound of its rounding error.
 Value = tuple[float, float]
@@ -264,7 +264,6 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     if problem := _spelling(name):
         text, hint = problem
         text = f"`{shortened(name)}` cannot be the name of {what}: {text}"
-        hint = quantities.split_by_comma(key) or hint
         code = "bad-name"
     elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
@@ -302,7 +301,9 @@ def _spelling(name: str) -> tuple[str, str] | None:
         return fault, hint
     if found := _DIGITS_FIRST.fullmatch(name):
         return fault, f"write `{found[2]}{found[1]}`"
-    fitting = re.sub(r"\W+", "_", name.strip()).strip("_")
+    if equals := re.fullmatch(r"(\w+)\s*:?=\s*([^=]+)", name):
+        return fault, f"write `{equals[1]}: {equals[2]}`"
+    fitting = re.sub(r"[\W_]+", "_", name).strip("_")
     if fitting and fitting[0].isalpha() and fitting != name and len(fitting) < 40:
         return fault, f"write `{fitting}`"
     return fault, ""
@@ -392,10 +393,10 @@ class Expressions:
         self,
         node: Node | None,
         what: str,
-        parser: Callable[[str], _T],
+        parser: Callable[[str], _P],
         *,
         beside: bool = False,
-    ) -> tuple[Scalar, _T] | None:
+    ) -> tuple[Scalar, _P] | None:
         """Give the scalar of an expression, and what a parser makes of it.
 
         `what`: how messages call it; `beside`: a unit may stand beside it.
@@ -414,34 +415,34 @@ class Expressions:
         try:
             return scalar, parser(scalar.text)
         except ExpressionError as fault:
-            relation = parser is parse_relation
-            self._report(fault, scalar, beside=beside, relation=relation)
+            self._report(fault, scalar, parser, beside=beside)
             return None
 
     def _report(
-        self, fault: ExpressionError, scalar: Scalar, *, beside: bool, relation: bool
+        self,
+        fault: ExpressionError,
+        scalar: Scalar,
+        parser: hints.Parser,
+        *,
+        beside: bool,
     ) -> None:
         """Report what the parser found, in a relation or in another expression."""
-        text, hint = scalar.text, ""
+        text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
         if token in self.names.faulty:
             return
-        if relation:
-            hint = hints.of_relation(text, token, self.names.variables)
-        if fault.code == "arity":
-            comma = re.search(quantities.SEPARATED, text[fault.offset :])
-            hint = quantities.separated(comma[0]) if comma else ""
-        hint = hint or self._meant(scalar, fault.offset, beside=beside)
-        hint = hint or hints.of_expression(fault, text, self.names.variables)
+        hint = self.meant(scalar, parser, beside=beside) or fault.hint
         place = scalar.place_of(fault.offset, fault.length)
         self.faults.add(f"expression-{fault.code}", fault.text, place, hint)
 
-    def _meant(self, scalar: Scalar, offset: int, *, beside: bool = False) -> str:
-        """Give a hint from what stands around a fault, or an empty text."""
+    def meant(
+        self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
+    ) -> str:
+        """Give a hint for an expression with a fault, or an empty text."""
         if not self.faults.may_guess():
             return ""
-        known = self.names.variables
-        return hints.of_text(scalar.text, offset, known, beside=beside)
+        known, moving = self.names.variables, self.names.moving()
+        return hints.of_text(scalar.text, parser, known, moving, beside=beside)
 
     # Building nodes
 
@@ -539,15 +540,18 @@ class Expressions:
     def _refuse_unknown(self, used: Name, scalar: Scalar, most: Level) -> None:
         """Refuse a name that means nothing; once where a hint is of several names."""
         name, names = used.text, self.names
-        hint = hints.of_unknown(scalar.text, used.offset)
+        found = hints.matching(scalar.text, used.offset, parsed=True)
+        hint = found[2] if found else ""
         if hint and (scalar, hint) == self._last_hint:
             return
         self._last_hint = scalar, hint
         among = list(self.known) if most is Level.NUMBER else None
         text, other = names.unknown(name, self.faults, among)
         hint = hint or other
+        if hint.startswith("write "):
+            hint = self.meant(scalar) or hint
         if not hint and not hints.spelt_call(name, ""):
-            hint = self._meant(scalar, used.offset)
+            hint = self.meant(scalar)
         if not hint and most is Level.OUTPUT:
             hint = f"define `{shortened(name)}` in `definitions`"
         hint = hint or f"give `{shortened(name)}` a value in `parameters`"

@@ -230,6 +230,8 @@ def fields(
             and (first := re.split(r"\W", name)[0]) in known
         ):
             near = first
+        elif (written := re.match(r"write [`{](\w+): ", hint)) and written[1] in known:
+            near, given_by = written[1], Broken(key.place)
         elif "relation" in known and re.search("[<>=]", name):
             near, given_by, hint = "relation", key, f"write `relation: {name}`"
         elif not (near := _called(name, value, known)):

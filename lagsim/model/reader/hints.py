@@ -6,31 +6,24 @@ compiled where a file has a fault: they are many.
 
 from __future__ import annotations
 
-import functools
 import re
 import unicodedata
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from lagsim.language.functions import FUNCTIONS
+from lagsim.language.parser import ExpressionError, parse, parse_relation
 from lagsim.model.nodes import Mapping, Scalar, Sequence, items_of, texts_of
 from lagsim.model.reader import quantities
 from lagsim.model.reader.quantities import NUMBER
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Iterable
 
-    from lagsim.language.parser import ExpressionError
+    from lagsim.language.parser import Name, Parsed, ParsedRelation
     from lagsim.model.nodes import Entry, Node
 
     Meant = str | Callable[[re.Match[str]], str]
-
-_T = TypeVar("_T")
-
-
-def _by_word(table: dict[str, _T]) -> dict[str, _T]:
-    """Give a table by single words, of one whose keys are several."""
-    return {word: row for words, row in table.items() for word in words.split()}
-
+    Parser = Callable[[str], Parsed | ParsedRelation]
 
 RADIANS = "angles are in radians"
 
@@ -45,24 +38,22 @@ _NAMES = {
 }  # fmt: skip
 _RENAMED = {name: own for own, names in _NAMES.items() for name in names.split()}
 # Functions that are written with others: their arguments, and how.
-_REWRITTEN = _by_word(
-    {
+_REWRITTEN = {word: row for words, row in {
         "log2": ("x", "log(x)/log(2)"), "log1p": ("x", "log(1 + x)"),
         "expm1": ("x", "exp(x) - 1"), "exp2": ("x", "2^x"), "exp10": ("x", "10^x"),
         "pow power": ("a b", "a^b"), "square sqr": ("x", "x^2"), "cube": ("x", "x^3"),
-        "rational": ("a b", "(a/b)"), "root": ("x n", "x^(1/n)"),
+        "rational fraction": ("a b", "(a/b)"), "root": ("x n", "x^(1/n)"),
         "sec": ("x", "1/cos(x)"), "csc": ("x", "1/sin(x)"),
         **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
         **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
         "cot ctg cotan": ("x", "1/tan(x)"), "acot arccot": ("x", "atan2(1, x)"),
         "mod fmod rem": ("x y", "x - y*floor(x/y)"), "round": ("x", "floor(x + 0.5)"),
-        "int trunc fix": ("x", "sign(x)*floor(abs(x))"),
+        "float double": ("x", "x"), "int trunc fix": ("x", "sign(x)*floor(abs(x))"),
         "clip clamp": ("x a b", "max(a, min(x, b))"), "norm": ("x y", "hypot(x, y)"),
         "where ifelse iif ite cond piecewise": ("condition a b", "if(condition, a, b)"),
         "deg2rad radians rad deg": ("x", f"x*pi/180: {RADIANS}"),
         "rad2deg degrees": ("x", "x*180/pi"),
-    }
-)  # fmt: skip
+}.items() for word in words.split()}  # fmt: skip
 # Keys of the file, the likelier first, and how they are called elsewhere, in small
 # letters.
 _KEYS = {
@@ -106,17 +97,14 @@ _RATES_OF = "(?i:d|der|deriv|derivative|diff|dot)"
 CALLED = "|".join(
     sorted((*FUNCTIONS, *_RENAMED, *_REWRITTEN), key=lambda name: -len(name))
 )
-MODULES = "np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
+MODULES = r"Modelica\.Math|np|numpy|jnp|math|Math|cmath|sp|sympy|torch|std"
 
 
-def known_function(name: str) -> str:
-    """Give the name that a function has here, or an empty text."""
-    found = _RENAMED.get(name.casefold(), name.casefold())
-    return found if found in FUNCTIONS else ""
-
-
-def rewritten(name: str, arguments: str) -> str:
-    """Give what is written for a function that is known elsewhere, or nothing."""
+def spelt_call(name: str, arguments: str) -> str:
+    """Give a call as it is written here, of a function known elsewhere, or nothing."""
+    known = _RENAMED.get(name.casefold(), name.casefold())
+    if known in FUNCTIONS:
+        return f"{known}({arguments})"
     names, text = _REWRITTEN.get(name.casefold(), ("", ""))
     given = [part.strip() for part in arguments.split(",")] if arguments else []
     places = names.split()
@@ -129,17 +117,9 @@ def rewritten(name: str, arguments: str) -> str:
     return text
 
 
-def spelt_call(name: str, arguments: str) -> str:
-    """Give a call with the name that the function has here, or nothing."""
-    known = known_function(name)
-    return f"{known}({arguments})" if known else rewritten(name, arguments)
-
-
 # --- How expressions are written elsewhere, and how they are written here: a table
 
-FRACTION = "\N{FRACTION SLASH}"
-MINUS = "\N{MINUS SIGN}"
-_ARGUMENT = rf"(?:{NUMBER}\s*\*\s*)?(?:[^\W\d]\w*|{NUMBER})"
+_ARGUMENT = rf"(?:{NUMBER}(?:\s*\*\s*)?)?(?:[^\W\d]\w*|{NUMBER})"
 _POWER = r"(?:\^|\*\*)\s*(\d+)"
 # What stands in parentheses, with others in it.
 _INSIDE = r"((?:[^()]|\([^()]*\))*)"
@@ -148,27 +128,18 @@ _NAME = r"([^\W\d_]\w*)"
 _MADE_OF = r"(?:self|params?|parameters|p|definitions|coordinates|states?|constants)"
 _EXACT = "numbers are compared by <, <=, > and >="
 _TERM = r"[\w.]+(?:\s*[-+*/^]\s*[\w.]+)*"
+# A letter of one side of a comparison, or a call.
+_SIDE = r"(?:[^(),<>=?:]|\([^()]*\))"
 # What may be raised to a power, or be one.
-_ATOM = r"(?:[\w.]+\([^()]*\)|\([^()]*\)|[\w.]+)"
+_ATOM = r"(?:[\w.]*\((?:[^()]|\([^()]*\))*\)|[\w.]+)"
 _SECOND_QUOTIENT = (
     rf"(?:\bd|∂)(?:(?:\^|\*\*)?2|²)\s*{_NAME}\s*/\s*[d∂]\s*t(?:(?:\^|\*\*)?2|²)?"
 )
 _PER_MINUTE = rf"({NUMBER})(?:\s+1)?\s*/\s*min\b(?!\s*\()"
+_EXPONENT = r"(\d)\s*([-+])\s*[eE](\d+)\b"
 _QUOTIENT = rf"(?:\bd|∂)\s*\(?{_NAME}\)?\s*/\s*[d∂]t\b"
 _RATE = "the rate is written {0}_dot"
 _SECOND_RATE = "the second rate is written {0}_ddot"
-
-
-def _from_module(found: re.Match[str]) -> str:
-    name = found[1]
-    plain = {"e": "exp(1)", "pi": "`pi`"}
-    if known := known_function(name):
-        return f"write `{known}`, without a module"
-    if other := rewritten(name, found[2] or ""):
-        return f"write {other}"
-    if name in ("inf", "nan"):
-        return "every number is finite"
-    return f"write {plain[name]}, without a module" if name in plain else ""
 
 
 def _call(found: re.Match[str]) -> str:
@@ -179,19 +150,12 @@ def _call(found: re.Match[str]) -> str:
 def _power_of_call(found: re.Match[str]) -> str:
     name, power, argument = found.groups()
     base = spelt_call(name, argument or "...")
-    power = {"²": "2", "³": "3"}.get(power, power)
     return f"write {base if base[-1] == ')' else f'({base})'}^{power}"
 
 
-def latex(text: str) -> str:
-    """Give what is written here for an expression of LaTeX."""
-    for pattern, plain in _LATEX:
-        text = re.sub(pattern, plain, text)
-    return text.strip()
-
-
 def _exponential(found: re.Match[str]) -> str:
-    return f"write exp({found[1].removeprefix('(').removesuffix(')')})"
+    power = found[1][1:-1] if found[1][0] == "(" else found[1]
+    return f"write exp({power})"
 
 
 def _compared(found: re.Match[str]) -> str:
@@ -201,40 +165,41 @@ def _compared(found: re.Match[str]) -> str:
     return f"write ({left} >= {right} and {left} <= {right}): {_EXACT}"
 
 
-def _fractions(found: re.Match[str]) -> str:
-    text = unicodedata.normalize("NFKC", found[0]).replace(FRACTION, "/")
-    power = "^" if found[0][0] in "⁺⁻" else ""
-    return f"write {power}({text.replace(MINUS, '-')})"
+def _fraction(found: re.Match[str]) -> str:
+    plain = unicodedata.normalize("NFKC", found[0]).replace("\N{FRACTION SLASH}", "/")
+    return f"({plain[:-3]} + {plain[-3:]})" if plain[3:] else f"({plain})"
+
+
+def _raised(found: re.Match[str]) -> str:
+    return f"^{unicodedata.normalize('NFKC', found[0]).replace('−', '-')} "
 
 
 # Each is looked for around the fault: what is matched, and what to write instead.
 _SPELLINGS: list[tuple[str, Meant]] = [
-    (rf"({NUMBER})\s*π", "write {0}*pi"),
+    (quantities.SEPARATED, lambda found: quantities.separated(found[0])),
     (rf"({NUMBER})\s*%\s*$", "write {0}/100"),
     (r"\b(\d+\.\d*)[fF]\b", "write {0}"),
     (r"\b\d+\.?\d*[ij]\b", "every number is real"),
     (r"(\d+\.?\d*)[eE]([-+]?\d*\.\d+)", "write {0}*10^{1}"),
     (rf"({NUMBER})\s*[xX×·]\s*10\s*(?:\^|\*\*)\s*([-+]?\d+)", "write {0}e{1}"),
     (r"\b\d+\.\d*\.\d", "a number has one decimal point"),
-    (r"\b0[xXbBoO]\w+", "numbers are decimal"),
     (r"(\d+\.?\d*)[dD]([-+]?\d+)\b", "write {0}e{1}"),
-    (r"(\d+\.?\d*[eE])\s*[−–]\s*(\d+)", "write {0}-{1}"),
     (r"(\d+\.?\d*)[eE](?![\w+-])", "write {0}e0: an exponent has digits"),
     (rf"({NUMBER})\s*(?:±|\+/?-).*", "write {0}"),
     (r"\d:\d\d", "a time is one number, such as 90 for 1:30"),
     (r"∞|\binf\b", "every number is finite"),
-    (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)", f"write {{0}}*pi/180: {RADIANS}"),
+    (rf"({NUMBER})\s*(?:[°º]|deg(?:rees?)?\b)(?!\s*/\s*s)",
+     f"write {{0}}*pi/180: {RADIANS}"),
     (rf"{_NAME}\s*[°º]", f"write {{0}}*pi/180: {RADIANS}"),
     (_PER_MINUTE, "write {0}*2*pi/60: rates are in rad/s"),
-    (r",\s*$", "leave `,` out"),
+    (r"([,;]|(?<!\d)\.)\s*$", "leave `{0}` out"),
     (r"\w\[\d*\]", "there are no indices: each has a name of its own"),
     (rf"\b(?:[eE]|exp)\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
-    (r"[¼-¾⅐-⅞]", _fractions),
     (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
     (r"^\s*(.+?)\s*\?\s*(.+?)\s*:\s*(.+)$", "write if({0}, {1}, {2})"),
     (r":=", "write `=`"),
-    (r"(\d)\s*([-+])\s*[eE](\d+)\b", "write {0}e{1}{2}"),
+    (_EXPONENT, "write {0}e{1}{2}"),
     (r"^\s*(.+?)\s+(?:when|where|if)\s+(.+)$", "write if({1}, {0}, 0)"),
     (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
     (r"=<", "write `<=` for `=<`"),
@@ -249,15 +214,14 @@ _SPELLINGS: list[tuple[str, Meant]] = [
         for power in (
             rf"{_POWER}\s*\({_INSIDE}\)",
             rf"{_POWER}\s+({_ARGUMENT})",
-            rf"([²³])\s*\({_INSIDE}\)",
-            rf"([²³])\s*({_ARGUMENT})?",
         )
     ),
     (rf"\b(sinh?|cosh?|tanh?)\s*{_INVERSE}\s*(?:\({_INSIDE}\)|({_ARGUMENT}))?",
      lambda found: f"write a{found[1]}({found[2] or found[3] or '...'})"),
     (rf"\b((?i:{CALLED}))\s*[\[{{]([^\]}}]*)[\]}}]", _call),
     (rf"\b((?i:{CALLED}))\s+({_ARGUMENT})", _call),
-    (rf"\b(?:{MODULES})(?:\.|::)(\w+)(?:\(([^()]*)\))?", _from_module),
+    (rf"\b(?:{MODULES})(?:\.|::)e\b", "write exp(1)"),
+    (rf"\b((?:{MODULES})(?:\.|::))(?=\w)", "leave `{0}` out"),
     (rf"\b(?:{_RATES_OF})\(\s*{_NAME}\s*(?:,\s*t\s*)?\)", _RATE),
     (_SECOND_QUOTIENT, _SECOND_RATE),
     (_QUOTIENT, _RATE),
@@ -268,62 +232,55 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (rf"{_NAME}(?:\u0308|''|″|′′|’’|\s*[.\s-]\s*ddot\b)", _SECOND_RATE),
     (rf"{_NAME}\[t\]", "write {0}, without `[t]`"),
     (rf"{_NAME}(?:[\u0307'′’]|\s*[.\s-]\s*dot\b|\.dt\b|\.diff\(\s*t?\s*\))", _RATE),
-    (rf"\b{_MADE_OF}\.{_NAME}", "write {0}, without the text before the dot"),
-    (r"([⁺⁻][⁰¹²³⁴-⁹]+)", _fractions),
+    (rf"\b{_MADE_OF}(?:\.|\[['\"]){_NAME}(?:['\"]\])?", "write {0}"),
     (r"\|([^|]+)\|", "write abs({0})"),
-    (rf"√\s*\({_INSIDE}\)", "write sqrt({0})"),
-    (r"√\s*(\w+)", "write sqrt({0})"),
-    (r"∛\s*\(?(\w+)\)?", "write cbrt({0})"),
-    (r"\$", "write the expression without `$`"),
-    (r"\^\{([^{}]*)\}", "write ^({0})"),
     (r"[\w)]\s*!(?!=)", "there is no factorial"),
     (r"([\w.]+)\s*//\s*([\w.]+)",
      "write floor({0}/{1}), or ` #` where a comment begins"),
-    (r"[≠]", f"write < or >: {_EXACT}"),
+    (r'"\s*$', 'leave `"` out'), (r"^\s*guess\s+([^=]+)$", "write {{guess: {0}}}"),
     (r"[“”„‘’‚]", "an expression contains no quotes"),
     (r"[\u200b-\u200f\u2060\ufeff]", "delete it: it is invisible"),
     (r"(?<!&)&(?!&)|\bAND\b", "write `and`"),
     (r"\bOR\b", "write `or`"),
-    (r";\s*$", "leave `;` out"),
-    (r"[⋅∙•∗]", "write `*`"),
+    ("#", "a blank is missing before `#`, where a comment begins"),
     (r"\.([*/^])", "write `{0}` for `.{0}`"),
     (r"~(?=\s*[-+]?[\d.])", "leave `~` out"),
-    (r"\w\([^()]*;", "write `,` between arguments"),
+    (r";", "write `,`: it is between arguments"),
     (r"\b(min|max|hypot)\(([^(),]+),\s*([^(),]+),\s*([^(),]+)\)",
      "write {0}({1}, {0}({2}, {3}))"),
     (r"\batan\(([^(),]+),\s*([^(),]+)\)", "write atan2({0}, {1})"),
     (r"\batan2\(([^(),/]+)/([^(),/]+)\)", "write atan2({0}, {1})"),
     (r"\blog\(([^(),]+),\s*([^(),]+)\)", "write log({0})/log({1})"),
+    (r"(?<!if)\(([^(),]+[<>][^(),]*)\)", "write if({0}, 1, 0)"),
+    (rf"^({_SIDE}+[<>]=?{_SIDE}+)$", "write if({0}, 1, 0)"),
 ]  # fmt: skip
-# What is written for LaTeX, one after the other.
-_FUNCTION = rf"\\({'|'.join(sorted(FUNCTIONS, key=len, reverse=True))})\b"
-_LATEX = [
-    (r"\\(?:left|right|displaystyle|limits)\b|\\[,;:! ]", " "),
-    (r"\\(?:cdot|times)\b", "*"),
-    (r"(?<=\w)(?=\\)", " "),
-    (r"\\(d?dot)\b\s*\{?\s*\\?([^\W\d_]\w*)\s*\}?", r"\2_\1 "),
-    (r"_\{(\w+)\}", r"_\1"),
-    (r"\^\{([^{}]*)\}", r"^(\1)"),
-    (rf"{_FUNCTION}\s*\^\s*(\d)\s*\\?(\w+|\([^()]*\))", r"\1(\3)^\2"),
-    (rf"{_FUNCTION}\s*\\?(\w+)", r"\1(\2)"),
-    (r"\\sqrt\s*\{([^{}]*)\}", r"sqrt(\1)"),
-    (r"\\[dt]?frac\s*\{([^{}]*)\}\s*\{([^{}]*)\}", r"(\1)/(\2)"),
-    (r"\\(?:var)?([^\W\d_]+)", r" \1"),
-    (r"(?<=[\w)])\s+(?=[\w(])|(?<=\))(?=[\w(])", "*"),
-    (r"\s+", ""),
-    (r"(?<=.)([-+=<>]+)", r" \1 "),
-]
+# LaTeX and the signs of print, and what is typed for them: each row until it fits no
+# more, from the first on. Signs of products are put where the parser misses them.
+_CALL = rf"\\({'|'.join(sorted(FUNCTIONS, key=len, reverse=True))})\b"
+_GROUP = r"\{([^{}]*)\}"
+_PART = r"\s*(?:\{([^{}]*)\}|(\d)|(\\\w+))"
+_TYPED: list[tuple[str, Meant]] = [
+    (r"\$|\\(?:displaystyle|limits|left|right|[,;:! ])", " "), ("º", "°"),
+    (rf"\\(?:mathrm|mathit|text|operatorname)\s*{_GROUP}", " {0}"),
+    (r"\\[lr]?vert\b", "|"),
+    (r"\\(?:cdot|times)\b|[·×⋅∙•∗]", "*"),
+    ("[÷∕⁄]", "/"), ("[−–]", "-"), ("≤", "<="), ("≥", ">="),
+    (r"\\(d?dot)\b\s*\{?\s*\\?([^\W\d_]\w*)\s*\}?", r" {1}_{0} "),
+    (r"_\{(\w*)\}", "_{0}"), (r"\^\{(\w+)\}", "^{0}"), (rf"\^{_GROUP}", "^({0})"),
+    (rf"{_CALL}\s*{_GROUP}", " {0}({1})"),
+    (rf"\\[dtc]?frac{_PART}{_PART}", lambda found: "({})/({})".format(
+        *(part for part in found.groups() if part is not None))),
+    (rf"\\sqrt\s*\[3\]\s*{_GROUP}", " cbrt({0})"),
+    (rf"\\sqrt\s*{_GROUP}", " sqrt({0})"),
+    (r"(?<!\^)(\d)\s*\\(?=\w)", "{0}*\\"),
+    (r"\\(?:var)?([^\W\d_]+(?:_\w+)?)", " {0} "),
+    ("[⁺⁻]?[⁰¹²³⁴-⁹]+", _raised), (r"\d*[¼-¾⅐-⅞]", _fraction),
+    ("\u0307", "_dot"), ("\u0308", "_ddot"),
+    (r"√\s*(?=\()", "sqrt"), (r"√\s*([\w.]+)", "sqrt({0})"),
+    (r"∛\s*(?=\()", "cbrt"), (r"∛\s*([\w.]+)", "cbrt({0})"), ("π", "pi"),
+]  # fmt: skip
 # What parses as an expression and is meant otherwise.
-_PARSED = (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE)
-# The first of them are of numbers.
-_OF_NUMBERS = 11
-
-
-@functools.cache
-def patterns() -> list[tuple[re.Pattern[str], Meant]]:
-    """Give the table, its patterns compiled."""
-    return [(re.compile(pattern), meant) for pattern, meant in _SPELLINGS]
-
+_PARSED = (_SECOND_QUOTIENT, _QUOTIENT, _PER_MINUTE, _EXPONENT)
 
 # --- Hints for expressions, from what stands around a fault
 
@@ -333,8 +290,6 @@ WINDOW = 100
 # Names that are tried as parts of a longer one.
 MOST_PARTS = 200
 
-# A letter of one side of a comparison, or a call.
-_SIDE = r"(?:[^(),<>=]|\([^()]*\))"
 _QUANTITY = (
     rf"\s*([-+]?\s*{NUMBER})\s*[\[(]?"
     r"((?:[^\W\d_]|[°º])[\w*/^·⋅.()\s-]*?|)[\])]?\s*\.?\s*"
@@ -351,191 +306,208 @@ _RATES = {
         r"(?:acceleration|accel|acc|a)_(.+)", r"(.+)_(?:acceleration|accel|acc)",
     ),
 }  # fmt: skip
-_NUMBERS = _by_word(
-    {
-        "π pi": "write pi",
-        "e": "write exp(x) for e^x, exp(1) for e",
-        "deg degree degrees": f"write pi/180: {RADIANS}",
-        "inf infinity nan": "every number is finite",
-        "free guess auto": "a value to be solved is written {guess: 0}",
-        "none true false": "write a number, such as 0",
-    }
-)
-_COMBINING = {"\u0307": "_dot", "\u0308": "_ddot"}
+_NUMBERS = {word: hint for words, hint in {
+    "π pi m_pi": "write pi",
+    "e": "write exp(x) for e^x, exp(1) for e",
+    "deg degree degrees": f"write pi/180: {RADIANS}",
+    "inf infinity nan": "every number is finite",
+    "free guess auto": "a value to be solved is written {guess: 0}",
+    "none true false yes no on off": "write a number, such as 0",
+}.items() for word in words.split()}  # fmt: skip
 SPEEDS = ("v", "w", "ω", "omega", "vel", "velocity", "speed", "dt")
 # What is written in a relation for signs of other languages.
 _IN_RELATIONS = {
-    "==": "write `=`, one alone",
+    "==": "write `=`",
+    "=": "write 0",
     **dict.fromkeys("≈≡→≃", "write `=`"),
     **dict.fromkeys(("!=", "<>"), "a relation is written with `=`, `>=` or `<=`"),
 }
 
 
-def of_relation(text: str, token: str, known: Collection[str]) -> str:
-    """Give a hint for a relation with a fault at a token, or an empty text."""
-    if text.rstrip().endswith("="):
-        return f"write {text.strip()} 0"
-    if token in _IN_RELATIONS:
-        return _IN_RELATIONS[token]
-    right = re.fullmatch(r"[^<>=]*(?:[<>]?=)\s*([^<>=]+)", text)
-    return _of_number(right[1], known, beside=False) if right else ""
+def _filled(meant: Meant, found: re.Match[str]) -> str:
+    if isinstance(meant, str):
+        return meant.format(*found.groups())
+    return meant(found)
 
 
-def of_expression(fault: ExpressionError, text: str, known: Collection[str]) -> str:
-    """Give a hint for a fault that the parser found, or an empty text."""
-    end = fault.offset + fault.length
-    token, hint = text[fault.offset : end], ""
-    if fault.code == "unknown-function":
-        hint = of_function(token, _argument(text[end:]), known)
-        hint = hint or fault.hint or "a function of your own is a definition"
-    elif "a comparison is" in fault.text:
-        hint = _of_comparison(text, fault.offset)
-    if hint or token == ",":
-        return hint
-    # What the parser says of a name may not hold here.
-    product = fault.hint.startswith("there is no implicit product")
-    if product and re.match(r"[^\W\d]", token) and not _is_known(token, known):
-        return f"an operator is expected before a name, and `{token}` is none here"
-    return fault.hint
-
-
-def _argument(text: str) -> str:
-    """Give what stands in the parentheses that a text begins with."""
-    depth = 0
-    for k, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if letter == ")" and depth <= 0:
-            text = text[:k]
-            break
-    return text.strip().removeprefix("(").strip()
+# So many mistakes in one expression are mended.
+MOST_STEPS = 20
+# What a hint says to write, before a reason.
+_WRITTEN = (
+    r"(?:leave `.*` out|delete it.*)()(: [a-z].*)?|"
+    r"(?:write|(?:the|a) [a-z ]+ is written) `?(.+?)`?"
+    r"(: [a-z].*|, (?:without|in|or) .*|; .*| for .*)?"
+)
 
 
 def of_text(
-    text: str, offset: int, known: Collection[str], *, beside: bool = False
+    text: str,
+    parser: Parser,
+    known: Collection[str],
+    moving: Collection[str],
+    *,
+    beside: bool = False,
 ) -> str:
-    """Give a hint for an expression with a fault at `offset`, or an empty text.
+    """Give a hint for an expression with faults: the whole that was meant, or a part.
 
-    Parameters
-    ----------
-    known
-        The variables of the file.
-    beside
-        It is the value of a parameter or a definition: a unit may stand beside it.
+    What the hint for a fault says is put in its place, until there is no fault. Where
+    that does not succeed it is the hint for the first. `known` are the variables of the
+    file, `moving` those that have rates; `beside`: a unit may stand beside it, as it is
+    the value of a parameter or a definition.
     """
-    first = max(0, offset - WINDOW)
-    whole, text, offset = text, text[first : offset + WINDOW], offset - first
-    if text == whole and (hint := _of_number(text, known, beside=beside)):
-        return hint
-    number = quantities.around(quantities.SEPARATED, text, offset)
-    if number and (hint := quantities.separated(number[0])):
-        return hint
-    if text == whole and (typed := _typed(text)):
-        return f"write {typed}"
-    if "\\" in text and text == whole:
-        return f"write {latex(text)}"
-    hint = _matching(text, offset, known) or _of_unit(
-        text, offset, known, beside=beside and text == whole
-    )
-    # A Greek word by the variable that is called as it is.
-    words = {word for word in re.findall(r"[^\W\d_]+", hint) if not word.isascii()}
-    named = {word: _called_so(word, known) or word for word in words}
-    return re.sub(r"[^\W\d_]+", lambda word: named.get(word[0], word[0]), hint)
+    first, reason, short = "", "", len(text) <= WINDOW
+    given, text = text, _typed(text, known) if short else text
+    for step in range(MOST_STEPS if short else 1):
+        try:
+            found = _renaming(text, parser(text).names, known, moving)
+            if found is None:
+                return f"write {text}{reason}" if text != given else first
+        except ExpressionError as fault:
+            near = matching(text, fault.offset, known)
+            unit = (
+                "" if step or near else _of_quantity(text, fault, known, beside=beside)
+            )
+            if unit:
+                return unit
+            token = text[fault.offset : fault.offset + fault.length] or text[-1:]
+            own = parser is parse_relation and _IN_RELATIONS.get(token)
+            hint = own or fault.hint
+            found = fault.offset, fault.offset + fault.length, hint
+            found = found if own else _step(text, fault, known, moving)
+        first = first or found[2]
+        written = re.fullmatch(_WRITTEN, found[2])
+        if not written or "..." in found[2]:
+            break
+        reason = reason or written[2] or written[4] or ""
+        last = found[2].startswith("a product")
+        text = _put(text, found[0], found[1], written[3] or "", last=last)
+    return first
 
 
-_PRINTED = str.maketrans("·×⋅−–⁻⁺⁰¹²³⁴⁵⁶⁷⁸⁹", "***---+0123456789", "\u0307")
+def _typed(text: str, known: Collection[str]) -> str:
+    """Give an expression of LaTeX or in signs of print as it is typed."""
+    words = (w[0] for w in re.finditer(r"[^\W\d_]\w*", text) if not w[0].isascii())
+    if not any(_is_known(word, known) for word in words):
+        text = unicodedata.normalize("NFD", text.replace("≠", "!="))
+    row, before = 0, text
+    while row < len(_TYPED):
+        pattern, new = _TYPED[row]
+        found = re.search(pattern, text)
+        if found:
+            text = _put(text, found.start(), found.end(), _filled(new, found))
+        row = 0 if found else row + 1
+    if text == before:
+        return text
+    text = " ".join(unicodedata.normalize("NFKC", text).split())
+    return re.sub(r"(?<=\() | (?=[)^*/])|(?<=[*/]) ", "", text)
 
 
-def _typed(text: str) -> str:
-    """Give an expression with several signs of print in the letters of a keyboard."""
-    text = unicodedata.normalize("NFD", text.replace("π", "pi"))
-    several = len(re.findall(r"[⁺⁻]?[⁰¹²³⁴-⁹]+|[^\x00-\x7f]", text)) > 1
-    text = re.sub(
-        r"[⁺⁻]?[⁰¹²³⁴-⁹]+", r"^\g<0>", re.sub("\\w\u0307", r"\g<0>_dot", text)
-    )
-    text = text.translate(_PRINTED)
-    product = re.search(r"\d[^\W\d]", text)  # d^2x, or one without its sign
-    return text if several and text.isascii() and not product else ""
+def _put(text: str, start: int, end: int, new: str, *, last: bool = False) -> str:
+    """Put an expression into another, with the signs that keep both as they are.
+
+    `last`: a power that follows is that of its last factor.
+    """
+    before, after = text[:start], text[end:]
+    left, right = before.rstrip()[-1:], after.lstrip()[:1]
+    level = re.sub(rf"\({_INSIDE}\)", "", new) if re.match(r"-?[\w(]", new) else ""
+    tight = left in ("/", "^") or (right == "^" and not last)
+    tight |= bool(re.search("[-+]", level) and {left, right} & {*"*/-"})
+    new = f"({new})" if tight and re.search("[-+*/]", level) else new
+    if re.search(r"[\w)]$", before) and re.match(r"[^\W_]|\(", new):
+        new = f"*{new}"
+    if re.search(r"[\w)]$", new) and re.match(r"[^\W_]", after):
+        new = f"{new}*"
+    return before + new + after
 
 
-def _matching(
+def _step(
+    text: str, fault: ExpressionError, known: Collection[str], moving: Collection[str]
+) -> tuple[int, int, str]:
+    """Give begin and end of what the hint for a fault replaces, and the hint."""
+    offset, end, hint = fault.offset, fault.offset + fault.length, fault.hint
+    token = text[offset:end]
+    if "only what is right" in hint:
+        return 0, end, "leave `=` out: only what is right of it"
+    commas = [m.start() for m in re.finditer(",", text)] * (fault.code == "arity")
+    for at in (*commas, offset):
+        if found := matching(text, at, known):
+            return found
+    if fault.code == "unknown-function":
+        return of_function(text, fault, known)
+    if fault.code == "number" or "implicit product" in hint:
+        words = re.findall(r"[^\W\d]\w*", text)
+        if all(_called_so(w, known) or of_name(w, known, moving) for w in words):
+            digits = re.match(NUMBER, token) if fault.code == "number" else None
+            offset += digits.end() if digits else 0
+            before = len(text[:offset].rstrip())
+            return before, offset, "write *: there is no implicit product"
+        if re.match(r"[^\W\d]", token) and not _is_known(token, known):
+            hint = f"an operator is expected before a name, and `{token}` is none here"
+    elif left := re.match(r"leave `(.+?)` out", hint):
+        offset = text.rindex(left[1], 0, end)
+    return offset, end, hint * (token != ",")
+
+
+def _renaming(
+    text: str, names: Iterable[Name], known: Collection[str], moving: Collection[str]
+) -> tuple[int, int, str] | None:
+    """Give the same for the first name that means nothing and is called otherwise."""
+    for name in names:
+        if not _is_known(name.text, known):
+            if found := matching(text, name.offset, parsed=True):
+                return found
+            plain = _called_so(name.text, known)
+            hint = f"write {plain}" if plain else of_name(name.text, known, moving)
+            if re.fullmatch(_WRITTEN, hint):
+                return name.offset, name.offset + len(name.text), hint
+    return None
+
+
+def matching(
     text: str, offset: int, known: Collection[str] = (), *, parsed: bool = False
-) -> str:
-    """Give the hint of the first spelling around an offset, or an empty text.
+) -> tuple[int, int, str] | None:
+    """Give the first spelling around an offset: its begin, its end, and its hint.
 
     `known`: names that are variables, and call nothing; `parsed`: only of what parses
     as an expression and is meant otherwise.
     """
-    for pattern, meant in patterns():
-        if parsed and meant is not _exponential and pattern.pattern not in _PARSED:
+    first = max(0, offset - WINDOW)
+    near, offset = text[first : offset + WINDOW], offset - first
+    for pattern, meant in _SPELLINGS:
+        if parsed and meant is not _exponential and pattern not in _PARSED:
             continue
-        for found in pattern.finditer(text):
+        for found in re.finditer(pattern, near):
             if meant is _call and found[1] in known:
                 continue
-            if found.start() <= offset <= found.end():
-                if not isinstance(meant, str):
-                    return meant(found)
-                return meant.format(*found.groups())
-    return ""
+            at = found.start() <= offset <= found.end()
+            if at and (hint := _filled(meant, found)):
+                return first + found.start(), first + found.end(), hint
+    return None
 
 
-def of_unknown(text: str, offset: int) -> str:
-    """Give a hint for a name at `offset` that has a meaning with what is around it."""
-    first = max(0, offset - WINDOW)
-    return _matching(text[first : offset + WINDOW], offset - first, parsed=True)
-
-
-def _of_comparison(text: str, offset: int) -> str:
-    """Give a hint for a comparison that stands as a number."""
-    for pattern in (r"\(([^(),]+[<>][^(),]*)\)", rf"^({_SIDE}+[<>]=?{_SIDE}+)$"):
-        if found := quantities.around(pattern, text[: offset + WINDOW], offset):
-            return f"write if({found[1].strip()}, 1, 0)"
-    return ""
-
-
-def _of_number(text: str, known: Collection[str], *, beside: bool) -> str:
-    """Give a hint where the whole text is meant to be a number, with a unit or not."""
-    plain = unicodedata.normalize("NFKC", text)
-    if re.fullmatch(rf"\s*\d+{FRACTION}\d+\s*", plain):
-        return f"write {plain.strip().replace(FRACTION, '/')}"
+def _of_quantity(
+    text: str, fault: ExpressionError, known: Collection[str], *, beside: bool
+) -> str:
+    """Give a hint where a whole text is a number, or `1/2`, with a unit after it."""
     found = re.fullmatch(_QUANTITY, text)
-    # A number in one of the spellings has a hint of its own: degrees, powers of 10.
-    spelt = (pattern.search(text) for pattern, _ in patterns()[:_OF_NUMBERS])
-    if found is None or not found[2] or any(spelt):
-        return ""
-    number, unit = found[1].replace(" ", ""), found[2]
-    unit += ")" * (unit.count("(") > unit.count(")"))
-    names = quantities.words(quantities.unit(unit))
+    number, unit = text[: fault.offset].strip(), text[fault.offset :]
+    if found and found[2]:
+        number, unit = found[1].replace(" ", ""), found[2]
+        unit += ")" * (unit.count("(") > unit.count(")"))
+    own = [] if found else quantities.words(number)
+    names = quantities.words(unit := quantities.unit(unit))
     product = all(_is_known(name, known) for name in names)
-    if not product and not quantities.is_unit(unit):
-        parted = re.sub(
-            r"[^\W\d]\w*", lambda w: "*".join(_parts(w[0], known)) or w[0], unit
-        )
-        if parted != unit:
-            return f"write {number}*{parted}"
-    if product and not quantities.is_unit(unit):
+    alone = found and len(names) == 1 and not product
+    sound = quantities.is_unit(unit) or (alone and not of_name(names[0], known, ()))
+    ends = re.search(rf"(?:[-+*/^,]|\b(?:{CALLED}))$|\([^)]*$|^$", number)
+    strange = not all(_is_known(name, known) for name in own) or (product and own)
+    if ends or strange or unit[:1] == "," or not sound:
         return ""
     hint = quantities.quantity(number, unit, beside=beside)
-    if product and len(names) > 1:
-        return f"a product is written {number}*{quantities.unit(unit)}"
-    if product and unit not in FUNCTIONS:
-        product_of = f"{number}*{quantities.unit(unit)}"
-        return f"{hint}; a product is written {product_of}"
-    return hint if quantities.is_unit(unit) or len(names) == 1 else ""
-
-
-def _of_unit(text: str, offset: int, known: Collection[str], *, beside: bool) -> str:
-    """Give a hint where a unit follows what is no plain number, as in `1/2 kg`."""
-    before, unit = text[:offset].strip(), text[offset:]
-    names = quantities.words(before)
-    inside = before.count("(") > before.count(")")
-    called = names and names[-1] in FUNCTIONS and before.endswith(names[-1])
-    if not before or inside or called or not quantities.is_unit(unit):
-        return ""
-    if not all(_is_known(name, known) for name in names):
-        return ""
-    if all(_is_known(name, known) for name in quantities.words(unit)):
-        return ""
-    return quantities.quantity(before, unit, beside=beside)
+    if product and (len(names) > 1 or unit not in FUNCTIONS):
+        hint = f"{hint}; " if len(names) == 1 else ""
+        return f"{hint}a product is written {number}*{unit}"
+    return hint
 
 
 def _is_known(name: str, known: Collection[str]) -> bool:
@@ -543,35 +515,39 @@ def _is_known(name: str, known: Collection[str]) -> bool:
     return base in known or name in ("pi", "t") or name in FUNCTIONS
 
 
-def of_function(name: str, argument: str, known: Collection[str]) -> str:
-    """Give a hint for a function that there is not, called with an argument."""
+def of_function(
+    text: str, fault: ExpressionError, known: Collection[str]
+) -> tuple[int, int, str]:
+    """Give the same for a function that there is not: what its call is to be."""
+    offset, end = fault.offset, fault.offset + fault.length
+    name, hint = text[offset:end], "a function of your own is a definition"
+    call = re.match(rf"\s*\({_INSIDE}\)?", text[end:])
+    argument = call[1].strip() if call else ""
+    until = end + (call.end() if call else 0)
     if meant := spelt_call(name, argument):
-        return f"write {meant}"
+        return offset, until, f"write {meant}"
     if _is_known(name, known) or name.casefold() in _NUMBERS:
+        plain = name if name in known else name.casefold()
         if argument in ("", "t"):
-            plain = name if name in known else name.casefold()
-            return f"write {plain}, without `({argument})`"
-        return f"a product is written {name}*({argument})"
+            return offset, until, f"write {plain}, without `({argument})`"
+        return offset, until, f"a product is written {name}*({argument})"
+    near = re.match("did you mean `(.+)`", fault.hint)
+    base = name.rstrip("0123456789")
     for function in FUNCTIONS:
         factor = name.removesuffix(function)
         if factor != name and _is_known(factor, known):
-            return f"write {factor}*{function}({argument})"
-    base = name.rstrip("0123456789")
-    if base != name and base in FUNCTIONS:
-        return f"write {base}({argument})^{name.removeprefix(base)}"
-    return ""
+            hint = f"write {factor}*{function}({argument})"
+    if parts := _parts(name, known):
+        hint = f"write {'*'.join(parts)}*({argument})"
+    elif base != name and base in FUNCTIONS:
+        hint = f"write {base}({argument})^{name.removeprefix(base)}"
+    elif near and not hint.startswith("write"):
+        return offset, end, f"write {near[1]}"
+    return offset, until, hint
 
 
 def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
-    """Give a hint for a name that means nothing.
-
-    Parameters
-    ----------
-    known
-        The variables of the file.
-    moving
-        Those that have rates.
-    """
+    """Give a hint for a name that means nothing, see `of_text`."""
     if name.casefold() in _NUMBERS:
         return _NUMBERS[name.casefold()]
     if len(name) > WINDOW:
@@ -585,11 +561,13 @@ def of_name(name: str, known: Collection[str], moving: Collection[str]) -> str:
         rate = f"a rate is written {next(iter(moving))}_dot"
         return f"{rate}; what is given has its value in `parameters`"
     for function in FUNCTIONS:
-        rest = name.removeprefix(function)
+        head, _, rest = name.partition(function)
         factor = rest[: len(rest) - len(rest.lstrip("0123456789"))]
-        inside = _called_so(rest.removeprefix(factor), known) if rest != name else ""
-        if inside:
-            return f"write {function}({factor and f'{factor}*'}{inside})"
+        inside = _called_so(rest.removeprefix(factor), known)
+        before = [head] if not head or _is_known(head, known) else _parts(head, known)
+        if before and (inside or (factor and factor == rest)):
+            argument = "*".join(filter(None, (factor, inside)))
+            return f"write {'*'.join([*filter(None, before), function])}({argument})"
     base = name.rstrip("23456789")
     if len(name) - len(base) == 1 and _is_known(base, known) and base != "t":
         return f"a power is written {base}^{name.removeprefix(base)}"
@@ -601,8 +579,9 @@ def _called_so(name: str, known: Collection[str]) -> str:
     """Give the variable of this name, Greek letters or theirs; or an empty text."""
     if _is_known(name, known):
         return name
-    plain = spelt_out(name)
-    return next((other for other in known if name and spelt_out(other) == plain), "")
+    plain = spelt_out(name).replace("_", "")
+    alike = (x for x in known if plain and spelt_out(x).replace("_", "") == plain)
+    return next(alike, "")
 
 
 def _parts(name: str, known: Collection[str]) -> list[str]:
@@ -620,10 +599,7 @@ def rate_of(name: str, moving: Collection[str]) -> str:
     """Give the rate that is spelt otherwise, such as `x_dot` for `xdot`, or nothing."""
     if len(name) > WINDOW:
         return ""
-    plain = unicodedata.normalize("NFD", name)
-    for mark, ending in _COMBINING.items():
-        if mark in plain and plain.replace(mark, "") in moving:
-            return plain.replace(mark, "") + ending
+    name = _typed(name, moving)
     for ending, spellings in _RATES.items():
         for pattern in spellings:
             match = re.fullmatch(pattern, name, re.IGNORECASE)
@@ -634,10 +610,8 @@ def rate_of(name: str, moving: Collection[str]) -> str:
 
 def rate_within(text: str, moving: Collection[str]) -> str:
     """Give the rate that a text is, spelt as elsewhere: `d/dt x`; or an empty text."""
-    text = text[:WINDOW]
-    plain = latex(text) if "\\" in text else ""
-    hint = f"the rate is written {plain}" if plain else _matching(text, 0)
-    found = re.fullmatch(r"the (?:second )?rate is written ((.+)_dd?ot)", hint)
+    hint = of_text(text[:WINDOW], parse, moving, moving)
+    found = re.match(r"write ((.+)_dd?ot)\b", hint)
     return found[1] if found and found[2] in moving else ""
 
 
@@ -653,7 +627,7 @@ def spelt_out(name: str) -> str:
 
 def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str]) -> str:
     """Give a hint where a number, a count or two times stand as a key of a mapping."""
-    name = key.text.casefold()
+    name, keys = key.text.casefold(), [k.text for k, _ in given]
     if "output_step" in known and name in SPANS:
         return quantities.span(value) or "write `start: ...` and `end: ...`"
     if "output_step" in known and name in COUNTS:
@@ -676,51 +650,48 @@ def of_key(key: Scalar, value: Node, given: list[Entry], known: Collection[str])
     place = texts_of(items_of(value))
     if "links" in known and len(place) in (2, 3) and name not in KEYS:
         return f"`{key.text}` belongs below `points:`, indented"
-    if not re.fullmatch(r"\d[\d.]*", name):
+    if text_of(value) or "unit" not in known or "unit" in keys:
         return ""
-    if hint := quantities.split_by_comma(key):  # 1,5 or {1, unit: m}
-        return hint
-    names = [k.text for k, _ in given]
-    after = "".join(names[names.index(key.text) + 1 :][:1])
+    if quantities.is_unit(name) and not re.match(r"\d", name):
+        return f"write `unit: {key.text}`"
+    number = re.fullmatch(rf"({NUMBER})\s*(.*)", name)
+    after = number and (number[2] or "".join(keys[keys.index(key.text) + 1 :][:1]))
+    if "value" not in known or not number or not after:
+        return ""
     unit = after if quantities.is_unit(after) else "..."
-    return f"write {{value: {key.text}, unit: {unit}}}"
+    return f"write {{value: {number[1]}, unit: {unit}}}"
+
+
+# What may stand for a mapping: of what, its text or its parts, and what is written.
+_INSTEAD = (
+    ("a plot", rf"{_NAME} (?:vs\.?|versus|over|against) {_NAME}\Z",
+     "write {{x: {1}, y: {0}}}"),
+    ("a plot", rf"\(?{_NAME},\s*{_NAME}\)?\Z", "write {{x: {0}, y: {1}}}"),
+    ("a plot", rf"{_NAME}\Z", "write {{x: t, y: {0}}}"),
+    ("the coordinate", rf"{_NAME}\Z", "write {{unit: {0}}}"),
+    ("`forces`", r"(\w+)(?:,\s*|\s+)([^,]+)\Z", "write {{{0}: {1}}}"),
+    ("`constraints`", "([^,]*=[^,]*)", "write `name: {0}`, with a name of your own"),
+    ("`energy`", "(.+)", "write {{lagrangian: {0}}}"),
+    ("", r"(\w+)\s*=\s*([^=\s].*)", "a colon is missing: `{0}: {1}`"),
+    ("", r"([^\s:]+):([^\s:]\S*)",
+     "a space is missing after the colon: `{0}: {1}`"),
+    ("", rf"{_NAME}\s+([^\s:=]+)\Z", "a colon is missing: `{0}: {1}`"),
+)  # fmt: skip
 
 
 def of_lines(node: Node, what: str) -> str:
     """Give a hint where something else stands for a mapping."""
-    names = _names_of(node)
-    if what == "`coordinates`" and names:
+    parts = (part for item in items_of(node) for part in items_of(item))
+    text = ", ".join(texts_of(parts))
+    if what == "`coordinates`" and re.fullmatch(rf"{_NAME}(?:[\s,]+{_NAME})*", text):
+        names = re.split(r"[\s,]+", text)
         return f"write {{{', '.join(f'{name}: {{}}' for name in names)}}}"
-    if what == "a plot" and len(names) in (1, 2):
-        return f"write {{x: {names[0] if names[1:] else 't'}, y: {names[-1]}}}"
-    versus = r"(\w+) (?:vs\.?|versus|over|against) (\w+)"
-    if what == "a plot" and (shown := re.fullmatch(versus, text_of(node))):
-        return f"write {{x: {shown[2]}, y: {shown[1]}}}"
-    if what.startswith("the coordinate") and len(names) == 1:
-        return f"write {{unit: {names[0]}}}"
-    if isinstance(node, Sequence):
-        return "write lines `name: value`, without the `-` or brackets of a list"
-    text = node.text if isinstance(node, Scalar) else ""
-    if what == "`constraints`" and "=" in text:
-        return f"write `name: {text}`, with a name of your own"
-    for pattern, missing in (
-        (r"(\w+)\s*=\s*([^=\s].*)", "a colon is missing"),
-        (r"([^\s:]+):([^\s:]\S*)", "a space is missing after the colon"),
-        (r"([^\W\d_]\w*)\s+([^\s:=]+)\Z", "a colon is missing"),
-    ):
-        if match := re.match(pattern, text):
-            return f"{missing}: `{match[1]}: {match[2]}`"
-    return ""
-
-
-def _names_of(node: Node) -> list[str]:
-    """Give the names of a list, with brackets or without; none where it is another."""
-    text = node.text if isinstance(node, Scalar) else ""
-    if isinstance(node, Sequence):
-        text = ",".join(i.text if isinstance(i, Scalar) else "?" for i in node.items)
-    one = r"[^\W\d_]\w*"
-    found = text.split(",") if re.fullmatch(rf"{one}(?:\s*,\s*{one})*", text) else []
-    return [name.strip() for name in found]
+    for of, pattern, written in _INSTEAD:
+        found = re.match(pattern, text) if what.startswith(of) else None
+        if found and (of or isinstance(node, Scalar)):
+            return written.format(*found.groups())
+    advice = "write lines `name: value`, without the `-` or brackets of a list"
+    return advice if isinstance(node, Sequence) else ""
 
 
 def as_list(node: Node, what: str = "") -> str:

@@ -19,7 +19,7 @@ _UNITS = (
     "sec|seconds?|minutes?|hours?|days?|met(?:re|er)s?|grams?|newtons?|joules?|watts?|"
     "radians?|degrees?|revs?|revolutions?|turns?|grad|gon|inches|Nms?|Ns|Ws|Js"
 )
-_UNIT = rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf"
+_UNIT = rf"(?:da|[yzafpnuµμmcdhkMGT]|kilo)?(?:{_UNITS})|min|hr|kgf|lbf|mph"
 
 
 # Units elsewhere: the unit of the SI, and the factors above and below the line.
@@ -32,13 +32,15 @@ _ELSEWHERE = {
     "g gram grams": ("kg", "", "1000"), "mg": ("kg", "", "1e6"),
     "in inch inches": ("m", "0.0254", ""), "ft": ("m", "0.3048", ""),
     "lb": ("kg", "0.45359237", ""), "bar": ("Pa", "1e5", ""), "cm": ("m", "", "100"),
-    "dm": ("m", "", "10"),
+    "dm": ("m", "", "10"), "um µm μm": ("m", "", "1e6"), "mph": ("m/s", "0.44704", ""),
     **{f"m{of}": (of, "", "1000") for of in ("m", "s", "N", "J", "rad")},
     **{f"k{of}": (of, "1000", "") for of in ("m", "N", "J", "W", "Hz", "Pa")},
     **{f"M{of}": (of, "1e6", "") for of in ("N", "J", "W", "Pa")},
     **{f"G{of}": (of, "1e9", "") for of in ("N", "J", "W", "Pa")},
 }  # fmt: skip
 _SCALES = {unit: row for units, row in _ELSEWHERE.items() for unit in units.split()}
+_SPELT = {"kmh": "km/h", "kph": "km/h", "mps": "m/s"}
+_SPELT |= {word: word for word in ("deg", "degrees", "degree", "rad", "rpm", "mph")}
 _PER_MINUTE = r"(?:1|U|revs?)/min|min\^-1"
 _WORD = r"[^\W\d_]\w*"
 _FACTOR = r"([*/]?)([^\W\d_]+)(?:\^(-?\d+))?"
@@ -64,10 +66,13 @@ def unit(text: str) -> str:
     """Give a unit as it is written: powers by `^`, products by `*`."""
     for letter, plain in (
         ("**", "^"), ("²", "^2"), ("³", "^3"), ("·", "*"), ("⋅", "*"),
-        ("°", "deg"), ("º", "deg"),
+        ("°", "deg"), ("º", "deg"), ("^(-2)", "^-2"), ("^(-1)", "^-1"),
     ):  # fmt: skip
         text = text.replace(letter, plain)
     plain = re.sub(r"\s*([*/^])\s*", r"\1", text.strip(" .")).replace(" ", "*")
+    plain = re.sub(r"/(\w+)\^-(\d)", r"/\1^\2", plain)  # m/s^-2
+    plain = re.sub(r"\bms\^-", "m*s^-", plain)  # none is of milliseconds
+    plain = _SPELT.get(plain.casefold(), plain)
     return "rpm" if re.fullmatch(_PER_MINUTE, plain) else plain
 
 
@@ -103,7 +108,7 @@ def quantity(number: str, of: str, *, beside: bool) -> str:
     `beside`: it is the value of a parameter or a definition, with its unit beside it.
     """
     of = unit(of)
-    if of in ("Hz", "1/s") and not beside:
+    if of == "Hz" and not beside:
         return f"write {number}*2*pi: rates are in rad/s"
     scaled, plain = _scaled(number, of)
     if scaled == number:
@@ -165,33 +170,18 @@ def time(node: Node) -> str:
     return f"write 1/{found[1]}" if found else span(node)
 
 
-def around(pattern: str, text: str, offset: int) -> re.Match[str] | None:
-    """Give what matches in a text around an offset."""
-    found = re.finditer(pattern, text)
-    return next((m for m in found if m.start() <= offset <= m.end()), None)
-
-
-def split_by_comma(key: Scalar) -> str:
-    """Say how a number is written that a comma has cut in two, as in {l: 1,5}."""
-    if not re.fullmatch(r"\d[\d.]*", key.text):
-        return ""
-    text, start, end = key.source.text, key.start, key.end
-    before = re.search(r"\d[\d.',\s]*,\s*$", text[max(0, start - 40) : start])
-    after = re.match(r"(?:\s*,\s*\d[\d.]*(?=\s*[,}\]]))*", text[end : end + 40])
-    if before is None or after is None:
-        return ""
-    return separated(re.sub(r"\s", "", before[0] + key.text + after[0]))
-
-
 def of_collection(node: Node, *, beside: bool) -> str:
     """Say what is written for a mapping or a list in the place of one expression."""
     if isinstance(node, Mapping):
         given = {k.text: v.text for k, v in node.entries if isinstance(v, Scalar)}
         if given.get("value"):
             return quantity(given["value"], given.get("unit", ""), beside=False)
-        if len(node.entries) == 1 and list(given.values()) == [""]:
-            return f"write {node.entries[0][0].text}, without braces"
+        if len(node.entries) == 1 and given:
+            [(key, value)] = given.items()
+            return f"write {value or key}, without braces"
     if isinstance(node, Sequence):
+        if len(node.items) == 1 and isinstance(node.items[0], Mapping):
+            return of_collection(node.items[0], beside=beside)
         texts = texts_of(node.items)
         if len(texts) == len(node.items) == 1:
             alone = re.fullmatch(rf"([-+]?{NUMBER})\s*(.+)", texts[0])

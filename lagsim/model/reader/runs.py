@@ -186,7 +186,7 @@ def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
     if not isinstance(node, Sequence):
         text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
         hint = hints.as_list(node)
-        if isinstance(node, Scalar) and not re.search("[,(]", node.text):
+        if isinstance(node, Scalar) and not re.search(r"[,(]|\w\s+\w", node.text):
             hint = f"write [{node.text}, 0]"
         if isinstance(node, Mapping):
             hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"

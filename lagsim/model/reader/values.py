@@ -473,7 +473,6 @@ class Initial(_Numbers):
             self._above.add(near)
         if name not in self._instead:
             hint = belongs(name) or hint
-        hint = quantities.split_by_comma(key) or hint
         text = f"`{name}` is no coordinate, velocity or definition"
         faults.add("unknown-name", text, key.place, hint)
 
@@ -488,6 +487,8 @@ class Initial(_Numbers):
                 return False
             known = [n for n in self.known if n in names.variables]
             text, hint = names.unknown(name, self.x.faults, known)
+            if hint.startswith("write "):
+                hint = self.x.meant(scalar) or hint
             hint = hint or f"give `{name}` a value in `parameters`"
             code = "unknown-name"
         elif name in self._above or meaning.kind is Kind.PARAMETER:
@@ -501,5 +502,6 @@ class Initial(_Numbers):
                 text = f"the start value of `{name}` is not given above this line"
             elif meaning.kind not in STARTED:
                 text = f"a start value cannot use `{name}`, {meaning.kind.text}"
-        hint = hints.of_unknown(scalar.text, used.offset) or hint
+        found = hints.matching(scalar.text, used.offset, parsed=True)
+        hint = found[2] if found else hint
         return self.x.refuse(used, scalar, code, text, hint)
