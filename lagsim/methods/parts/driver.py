@@ -651,36 +651,43 @@ def errs_until(s: State, p: Parameters, k: int, value: float) -> float:
     leaves the ground as a power of the time. What has not risen at the end of such a
     step either is below its ground by the method's error, and on it from then on.
     """
-    if not SWITCHES or not p.surfaces <= k < p.surfaces + p.laws:
+    law = k - p.surfaces
+    if not SWITCHES or not 0 <= law < p.laws or p.law_mode[law] != OFF:
         return 0.0
-    if not value >= -erring_depth(s, p, k - p.surfaces):
+    is_open = not over(p, k, event_function_at(s, p, k, 1.0))
+    if p.law_kind[law] > FREEWHEEL or not value >= -error_of_gap(s, p, law, is_open):
         return 0.0
-    if not over(p, k, event_function_at(s, p, k, 1.0)):
+    if is_open:
         return inf
     return 1.0 if not ADAPTIVE and p.slack[k] > 0.0 else 0.0
 
 
-def erring_depth(s: State, p: Parameters, k: int) -> float:
-    """Depth that an error is, of law k if it parts at the start of the step; or 0."""
-    if p.law_mode[k] != OFF or p.law_kind[k] > FREEWHEEL:
-        return 0.0
+def error_of_gap(s: State, p: Parameters, k: int, is_open: bool) -> float:
+    """Error in the last step of law k, if it parts at the start; 0 if it does not.
+
+    Of the interpolant, by what the accelerations change in the step; of the method
+    where the gap is not open after it, by these themselves; or the tolerance.
+    """
+    last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
+    interpolate(s, 1.0, s.work)
+    derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
     interpolate(s, 0.0, s.work)
     derivative(s.step_t, s.work, p, s.spare)
-    first = p.m - p.laws + k
-    row, a = p.A[first * s.n :], s.spare[s.velocities]
-    push = -p.b[first]
-    roundoff = abs(push)
-    moved = 0.0
-    allowed = 0.0
+    at = p.m - p.laws + k
+    row, push, error = p.A[at * s.n :], -p.b[at], 0.0
+    roundoff, moved = abs(push), 0.0
+    h = s.step_h
     for i in range(s.n):
-        push += row[i] * a[i]
-        roundoff += abs(row[i]) * max(s.parts[i], abs(a[i]))
+        push += row[i] * first[i]
+        roundoff += abs(row[i]) * max(s.parts[i], abs(first[i]))
         moved += abs(row[i]) * s.sizes[s.n + i]
-        allowed += abs(row[i]) * s.tolerances[i]
-    moved = max(moved, s.step_h * roundoff)
+        bend = abs(last[i] - first[i]) if is_open else max(abs(last[i]), abs(first[i]))
+        bend *= h if p.law_kind[k] == FREEWHEEL else 0.5 * h * h
+        error += abs(row[i]) * (s.tolerances[i] if ADAPTIVE else bend)
+    moved = max(moved, h * roundoff)
     if p.law_speeds[k] < -SUM_ROUNDOFF * moved or push < -SUM_ROUNDOFF * roundoff:
         return 0.0
-    return float(allowed) if ADAPTIVE else inf
+    return float(error)
 
 
 def first_end(

@@ -20,17 +20,11 @@ def geometric(first, ratio):
     return [first * ratio**k for k in range(400)]
 
 
+# Stretches of a series at 0.8 are 2.44 times as long as what follows; one that is 16
+# times longer than that is none of theirs. One that has a quarter of what was before,
+# and the rest of the series, is 50 times at 100.
 @pytest.mark.parametrize(
-    ("before", "theirs"),
-    [
-        # Stretches of a series at 0.8 are 2.44 times as long as what follows; one that
-        # is 16 times longer than that is none of theirs. One that has a quarter of what
-        # was before, and the rest of the series, is 50 times at 100.
-        (10.0, True),
-        (35.0, True),
-        (100.0, False),
-        (300.0, False),
-    ],
+    ("before", "theirs"), [(10.0, True), (35.0, True), (100.0, False), (300.0, False)]
 )
 def test_from_when_on_they_come_faster(before, theirs):
     ratio, first = 0.8, 1e-2
