@@ -587,17 +587,17 @@ def _regions(part: SubFigure, regions: Sequence[Region], panels: list[Axes]) -> 
 def _step_shown(document: Document, name: str) -> tuple[float, str]:
     """Give the step at which eigenvalues are shown: at the border, where there is one.
 
-    Of the parameter's values the one next to the file's counts.
+    With a parameter varied: on the border as it is drawn, at the file's value.
     """
-    borders = borders_of(document, name)
-    if document["vary"]:
-        varied = document["vary"]["name"]
-        usual = document["parameters"][varied]
-        borders.sort(key=lambda border: abs(border[varied] - usual))
-    for border in borders[:1]:
-        for key in ("found", "predicted"):
-            if border[key]:
-                return border[key], "border" if key == "found" else key
+    borders, vary = borders_of(document, name), document["vary"]
+    usual = document["parameters"][vary["name"]] if vary else 0.0
+    places = [border[vary["name"]] if vary else 0.0 for border in borders]
+    scale = np.log if min([usual, *places]) > 0.0 else np.array
+    for key in ("found", "predicted") if borders else ():
+        steps = np.log([border[key] or math.nan for border in borders])
+        step = math.exp(np.interp(scale(usual), scale(places), steps))
+        if step > 0.0:
+            return step, "border" if key == "found" else key
     return document["steps"][-1], "largest"
 
 

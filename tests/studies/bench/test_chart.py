@@ -301,6 +301,8 @@ def test_every_text_of_maps_does_and_axes_have_their_units(maps):
     labels = {label for panel in drawing.panels for label in panel.labels[:2]}
     assert {"k (N/m)", "step h (s)", "evaluations / s"} <= labels
     assert not any("…" in label for label in labels)
+    # Between the values of k that were tried: 2 √2 and 2 over the file's ω = 2.
+    assert {"h = 1.41 s (border)", "h = 1 s (border)"} <= set(drawing.written())
 
 
 @pytest.mark.slow
