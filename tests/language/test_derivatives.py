@@ -100,28 +100,6 @@ def test_gradient_keeps_order_and_absent_variables():
     assert tangent(g, [node, x, g.one], {x: z}) == [g.call("mul", y, z), z, g.zero]
 
 
-def total_rate(g, node, coordinates):
-    """Give d node/dt, by the tangent along the motion."""
-    seed = {g.variable(q): g.variable(f"{q}_dot") for q in coordinates}
-    seed[g.variable("t")] = g.one
-    return tangent(g, [node], seed)[0]
-
-
-def test_total_rate():
-    g = Graph()
-    node = parse("l*sin(theta)*cos(w*t) + u^2").build(g, g.variable)
-    rate = total_rate(g, node, ["theta", "u"])
-    values = {"l": 2.0, "w": 3.0, "theta": 0.4, "u": 0.7, "t": 0.1}
-    values |= {"theta_dot": -1.5, "u_dot": 0.2}
-    expected = (
-        2 * math.cos(0.4) * math.cos(0.3) * -1.5
-        - 2 * math.sin(0.4) * 3 * math.sin(0.3)
-        + 2 * 0.7 * 0.2
-    )
-    assert evaluate(g, [rate], values) == pytest.approx([expected], rel=1e-15)
-    assert total_rate(g, g.variable("l"), ["theta"]) == g.zero
-
-
 @given(programs(SMOOTH, longest=5), states)
 @settings(max_examples=100, deadline=None, derandomize=True)
 def test_gradient_and_tangent_are_those_of_sympy(program, state):
