@@ -12,10 +12,11 @@ from lagsim.language.parser import ExpressionError, parse
 from lagsim.notes import Caution
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
     from lagsim.admissibility.rank import Dependence, RankReport
     from lagsim.admissibility.verdict import Residual, Verdict
+    from lagsim.language.parser import Parsed
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
@@ -64,34 +65,36 @@ def about_angles(model: Model) -> Iterator[Caution]:
     Those of the model, and those of the numbers that parameters and starts are given
     by: these are evaluated, and stand in no graph.
     """
-    reported: set[str] = set()
+    numbers, reported = Graph(), set[str]()
+    for parsed in _parsed(model.stated.numbers()):
+        parsed.build(numbers, numbers.variable)
     defined = {d.node: (d.name, d.unit) for d in model.definitions if d.unit}
-    for g, own in ((model.graph, defined), (_of_numbers(model), {})):
+    found: list[tuple[str, _Term]] = []
+    for g, own in ((model.graph, defined), (numbers, {})):
         functions = [n for n, op in enumerate(g.ops) if op in _OF_ANGLES]
         terms = _terms(g, [g.args[n][0] for n in functions], model, own)
-        for node in functions:
-            term = terms.get(g.args[node][0])
-            if term and term.name not in reported:
-                reported.add(term.name)
-                yield Caution("degrees", term.text(g.ops[node]))
+        entering = ((g.ops[n], terms.get(g.args[n][0])) for n in functions)
+        found += [(op, term) for op, term in entering if term]
     texts = [scalar.text for scalar in model.stated.texts().values()]
-    for text in (*model.stated.numbers(), *texts):
-        for op, value in _bare(text):
-            term = _Term(f"{value}", "an angle is", value)
-            if term.name not in reported:
-                reported.add(term.name)
-                yield Caution("degrees", term.text(op))
+    for parsed in _parsed([*model.stated.numbers(), *texts]):
+        # sin(20), of which graphs have only the value
+        signless = (x for x in parsed.postfix if x[0] != "neg")
+        for (kind, value), (op, _) in pairwise(signless):
+            if kind == "number" and op in _OF_ANGLES and _is_of_degrees(float(value)):
+                found.append((op, _Term(f"{value}", "an angle is", float(value))))
+    for op, term in found:
+        if term.name not in reported:
+            reported.add(term.name)
+            yield Caution("degrees", term.text(op))
 
 
-def _bare(text: str) -> Iterator[tuple[str, float]]:
-    """Functions of a number in degrees, as sin(20): a graph has only their values."""
-    for side in re.split("[<>]?=", text):
-        with suppress(ExpressionError):
-            signless = (x for x in parse(side).postfix if x[0] != "neg")
-            for (kind, value), (op, _) in pairwise(signless):
-                angle = kind == "number" and op in _OF_ANGLES
-                if angle and _is_of_degrees(float(value)):
-                    yield op, float(value)
+def _parsed(texts: Iterable[str]) -> Iterator[Parsed]:
+    """Expressions, and sides of relations, with functions of angles."""
+    for text in texts:
+        named = any(op in text for op in _OF_ANGLES)
+        for side in re.split("[<>]?=", text) if named else ():
+            with suppress(ExpressionError):  # what is given instead is none
+                yield parse(side)
 
 
 def _terms(
@@ -145,18 +148,6 @@ def _summed(g: Graph, node: int) -> Sequence[int]:
         whole = any(f is not None and f.is_integer() for f in factors)
         return [a for a, f in zip(args, factors, strict=True) if whole and f is None]
     return args if op in ("add", "sub", "neg") else ()
-
-
-def _of_numbers(model: Model) -> Graph:
-    """Graph of the expressions of parameters and start values."""
-    g = Graph()
-    for text in model.stated.numbers():
-        if any(op in text for op in _OF_ANGLES):
-            try:
-                parse(text).build(g, g.variable)
-            except ExpressionError:
-                continue  # replaced by what is given instead
-    return g
 
 
 # --- Digits, multiple roots, dependent rows

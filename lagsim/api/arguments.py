@@ -122,8 +122,9 @@ def number_or_text(name: str, value: object) -> None:
     ------
     TypeError
     """
+    given = None if isinstance(value, (bool, np.bool_)) else value
     try:
-        isinstance(value, str) or float(value)  # type: ignore[arg-type]
+        isinstance(value, str) or float(given)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         text = f"{name}={value!r:.60}: a number is expected, or an expression in quotes"
         raise TypeError(text) from None
@@ -138,7 +139,7 @@ def numbers(name: str, value: object) -> Floats:
     """
     try:
         found = np.asarray(value)
-        if value is not None and found.dtype.kind in "biufO":
+        if found.dtype.kind in "iufO" and None not in found.ravel().tolist():
             return found.astype(float)
     except (TypeError, ValueError):
         pass

@@ -294,6 +294,10 @@ class Result:
     def __iter__(self) -> Iterator[str]:
         return iter(self.columns)
 
+    def __reduce__(self) -> str:
+        text = "a result holds compiled code, and cannot be pickled or copied: "
+        raise TypeError(f"{text}`result.write(folder)` keeps it in files")
+
     @overload
     def at(self, t: float) -> dict[str, float]: ...
 

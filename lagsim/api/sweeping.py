@@ -177,7 +177,7 @@ def sweep(
         Where the model has faults, or a name, a value or an option cannot be had. A run
         that cannot begin or finish is a row with its outcome and its reason.
     """
-    if jobs is not None and not (isinstance(jobs, int) and jobs > 0):
+    if jobs is not None and not (type(jobs) is int and jobs > 0):
         raise ValueError(f"jobs={jobs!r:.60}: 1 or more is expected")
     asked = given(options)
     bars = one_of("error_bar", error_bar, ErrorBars)

@@ -206,11 +206,14 @@ def _store(case: Case, folder: Path) -> _Answer:
         why = "error", "incomplete", text
         return _Answer(UnwritableError.exit_code, found, (), why)
     with writing(folder):
-        size = store(case, golden, base, folder)
+        size, cautions = store(case, golden, base, folder)
+    for caution in cautions:
+        complain(f"warning: {caution.text} [{caution.number}]")
     counts = f"{counted(len(golden.rows), 'row')}, "
     counts += f"{counted(len(golden.columns), 'column')}, {size / 1024:.0f} kB"
     line = f"{coloured('stored', '32')}: {model.name}, {counts}{_horizon(golden)}"
     found = {"pass": True, "stored": True, "horizon": golden.horizon}
+    found |= {"warnings": [c.record for c in cautions]} if cautions else {}
     return _Answer(0, _name(model) | found, [line])
 
 

@@ -257,8 +257,7 @@ class _Builder:
     def _joined(self, parts: list[Node], mapping: bool) -> list[Node]:
         """Give the parts of a collection, those within parentheses in one piece.
 
-        In `{relation: atan2(y, x) = 0}` YAML sees the keys `relation` and `x) = 0`, in
-        `{limit: 0,4*N}` the keys `limit` and `4*N`.
+        In `{limit: min(0,4*N, 1)}` YAML sees the keys `limit`, `4*N` and `1)`.
         """
         whole: list[Node] = []
         step, i = 1 + mapping, 0

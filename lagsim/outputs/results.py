@@ -42,7 +42,9 @@ if TYPE_CHECKING:
 MANIFEST = "run.json"
 # Room kept on the disk for a run.json that says that the disk is full.
 RESERVE_BYTES = 1 << 16
-PART = ".lagsim-{}.part"
+PART, NEW = ".lagsim-{}.part", ".lagsim-{}.new"
+# So long after a file was begun nobody writes to it any more.
+ABANDONED_SECONDS = 60.0
 # Locked by who fills a folder, and gone when it is filled. A file, for on a network
 # file system a lock of the folder itself holds back no other machine.
 LOCK = PART.format("lock")
@@ -363,7 +365,7 @@ def put(path: Path, content: bytes, *, held: bool = False) -> None:
 
     A link in its place is replaced, not followed. A pipe that is read and a terminal
     get the bytes. `held`: into a folder that is held; who holds it next removes what
-    a process that is killed here has begun.
+    a process that is killed here has begun, elsewhere who writes there after a minute.
 
     Raises
     ------
@@ -375,7 +377,11 @@ def put(path: Path, content: bytes, *, held: bool = False) -> None:
     if path.is_relative_to("/dev") or (path.exists() and not path.is_file()):
         files.pour(path, content)
         return
-    unique = f".lagsim-{secrets.token_hex(8)}.new"
+    for old in () if held else path.parent.glob(NEW.format("*")):
+        with contextlib.suppress(OSError):
+            if time.time() - old.stat().st_mtime > ABANDONED_SECONDS:
+                old.unlink()
+    unique = NEW.format(secrets.token_hex(8))
     part = path.with_name(PART.format(path.name) if held else unique)
     try:
         os.close(files.begin(part))

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
+    from lagsim.notes import Caution
     from lagsim.plan.plan import Plan
     from lagsim.run.session import Case
     from lagsim.run.trajectory import Trajectory
@@ -576,8 +577,10 @@ def document(case: Case, golden: Golden, base: Motion) -> bytes:
     return head + b',\n  "bounds": {\n' + b",\n".join(bounds) + b"\n  }\n}\n"
 
 
-def store(case: Case, golden: Golden, base: Motion, folder: Path) -> int:
-    """Put a golden in the place of the old one; return its size in bytes.
+def store(
+    case: Case, golden: Golden, base: Motion, folder: Path
+) -> tuple[int, list[Caution]]:
+    """Put a golden in the place of the old one; return its bytes, and warnings.
 
     Raises
     ------
@@ -593,7 +596,7 @@ def store(case: Case, golden: Golden, base: Motion, folder: Path) -> int:
     with open_results(folder, f"{name}.json", patience=patience) as results:
         results.write(f"{name}.csv", rows)
         results.commit(about)
-    return len(rows) + len(about)
+    return len(rows) + len(about), results.cautions
 
 
 def load(folder: Path, model_name: str) -> Golden:

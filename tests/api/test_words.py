@@ -1,8 +1,11 @@
 """Arguments: what stands for a model, and faults in Python's words."""
 
+import copy
 import inspect
+import pickle
 import re
 
+import numpy as np
 import pytest
 
 import lagsim
@@ -33,7 +36,7 @@ def spring():
     ("name", "value"),
     [
         *((n, -1) for n in NUMBERS), *((n, "2*") for n in NUMBERS),
-        ("method", "rk5"), ("formulation", "x"),
+        ("method", "rk5"), ("formulation", "x"), ("rtol", 2),
     ],
 )  # fmt: skip
 def test_a_fault_names_the_argument(spring, call, name, value):
@@ -69,7 +72,7 @@ def test_a_fault_of_a_value_names_it(spring, values, text):
         assert "--" not in str(raised.value)
 
 
-@pytest.mark.parametrize("value", [[1], None, object()])
+@pytest.mark.parametrize("value", [[1], None, object(), True, np.True_])
 def test_what_is_neither_number_nor_text_is_refused(spring, value):
     with pytest.raises(TypeError, match=r"^k="):
         spring.bind(k=value)
@@ -85,7 +88,7 @@ def test_words_and_lists_are_checked(spring):
         lagsim.simulate(spring, error_bar="no")
     with pytest.raises(ValueError, match="error_bar"):
         sweep(spring, error_bar="no")
-    for jobs in (0, -1, "x", 1.5):
+    for jobs in (0, -1, "x", 1.5, True):
         with pytest.raises(ValueError, match=rf"jobs={jobs!r}: 1 or more"):
             sweep(spring, jobs=jobs)
     for values in ("k=1", None, [("k", [1])], {3: [1]}):
@@ -103,10 +106,15 @@ def test_words_and_lists_are_checked(spring):
 
 
 @pytest.mark.parametrize(
-    "wrong", ["a", "1.5", None, 1j, {"x": 1}, [[1], [1, 2]], ["a"]]
+    "wrong", ["a", "1.5", None, 1j, {"x": 1}, [[1], [1, 2]], ["a"], True, [None]]
 )
 def test_times_and_states_name_themselves(spring, wrong):
     result = lagsim.simulate(spring, error_bar="never")
+    for copied in (pickle.dumps, copy.deepcopy):
+        with pytest.raises(
+            TypeError, match=r"cannot be pickled or copied: `result\.wr"
+        ):
+            copied(result)
     for name, call in [
         ("t", result.at), ("t", lambda x: spring.rhs(x, [1], [0])),
         ("q", lambda x: spring.rhs(0, x, [0])),

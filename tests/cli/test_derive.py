@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -28,6 +29,9 @@ def test_text_and_ascii(lagsim):
 
 
 def test_formats_into_files(lagsim, tmp_path):
+    for name, begun in ((".lagsim-1.new", 0), (".lagsim-2.new", time.time())):
+        (tmp_path / name).touch()  # of a run that was killed, and of one that goes on
+        os.utime(tmp_path / name, (begun, begun))
     for form, option in (("latex", "--gauss"), ("json", "--solve")):
         target = tmp_path / form
         done = lagsim("derive", ELASTIC, "--format", form, option, "-o", target)
@@ -41,7 +45,8 @@ def test_formats_into_files(lagsim, tmp_path):
             assert document["accelerations"]["q_ddot"][1].startswith(
                 "(l + u)*theta_dot^2"
             )
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["json", "latex"]
+    found = sorted(p.name for p in tmp_path.iterdir())
+    assert found == [".lagsim-2.new", "json", "latex"]
 
 
 def test_python_stands_alone_and_needs_no_sympy(tmp_path):

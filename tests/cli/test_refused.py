@@ -98,7 +98,7 @@ SETS: dict[str, str | tuple[str, str]] = {
     "=1": ("a name and an expression", "such as --set g=1.62"),
     "g=1 --set g=2": "--set g is given twice",
     "a.b=1": "names with a dot are reserved",
-    "theta_ddot=1": "--set takes parameters and start",
+    "theta_ddot=1": "others are given to parameters and start",
     "thta=1": ("start value `thta`", "did you mean `theta`?"),
     "theta=1/0": "of `theta` is inf",
 }

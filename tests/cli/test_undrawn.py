@@ -77,6 +77,7 @@ def test_a_folder_that_cannot_be_locked_is_reported(
     assert "cannot be locked (no locks): another run" in " ".join(called.err.split())
     told = [w["number"] for w in read(f"out/{record}.json")["warnings"]]
     assert told.count("W404") == called.err.count("[W404]") == 1
+    assert lagsim("golden", "--update", "model.yaml", code=0).err.count("[W404]") == 1
 
 
 class Killed(BaseException):

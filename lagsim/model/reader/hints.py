@@ -89,7 +89,6 @@ COUNTS = (
     "n", "steps", "nsteps", "n_steps", "num_steps", "number_of_steps", "output_steps",
     "samples", "points", "rows", "fps", "frames",
 )  # fmt: skip
-# Keys of two times.
 SPANS = ("tspan", "t_span", "time_span", "t_range", "interval")
 # What gives a rate, of its first argument.
 _RATES_OF = "(?i:d|der|deriv|derivative|diff|dot)"
@@ -201,7 +200,6 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r":=", "write `=`"),
     (_EXPONENT, "write {0}e{1}{2}"),
     (r"^\s*(.+?)\s+(?:when|where|if)\s+(.+)$", "write if({1}, {0}, 0)"),
-    (r"\bif\s+[^(\s]", "write if(condition, a, b)"),
     (r"=<", "write `<=` for `=<`"),
     (r"=>", "write `>=` for `=>`"),
     (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
@@ -237,12 +235,11 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (r"[\w)]\s*!(?!=)", "there is no factorial"),
     (r"([\w.]+)\s*//\s*([\w.]+)",
      "write floor({0}/{1}), or ` #` where a comment begins"),
-    (r'"\s*$', 'leave `"` out'), (r"^\s*guess\s+([^=]+)$", "write {{guess: {0}}}"),
+    (r'"\s*$', 'leave `"` out'),
     (r"[“”„‘’‚]", "an expression contains no quotes"),
     (r"[\u200b-\u200f\u2060\ufeff]", "delete it: it is invisible"),
     (r"(?<!&)&(?!&)|\bAND\b", "write `and`"),
     (r"\bOR\b", "write `or`"),
-    ("#", "a blank is missing before `#`, where a comment begins"),
     (r"\.([*/^])", "write `{0}` for `.{0}`"),
     (r"~(?=\s*[-+]?[\d.])", "leave `~` out"),
     (r";", "write `,`: it is between arguments"),
@@ -371,9 +368,8 @@ def of_text(
                 return unit
             token = text[fault.offset : fault.offset + fault.length] or text[-1:]
             own = parser is parse_relation and _IN_RELATIONS.get(token)
-            hint = own or fault.hint
-            found = fault.offset, fault.offset + fault.length, hint
-            found = found if own else _step(text, fault, known, moving)
+            own_hint = fault.offset, fault.offset + fault.length, own or ""
+            found = own_hint if own else _step(text, fault, known, moving)
         first = first or found[2]
         written = re.fullmatch(_WRITTEN, found[2])
         if not written or "..." in found[2]:

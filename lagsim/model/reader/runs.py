@@ -64,7 +64,7 @@ class _Simulation:
         output_step = self._number("output_step", positive=True)
         method = self._name("method", "see `lagsim methods`")
         formulation = self._name("formulation", "see docs/model-file.md")
-        rtol, atol = (self._number(key, 0.0) for key in ("rtol", "atol"))
+        rtol, atol = self._number("rtol", 0.0, 1.0), self._number("atol", 0.0)
         if rtol == 0 and "atol" not in given:
             hint = "`atol` is rtol times a scale where it is not given"
             self._fault("out-of-range", "`rtol` is 0 without an `atol`", "rtol", hint)

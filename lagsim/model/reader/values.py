@@ -293,7 +293,7 @@ class Parameters(_Numbers):
                 text, hint = f"`{name}`: names with a dot are reserved", ""
             elif kind is not None:
                 text = f"`{name}` is {kind.text}"
-                text, hint = f"{text}; --set takes parameters and start values", ""
+                text, hint = f"{text}: others are given to parameters and starts", ""
             elif not names.complete:
                 continue
             option = argument(SET, f"{name}={value.text}")
