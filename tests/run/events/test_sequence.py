@@ -1,8 +1,8 @@
-"""Switches that come ever faster: by closed forms of geometric series."""
+"""Switches and strikes that come ever faster: by closed forms of geometric series."""
 
 import pytest
 
-from lagsim.run.events.sequence import SHORT, Sequence
+from lagsim.run.events.sequence import SHORT, Flights, Sequence
 
 
 def first_limit(intervals, start=0.0):
@@ -41,3 +41,14 @@ def test_from_when_on_they_come_faster(before, theirs):
         lefts.append((exact - time) / whole)
     assert max(lefts) <= 1.1 * SHORT * before
     assert (min(lefts) > 2.0 * SHORT) == theirs
+
+
+# What flights that end are, scenes/contact/test_columns.py shows by runs.
+def test_flights_that_are_none():
+    # As long as each other; longer; too few; two strikes at one time.
+    for took in ([1.0, 0.9995, 0.999], [1.0, 1.1, 1.2], [1.0, 0.5], [1.0, 0.0, 0.5]):
+        found, time = Flights(), 3.0
+        for more in (0.0, *took):
+            time += more
+            found.add(time, 1.0)
+        assert found.end(time, 0.0, 1.0) is None
