@@ -123,12 +123,14 @@ class Oracle:
         document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
         self.parameter_texts = _texts(document.get("parameters"))
         self.definition_texts = _texts(document.get("definitions"))
+        self.state_texts = _texts(document.get("states"), "rate")
+        self.s = [symbol(name) for name in self.state_texts]
         self.q = [symbol(name) for name in document["coordinates"]]
         self.v = [symbol(f"{q.name}_dot") for q in self.q]
         self.a = [symbol(f"{q.name}_ddot") for q in self.q]
         self.t = symbol("t")
         self._names: dict[str, sp.Expr] = {"pi": self.pi, "t": self.t}
-        self._names |= {s.name: s for s in (*self.q, *self.v)}
+        self._names |= {s.name: s for s in (*self.q, *self.v, *self.s)}
         self._names |= {name: symbol(name) for name in self.parameter_texts}
         self._lagrangian(document["energy"])
         self._constraints(_texts(document.get("constraints"), "relation"))
@@ -146,6 +148,8 @@ class Oracle:
         if name not in self._names:
             if name in self.definition_texts:
                 value = self.read(self.definition_texts[name])
+            elif name.removesuffix("_dot") in self.state_texts:
+                value = self.read(self.state_texts[name.removesuffix("_dot")])
             else:
                 value = self.rate(self.name(name.removesuffix("_dot")))
             self._names[name] = value
@@ -162,7 +166,12 @@ class Oracle:
     def drift(self, e):
         """Give d/dt for vanishing accelerations."""
         moved = (sp.diff(e, q) * v for q, v in zip(self.q, self.v, strict=True))
-        return sp.Add(sp.diff(e, self.t), *moved)
+        return sp.Add(self.in_time(e), *moved)
+
+    def in_time(self, e):
+        """Give the part of d/dt by the time and the states."""
+        states = (sp.diff(e, s) * self.name(f"{s.name}_dot") for s in self.s)
+        return sp.Add(sp.diff(e, self.t), *states)
 
     def _lagrangian(self, energy):
         if "lagrangian" in energy:
@@ -210,13 +219,13 @@ class Oracle:
             self.b.append(-self.drift(phi))
         self.power_without_constraints = sp.Add(
             *(Q * v for Q, v in zip(self.Q, self.v, strict=True)),
-            -sp.diff(self.L, self.t),
+            -self.in_time(self.L),
         )
 
     @property
     def inputs(self):
         parameters = [symbol(name) for name in self.parameter_texts]
-        return [self.t, *self.q, *self.v, *parameters]
+        return [self.t, *self.q, *self.v, *self.s, *parameters]
 
     @cached_property
     def _compiled(self):
@@ -275,7 +284,7 @@ def random_values(oracle, start, seed):
         return x + part * random.uniform(-1, 1) * (abs(x) or 1.0)
 
     values = {name: near(x, 0.2) for name, x in oracle.nominal().items()}
-    values |= {q.name: near(start[q.name], 0.3) for q in oracle.q}
+    values |= {x.name: near(start[x.name], 0.3) for x in (*oracle.q, *oracle.s)}
     # Slow ones for what does not depend on the velocities, fast ones for what does.
     speed = 10.0 ** (seed % 3)
     values |= {v.name: speed * float(random.normal()) for v in oracle.v}

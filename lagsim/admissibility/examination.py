@@ -46,11 +46,13 @@ from lagsim.admissibility.verdict import (
     out_of_force,
     with_timed,
 )
+from lagsim.language.derivatives import gradient
 from lagsim.language.graph import TooMuchError
 from lagsim.mechanics.algebra import least_change_metric
+from lagsim.mechanics.constraints import scale_of
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
-from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS
+from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -126,7 +128,7 @@ class StartReport(NamedTuple):
     def start(self) -> Start:
         """Start of a run: time, state and ranks."""
         at = self.state
-        return Start(at.t, at.q, at.v, self.lasting, self.augmented)
+        return Start(at.t, at.q, at.v, at.s, self.lasting, self.augmented)
 
     @property
     def thin(self) -> ThinSet | None:
@@ -203,7 +205,8 @@ def start_at(equations: Equations, state: Instant) -> Start:
     """
     point = Point(equations, state)
     point = point.at(errors=point.solved_errors())
-    return Start(state.t, state.q, state.v, analyse(point), needs_constraints(point))
+    at = state.t, state.q, state.v, state.s
+    return Start(*at, analyse(point), needs_constraints(point))
 
 
 class _Judged(NamedTuple):
@@ -224,7 +227,8 @@ class _Examiner:
     stated : Point
         The state as the file gives it.
     free : list of list of int
-        The positions, and the velocities, that are guesses.
+        The positions, and the velocities, that are guesses, and the first-order states
+        that begin where their rates vanish.
     errors : dict
         Of the values as they are stated, or solved for where they are guesses.
     touching : dict
@@ -241,9 +245,12 @@ class _Examiner:
         own = [self.initial[x] for x in equations.state]
         n = self.n = len(equations.q)
         values = np.array([x.value for x in own])
-        self.origin = values[:n], values[n:]
-        self.stated = Point(self.e, Instant(time, *self.origin), self.errors)
-        self.free = [[j for j in range(n) if x[j].guess] for x in (own[:n], own[n:])]
+        self.origin = values[:n], values[n : 2 * n]
+        self.stated = Point(
+            self.e, Instant(time, *self.origin, values[2 * n :]), self.errors
+        )
+        parts = own[:n], own[n : 2 * n], own[2 * n :]
+        self.free = [[j for j, x in enumerate(part) if x.guess] for part in parts]
         self.warnings: list[Caution] = []
         self.touching: dict[str, Row] = {}
         self.double = False
@@ -308,7 +315,8 @@ class _Examiner:
         )
 
     def _warn(self, code: str, text: str) -> None:
-        self.warnings.append(Caution(code, text))
+        if (caution := Caution(code, text)) not in self.warnings:
+            self.warnings.append(caution)
 
     # Values of the start that are solved for
 
@@ -340,9 +348,12 @@ class _Examiner:
                 wanted.append(Condition(name, x.node, A, size, x.value, x.error))
         return Relations(point, wanted, free, velocities=velocities)
 
-    def _metric(self, free: Sequence[int]) -> Floats:
-        """Metric of least change on the values `free`: M as it was stated."""
-        k, M = len(free), self.stated.mass_entries(free)
+    def _metric(self, relations: Relations) -> Floats:
+        """Metric of least change on the values: M as it was stated; none of states."""
+        k, free = len(relations.free), relations.free
+        if relations.block > 1:
+            return np.eye(k)
+        M = self.stated.mass_entries(free)
         self.stated.g.count(k**3 / DECOMPOSED)
         return least_change_metric(M.dense(k, k))
 
@@ -351,12 +362,13 @@ class _Examiner:
         free = relations.free
         if not relations.wanted:
             return Found(relations.x0, converged=True)
-        if len(free) >= Point.LARGE and self.stated.is_safely_positive:
+        large = len(free) >= Point.LARGE and relations.block < 2
+        if large and self.stated.is_safely_positive:
             M = self.stated.mass_entries(free).sparse(len(free), len(free))
             found = nearest_sparse(relations, M)
             if found is not None:
                 return found
-        return nearest(relations, self._metric(free), far=far)
+        return nearest(relations, self._metric(relations), far=far)
 
     def _solved(self, relations: Relations) -> Found:
         """Solve for the values, from where they are; return remarks on the solution."""
@@ -406,27 +418,45 @@ class _Examiner:
     # Guesses
 
     def _guessed(self) -> tuple[Point, str]:
-        """Solve the guesses, positions first, then velocities; say why they fail."""
+        """Solve guesses: positions, velocities, then states; say why they fail."""
         point, warnings = self.stated, self.warnings
-        for free, velocities in zip(self.free, (False, True), strict=True):
+        # Velocities that relations give may depend on states, and these on them.
+        again = (1, 2) * OTHER_STARTS if all(self.free[1:]) else ()
+        for block in (0, 1, 2, *again):
+            free = self.free[block]
             if not free:
                 continue
             before = len(warnings)
             while True:
-                relations = self._relations(point, free, velocities=velocities)
+                relations = self._asked(point, block)
                 found = self._guesses(relations)
                 if not found.converged:
                     return point, found.reason
                 solved = relations.at(found.x)
-                if not self._touch(solved, velocities=velocities, free=free):
+                own = free if block < 2 else []
+                if not self._touch(solved, velocities=block > 0, free=own):
                     break
                 del warnings[before:]
             errors = solved.solved_errors(self.origin)
-            for name, far in zip(relations.names, found.x != relations.x0, strict=True):
-                if far:
-                    self.errors[name] = errors[name]
+            for name, x, x0 in zip(relations.names, found.x, relations.x0, strict=True):
+                if x != x0:
+                    self.errors[name] = errors.get(name, STATE_ROUNDOFF * abs(x))
             point = solved.at(errors=self.errors)
         return point, ""
+
+    def _asked(self, point: Point, block: int) -> Relations:
+        """Return what is asked of guesses; of states, that their rates vanish."""
+        e, g, free = self.e, self.e.graph, self.free[block]
+        if block < 2:
+            return self._relations(point, free, velocities=block > 0)
+        wanted, every = [], [g.variable(x.name) for x in e.states]
+        for k in free:
+            name, rate = e.states[k][:2]
+            A = dict(enumerate(gradient(g, rate, every)))
+            A = {j: slope for j, slope in A.items() if slope != g.zero}
+            size = scale_of(g, rate, (), {})
+            wanted.append(Condition(f"{name}_dot", rate, A, size, 0.0, 0.0))
+        return Relations(point, wanted, free, velocities=True, states=True)
 
     def _guesses(self, relations: Relations) -> Found:
         """Solve for guesses: the nearest of several roots, and a hint that there are.
@@ -472,7 +502,7 @@ class _Examiner:
         random = np.random.default_rng(3)  # the same starts each time
         size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
         size[size == 0] = 1.0
-        metric = self._metric(relations.free)
+        metric = self._metric(relations)
         roots = [_unwound(relations, found.x)]
         for _ in range(OTHER_STARTS):
             start = x0 + AROUND * size * random.standard_normal(k)
@@ -577,10 +607,9 @@ class _Examiner:
 
     def _changes(self, old: Point, new: Point) -> dict[str, tuple[float, float]]:
         """Return what changes by more than rounding: name -> (old, new)."""
-        names = self.e.state
         errors = new.solved_errors((old.q, old.v))
         pairs: Mapping[str, tuple[float, float]] = {
-            name: (old.values[name], new.values[name]) for name in names
+            name: (old.values[name], new.values[name]) for name in errors
         }
         return {
             name: (a, b)

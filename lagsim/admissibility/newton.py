@@ -48,7 +48,7 @@ class Relations:
     Parameters
     ----------
     wanted
-        What is asked of positions, or of `velocities`.
+        What is asked of positions, or of `velocities`; or, with them, of `states`.
     free
         The indices of these values among them.
     """
@@ -60,12 +60,15 @@ class Relations:
         free: Sequence[int],
         *,
         velocities: bool,
+        states: bool = False,
     ) -> None:
         self.point, self.wanted = point, wanted
         self.free, self.velocities = list(free), velocities
+        self.block = velocities + states
         self.nodes = [x.node for x in wanted]
         self.targets = np.array([x.target for x in wanted])
-        names = point.e.velocities if velocities else point.e.q
+        e = point.e
+        names = (e.q, e.velocities, [x.name for x in e.states])[self.block]
         self.names = [names[j] for j in self.free]
         place = {j: k for k, j in enumerate(self.free)}
         # Of each node by the values: index among these -> node.
@@ -74,18 +77,22 @@ class Relations:
         ]
 
     @property
+    def _state(self) -> tuple[Floats, Floats, Floats]:
+        return self.point.q, self.point.v, self.point.state.s
+
+    @property
     def x0(self) -> Floats:
         """The values as they are at the point, (k,)."""
-        return (self.point.v if self.velocities else self.point.q)[self.free]
+        return self._state[self.block][self.free]
 
     def at(self, x: Floats, errors: Floats | None = None) -> Point:
         """Point with these values, which may have other errors."""
-        state = (self.point.q.copy(), self.point.v.copy())
-        state[self.velocities][self.free] = x
+        q, v, s = state = [part.copy() for part in self._state]
+        state[self.block][self.free] = x
         if errors is None:
-            return self.point.at(*state)
+            return self.point.at(q, v, s=s)
         own: Mapping[str, float] = dict(zip(self.names, errors.tolist(), strict=True))
-        return self.point.at(*state, {**self.point.errors, **own})
+        return self.point.at(q, v, {**self.point.errors, **own}, s=s)
 
     @cached_property
     def _second(self) -> list[tuple[int, int, int, int]]:

@@ -82,12 +82,14 @@ class Point:
         errors: Mapping[str, float] | None = None,
         *,
         t: float | None = None,
+        s: Floats | None = None,
     ) -> Point:
         """Equations at another state, or with other errors, sizes kept."""
         state = Instant(
             self.t if t is None else t,
             self.q if q is None else q,
             self.v if v is None else v,
+            self.state.s if s is None else s,
         )
         other = Point(self.e, state, self.errors if errors is None else errors)
         other._sizes = self._sizes
@@ -102,8 +104,8 @@ class Point:
     def values(self) -> dict[str, float]:
         """The value of every variable."""
         values = {p.name: p.value for p in self.e.model.parameters} | {"t": self.t}
-        values |= zip(self.e.q, map(float, self.q), strict=True)
-        return values | dict(zip(self.e.velocities, map(float, self.v), strict=True))
+        state = np.concatenate([self.q, self.v, self.state.s]).tolist()
+        return values | dict(zip(self.e.state, state, strict=True))
 
     def array(self, nodes: Sequence[int]) -> Floats:
         """Return the values of `nodes`."""
@@ -139,7 +141,7 @@ class Point:
         own = [STATE_ROUNDOFF * np.abs(x) for x in state]
         for k, (x, x0) in enumerate(zip(state, origin or state, strict=True)):
             own[k] += STATE_ROUNDOFF * np.linalg.norm(weights * (x - x0)) / weights
-        errors = dict(zip(names, np.concatenate(own).tolist(), strict=True))
+        errors = dict(zip(names, np.concatenate(own).tolist(), strict=False))
         if not rows:
             return errors
         near = self.at(errors=errors)
@@ -154,7 +156,7 @@ class Point:
             # At a double root half of the digits are known, whatever the slopes say.
             known = DOUBLE_ROOT * (np.abs(state[k]) + own[k] / STATE_ROUNDOFF)
             own[k] += np.minimum(np.bincount(entries.j, shares, self.n), known)
-        return dict(zip(names, np.concatenate(own).tolist(), strict=True))
+        return dict(zip(names, np.concatenate(own).tolist(), strict=False))
 
     @property
     def sizes(self) -> Floats:
@@ -303,7 +305,7 @@ def conditions(rows: Iterable[Row], *, velocities: bool) -> list[Condition]:
 
 def gradient_of(point: Point, node: int) -> dict[int, int]:
     """Slopes of a node: index among positions, then velocities -> node."""
-    names = point.e.state
+    names = (*point.e.q, *point.e.velocities)
     places = {point.g.variable(name): j for j, name in enumerate(names)}
     found = slopes(point.g, node, frozenset(places))
     return {places[x]: slope for x, slope in found.items()}

@@ -295,8 +295,14 @@ def _of_law(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ver
 
 
 def judge_starts(point: Point) -> list[Verdict]:
-    """Judge the start values of definitions."""
+    """Judge the start values of definitions, and the rates of steady states."""
     starts = [(x.node, x) for x in point.e.model.initial if x.node is not None]
+    rates = {x.name: x.rate for x in point.e.states}
+    starts += [
+        (rates[x.name], x._replace(name=f"{x.name}_dot", value=0.0, text="0"))
+        for x in point.e.model.initial
+        if x.guess and x.name in rates
+    ]
     missed = _against_levers(point, [(node, x.value) for node, x in starts])
     found = []
     for (_, start), residual in zip(starts, missed, strict=True):

@@ -31,26 +31,31 @@ Numbers: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Floats"
 
 
 class Motion(NamedTuple):
-    """Accelerations and multipliers at a state.
+    """Accelerations, multipliers and rates of the first-order states at a state.
 
     Attributes
     ----------
     accelerations : ndarray, shape (n,) or (k, n)
     multipliers : ndarray, shape (m,) or (k, m)
         Of the constraints, in their order.
+    rates : ndarray, shape (l,) or (k, l)
+        Of the first-order states, in their order.
     """
 
     accelerations: Floats
     multipliers: Floats
+    rates: Floats
 
 
 class Accelerations:
     """The accelerations as a function of time, coordinates and velocities.
 
     `rhs(t, q, q_dot)` gives q'' (n,), in the order of `model.coordinates`. With several
-    states, q and q_dot of shape (k, n) and t a number or (k,), it gives (k, n).
-    Constraints act by their multipliers; nothing pulls a state back that does not meet
-    them. Forces are evaluated as they are written: `sign(0)` is 0.
+    states, q and q_dot of shape (k, n) and t a number or (k,), it gives (k, n). A model
+    with first-order states takes their values, too: `rhs(t, q, q_dot, s)`, s (l,) or
+    (k, l) in the order of `model.states`. Constraints act by their multipliers; nothing
+    pulls a state back that does not meet them. Forces are evaluated as they are
+    written: `sign(0)` is 0.
 
     Raises
     ------
@@ -74,56 +79,64 @@ class Accelerations:
         self._places = [i for i, _, _ in entries], [j for _, j, _ in entries]
         self._nodes = [node for _, _, node in entries]
         self._nodes += [*e.f, *(row.b for row in e.rows)]
+        self._first = [s.name for s in e.states]
+        self._nodes += [s.rate for s in e.states]
 
-    def __call__(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Floats:
+    def __call__(
+        self, t: float | Floats, q: Numbers, q_dot: Numbers, s: Numbers = ()
+    ) -> Floats:
         """Return q'' (n,) or (k, n)."""
-        return self.motion(t, q, q_dot).accelerations
+        return self.motion(t, q, q_dot, s).accelerations
 
-    def motion(self, t: float | Floats, q: Numbers, q_dot: Numbers) -> Motion:
-        """Return the accelerations and the multipliers of the constraints."""
-        n, m = len(self._equations.q), len(self._equations.rows)
-        x, v = self._states("q", q), self._states("q_dot", q_dot)
-        if x.shape != v.shape:
-            text = f"q has the shape {x.shape} and q_dot {v.shape}"
-            raise ValueError(f"{text}: they must be the same")
+    def motion(
+        self, t: float | Floats, q: Numbers, q_dot: Numbers, s: Numbers = ()
+    ) -> Motion:
+        """Return the accelerations, the multipliers and the rates of the states."""
+        e, first = self._equations, self._first
+        x, v = self._states("q", q, e.q), self._states("q_dot", q_dot, e.q)
+        z = self._states("s", s, first) if first else np.empty((*x.shape[:-1], 0))
+        for name, other in (("q_dot", v), ("s", z)):
+            if other.shape[:-1] != x.shape[:-1]:
+                text = f"q has the shape {x.shape} and {name} {other.shape}: "
+                raise ValueError(f"{text}they must belong to the same states")
         try:
             times = np.broadcast_to(numbers("t", t), x.shape[:-1])
         except ValueError:
             text = f"t has the shape {np.shape(t)}: a number"
             text += f" or the shape {x.shape[:-1]} is expected"
             raise ValueError(text) from None
-        found = self._solved(times.reshape(-1), x.reshape(-1, n), v.reshape(-1, n))
-        return Motion(
-            found[:, :n].reshape(x.shape), -found[:, n:].reshape(*x.shape[:-1], m)
-        )
+        state = np.concatenate([x, v, z], axis=-1)
+        found = self._solved(times.reshape(-1), state.reshape(times.size, len(e.state)))
+        parts = np.split(found, [len(e.q), len(e.q) + len(e.rows)], axis=1)
+        return Motion(*(a.reshape(*x.shape[:-1], a.shape[1]) for a in parts))
 
-    def _states(self, name: str, given: Numbers) -> Floats:
+    def _states(self, name: str, given: Numbers, of: Sequence[str]) -> Floats:
         x = numbers(name, given)
-        n = len(self._equations.q)
-        if x.ndim == 0 or x.shape[-1] != n:
-            names = ", ".join(self._equations.q)
-            text = f"{name} has the shape {x.shape}: the last number must be {n}"
-            raise ValueError(f"{text}, one for each of {names}")
+        if x.ndim == 0 or x.shape[-1] != len(of):
+            text = f"{name} has the shape {x.shape}: the last number must be {len(of)}"
+            raise ValueError(f"{text}, one for each of {', '.join(of)}")
         return x
 
-    def _solved(self, t: Floats, q: Floats, v: Floats) -> Floats:
-        """Solve M q'' - A^T lambda = f, A q'' = b for (q'', -lambda) (k, n + m)."""
-        e = self._equations
-        n, m, k = len(e.q), len(e.rows), len(t)
+    def _solved(self, t: Floats, state: Floats) -> Floats:
+        """Solve M q'' - A^T lambda = f, A q'' = b: q'', lambda, s' (k, n + m + l)."""
+        e, k, entries = self._equations, len(t), len(self._places[0])
+        n, size = len(e.q), len(e.q) + len(e.rows)
         values: dict[str, float | Floats] = {**self._numbers, "t": t}
-        values |= dict(zip(e.q, q.T, strict=True))
-        values |= dict(zip(e.velocities, v.T, strict=True))
+        values |= dict(zip(e.state, state.T, strict=True))
         rows = evaluate_rows(e.graph, self._nodes, values, k).T
-        K, right = np.zeros((k, n + m, n + m)), rows[:, len(self._places[0]) :]
-        K[:, *self._places] = rows[:, : len(self._places[0])]
-        found = np.full((k, n + m), np.nan)
-        for row in np.flatnonzero(np.isfinite(rows).all(axis=1)):
-            found[row] = _solution(K[row], right[row], n)
+        K, found = np.zeros((k, size, size)), rows[:, entries:].copy()
+        K[:, *self._places] = rows[:, :entries]
+        finite = np.isfinite(rows).all(axis=1)
+        found[~finite, :size] = np.nan
+        for row in np.flatnonzero(finite):
+            found[row, :size] = _solution(K[row], found[row, :size], n)
+        found[:, n:size] *= -1.0
         return found
 
     def __repr__(self) -> str:
-        lines = [("takes", "t, q, q_dot"), ("gives", "q''"),
-                 ("q", listed(self._equations.q))]  # fmt: skip
+        takes = "t, q, q_dot" + (", s" if self._first else "")
+        lines = [("takes", takes), ("gives", "q''"), ("q", listed(self._equations.q))]
+        lines += [("s", listed(self._first))] if self._first else []
         return block(f"Accelerations of {self._name}", lines)
 
 
@@ -161,6 +174,8 @@ class Model(Read):
         Each has name, value, unit, description.
     coordinates : tuple of Coordinate
         Each has name, unit, description.
+    states : tuple of State
+        The first-order states: each has name, unit, description.
     definitions, constraints, forces : tuple
     initial : tuple of InitialValue
         Each has name and value, among others.
@@ -217,6 +232,7 @@ class Model(Read):
         start = [f"{x.name} = {x.value:.6g}" for x in self.initial]
         lines = [
             ("coordinates", listed(named)),
+            *([("states", listed([s.name for s in self.states]))] * bool(self.states)),
             ("parameters", listed(values)),
             ("constraints", listed([c.name for c in self.constraints])),
             ("start", listed(start)),
@@ -226,9 +242,9 @@ class Model(Read):
     def _repr_html_(self) -> str:
         start = {x.name: f"{x.value:.6g}" for x in self.initial}
         coordinates = [
-            (c.name, start[c.name], start[f"{c.name}_dot"], c.unit, c.description)
-            for c in self.coordinates
-        ]
+            (c.name, start[c.name], start.get(f"{c.name}_dot", ""), c.unit,
+             c.description) for c in self.variables
+        ]  # fmt: skip
         values = [
             (p.name, f"{p.value:.6g}", p.unit, p.description) for p in self.parameters
         ]

@@ -377,13 +377,14 @@ class Result:
         from lagsim.outputs.figure import Column, figure
 
         model = self._made.session.case.equations.model
-        letters, coordinates = letters_of(model), [c.name for c in model.coordinates]
-        values = {name: self[name] for name in (against, *(columns or coordinates))}
+        letters = letters_of(model)
+        shown = columns or [x.name for x in model.variables]
+        values = {name: self[name] for name in (against, *shown)}
         drawn = {
             name: Column(letters.name(name), raised(self.units[name]), column)
             for name, column in values.items()
         }
-        others = [drawn[name] for name in columns or coordinates]
+        others = [drawn[name] for name in shown]
         return figure(model.name, drawn[against], others)
 
     def animate(self, *, height: int = 640) -> Animation:

@@ -109,7 +109,7 @@ class Sweep:
         """
         from lagsim.studies.sweep.chart import sweep_figure
 
-        shown = columns or [f"{c.name}.end" for c in self._found.model.coordinates]
+        shown = columns or [f"{x.name}.end" for x in self._found.model.variables]
         return sweep_figure(self._found, {name: self[name] for name in shown})
 
     def __repr__(self) -> str:

@@ -489,6 +489,7 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     held = len(equations.model.constraints)
     contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
     parts = [counted(len(equations.q), "coordinate")]
+    parts += [counted(len(equations.states), "state")] if equations.states else []
     parts += [counted(held - contacts, "constraint")] if held > contacts else []
     parts += [counted(contacts, "contact")] if contacts else []
     rows = [("system", ", ".join(parts))]

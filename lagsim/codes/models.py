@@ -397,6 +397,13 @@ output: {reactions: [x]}
             "{ printf 'forces: {theta: '; seq -s+ 300000; echo '}'; } > long.yaml",
             "lagsim check long.yaml",
         )),
+    Row("E235", "state-misplaced",
+        "A first-order state, or the rate of one, stands where it has no slopes.",
+        "Constraints between positions have no states; energies, constraints and the "
+        "directions of forces only rates of states that do not depend on the motion.",
+        "make the state a coordinate that a constraint of velocities holds",
+        "states: {w: {rate: -w}}\nconstraints: {held: theta = w}\n"
+        "initial: {theta: 1, w: 1}\n"),
     # E3xx: the start of a model.
     Row("E301", "inadmissible",
         "The start violates a constraint, or the time derivative of one.",
@@ -421,8 +428,9 @@ output: {reactions: [x]}
         "move it below what it uses",
         "initial: {theta: theta_dot, theta_dot: 1}\n"),
     Row("E305", "not-a-guess",
-        "A guess is given for a definition.",
-        "`{guess: ...}` is given for a coordinate or a velocity.",
+        "A guess is given for a definition, or a state.",
+        "`{guess: ...}` is given for a coordinate or a velocity, `{steady: ...}` for a "
+        "first-order state.",
         "guess a coordinate or a velocity, and give the definition its value",
         "initial: {theta: 1, x: {guess: 1}}\n"),
     Row("E306", "no-inertia",

@@ -22,10 +22,10 @@ from lagsim.language.sparse import SparseVector
 from lagsim.methods.parts import parameters as kept
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
-    from lagsim.model.model import Constraint, OneSided
+    from lagsim.model.model import Constraint, OneSided, State
 
     Words = tuple[str, str]
 
@@ -72,14 +72,24 @@ class Flow:
         The names of the rates.
     forward : dict
         The total time derivative at constant q': variable -> rate.
+    states : dict
+        The part of it that is the first-order states': variable -> rate.
     """
 
-    def __init__(self, g: Graph, q: Sequence[str], velocities: Sequence[str]) -> None:
+    def __init__(
+        self,
+        g: Graph,
+        q: Sequence[str],
+        velocities: Sequence[str],
+        states: Iterable[State] = (),
+    ) -> None:
         self.positions = tuple(g.variable(name) for name in q)
         self.rates = tuple(g.variable(name) for name in velocities)
         self.velocities = frozenset(velocities)
         self.forward = dict(zip(self.positions, self.rates, strict=True))
         self.forward[g.variable("t")] = g.one
+        self.states = {g.variable(x.name): x.rate for x in states}
+        self.forward |= self.states
         self.indices = [
             {v: j for j, v in enumerate(group)}
             for group in (self.positions, self.rates)

@@ -43,16 +43,17 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.language.graph import Graph
     from lagsim.mechanics.chains import Chains
-    from lagsim.model.model import Model
+    from lagsim.model.model import Model, State
 
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """A time and the state there. q, v : (n,)."""
+    """A time and the state there. q, v : (n,); s : the first-order states."""
 
     t: float
     q: Floats
     v: Floats
+    s: Floats
 
 
 def mass_matrix(
@@ -106,7 +107,7 @@ def in_fewer_terms(
         for a, c in zip(gradient(g, T, flow.positions), convective, strict=True)
     ]
     entries = [(i, j) for i, row in enumerate(M) for j in row.entries if i <= j]
-    moving = {*(c.name for c in model.coordinates), *flow.velocities, "t"}
+    moving = {*(x.name for x in model.variables), *flow.velocities, "t"}
     before = [*(M[i][j] for i, j in entries), *inertial]
     after = fewer_terms(g, before, moving)
     if after == before:
@@ -195,6 +196,8 @@ class Equations:
     quadratures : tuple of Quadrature
         What is integrated beside these equations: the action where it is asked for,
         and coordinates, see `reduction`.
+    states : tuple of State
+        The first-order states, with rates in the variables of these equations.
     """
 
     model: Model
@@ -212,6 +215,7 @@ class Equations:
     unforced: frozenset[str] = frozenset()
     quadratures: tuple[Quadrature, ...] = ()
     laws: tuple[Law, ...] = ()
+    states: tuple[State, ...] = ()
 
     def of(self, model: Model) -> Equations:
         """Return the same equations of the model bound to other values."""
@@ -237,6 +241,7 @@ class Equations:
             len(self.rows),
             self.works,
             self.quadratures,
+            self.states,
         )
 
     @property
@@ -247,7 +252,13 @@ class Equations:
     @property
     def state(self) -> tuple[str, ...]:
         """The names of the variables that the motion depends on, and t."""
-        return (*self.q, *self.velocities)
+        return (*self.q, *self.velocities, *(x.name for x in self.states))
+
+    @property
+    def state_columns(self) -> list[int]:
+        """Places of t and `state` among the columns of a row, see `Columns`."""
+        n = len(self.q)
+        return [*range(1 + 2 * n), *range(1 + 3 * n, 1 + 3 * n + len(self.states))]
 
     @property
     def moving(self) -> tuple[str, ...]:
@@ -271,9 +282,15 @@ class Equations:
         return self.graph.sum(self.graph.variable(x.name) for x in self.works)
 
     @property
-    def quadrature_rates(self) -> list[int]:
-        """The rates of all quadratures in y: works, then `quadratures`."""
-        return [*self.powers, *(x.rate for x in self.quadratures)]
+    def other_rates(self) -> list[int]:
+        """The rates of what follows q' in y: states, works, then `quadratures`."""
+        first, rest = (x.rate for x in self.states), (x.rate for x in self.quadratures)
+        return [*first, *self.powers, *rest]
+
+    @property
+    def flow(self) -> Flow:
+        """The variables of the motion, and their rates."""
+        return Flow(self.graph, self.q, self.velocities, self.states)
 
     @property
     def multipliers(self) -> tuple[str, ...]:
@@ -294,7 +311,7 @@ class Equations:
     @property
     def of_motion(self) -> list[int]:
         """All that the motion depends on: nodes."""
-        nodes = [*self.mass_nodes, *self.f, *self.quadrature_rates]
+        nodes = [*self.mass_nodes, *self.f, *self.other_rates]
         for row in self.every_row:
             nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
         return nodes + [x for law in self.laws for x in (law.bound, law.static)]
@@ -400,11 +417,12 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
     velocities = tuple(f"{name}_dot" for name in q)
-    flow = Flow(g, q, velocities)
+    flow = Flow(g, q, velocities, model.states)
     positions, rates = flow.positions, flow.rates
     time = g.variable("t")
 
     *by_state, dL_dt = gradient(g, model.lagrangian, [*rates, *positions, time])
+    dL_dt = g.call("add", dL_dt, *tangent(g, [model.lagrangian], flow.states))
     momenta, dL_dq = by_state[: len(q)], by_state[len(q) :]
     chains = None
     if chained and len(q) > FEW and all(c.always for c in model.constraints):
@@ -444,6 +462,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
         ),
         quadratures=_action(g, model),
         laws=laws,
+        states=model.states,
     )
     found = replace(found, works=works_of(found, Q, dL_dt))
     if chains and is_sum:
@@ -499,7 +518,7 @@ def _energy(
 def pushes(e: Equations) -> list[int]:
     """Magnitudes of the terms of each force, and of each other rate."""
     g = e.graph
-    rates = (*e.f, *e.quadrature_rates)
+    rates = (*e.f, *e.other_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
     return [
         g.sum(g.call("abs", n) for n in addends(g, rate) if n not in unsolved)
@@ -539,7 +558,7 @@ def reactions(e: Equations) -> dict[str, int]:
 def _motion(e: Equations) -> dict[int, int]:
     """Separated definitions and their rates along the motion, by variable."""
     g = e.graph
-    seed = {g.variable("t"): g.one}
+    seed = {**e.flow.forward}
     for q in e.q:
         seed[g.variable(q)] = g.variable(f"{q}_dot")
         seed[g.variable(f"{q}_dot")] = g.variable(f"{q}_ddot")
@@ -570,6 +589,8 @@ def groups(e: Equations) -> list[list[int]]:
     in which no other's energy rounds or hides anything.
     """
     g = e.graph
+    if e.states:
+        return [list(range(len(e.q)))]
     together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
     together += [
         ([row.residual, row.rate, row.b, *row.A.entries.values()], [*row.A.entries])

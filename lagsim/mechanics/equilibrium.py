@@ -206,6 +206,8 @@ def find_equilibrium(
     """
     if not structure(equations).autonomous:
         raise NoEquilibriumError("the equations depend on time")
+    if equations.states:
+        raise NoEquilibriumError("the model has first-order states")
     found = _Search(equations, linearisation, t, size).whole(np.array(q, dtype=float))
     linear = linearisation.at(t, found, np.zeros_like(found), resting=True)
     if np.any(np.abs(linear.rates) > SETTLED_POSITION * max(1.0, size)):

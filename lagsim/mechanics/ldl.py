@@ -140,8 +140,8 @@ class Elimination:
         self.rows = [without_content(self.collected, row) for row in e.rows]
         self.Z = [self.mass.forward(row.A) for row in self.rows]
         self.unit = self._unit()
-        tidy = self.collected.tidy([*e.f, *e.quadrature_rates])
-        self.quadrature_rates = tidy[self.n :]
+        tidy = self.collected.tidy([*e.f, *e.other_rates])
+        self.other_rates = tidy[self.n :]
         f = self.mass.forward(dict(enumerate(tidy[: self.n])))
         rows = symmetric(self.m, self._schur())
         self.schur = Factorisation(g, rows, self.budget)

@@ -5,11 +5,12 @@ coordinates as there are free directions. With columns Z that span the velocitie
 the constraints let through, and Zh the positions (Zh = Z where all constraints are
 holonomic), both orthonormal in the metric of M,
 
-    dq = Zh a,      dq' = Z w + K a,      K = -A^+ B Zh,
+    dq = Zh a,      dq' = Z w + K a + H z,      K = -A^+ B Zh,      H = -A^+ C,
 
-where B dq + A dq' is the change of the rates of the constraints. Then a' and w' are
-linear in (a, w), and no eigenvalue of the constraints' own index-1 form is among them.
-The columns turn with the constraints, without turning among themselves.
+where B dq + A dq' + C z is the change of the rates of the constraints, and z that of
+the first-order states. Then a', w' and z' are linear in (a, w, z), and no eigenvalue of
+the constraints' own index-1 form is among them. The columns turn with the constraints,
+without turning among themselves.
 
 Source: E. Hairer, G. Wanner, Solving ODEs II (1996), VII.2: equations on manifolds in
 local coordinates.
@@ -55,6 +56,23 @@ class Eigenmodes(NamedTuple):
         sides = self.left.T @ self.right, self.left.T @ rates
         return np.asarray(np.linalg.lstsq(*sides, rcond=None)[0], dtype=complex)
 
+    def parts(self, moved: Complexes, masses: Floats, states: int) -> Floats:
+        """Part of coordinates and of the `states`, the last components, in each mode.
+
+        Shape (n + states, k), each at most 1: of coordinates, `moved` (n, k), by the
+        roots of masses (n,), or of states where these participate by more than half.
+        Source: I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe, IEEE Trans. Power
+        Apparatus and Systems 101 (1982), 3117: participation factors.
+        """
+        shapes = np.abs(moved) * np.sqrt(masses)[:, None]
+        sides = self.left.T @ self.right, self.left.T
+        dual = np.linalg.lstsq(*sides, rcond=None)[0].T
+        shares = np.abs(self.right * dual)[len(self.right) - states :]
+        by_states = shares.sum(axis=0) > 0.5
+        found: Floats = np.vstack([shapes * ~by_states, shares * by_states])
+        found /= np.maximum(np.max(found, axis=0, initial=0.0), TINY)
+        return found
+
     def swing(self, part: float) -> Flags:
         """Whether each mode decays by less than `part` of its rate, shape (k,)."""
         flags: Flags = -self.values.real < part * np.abs(self.values)
@@ -69,20 +87,13 @@ def eigenmodes(matrix: Floats, kept: Callable[[Floats], Flags]) -> Eigenmodes:
     return Eigenmodes(values[chosen], right[:, chosen], left[:, kept(np.abs(others))])
 
 
-def weighted(moved: Complexes, masses: Floats) -> Floats:
-    """Shapes (n, k) by the roots of masses (n,), each at most 1."""
-    shapes: Floats = np.abs(moved) * np.sqrt(masses)[:, None]
-    shapes /= np.maximum(np.max(shapes, axis=0, initial=0.0), TINY)
-    return shapes
-
-
 class Linear(NamedTuple):
-    """The linearised motion (a, w)' = R (a, w) about a state.
+    """The linearised motion (a, w, z)' = R (a, w, z) about a state.
 
     Attributes
     ----------
-    R : ndarray, shape (k + d, k + d)
-        k free directions of positions, d of velocities.
+    R : ndarray, shape (k + d + l, k + d + l)
+        k free directions of positions, d of velocities, l first-order states.
     Zh : ndarray, shape (n, k)
         What a stands for: dq = Zh a.
     Z : ndarray, shape (n, d)
@@ -96,6 +107,8 @@ class Linear(NamedTuple):
     residuals : ndarray, shape (m,)
         Of the holonomic rows, else 0.
     rates : ndarray, shape (m,)
+    first_order : ndarray, shape (l,)
+        The rates of the first-order states.
     """
 
     R: Floats
@@ -106,6 +119,7 @@ class Linear(NamedTuple):
     restoring: Floats
     residuals: Floats
     rates: Floats
+    first_order: Floats
 
     def eigenvalues(self) -> Complexes:
         """Return them, by falling size."""
@@ -115,8 +129,8 @@ class Linear(NamedTuple):
     @property
     def stiffness(self) -> Floats:
         """Return d(force)/da (d, k), with its sign turned."""
-        k = self.Zh.shape[1]
-        return -self.R[k:, :k]
+        k, d = self.Zh.shape[1], self.Z.shape[1]
+        return -self.R[k : k + d, :k]
 
 
 class Linearisation:
@@ -134,34 +148,40 @@ class Linearisation:
     def __init__(self, equations: Equations) -> None:
         e, g = equations, equations.graph
         self.e, self.g = e, g
-        self.n, self.m = len(e.q), len(e.rows)
+        self.n, self.m, self.first = len(e.q), len(e.rows), len(e.states)
         self._parameters = {p.name: p.value for p in e.model.parameters}
         positions = [g.variable(name) for name in e.q]
-        rates = [g.variable(name) for name in e.velocities]
+        first = [g.variable(x.name) for x in e.states]
         accelerations = [g.variable(name) for name in e.accelerations]
         A = [node for row in e.rows for node in row.A]
         self._terms = [
             *(node for row in e.M for node in row), *A, *e.f,
             *(row.b for row in e.rows),
             *(row.residual if row.holonomic else g.zero for row in e.rows),
-            *(row.rate for row in e.rows),
+            *(row.rate for row in e.rows), *(x.rate for x in e.states),
         ]  # fmt: skip
-        state = [*positions, *rates]
-        flow = dict(zip(state, [*rates, *accelerations], strict=True))
-        flow[g.variable("t")] = g.one
+        rates, state = e.flow.rates, [g.variable(name) for name in e.state]
+        flow = e.flow.forward | dict(zip(rates, accelerations, strict=True))
+        residuals = [*e.motion_residuals(), *(x.rate for x in e.states)]
+        by = [*positions, *first]
         self._slopes = [
-            *(s for r in e.motion_residuals() for s in gradient(g, r, state)),
-            *(s for row in e.rows for s in gradient(g, row.rate, positions)),
+            *(s for r in residuals for s in gradient(g, r, state)),
+            *(s for row in e.rows for s in gradient(g, row.rate, by)),
             *tangent(g, A, flow),
         ]
         self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
         self._holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
 
-    def at(self, t: float, q: Floats, v: Floats, *, resting: bool = False) -> Linear:
+    def at(
+        self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = (), *,
+        resting: bool = False,
+    ) -> Linear:  # fmt: skip
         """Linearise about a state.
 
         Parameters
         ----------
+        t, q, v, s
+            Time, coordinates and velocities (n,), first-order states (l,).
         resting
             As if the accelerations were zero: the forces that this takes are told.
 
@@ -170,13 +190,12 @@ class Linearisation:
         ValueError
             Where something is not finite.
         """
-        n, m, e = self.n, self.m, self.e
+        n, m, first, e = self.n, self.m, self.first, self.e
         values = self._parameters | {"t": t}
-        values |= dict(zip(e.q, map(float, q), strict=True))
-        values |= dict(zip(e.velocities, map(float, v), strict=True))
+        values |= dict(zip(e.state, np.concatenate([q, v, s]).tolist(), strict=True))
         found = self._evaluated(self._terms, values)
-        cuts = np.cumsum([n * n, m * n, n, m, m])
-        M, A, f, b, residuals, rates = np.split(found, cuts)
+        cuts = np.cumsum([n * n, m * n, n, m, m, m])
+        M, A, f, b, residuals, rates, first_order = np.split(found, cuts)
         M, A = M.reshape(n, n), A.reshape(m, n)
         metric = Metric(M, A)
         acceleration, lam = np.zeros(n), metric.multipliers(f)
@@ -185,25 +204,31 @@ class Linearisation:
         values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
         values |= dict(zip(e.multipliers, map(float, lam), strict=True))
         slopes = self._evaluated(self._slopes, values)
-        by_state, B, turning = np.split(slopes, np.cumsum([(n + m) * 2 * n, m * n]))
-        r = by_state.reshape(n + m, 2 * n)[:n]
-        B, turning = B.reshape(m, n), turning.reshape(m, n)
+        size = 2 * n + first
+        cuts = np.cumsum([(n + m + first) * size, m * (n + first)])
+        by_state, moved, turning = np.split(slopes, cuts)
+        r, _, of_first = np.split(by_state.reshape(-1, size), [n, n + m])
+        B, C = np.split(moved.reshape(m, n + first), [n], axis=1)
+        turning = turning.reshape(m, n)
         Z, inverse = metric.free, metric.inverse
         held = metric
         if not self._holonomic.all():
             held = Metric(M, A * self._holonomic[:, None])
         Zh = held.free
-        K = -inverse @ (B @ Zh)
+        # Changes of q and of q' by (a, w, z).
+        K = -inverse @ np.hstack([B @ Zh, np.zeros((m, Z.shape[1])), C])
+        dv = K + np.pad(Z, ((0, 0), (Zh.shape[1], first)))
+        dq = np.pad(Zh, ((0, 0), (0, Z.shape[1] + first)))
+        last = np.eye(first, dv.shape[1], dv.shape[1] - first)
+        change = np.vstack([dq, dv, last])
         turned = -inverse @ (turning @ Z)
         G = metric.G
-        by_position = -Z.T @ (r[:, :n] @ Zh + r[:, n:] @ K)
-        by_position += turned.T @ G @ K
-        R = np.block([
-            [Zh.T @ G @ K, Zh.T @ G @ Z],
-            [by_position, -Z.T @ r[:, n:] @ Z],
+        R = np.vstack([
+            Zh.T @ G @ dv, turned.T @ G @ K - Z.T @ (r @ change), of_first @ change
         ])  # fmt: skip
         return Linear(
-            R, Zh, Z, Z.T @ f, np.asarray(metric.L.T), -held.inverse, residuals, rates
+            R, Zh, Z, Z.T @ f, np.asarray(metric.L.T), -held.inverse, residuals, rates,
+            first_order,
         )  # fmt: skip
 
     def _evaluated(self, nodes: list[int], values: dict[str, float]) -> Floats:

@@ -36,7 +36,7 @@ PER_TERM = 0.3
 
 
 def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
-    """Return y' = (q', q'', the power of each work, other quadratures)."""
+    """Return y' = (q', q'', the rates of all that follows)."""
     e, g = equations, equations.graph
     accelerations, multipliers = elimination.motion()
     new = dict(zip(map(g.variable, e.multipliers), multipliers, strict=True))
@@ -45,7 +45,7 @@ def motion_rates(equations: Equations, elimination: Elimination) -> list[int]:
     return [
         *velocities,
         *accelerations,
-        *g.substitute(elimination.quadrature_rates, new),
+        *g.substitute(elimination.other_rates, new),
     ]
 
 

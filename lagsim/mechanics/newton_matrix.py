@@ -140,7 +140,7 @@ class Newton(NamedTuple):
 @memoized_by_motion
 def newton(equations: Equations) -> Newton | None:
     """Find Newton's matrix; None where full matrices take fewer operations."""
-    if equations.laws or equations.chains is not None:
+    if equations.laws or equations.states or equations.chains is not None:
         return None
     n, m = len(equations.q), len(equations.rows)
     # Multiplications of both factorisations (2 n: complex), and of J.

@@ -35,10 +35,10 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
 from lagsim.language.sparse import Budget, SparseVector
-from lagsim.mechanics.constraints import Flow, Row
+from lagsim.mechanics.constraints import Row
 from lagsim.mechanics.equations import Quadrature, Work
 from lagsim.mechanics.factorisation import Factorisation, symmetric
-from lagsim.model.model import Force, Parameter, Relation
+from lagsim.model.model import Force, Parameter, Relation, State
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -56,6 +56,7 @@ NODES = {
     Quadrature: ("rate", "mass"),
     Force: ("node", "direction"),
     Relation: ("node",),
+    State: ("rate",),
 }
 
 
@@ -100,6 +101,7 @@ def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
         kinetic_form=f(e.kinetic_form),
         works=tuple(map(mapped, e.works)),
         quadratures=tuple(map(mapped, e.quadratures)),
+        states=tuple(map(mapped, e.states)),
     )
 
 
@@ -208,7 +210,7 @@ def usable(
 
 def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]:
     """Equations without row k and coordinate c, and expressions for their variables."""
-    g, flow = e.graph, Flow(e.graph, e.q, e.velocities)
+    g, flow = e.graph, e.flow
     q = g.variable(e.q[c])
     [rest] = g.substitute([e.rows[k].residual], {q: g.zero})
     value = g.call("neg", g.call("div", rest, e.rows[k].A[c]))
@@ -294,7 +296,7 @@ def ignorable(equations: Equations) -> list[int]:
     needs all velocities.
     """
     e, g = equations, equations.graph
-    free = [] if e.quadratures else conserved(e)
+    free = [] if e.quadratures or e.states else conserved(e)
     among = frozenset(e.velocities[c] for c in free)
     if g.depends([e.M[c][d] for c in free for d in free]) & among:
         return []
@@ -433,7 +435,7 @@ class Reduction(NamedTuple):
         """State y (size,) at a full start: q, q', the quadratures; all else from 0."""
         e, y = self.equations, np.zeros(blocks.size)
         y[blocks.positions] = self.kept(start.q)
-        y[blocks.velocities] = self.kept(start.v)
+        y[blocks.velocities], y[blocks.first_order] = self.kept(start.v), start.s
         if e.quadratures:
             names = (c.name for c in e.model.coordinates)
             values = dict(zip(names, start.q, strict=True))

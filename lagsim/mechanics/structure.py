@@ -31,6 +31,7 @@ def structure(equations: Equations) -> Structure:
     rows = equations.rows
     A = [node for row in rows for node in row.A.entries.values()]
     right = [*equations.f, *(row.b for row in rows)]
+    right += [x.rate for x in equations.states]
     state = frozenset(equations.state)
     moving = state | {"t"}
     everything = [*entries, *A, *right, *(row.rate for row in rows)]

@@ -90,6 +90,7 @@ def method(name: str) -> ModuleType:
       imaginary axis below which it does not exceed 1 (inf: none);
     - QUADRATURES (optional): whether y may have components after `work`, whose rates
       are integrated as they are: the action, the coordinates that `reduction` leaves;
+    - STATES (optional): whether y may have first-order states;
     - EVENTS (optional): False where its steps go over switches and contacts;
     - NEEDS: names of functions of the model beyond y', see `program/functions.py`;
     - STATE, the class of the memory it keeps, PARAMETERS (optional), that of what the

@@ -62,6 +62,7 @@ HANDLES = "any model; equality constraints by projection"
 refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
+STATES = True
 
 CONSTRAINED = True
 UNTIL = True

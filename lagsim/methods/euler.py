@@ -34,6 +34,7 @@ amplification = TABLEAU.amplification
 refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
+STATES = True
 
 CONSTRAINED = True
 STATE = Fixed

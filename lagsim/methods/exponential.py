@@ -38,6 +38,7 @@ IMAGINARY_LIMIT = math.inf
 HANDLES = "linear models that do not change in time; exact"
 
 NEEDS = ("linear",)
+STATES = True
 
 CONSTRAINED = True
 

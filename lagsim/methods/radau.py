@@ -74,6 +74,7 @@ IMAGINARY_LIMIT = inf
 HANDLES = "any model; equality constraints by projection"
 refusal = too_large
 NEEDS = ("jacobian",)
+STATES = True
 
 CONSTRAINED = True
 LOCALIZED = True
@@ -304,6 +305,11 @@ LEFT = 0.03
 ROUNDING = 20.0 * UNIT_ROUNDOFF
 
 
+def full(s: Radau) -> int:
+    """Rows of Newton's matrix where it is full."""
+    return s.n + s.states
+
+
 class Radau(State):
     """Values carried from step to step, stages, and factors."""
 
@@ -332,11 +338,11 @@ class Radau(State):
     J: Floats = array(lambda s: s.entries or (s.size - s.n) * s.dynamic.stop)
     # The factors of the real matrix and of the complex one; their pivots where they
     # are full; the eigenvalues over h and their squares; room.
-    K: Floats = array(lambda s: s.filled or s.n * s.n)
-    pair: Floats = array(lambda s: 2 * (s.filled or s.n * s.n))
-    pivots: Floats = array(lambda s: 2 * s.n)
+    K: Floats = array(lambda s: s.filled or full(s) ** 2)
+    pair: Floats = array(lambda s: 2 * (s.filled or full(s) ** 2))
+    pivots: Floats = array(lambda s: 2 * full(s))
     g: Floats = array(lambda _: 6)
-    x: Floats = array(lambda s: 2 * (s.n + max(s.n, s.unknowns)))
+    x: Floats = array(lambda s: 2 * (s.n + max(full(s), s.unknowns)))
 
 
 STATE = Radau
@@ -370,7 +376,7 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
     square(width, g)
     if SPARSE:
         return decompose_sparse(width, p, g, s.J, K, s.x)
-    return decompose_newton(width, s, g, s.J, K, s.pivots[(width - 1) * s.n :])
+    return decompose_newton(width, s, g, s.J, K, s.pivots[(width - 1) * full(s) :])
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
@@ -380,7 +386,7 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
     if SPARSE:
         solve_sparse(width, p, g, s.J, K, r, s.x)
     else:
-        pivots = s.pivots[(width - 1) * s.n :]
+        pivots = s.pivots[(width - 1) * full(s) :]
         solve_newton(width, s, g, s.J, K, pivots, r, s.x)
 
 

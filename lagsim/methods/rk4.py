@@ -45,6 +45,7 @@ amplification = TABLEAU.amplification
 refusal = unrestricted
 NEEDS = ()
 QUADRATURES = True
+STATES = True
 
 CONSTRAINED = True
 SWITCHES = True

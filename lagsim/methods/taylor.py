@@ -73,6 +73,7 @@ HANDLES = "smooth models, not large; equality constraints"
 
 refusal = unrestricted  # what it cannot handle shows when its code is estimated
 NEEDS = ("series",)
+STATES = True
 
 CONSTRAINED = True
 LOCALIZED = True

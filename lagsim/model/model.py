@@ -298,16 +298,25 @@ class Stated(Protocol):
         """
 
 
+class State(NamedTuple):
+    """First-order state s with s' = `rate`, a node of t, q, q' and all states."""
+
+    name: str
+    rate: int
+    unit: str = ""
+    description: str = ""
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """Mechanical model: all that the file holds but the settings of its integration.
 
     `kinetic` and `potential` are None where the file gives `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
-    every velocity, in the order of the coordinates, positions first, then the start
-    values of definitions. `until` ends a run. `stated` is what `bind` and `settings`
-    evaluate. `unused` are parameters that nothing names. `places`
-    are those of parameters, coordinates, definitions and energies in the file.
+    every velocity, in the order of the coordinates, positions first, then of `states`
+    and the start values of definitions. `until` ends a run. `stated` is what `bind` and
+    `settings` evaluate. `unused` are parameters that nothing names. `places` are those
+    of parameters, coordinates, definitions and energies in the file.
     """
 
     name: str
@@ -331,7 +340,13 @@ class Model:
     description: str = ""
     source: str = ""
     unused: tuple[str, ...] = ()
+    states: tuple[State, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def variables(self) -> tuple[Coordinate | State, ...]:
+        """The coordinates, then the first-order states."""
+        return (*self.coordinates, *self.states)
 
     def bind(
         self,

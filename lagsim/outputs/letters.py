@@ -84,7 +84,7 @@ class Letters:
 
 def letters_of(model: Model) -> Letters:
     """Return how a model's names are written."""
-    names = [c.name for c in model.coordinates]
+    names = [x.name for x in model.variables]
     return Letters([*names, *(d.name for d in model.definitions)])
 
 

@@ -673,12 +673,14 @@ def _drift(axes: Axes, record: Record) -> None:
 
 
 @in_house_style
-def trajectory(record: Record, coordinates: Sequence[str], scene: Scene) -> Picture:
-    """Draw the coordinates against time, and the paths of the scene's points."""
-    shown = chosen(coordinates, MOST_PANELS)
+def trajectory(
+    record: Record, names: Sequence[str], scene: Scene, subject: str = "coordinates"
+) -> Picture:
+    """Draw coordinates and states against time, and the paths of a scene's points."""
+    shown = chosen(names, MOST_PANELS)
     panels = Panels(record, grouped(record, shown))
     views = Views(record, scene)
-    subject = _counted("coordinates", len(shown), len(coordinates))
+    subject = _counted(subject, len(shown), len(names))
     picture = sheet(record, panels.height + views.height, subject)
     panels.draw(picture)
     if views.height:
@@ -723,9 +725,11 @@ def _counted(subject: str, shown: int, total: int) -> str:
 def pictures(record: Record, model: Model) -> Iterator[Made]:
     """Return file name and content of every picture of a run, one after the other."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
+    moving = [x.name for x in model.variables]
+    subject = "coordinates and states" if model.states else "coordinates"
     draw: dict[str, Callable[[], Picture]] = {
         "energy": partial(energy, record),
-        LONG: partial(trajectory, record, coordinates, model.scene),
+        LONG: partial(trajectory, record, moving, model.scene, subject),
     }
     if model.constraints:
         names = [constraint.name for constraint in model.constraints]

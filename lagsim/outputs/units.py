@@ -226,6 +226,9 @@ def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]
             found[c.name] = c.unit
             found[f"{c.name}_dot"] = f"{c.unit}/s"
             found[f"{c.name}_ddot"] = found[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
+    for s in model.states:
+        if s.unit:
+            found[s.name], found[f"{s.name}_dot"] = s.unit, f"{s.unit}/s"
     found |= {d.name: d.unit for d in model.definitions if d.unit}
     return {name: found.get(name, "") for name in columns}
 

@@ -48,10 +48,11 @@ def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]
 
 
 def _parts(equations: Equations, evaluation: float) -> tuple[float, float]:
-    size = 2 * len(equations.q) + len(equations.quadratures)
+    size = len(equations.state) + len(equations.quadratures)
     solves = SOLVES if equations.rows else 0
     return solves * evaluation, STAGES * (evaluation + PER_COMPONENT * size)
 
 
 def _rates(equations: Equations) -> list[int]:
-    return [x.rate for x in equations.quadratures]
+    first = [x.rate for x in equations.states]
+    return first + [x.rate for x in equations.quadratures]

@@ -297,7 +297,8 @@ def _reduced(reduction: Reduction, start: Start, reason: str) -> Formulation:
     if reduction.ignored:
         what = f"ignorable: {', '.join(reduction.ignored)}"
         choices.append(Choice(what, f"momentum is conserved: a quadrature; {reason}"))
-    kept = Instant(start.t, reduction.kept(start.q), reduction.kept(start.v))
+    q, v = reduction.kept(start.q), reduction.kept(start.v)
+    kept = Instant(start.t, q, v, start.s)
     began = start_at(reduction.equations, kept)
     return Formulation(name, reduction, began, bool(rows), 0.0, tuple(choices))
 
@@ -312,7 +313,7 @@ def _eliminated(
         return reduction, f"constraints are redundant ({many} of rank {rank})"
     e = reduction.equations
     q, v = reduction.kept(start.q), reduction.kept(start.v)
-    point = Point(e, Instant(start.t, q, v))
+    point = Point(e, Instant(start.t, q, v, start.s))
     reduced = reduction.eliminate(
         point.values, dict(zip(e.q, point.sizes, strict=True))
     )

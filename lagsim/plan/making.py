@@ -68,7 +68,7 @@ def _lengths(point: Point) -> Floats:
     """Lengths (m,), 0 where they are roundoff; nan where M is not finite."""
     names = point.e.state
     errors = STATE_ROUNDOFF * np.abs(np.concatenate([point.q, point.v]))
-    return row_lengths(point.at(errors=dict(zip(names, errors, strict=True))))
+    return row_lengths(point.at(errors=dict(zip(names, errors, strict=False))))
 
 
 # Needs of a method that are made from y' as nodes of the graph.
@@ -133,7 +133,7 @@ def _automatic(
 ) -> Choice:
     if solved is not None:
         is_constant = scene.linear and scene.autonomous  # y' = J y + c
-        if is_constant and 2 * len(equations.q) <= MOST_STATES:
+        if is_constant and len(equations.state) <= MOST_STATES:
             reason = "linear equations, and constant in time"
             return Choice("method: exponential", reason)
         gain = _gain(equations, solved, rtol)
@@ -189,6 +189,9 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         if equations.model.output.action:
             return "it does not integrate the action, which `output` asks for"
         return "it does not integrate ignorable coordinates by quadrature"
+    if equations.states and not getattr(chosen, "STATES", False):
+        names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
+        return f"it does not integrate first-order states ({names})"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that come and go need a method that evaluates y' only"
     why = str(chosen.refusal(scene))

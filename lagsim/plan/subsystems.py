@@ -58,7 +58,7 @@ class Subsystem(NamedTuple):
 def part_of(whole: Instant, coordinates: Iterable[int]) -> Instant:
     """State of some of the coordinates."""
     chosen = list(coordinates)
-    return Instant(whole.t, whole.q[chosen], whole.v[chosen])
+    return Instant(whole.t, whole.q[chosen], whole.v[chosen], whole.s)
 
 
 def refusal(equations: Equations) -> str:

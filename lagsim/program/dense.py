@@ -382,7 +382,7 @@ def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 
 
 @external
-def quadratures(t: float, y: Floats, p: Parameters, out: Floats) -> None:
+def other_rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Write the rates of what follows the velocities, from q'' and lambda in p."""
 
 
@@ -426,7 +426,7 @@ def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     out[p.positions] = y[p.velocities]
     out[p.velocities] = p.motion[: p.n]
     if p.size > p.velocities.stop:
-        quadratures(t, y, p, out[p.velocities.stop :])
+        other_rates(t, y, p, out[p.velocities.stop :])
 
 
 def observe(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -613,15 +613,16 @@ def missing(p: Parameters, i: int) -> float:
 
 @external
 def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write dr/dy (n, 2 n), ds/dy (m, 2 n) and, for each work, dpower/dy (2 n,).
+    """Write dr/dy (n, d), ds/dy (m, d) and those of the rates of states and works.
 
-    y = (q, q'); at the q'' and lambda that p holds. Last dpower/d(q'', lambda). What is
-    zero identically is not written: the room for it holds zeros from the start.
+    By the d components that the motion depends on, at the q'' and lambda that p holds.
+    Last those of these rates by q'' and lambda. What is zero identically is not
+    written: the room for it holds zeros from the start.
     """
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write dq''/d(q, q') (n, 2 n) and, for each work, that of its rate (2 n,)."""
+    """Write dq''/dy (n, d), see `slopes`, and those of the other rates."""
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
@@ -639,7 +640,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
         solve_again(p, rank, column)
         for j in range(n):
             out[j * width + c] = column[j]
-        for k in range(p.works):
+        for k in range(p.states + p.works):
             rate = slope[(n + m + k) * width + c]
             for i in range(n + m):
                 rate += p.by_motion[k * (n + m) + i] * column[i]

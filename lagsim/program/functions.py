@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
-from lagsim.mechanics.constraints import Flow, Kind, scale_of
+from lagsim.mechanics.constraints import Kind, scale_of
 from lagsim.mechanics.equations import (
     ACTION,
     generalized_forces,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.mechanics.ldl import Elimination
-    from lagsim.mechanics.surfaces import Side
     from lagsim.mechanics.switches import Switches
     from lagsim.methods.moreau import Impulses
     from lagsim.plan.plan import Plan
@@ -55,6 +54,8 @@ class Columns:
         nodes = {"t": g.variable("t")}
         for group in (equations.q, equations.velocities, equations.accelerations):
             nodes.update((name, g.variable(name)) for name in group)
+        nodes |= {x.name: g.variable(x.name) for x in equations.states}
+        nodes |= {f"{x.name}_dot": x.rate for x in equations.states}
         defined = {d.name: d.node for d in model.definitions}
         nodes.update((name, defined[name]) for name in model.output.columns)
         if model.kinetic is not None and model.potential is not None:
@@ -166,7 +167,7 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
     g, rows = e.graph, e.every_row
     found = {
         "dynamics": _dynamics(e),
-        "quadratures": e.quadrature_rates,
+        "other_rates": e.other_rates,
         "columns": list(columns.nodes.values()),
         "force_rounding": _force_rounding(e),
     }
@@ -312,10 +313,17 @@ def _offset(e: Equations, row: Row) -> int:
     return g.call("sub", row.rate, moved)
 
 
-def on_velocities(equations: Equations, side: Side) -> bool:
-    """Whether a surface depends on velocities."""
-    names = equations.graph.depends([side.node])
-    return bool(names & frozenset(equations.velocities))
+def on_rates(equations: Equations, switches: Switches) -> list[bool]:
+    """Whether each surface depends on velocities, or on states whose rates step.
+
+    Its own rate steps then; that of others is continuous.
+    """
+    e, depends = equations, equations.graph.depends
+    modes = {side.variable for side in switches.sides}
+    rates = zip(e.states, switches.freeze([x.rate for x in e.states]), strict=True)
+    stepping = {x.name for x, rate in rates if depends([rate]) & modes}
+    names = frozenset(e.velocities) | stepping
+    return [bool(depends([side.node]) & names) for side in switches.sides]
 
 
 def surface_functions(
@@ -326,23 +334,26 @@ def surface_functions(
     That is where among its elements each row begins, and the column of each.
     """
     g = equations.graph
-    positions = [g.variable(name) for name in equations.q]
-    rates = [g.variable(name) for name in equations.velocities]
-    flow = dict(zip(positions, rates, strict=True)) | {g.variable("t"): g.one}
+    flow = equations.flow
+    states = [*flow.states]
+    positions, driven = [*flow.positions, *states], [*flow.rates, *states]
+    still = {x: rate for x, rate in flow.forward.items() if x not in flow.states}
     nodes = switches.freeze([side.node for side in switches.sides])
+    moving_sides = on_rates(equations, switches)
     residuals, speeds, b, scales = [], [], [], []
     elements: list[int] = []
     columns: list[int] = []
     starts = [0]
-    for side, node in zip(switches.sides, nodes, strict=True):
-        moving = on_velocities(equations, side)
-        variables = rates if moving else positions
+    for moving, node in zip(moving_sides, nodes, strict=True):
+        variables = driven if moving else positions
         slopes = dict(enumerate(gradient(g, node, variables)))
-        (speed,) = [node] if moving else tangent(g, [node], flow)
+        (speed,) = [node] if moving else tangent(g, [node], flow.forward)
         residuals.append(g.zero if moving else node)
         speeds.append(speed)
-        b.append(g.call("neg", tangent(g, [speed], flow)[0]))
+        b.append(g.call("neg", tangent(g, [speed], still)[0]))
         scales.append(scale_of(g, node, variables, slopes))
+        if not moving and not flow.states.keys().isdisjoint(g.cone([speed])):
+            slopes = dict(enumerate(gradient(g, speed, driven)))
         there = {j: slope for j, slope in slopes.items() if slope != g.zero}
         elements += there.values()
         columns += there
@@ -477,7 +488,7 @@ def _force_rounding(e: Equations) -> list[int]:
     """
     g = e.graph
     state = e.state
-    found = roundings(g, (*e.f, *e.quadrature_rates), (*state, "t"), state)
+    found = roundings(g, (*e.f, *e.other_rates), (*state, "t"), state)
     force_rounding = [
         g.call("add", g.call("abs", force), error)
         for force, error in zip(e.f, found, strict=False)
@@ -491,7 +502,7 @@ def _inertial(e: Equations, elimination: Elimination) -> list[int]:
     Where M is close to singular (angles near gimbal lock) it is all that there is.
     Signs are those of `_force_rounding`.
     """
-    g, moving = e.graph, frozenset((*e.q, "t"))
+    g, moving = e.graph, frozenset(e.moving).difference(e.velocities)
     rates = [g.call("abs", x) for x in elimination.motion()[0]]
     if e.chains is not None:
         return _in_parts(g, e.chains.sizes(g, rates, moving))
@@ -554,8 +565,9 @@ def _jacobian(equations: Equations, plan: Plan) -> dict[str, list[int]]:
     residuals = e.motion_residuals()
     state = [g.variable(name) for name in e.state]
     motion = [g.variable(name) for name in (*e.accelerations, *e.multipliers)]
-    slopes = [s for r in (*residuals, *e.powers) for s in gradient(g, r, state)]
-    slopes += [s for power in e.powers for s in gradient(g, power, motion)]
+    others = [*(x.rate for x in e.states), *e.powers]
+    slopes = [s for r in (*residuals, *others) for s in gradient(g, r, state)]
+    slopes += [s for rate in others for s in gradient(g, rate, motion)]
     return {"dynamics": _dynamics(e), "slopes": slopes}
 
 
@@ -564,7 +576,7 @@ def _lagrangian(equations: Equations, _plan: Plan) -> dict[str, list[int]]:
     e, g, L = equations, equations.graph, equations.model.lagrangian
     positions = [g.variable(name) for name in e.q]
     rates = [g.variable(name) for name in e.velocities]
-    Q = generalized_forces(g, e.model, Flow(g, e.q, e.velocities))
+    Q = generalized_forces(g, e.model, e.flow)
     dL_dq = gradient(g, L, positions)
     forces = [g.call("add", a, b) for a, b in zip(dL_dq, Q, strict=True)]
     M = [node for row in e.M for node in row]

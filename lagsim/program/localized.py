@@ -114,11 +114,9 @@ def signal_nodes(equations: Equations, found: Sequence[Indicator]) -> list[int]:
     """
     e, g = equations, equations.graph
     nodes = [x.node for x in found]
-    flow = {g.variable("t"): g.one}
-    flow |= {
-        g.variable(q): g.variable(v) for q, v in zip(e.q, e.velocities, strict=True)
+    flow = e.flow.forward | {
+        g.variable(x): g.variable(f"{x}'") for x in e.state[len(e.q) :]
     }
-    flow |= {g.variable(v): g.variable(f"{v}'") for v in e.velocities}
     return [*nodes, *tangent(g, nodes, flow)]
 
 

@@ -4,9 +4,10 @@ Inside an arc each surface has a side, and what steps there is constant. Where t
 fields of both sides point back onto a surface the motion follows it: y' is the
 combination f0 + sum_k w_k (f_k - f0) that stays on all surfaces it slides along, with
 f0 on the lower sides and f_k on the upper side of surface k. A surface gives a row as
-a constraint does, J q'' = b, on the level of velocities or, for one in positions, of
-accelerations; the shares w are its multipliers. What steps together with a surface is
-carried along: it is on its own lower and upper side where that one is.
+a constraint does, J (q'', s') = b, on the level of velocities and states or, for one
+whose rate does not step, of accelerations; the shares w are its multipliers. What steps
+together with a surface is carried along: it is on its own lower and upper side where
+that one is.
 
 Source: A. F. Filippov, Differential Equations with Discontinuous Righthand Sides,
 1988, sections 4 and 8.
@@ -41,8 +42,8 @@ def surfaces(t: float, y: Floats, p: Parameters, out: Floats) -> None:
 def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
 
-    A surface in velocities has no residual on the level of positions. J (K, n) is given
-    row by row, without what vanishes; where its elements belong is kept before them.
+    One on the level of velocities has no residual on that of positions. J (K, n + l) is
+    given row by row, without what vanishes; where its elements belong is kept before.
     """
 
 
@@ -126,7 +127,7 @@ def project_sliding(t: float, y: Floats, p: Parameters) -> None:
     for j in range(sliding):
         change = p.side_fields[(j + 1) * width :]
         y[p.positions] += change[p.velocities] * p.right[3 * j + 1]
-        y[p.velocities] += change[p.velocities] * p.right[3 * j + 2]
+        y[p.driven] += change[p.driven] * p.right[3 * j + 2]
     surface_rows(t, y, p, p.rows)
     if not distance(p) <= far:
         y[p.dynamic] = p.former[p.dynamic]
@@ -191,15 +192,13 @@ def share_out(sliding: int, p: Parameters) -> None:
         if p.slides[k] == FOLLOWED:
             roundoff = p.roundoff[k]
             right[3 * i] = above(
-                p.asked[k] - product(k, p, p.side_fields[p.velocities]), roundoff
+                p.asked[k] - product(k, p, p.side_fields[p.driven]), roundoff
             )
             right[3 * i + 1] = p.least[k] - p.residuals[k]
             right[3 * i + 2] = p.most[k] - p.rates[k]
             for j in range(sliding):
                 change = p.side_fields[(j + 1) * width :]
-                B[i * sliding + j] = above(
-                    product(k, p, change[p.velocities]), roundoff
-                )
+                B[i * sliding + j] = above(product(k, p, change[p.driven]), roundoff)
             even_out(B[i * sliding :], sliding, right[3 * i :])
             i += 1
     solve(sliding, B, right)
@@ -225,7 +224,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
     """Combine the fields; a share that does not keep to its surface becomes -1."""
     width = p.size + p.m
     fields = p.side_fields
-    forced = fields[p.velocities]
+    forced = fields[p.driven]
     i = 0
     for k in range(p.surfaces):
         if p.slides[k] == FOLLOWED:
@@ -245,7 +244,7 @@ def take_shares(sliding: int, p: Parameters) -> None:
 
 
 def extent(k: int, p: Parameters, a: Floats) -> float:
-    """Size of the terms of row k of J times a (n,)."""
+    """Size of the terms of row k of J times a (n + l,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += abs(p.J[e] * a[int(p.row_columns[e])])
@@ -253,7 +252,7 @@ def extent(k: int, p: Parameters, a: Floats) -> float:
 
 
 def product(k: int, p: Parameters, a: Floats) -> float:
-    """Row k of J times a (n,)."""
+    """Row k of J times a (n + l,)."""
     found = 0.0
     for e in range(int(p.row_starts[k]), int(p.row_starts[k + 1])):
         found += p.J[e] * a[int(p.row_columns[e])]

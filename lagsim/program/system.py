@@ -297,6 +297,7 @@ class System:
         memory: Any = getattr(method(plan.method), "PARAMETERS", Parameters)
         p = memory.made(
             n=self.n, m=self.m, size=self.size, values=len(self._fixed()),
+            states=len(self.equations.states),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), loops=self.has_loops,
             slopes_known=self.has_jacobian, **sizes,
@@ -478,6 +479,7 @@ class Runner:
         sizes = {} if system.newton is None else system.newton.sizes_of_factors
         state: State = self.method.STATE.made(
             n=system.n,
+            states=len(system.equations.states),
             size=system.size,
             signals=len(system.indicators),
             surfaces=system.watched,

@@ -78,8 +78,8 @@ class Ensemble:
         ----------
         parameters
             Values (runs,) of those that are not the session's own.
-        starts : (runs, 2 n)
-            Positions, then velocities.
+        starts : (runs, 2 n + l)
+            Positions, velocities, first-order states.
         """
         arc, p = self._arc, self._system.p
         places = [self._system.place(name) for name in parameters]

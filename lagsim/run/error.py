@@ -39,19 +39,19 @@ class ErrorBar(NamedTuple):
     method, rtol
         Of the repeat.
     names
-        Of the coordinates.
+        Of the coordinates and the first-order states, n in all.
     times : ndarray, shape (k,)
         Of the rows that were compared.
     errors : ndarray, shape (k, n)
-        The estimates, in the units of the coordinates.
+        The estimates, in their units.
     scales : ndarray, shape (n,)
-        The range of each coordinate, or what counts as one.
+        The range of each, or what counts as one.
     still : ndarray, shape (n,)
         What moves less than this has no horizon; by default nothing.
     rates : ndarray or None
-        The estimates for the velocities (k, n).
+        The estimates for the velocities, a column a coordinate.
     repeated : dict
-        Times, coordinates and velocities (1 + 2 n,) of the repeat, by the number of
+        Times, coordinates, velocities and states of the repeat, by the number of
         what was compared.
     parted : str
         How the two runs ended differently, if they did.
@@ -78,7 +78,7 @@ class ErrorBar(NamedTuple):
 
     @property
     def coordinates(self) -> dict[str, CoordinateError]:
-        """The largest error of each coordinate, and when."""
+        """The largest error of each coordinate and state, and when."""
         worst = np.argmax(self.errors, axis=0)
         largest, parts = self.errors, self.parts
         return {

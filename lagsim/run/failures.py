@@ -123,8 +123,8 @@ def _other_means(arc: Arc, outcome: Outcome) -> str:
 
 
 def _described_state(arc: Arc, row: Floats) -> str:
-    names = arc.equations.state
-    shown = [f"{name} = {x:.6g}" for name, x in zip(names, row[1:], strict=False)]
+    known = dict(zip(arc.system.columns.names, row, strict=False))
+    shown = [f"{name} = {known[name]:.6g}" for name in arc.equations.state]
     if len(shown) > 12:
         shown = [*shown[:12], f"... {len(shown) - 12} more"]
     return ", ".join(shown)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
+from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method
 from lagsim.methods.parts import parameters as kept
@@ -169,8 +169,8 @@ class Stiffness(Source):
         if equations.quadratures:
             return GO_ON
         try:
-            q, v = arc.y[state.positions], arc.y[state.velocities]
-            linear = Linearisation(equations).at(arc.t, q, v)
+            blocks = state.positions, state.velocities, state.first_order
+            linear = Linearisation(equations).at(arc.t, *(arc.y[x] for x in blocks))
         except ValueError:  # not finite there
             return GO_ON
         values = linear.eigenvalues()
@@ -217,16 +217,24 @@ def _compiled_for(arc: Arc, name: str) -> Arc:
 
 
 def _fastest(arc: Arc) -> Fast | None:
-    """Analyse q' = v, v' = J (q, v); None where J is not finite."""
+    """Analyse q' = v, (v', s') = J (q, v, s); None where J is not finite."""
     n = arc.system.n
-    J = _jacobian(arc)
+    size, sparse = arc.system.size, arc.system.newton
+    length = (size - n) * arc.state.dynamic.stop
+    length = length if sparse is None else len(sparse.entries)
+    J = arc.runner.function("jacobian", length)(arc.t, arc.y)
+    if sparse is None:
+        J = J.reshape(size - n, -1)[: arc.state.dynamic.stop - n]
+    else:
+        J = sparse.jacobian(n, J)
     if not np.all(np.isfinite(J)):
         return None
-    whole = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), J])
+    whole = np.vstack([np.eye(n, J.shape[1], n), J])
     modes = eigenmodes(whole, _fast)
-    masses = arc.masses
-    heavy = np.max(weighted(modes.right[:n], masses), axis=1) > 0.5
-    names = arc.system.equations.q
+    masses, equations = arc.masses, arc.system.equations
+    parts = modes.parts(modes.right[:n], masses, len(equations.states))
+    heavy = np.max(parts, axis=1, initial=0.0) > 0.5
+    names = *equations.q, *(x.name for x in equations.states)
     where = tuple(q for q, is_in in zip(names, heavy, strict=True) if is_in)
     # Of y' itself: how fast the state moves along each of them.
     rates = arc.runner.function("derivative")(arc.t, arc.y)[arc.state.dynamic]
@@ -235,17 +243,6 @@ def _fastest(arc: Arc) -> Fast | None:
     rate = float(np.max(np.abs(modes.values)))
     excited = rate > 0.0 and _is_excited(arc, masses * moving**2, masses, J, rate)
     return Fast(rate, where, excited)
-
-
-def _jacobian(arc: Arc) -> Floats:
-    """Return dq''/d(q, q') (n, 2 n)."""
-    n, size, sparse = arc.system.n, arc.system.size, arc.system.newton
-    length = (size - n) * arc.state.dynamic.stop
-    length = length if sparse is None else len(sparse.entries)
-    found = arc.runner.function("jacobian", length)(arc.t, arc.y)
-    if sparse is None:
-        return found.reshape(size - n, -1)[:n]
-    return sparse.jacobian(n, found)
 
 
 def _is_excited(
@@ -257,7 +254,8 @@ def _is_excited(
     of others, and the speed of all of them together, says nothing about it.
     """
     n = len(masses)
-    depends = np.abs(J[:, :n]) / speed**2 + np.abs(J[:, n:]) / speed
+    by_q, by_v = J[:n, :n], J[:n, n : 2 * n]
+    depends = np.abs(by_q) / speed**2 + np.abs(by_v) / speed
     roots = np.sqrt(masses)
     ratios = np.divide(
         roots[:, None], roots, out=np.full((n, n), inf), where=roots > 0.0
@@ -295,7 +293,7 @@ def _trial(arc: Arc) -> tuple[State, State]:
 
 def _cost(arc: Arc, before: State, after: State) -> float:
     """Operations per unit of time."""
-    n = arc.system.n
+    n = arc.system.n + len(arc.system.equations.states)
     passed = after.t - before.t
     if passed == 0.0:
         return inf

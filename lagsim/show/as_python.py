@@ -16,7 +16,7 @@ import numpy as np
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
-from lagsim.mechanics.constraints import Flow, constraint_row
+from lagsim.mechanics.constraints import constraint_row
 from lagsim.show.content import in_words
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _OWN = (
     "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED",
-    "CONDITIONS", "PARAMETERS",
+    "CONDITIONS", "PARAMETERS", "STATES",
 )  # fmt: skip
 # An expression of more operations than this gets a name, for people.
 LONGEST = 6
@@ -51,14 +51,19 @@ ONE_SIDED = {one_sided}
 CONDITIONS = {conditions}
 PARAMETERS = {parameters}
 '''
+_STATES = """
+# First-order states: all functions take their values s, in this order, after q_dot.
+STATES = {}
+"""
 
 
 def as_python(equations: Equations, version: str) -> str:
     """Give the module; see the section `derive --format python` of the contract."""
     e, g = equations, equations.graph
     model = e.model
-    flow = Flow(g, e.q, e.velocities)
+    flow = e.flow
     rows = [constraint_row(g, c.name, c.relation.node, flow) for c in model.constraints]
+    states, first = [x.rate for x in e.states], [x.name for x in e.states]
     head = _HEAD.format(
         name=model.name.replace("\\", "/").replace('"', "'"),
         version=version,
@@ -70,6 +75,7 @@ def as_python(equations: Equations, version: str) -> str:
         ),
         parameters=_dictionary({p.name: p.value for p in model.parameters}),
     )
+    head += _STATES.format(_tuple(first)) if first else ""
     n, m = len(e.q), len(rows)
     functions = [
         _function(e, "mass_matrix", "M", [x for row in e.M for x in row], (n, n)),
@@ -77,6 +83,8 @@ def as_python(equations: Equations, version: str) -> str:
         _function(e, "constraint_matrix", "A", [x for r in rows for x in r.A], (m, n)),
         _function(e, "constraint_rhs", "b", [r.b for r in rows], (m,)),
     ]
+    if states:
+        functions.append(_function(e, "state_rates", "s'", states, (len(states),)))
     return "\n\n".join([head, *functions])
 
 
@@ -97,10 +105,10 @@ def _function(
     e: Equations, name: str, letter: str, nodes: list[int], shape: tuple[int, ...]
 ) -> str:
     """Give one function: its inputs, its steps, its array."""
-    g = e.graph
+    g, first = e.graph, ", s" if e.states else ""
     size = ", ".join(map(str, shape))
     lines = [
-        f"def {name}(t, q, q_dot):",
+        f"def {name}(t, q, q_dot{first}):",
         f'    """Give {letter} ({size}{"," if len(shape) == 1 else ""})."""',
         f"    out = np.zeros(({size}{',' if len(shape) == 1 else ''}))",
     ]
@@ -147,8 +155,9 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
     sources = {p.name: f'PARAMETERS["{p.name}"]' for p in e.model.parameters}
     sources |= {q: f"q[{k}]" for k, q in enumerate(e.q)}
     sources |= {v: f"q_dot[{k}]" for k, v in enumerate(e.velocities)}
+    sources |= {x.name: f"s[{k}]" for k, x in enumerate(e.states)}
     found: dict[int, tuple[str, str]] = {}
-    taken = set(_TAKEN)
+    taken = {*_TAKEN, *("s" for _ in e.states)}
     for n in cone:
         if e.graph.ops[n] != VARIABLE:
             continue

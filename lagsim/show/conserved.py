@@ -101,11 +101,11 @@ def _momentum(
     if held or line["Q"] != 0:
         return None
     (slope,) = x.sympy([dL_dq])
-    if x.free(slope) & {*x.q, x.t}:
+    if x.free(slope) & {*x.q, *x.states, x.t}:
         return None
     rates = [x.g.variable(v) for v in x.equations.velocities]
     coefficients = x.sympy(gradient(x.g, dL_dq, rates))
-    if any(x.free(c) & {*x.q, *x.v, x.t} for c in coefficients):
+    if any(x.free(c) & {*x.q, *x.v, *x.states, x.t} for c in coefficients):
         return None
     rest = sp.Add(*(c * v for c, v in zip(coefficients, x.v, strict=True)))
     if x.tidy(slope - rest) != 0:

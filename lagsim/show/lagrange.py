@@ -27,7 +27,7 @@ from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.constraints import Flow, constraint_row
+from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
@@ -349,7 +349,7 @@ class _Derivation:
     def __init__(self, x: Translation) -> None:
         self.x = x
         e, g, model = x.equations, x.g, x.equations.model
-        self.flow = flow = Flow(g, e.q, e.velocities)
+        self.flow = flow = e.flow
         rates = flow.rates
         forward = flow.forward | dict(
             zip(rates, map(g.variable, e.accelerations), strict=True)
@@ -399,7 +399,8 @@ class _Derivation:
         M = [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
         sums = zip(self.slope[n:], self.drifts, self.Q, strict=False)
         f = x.sympy(x.g.call("add", x.g.call("sub", a, b), Q) for a, b, Q in sums)
-        (dL_dt,) = x.sympy(self.slope[-1:])
+        drift = tangent(x.g, [model.lagrangian], self.flow.states)
+        (dL_dt,) = x.sympy([x.g.call("add", self.slope[-1], *drift)])
         constraints = self.constraints
         conserved = conserved_quantities(
             x, self.lagrangian, dL_dt, self.slope[n:-1], self.lines, constraints
@@ -414,6 +415,9 @@ class _Derivation:
             "dissipation": self.dissipation,
             "forces": [self._force(force) for force in model.forces],
             "equations": self.lines,
+            "states": {
+                s.name: x.sympy([s.rate], written=True)[0] for s in model.states
+            },
             "M": M,
             "f": f,
             "constraints": constraints,
@@ -470,7 +474,7 @@ class _Derivation:
 
     def _driving(self, Q: Any) -> tuple[Any, Any]:
         """Part Q into what stands right, given in time, and what stands left."""
-        state = {*self.x.q, *self.x.v}
+        state = {*self.x.q, *self.x.v, *self.x.states}
         parts = sp.Add.make_args(Q)
         driving = [p for p in parts if not self.x.free(p) & state]
         return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))

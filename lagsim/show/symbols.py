@@ -202,7 +202,7 @@ class Translation:
 
     Attributes
     ----------
-    q, v, a, multipliers : list of Symbol
+    q, v, a, states, multipliers : list of Symbol
     t : Symbol
     substitute : bool
         The parameters are numbers.
@@ -226,6 +226,7 @@ class Translation:
         self.q = [symbol(c.name) for c in model.coordinates]
         self.v = [symbol(f"{q}_dot") for q in equations.q]
         self.a = [symbol(f"{q}_ddot") for q in equations.q]
+        self.states = [symbol(x.name) for x in model.states]
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
         physics = physics_of(model)
         parameters = [symbol(p.name) for p in model.parameters]
@@ -236,7 +237,7 @@ class Translation:
         self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
         self.names, self.rank = self._shown(parameters)
         moving = {*self.v, *self.a, *self.multipliers}
-        moving_names = {*self.q, *moving, self.t}
+        moving_names = {*self.q, *moving, *self.states, self.t}
         still = [s for s, e in self.kept.items() if not self.free(e) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(constants, frozenset(moving))
@@ -252,7 +253,7 @@ class Translation:
             if g.ops[n] in _ROOTS and g.ops[n] != "hypot"
             for a in g.args[n]
         }
-        variables = {*self.equations.q, "t"}
+        variables = {*self.equations.moving}
         wanted = {}
         for d in self.equations.model.definitions:
             n = d.node
@@ -300,15 +301,16 @@ class Translation:
         self, parameters: list[Any]
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
         model, kept = self.equations.model, list(self.kept)
-        names = {s: Name(s.name) for s in (*parameters, *kept, self.t)}
+        single = *parameters, *kept, *self.states, self.t
+        names = {s: Name(s.name) for s in single}
         for order, group in enumerate((self.q, self.v, self.a)):
             shown = (Name(q.name, order) for q in self.q)
             names |= dict(zip(group, shown, strict=True))
         shown = (Name(c.name, 0, "multiplier") for c in model.constraints)
         names |= dict(zip(self.multipliers, shown, strict=True))
         groups = [
-            _as_people_order(model.parameters), kept, [self.t, *self.q],
-            self.v, self.a, self.multipliers,
+            _as_people_order(model.parameters), kept,
+            [self.t, *self.q, *self.states], self.v, self.a, self.multipliers,
         ]  # fmt: skip
         rank = {
             s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
@@ -437,6 +439,7 @@ def physics_of(model: Model) -> list[int]:
     nodes = [model.kinetic, model.potential, model.lagrangian, model.dissipation]
     nodes += [x for f in model.forces for x in (f.node, f.direction)]
     nodes += [c.relation.node for c in model.constraints]
+    nodes += [s.rate for s in model.states]
     for c in model.constraints:
         nodes += [c.limit, c.when]
         if c.law is not None:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property, partial
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -81,7 +81,7 @@ class Evidence:
         self.equations = session.case.equations
         self.gaps = Gaps(columns.names[: columns.table])
         self.residuals = ResidualMonitor(columns.names)
-        self.monitor = EnergyMonitor(columns.names, len(self.equations.q))
+        self.monitor = EnergyMonitor(columns.names, self.equations)
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
@@ -103,9 +103,11 @@ class Evidence:
         An absolute tolerance that a person gave is no measure of small groups.
         """
         e, monitor, residuals = self.equations, self.monitor, self.residuals
+        worst = residuals.drift.row
+        worst = worst if worst is None else worst[e.state_columns]
         whole = Balance(
             range(len(e.q)), (), e.energy, monitor.energy_in_play, monitor.work_range,
-            residuals.drift.size, residuals.energy_gained, residuals.drift.row,
+            residuals.drift.size, residuals.energy_gained, worst,
             monitor.balance, monitor.passed, residuals.drift.since,
         )  # fmt: skip
         return [*(group_balances(e, monitor) if self.plan.atol is None else ()), whole]
@@ -247,7 +249,8 @@ def _between(
 def energy_error(equations: Equations, node: int, row: Floats, errors: Floats) -> float:
     """Return the error of an energy by errors (2 n,) of the state at a row."""
     values = {p.name: (p.value, 0.0) for p in equations.model.parameters}
-    state = zip(row[1:].tolist(), errors.tolist(), strict=False)
+    known = row[1 : 1 + len(equations.state)].tolist()
+    state = zip_longest(known, errors.tolist(), fillvalue=0.0)
     values |= {"t": (float(row[0]), 0.0)}
     values |= dict(zip(equations.state, state, strict=False))
     ((_, error),) = evaluate_with_error(equations.graph, [node], values)
@@ -528,7 +531,7 @@ def worst_residual(
     equations, start = run.equations, run.session.case.examined.state
     n, g, ranges = len(equations.q), equations.graph, run.monitor.ranges
     contacts = {x.constraint for x in equations.laws if x.kind is Kind.CONTACT}
-    names = ("t", *equations.state)
+    names = run.session.system.columns.names
     for name, residual, part, values in run.residuals.constraints_off(SATISFIED):
         if not math.isfinite(residual):
             return name, part
@@ -558,8 +561,8 @@ def worst_residual(
 def inertia_roots(equations: Equations, start: Instant) -> Floats:
     """Return the roots of the diagonal of M at the start (n,)."""
     values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
-    values |= dict(zip(equations.q, start.q, strict=True))
-    values |= dict(zip(equations.velocities, start.v, strict=True))
+    state = np.concatenate([start.q, start.v, start.s]).tolist()
+    values |= dict(zip(equations.state, state, strict=True))
     diagonal = evaluate(equations.graph, equations.inertias, values)
     return np.sqrt(np.fmax(diagonal, 0.0))
 
@@ -611,7 +614,7 @@ def _rounded(run: Evidence, balance: Balance, times: float = FAR) -> float:
     row = balance.worst_row
     if row is None:
         return 0.0
-    state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + 2 * len(run.equations.q)])
+    state = UNIT_ROUNDOFF * np.abs(row[1 : 1 + len(run.equations.state)])
     own = times * energy_error(run.equations, balance.energy, row, state)
     return max(own, motion_of_rest(run, balance.coordinates)[1])
 
@@ -761,7 +764,8 @@ def _explained(run: Evidence, balance: Balance, row: Floats) -> float:
         return math.inf
     # Up to the row that was compared next.
     until = min(int(np.searchsorted(bar.times, row[0])) + 1, len(bar.times))
-    errors = np.max(np.hstack([bar.errors[:until], bar.rates[:until]]), axis=0)
+    q, s = np.split(bar.errors[:until], [bar.rates.shape[1]], axis=1)
+    errors = np.max(np.hstack([q, bar.rates[:until], s]), axis=0)
     part = float(np.max(bar.parts[:until], initial=0.0))
     part += FAR * (run.plan.rtol or EXACT_RTOL)
     error = energy_error(run.equations, balance.energy, row, errors)

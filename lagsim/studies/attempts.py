@@ -128,60 +128,53 @@ def compared(
     if alike and checkpoints.last[0] > pairs[-1][0][0]:
         pairs.append((checkpoints.last, again.last))
     mine, theirs = np.array(pairs).swapaxes(0, 1)
-    errors = np.abs(theirs[:, 1:] - mine[:, 1:])
-    errors = np.fmax(errors, UNIT_ROUNDOFF * _largest(mine[:, 1:]))
+    every = np.abs(theirs - mine)
+    every = np.fmax(every, UNIT_ROUNDOFF * _largest(mine))
     # Times are rounded, too, also those at which forces step.
-    late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n :])
-    errors[:, :n] = np.fmax(errors[:, :n], late)
-    own, worst = checkpoints.high - checkpoints.low, np.max(errors[:, :n], axis=0)
-    sizes = _ranges(equations.q, repeated, checkpoints, again)
+    late = UNIT_ROUNDOFF * _largest(mine[:, :1] * mine[:, 1 + n : 1 + 2 * n])
+    every[:, 1 : 1 + n] = np.fmax(every[:, 1 : 1 + n], late)
+    errors = checkpoints.valued(every)
+    own, worst = checkpoints.high - checkpoints.low, np.max(errors, axis=0)
+    names = *equations.q, *(x.name for x in equations.states)
+    # Of rows and of steps: rows may be few, or show oscillations in the same phase.
+    nothing = np.nan, np.nan
+    steps = np.array([repeated.extents.get(name, nothing) for name in names]).T
+    low = np.fmin.reduce([checkpoints.low, again.low, steps[0]])
+    high = np.fmax.reduce([checkpoints.high, again.high, steps[1]])
+    sizes = np.asarray(high - low)
     # Where the two are apart, the repeat's motion is another one; it counts only where
     # the run has hardly moved.
     sizes = np.where((worst > LOST * sizes) & (own > LOST * sizes), own, sizes)
     roots = inertia_roots(equations, start)
     labels = joined(n, [row.A.entries for row in equations.rows])
-    moving, linked = largest_beside(roots, sizes), in_groups(labels, roots, sizes)
-    largest, held = np.max(np.abs(mine[:, 1 : 1 + n]), axis=0), np.zeros(n)
+    # A state has no inertia, and nothing beside it, by which it could be measured.
+    moving, linked, held = np.zeros((3, len(names)))
+    moving[:n] = largest_beside(roots, sizes[:n])
+    linked[:n] = in_groups(labels, roots, sizes[:n])
+    largest = np.max(np.abs(checkpoints.valued(mine)), axis=0)
     scales, still = _scales(sizes, moving, linked, largest, held)
     # All else moves by far more than its error, or than a part of what moves beside it.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)
-    if slow.any():
+    if slow[:n].any():
         from lagsim.run.held import could_push
 
-        which = np.flatnonzero(slow).tolist()
-        held = could_push(equations, mine, which, case.settings.output_step).reach
+        which, step = np.flatnonzero(slow[:n]).tolist(), case.settings.output_step
+        held[:n] = could_push(equations, mine, which, step).reach
         scales, still = _scales(sizes, moving, linked, largest, held)
     rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
-        names=equations.q,
+        names=names,
         times=mine[:, 0],
-        errors=errors[:, :n],
+        errors=errors,
         scales=scales,
         still=still,
-        rates=errors[:, n:],
+        rates=every[:, 1 + n : 1 + 2 * n],
         repeated=repeats,
         parted="" if alike else _parted(run, repeated, plan),
         rests=bool(np.all(sizes <= rounding)),
     )
-
-
-def _ranges(
-    names: tuple[str, ...],
-    repeated: Trajectory,
-    checkpoints: Checkpoints,
-    again: Checkpoints,
-) -> Floats:
-    """Return the ranges (n,) over all rows of both runs, and over the repeat's steps.
-
-    Rows may be few, or show an oscillation always in the same phase.
-    """
-    nothing = np.nan, np.nan
-    steps = np.array([repeated.extents.get(name, nothing) for name in names]).T
-    low = np.fmin.reduce([checkpoints.low, again.low, steps[0]])
-    high = np.fmax.reduce([checkpoints.high, again.high, steps[1]])
-    return np.asarray(high - low)
 
 
 def _largest(values: Floats) -> Floats:
@@ -414,7 +407,7 @@ class Attempt(Evidence):
     def __init__(self, session: Session, wish: Attempts) -> None:
         super().__init__(session)
         model, names = self.equations.model, session.system.columns.names
-        self.checkpoints = Checkpoints(len(self.equations.q), session.case.settings)
+        self.checkpoints = Checkpoints(self.equations, session.case.settings)
         self.corners = Corners() if wish.cornered or wish.thinned else None
         self.thin = picture_thinning(model, names) if wish.thinned else None
         self.frames: Frames | None = None
@@ -627,11 +620,11 @@ class Attempts:
         self.clock.lap("error_bar")
         if fault(own):
             return False
-        found, n = third.numbered, len(session.case.equations.q)
+        found = third.numbered
         if not bar.repeated.keys() <= found.keys():
             return False
         alike = [np.abs(found[k] - row) for k, row in bar.repeated.items()]
-        apart = np.max(np.array(alike)[:, 1 : 1 + n], axis=0)
+        apart = np.max(third.valued(np.array(alike)), axis=0)
         return bool(np.max(bar.lost_by(apart)) < ALIKE * np.max(bar.lost))
 
     def _again(
@@ -648,7 +641,7 @@ class Attempts:
         spacing = rows.stride * case.settings.output_step / finer
         other = other._replace(session=other.session.asking(output_step=spacing))
         settings = other.session.case.settings
-        again = Checkpoints(len(case.equations.q), settings, finer)
+        again = Checkpoints(case.equations, settings, finer)
         assert self.allowance is not None
         most = MOST_STEPS
         if not always:

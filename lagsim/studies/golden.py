@@ -152,7 +152,7 @@ def perturbed(case: Case, seed: int) -> Case:
         p._replace(value=v) for p, v in zip(model.parameters, values, strict=True)
     )
     equations = case.equations.of(replace(model, parameters=parameters))
-    state = Instant(start.t, moved(start.q), moved(start.v))
+    state = Instant(start.t, moved(start.q), moved(start.v), moved(start.s))
     return case._replace(equations=equations).at(state)
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.linearisation import Linearisation, eigenmodes, weighted
+from lagsim.mechanics.linearisation import Linearisation, eigenmodes
 from lagsim.methods import method
 from lagsim.notes import Caution
 from lagsim.tolerances import NEGLIGIBLE_RATE, SAME_RESULT
@@ -144,8 +144,8 @@ class Seen(NamedTuple):
     Attributes
     ----------
     eigenvalues : ndarray, shape (k,)
-    shapes : ndarray, shape (n, k)
-        Of the modes in the coordinates, each at most 1, in the metric of M.
+    shapes : ndarray, shape (n + l, k)
+        Of the modes in coordinates and states, each at most 1, see `Eigenmodes.parts`.
     energies : ndarray, shape (k,)
         Of the modes at this state, with their conjugates; 0 where they do not swing.
     """
@@ -180,9 +180,9 @@ def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
     linearisation = Linearisation(equations)
     most = min(STATES, MOST_NODES // max(1, linearisation.nodes))
     found = []
-    for t, q, v, a in monitor.states(max(1, most)):
+    for t, (q, v, a, s) in monitor.states(max(1, most)):
         try:
-            linear = linearisation.at(t, q, v)
+            linear = linearisation.at(t, q, v, s)
             found.append(_analysed(t, linear, v, a, h))
         except (ValueError, np.linalg.LinAlgError):
             continue
@@ -190,16 +190,17 @@ def _seen(equations: Equations, monitor: EnergyMonitor, h: float) -> list[Seen]:
 
 
 def _analysed(t: float, linear: Linear, v: Floats, a: Floats, h: float) -> Seen:
-    """Give the modes, and what of y' = (v, a) is in each."""
+    """Give the modes, and what of y' = (v, a, s') is in each."""
     modes = eigenmodes(linear.R, lambda speeds: speeds * h > SLOW)
     G = linear.lengths.T @ linear.lengths
-    rates = np.concatenate([linear.Zh.T @ G @ v, linear.Z.T @ G @ a])
+    first = linear.first_order
+    rates = np.concatenate([linear.Zh.T @ G @ v, linear.Z.T @ G @ a, first])
     moved = modes.right[: linear.Zh.shape[1]]
     # v = 2 Re(c x e^(L t)) of a pair, whose kinetic energy is |2 c x|^2/2 at most.
     amplitudes = np.abs(modes.amplitudes(rates))
     energies = 2.0 * amplitudes**2 * np.sum(np.abs(moved) ** 2, axis=0)
     energies *= modes.swing(OSCILLATING) * (modes.values.imag > 0.0)
-    shapes = weighted(linear.Zh @ moved, np.diag(G))
+    shapes = modes.parts(linear.Zh @ moved, np.diag(G), len(first))
     return Seen(t, modes.values, shapes, energies)
 
 
@@ -341,8 +342,9 @@ class _Check(NamedTuple):
         return -math.expm1(min(0.0, 2.0 * rate * span))
 
     def named(self, there: Seen, k: int) -> str:
-        """Name the coordinates that have the most part in a mode."""
-        shapes = zip(self.equations.q, there.shapes[:, k], strict=True)
+        """Name the coordinates, or states, that have the most part in a mode."""
+        every = *self.equations.q, *(x.name for x in self.equations.states)
+        shapes = zip(every, there.shapes[:, k], strict=True)
         names = [f"`{q}`" for q, x in shapes if x > 0.5]
         more = f" and {len(names) - 4} more" if len(names) > 4 else ""
         return ", ".join(names[:4]) + more

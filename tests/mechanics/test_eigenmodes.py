@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lagsim.mechanics.algebra import Metric
-from lagsim.mechanics.linearisation import eigenmodes, weighted
+from lagsim.mechanics.linearisation import eigenmodes
 
 # Two oscillators apart, x'' = -w^2 x - 2 d w x', and their eigenvalues.
 RATES, DAMPING = np.array([3.0, 40.0]), np.array([0.02, 0.5])
@@ -44,9 +44,10 @@ def test_equal_rates():
 
 def test_shapes_are_weighted_by_masses():
     moved = np.array([[1.0, 3.0j], [1.0, 1.0]])
-    found = weighted(moved, np.array([4.0, 9.0]))
+    modes = eigenmodes(np.diag([1.0, 2.0]), lambda x: x > 0.0)
+    found = modes.parts(moved, np.array([4.0, 9.0]), 0)
     assert found == pytest.approx(np.array([[2.0 / 3.0, 1.0], [1.0, 0.5]]))
-    assert weighted(np.zeros((2, 1)), np.ones(2)) == pytest.approx(0.0)
+    assert modes.parts(np.zeros((2, 2)), np.ones(2), 0) == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("twice", [0, 1])

@@ -170,10 +170,13 @@ class Native:
         for k, side in enumerate(self.system.switches.sides):
             (value,) = evaluate(e.graph, [side.node], values)
             self.system.p.side[k] = math.copysign(1.0, value)
+        for mode in self.system.switches.modes:
+            (value,) = evaluate(e.graph, [mode.discrete], values)
+            self.system.p.flat[self.system.place(mode.variable)] = value
         self.runner.prepare()
         # Random states are off the constraints, and not to be brought onto them.
         self.system.p.reference = 0.0
-        y = np.array([values[name] for name in (*e.q, *e.velocities)] + [0.0])
+        y = np.array([values[name] for name in e.state] + [0.0])
         y = y[: self.system.size]
         rates = self.runner.function("derivative")(values["t"], y)[: self.system.size]
         row = self.runner.function("observe")(values["t"], y)

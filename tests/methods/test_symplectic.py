@@ -71,7 +71,7 @@ def reversed_error(text, **options):
         keep = Keep()
         session.run([keep])
         last = keep.table[-1]
-        turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n])
+        turned = Instant(start.t, last[1 : 1 + n], -last[1 + n : 1 + 2 * n], start.s)
         session = session._replace(case=case.at(turned))
     ends = [*turned.q - start.q, *turned.v - start.v]
     assert np.max(np.abs(last[1 : 1 + n] - keep.table[0][1 : 1 + n])) > 0.1

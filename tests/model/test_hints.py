@@ -261,7 +261,7 @@ FILES = {
     "initial:": "⟪x0⟫:",
     "g: 9.8": "g: ⟪9,8⟫",
     "simulation:": "⟪sim⟫:",
-    "coordinates:": "⟪states⟫:",
+    "coordinates:": "⟪dof⟫:",
     "scene:": "⟪visualization⟫:",
     "links:": "⟪edges⟫:   ⟪lines⟫:",
     "x: -x": "⟪X⟫: -x   ⟪x_dot⟫: -x",

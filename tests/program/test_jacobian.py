@@ -51,31 +51,29 @@ def linked(model, **options):
 
 
 def exact(system, runner, t, y):
-    """Give the Jacobian; the rates of works are the last rows."""
-    n = system.n
-    found = runner.function("jacobian", (n + system.works) * 2 * n)(t, y)
-    return found.reshape(-1, 2 * n)
+    """Give the Jacobian; the rates of states and works are the last rows."""
+    rows, d = system.size - system.n, len(system.equations.state)
+    return runner.function("jacobian", rows * d)(t, y).reshape(rows, d)
 
 
 def differences(system, runner, t, y):
     """Give the same by central differences of order 4."""
-    n = system.n
     derivative = runner.function("derivative")
     columns = []
-    for k in range(2 * n):
+    for k in range(len(system.equations.state)):
         h = 2.0**-10 * max(1.0, abs(y[k]))
         at = [derivative(t, y + s * h * np.eye(len(y))[k]) for s in (-2, -1, 1, 2)]
         columns.append((at[0] - 8 * at[1] + 8 * at[2] - at[3]) / (12 * h))
-    return np.array(columns).T[n : 2 * n + system.works]
+    return np.array(columns).T[system.n : system.size]
 
 
 def check(model, **options):
     system, runner, start = linked(model, **options)
     random = np.random.default_rng(1)
-    n = system.n
+    d = len(system.equations.state)
     for spread in (0.0, 0.01):
-        y = np.concatenate([start.q, start.v, [0.0] * system.works])
-        y[: 2 * n] += spread * random.standard_normal(2 * n)
+        y = np.concatenate([start.q, start.v, start.s, [0.0] * system.works])
+        y[:d] += spread * random.standard_normal(d)
         found = exact(system, runner, 0.3, y)
         expected = differences(system, runner, 0.3, y)
         # Differences lose h^4 = 1e-12 times the fifth derivative, and rounding / h.

@@ -15,7 +15,8 @@ from tests.sympy_oracle import Oracle, random_values
 # Whose accelerations are no longer than a few lines.
 SHORT = (
     "appell-hamel", "bead-hoop", "chaplygin-sleigh", "charged-particle",
-    "coupled-oscillators", "double-pendulum", "dry-friction", "elastic-pendulum",
+    "coupled-oscillators", "dc-motor", "double-pendulum", "dry-friction",
+    "elastic-pendulum",
     "elastic-pendulum-curve", "elastic-pendulum-forced", "forced-oscillator",
     "heavy-top", "kepler", "moving-pivot", "pendulum-cartesian", "stick-slip",
 )  # fmt: skip
@@ -143,13 +144,16 @@ def test_the_python_module_gives_the_numbers_of_the_graph(name):
     for seed in range(2):
         values = state_of(name, seed)
         module["PARAMETERS"].update({p: values[p] for p in module["PARAMETERS"]})
-        at = values["t"], [values[q] for q in e.q], [values[v] for v in e.velocities]
-        n, m = len(e.q), len(rows)
+        n, m, states = len(e.q), len(rows), [x.rate for x in e.states]
+        state = [values[x] for x in e.state]
+        parts = state[:n], state[n : 2 * n], state[2 * n :]
+        at = values["t"], *(parts if states else parts[:2])
         for function, nodes, shape in (
             ("mass_matrix", [x for row in e.M for x in row], (n, n)),
             ("force", e.f, (n,)),
             ("constraint_matrix", [x for row in rows for x in row.A], (m, n)),
             ("constraint_rhs", [row.b for row in rows], (m,)),
+            *([("state_rates", states, (len(states),))] if states else []),
         ):
             found = module[function](*at)
             assert found.shape == shape

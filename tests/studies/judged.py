@@ -32,7 +32,7 @@ def doubt(found, bar="not estimated"):
 def made(model):
     """Run a model; give its session, its trajectory and its checkpoints."""
     session = open_case(model).ready()
-    checkpoints = Checkpoints(len(model.coordinates), session.case.settings)
+    checkpoints = Checkpoints(session.case.equations, session.case.settings)
     return session, session.run([checkpoints]), checkpoints
 
 

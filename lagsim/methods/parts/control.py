@@ -106,6 +106,9 @@ def record_measured(s: Control, p: Parameters) -> None:
     s.energy = max(float(s.energy), abs(float(s.energies[0])), float(change))
     parts, accelerations = s.parts, s.parts[s.velocities]
     terms(s.t, s.y, p, parts)
+    for back in range(s.states):
+        k = s.states - 1 - back
+        parts[s.velocities.stop + k] = parts[s.n + k]
     # From here on as accelerations, and the whole in the metric of M.
     s.pushes[0] = 0.0
     for i in range(s.n):
@@ -252,9 +255,9 @@ def allow_roundoff(
         # step itself may lead anywhere.
         lead_positions(s, h, k)
         add_bound(s, p, t + h, s.point, s.velocities.start, s.velocities.stop)
-    if s.size > s.quadratures.start:
+    if s.size > s.velocities.stop:
         # The power of forces has no rounding where everything rests, at the start.
-        add_bound(s, p, t + h, new, s.quadratures.start, s.size)
+        add_bound(s, p, t + h, new, s.velocities.stop, s.size)
         # Nor has it where rows balance them, or surfaces, but velocities have.
         if (p.m > 0 or p.sliding > 0.0) and p.works > 0:
             moved, worked = s.roundoff[s.velocities], s.roundoff[s.quadratures]

@@ -197,7 +197,8 @@ def solve(width: Static, n: int, A: Floats, pivots: Floats, x: Floats) -> None:
 # --- the linear systems of an implicit method for q' = v, v' = a(t, q, v) -------------
 # (g - [0 1; Jq Jv]) (x, w) = (r, s), with J = da/d(q, v), becomes n equations,
 # (g^2 - g Jv - Jq) x = s + (g - Jv) r, and w = g x - r. The argument `g` holds g and
-# its square. Works are quadratures: their rows come last.
+# its square. First-order states have rows, and columns, of their own after these: g on
+# the diagonal and no g x - r. Works are quadratures: their rows come last.
 
 
 def square(width: Static, g: Floats) -> None:
@@ -226,33 +227,45 @@ def conclude(width: Static, n: int, i: int, g: Floats, x: Floats, r: Floats) -> 
 def decompose_newton(
     width: Static, s: Blocks, g: Floats, J: Floats, K: Floats, pivots: Floats
 ) -> int:
-    """Factor g^2 - g Jv - Jq into K (n, n); return 0 where it is singular."""
+    """Factor g^2 - g Jv - Jq into K (n + states,)^2; return 0 where it is singular."""
     n = s.n
-    K[: width * n * n] = 0.0
-    for i in range(n):
+    unknowns = n + s.states
+    K[: width * unknowns * unknowns] = 0.0
+    for i in range(unknowns):
         by_positions = J[i * s.dynamic.stop :]
         by_velocities = by_positions[s.velocities]
+        by_states = by_positions[s.first_order]
         for j in range(n):
-            own = K[width * (i * n + j) :]
+            own = K[width * (i * unknowns + j) :]
             own[0] = -by_positions[j]
             add(width, -by_velocities[j], g, own)
-        add(width, 1.0, g[width:], K[width * (i * n + i) :])
-    return decompose(width, n, K, pivots)
+        for j in range(s.states):
+            K[width * (i * unknowns + n + j)] = -by_states[j]
+        diagonal = K[width * (i * unknowns + i) :]
+        if i < n:
+            add(width, 1.0, g[width:], diagonal)
+        else:
+            add(width, 1.0, g, diagonal)
+    return decompose(width, unknowns, K, pivots)
 
 
 def solve_newton(
     width: Static, s: Blocks,
     g: Floats, J: Floats, K: Floats, pivots: Floats, r: Floats, x: Floats,
 ) -> None:  # fmt: skip
-    """Replace r (size,) by the solution. x : (n,), room to work in."""
+    """Replace r (size,) by the solution. x : (n + states,), room to work in."""
     n = s.n
     combine(width, n, g, r, x)
-    for i in range(n):
+    for i in range(n, n + s.states):
+        take(width, r[width * (n + i) :], x[width * i :])
+    for i in range(n + s.states):
         own = x[width * i :]
         row = J[i * s.dynamic.stop :]
         for j in range(n):
             add(width, -row[n + j], r[width * j :], own)
-    solve(width, n, K, pivots, x)
+    solve(width, n + s.states, K, pivots, x)
+    for i in range(n, n + s.states):
+        take(width, x[width * i :], r[width * (n + i) :])
     for i in range(n):
         conclude(width, n, i, g, x[width * i :], r)
     for k in range(s.quadratures.start, s.size):

@@ -54,22 +54,26 @@ def each_watched(p: Parameters) -> int:
 
 
 def columns(p: Parameters) -> int:
-    """Length of dr/dy, ds/dy and dpower/dy in `slopes`."""
-    return (p.n + p.m + p.works) * p.dynamic.stop
+    """Length of dr/dy, ds/dy and the slopes of other rates in `slopes`."""
+    return (p.n + p.m + p.states + p.works) * p.dynamic.stop
 
 
 class Blocks(Memory):
     """The blocks of the state y (size,), by their roles.
 
-    Second order: the coordinates q, then q'. Quadratures, of which no rate depends on:
-    the works, then others. All but these are what the motion depends on.
+    Second order: the coordinates q, then q'. First order: the states s. Quadratures, of
+    which no rate depends on: the works, then others. All but these are what the motion
+    depends on.
     """
 
     n: int  # coordinates
+    states: int  # of first order
     size: int  # components of y
     positions: Block = block("n")
     velocities: Block = block(lambda s: 2 * s.n, "n")
-    dynamic: Block = block(lambda s: s.velocities.stop)
+    dynamic: Block = block(lambda s: s.velocities.stop + s.states)
+    first_order: Block = block(lambda s: s.dynamic.stop, lambda s: s.velocities.stop)
+    driven: Block = block(lambda s: s.dynamic.stop, "n")  # velocities and states
     quadratures: Block = block("size", lambda s: s.dynamic.stop)
 
 
@@ -210,11 +214,13 @@ class Parameters(Laws):
     mirrored: Floats = array(each_coordinate)
     directions: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
     momenta: Floats = array(lambda p: each_coordinate(p) * min(p.n, p.m))
-    # What `slopes` gives; last dpower/d(q'', lambda). A column of the Jacobian.
+    # What `slopes` gives; last those by q'' and lambda. A column of the Jacobian.
     slopes: Floats = array(
-        lambda p: (columns(p) + p.works * (p.n + p.m)) * p.slopes_known
+        lambda p: (columns(p) + (p.states + p.works) * (p.n + p.m)) * p.slopes_known
     )
     by_motion: Floats = part(
-        "slopes", lambda p: p.works * (p.n + p.m) * p.slopes_known, columns
+        "slopes",
+        lambda p: (p.states + p.works) * (p.n + p.m) * p.slopes_known,
+        columns,
     )
     column: Floats = array(lambda p: (p.n + p.m) * p.slopes_known)

@@ -119,8 +119,8 @@ terms = of_model("terms")
 # Bounds of the rounding of q'' (n,) by that of the forces, in units of roundoff; then
 # the rounding of the rates of what follows q' in y.
 rounding = of_model("rounding")
-# dq''/d(q, q') (n, 2 n) row by row, exactly; where the model has works, a row (2 n,)
-# for the rate of each follows.
+# The derivatives of q'' (n, d) row by row, exactly, by the d components of y that the
+# motion depends on; those of the rates of states and works follow.
 jacobian = of_model("jacobian")
 # The rates of the works (works,).
 power = of_model("power")

@@ -154,11 +154,12 @@ class File:
         self.options = options
         self._check_version()
         self.name = self._name()
-        self.parameters, self.coordinates, self.definitions = (
+        self.parameters, self.coordinates, self.states, self.definitions = (
             names.section(top.value(key), f"`{key}`", kind, faults)
             for key, kind in (
                 ("parameters", Kind.PARAMETER),
                 ("coordinates", Kind.COORDINATE),
+                ("states", Kind.STATE),
                 ("definitions", Kind.DEFINITION),
             )
         )
@@ -184,6 +185,7 @@ class File:
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
         definitions.build(Level.POSITION, Level.VELOCITY)
+        states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x)
         definitions.build(Level.OUTPUT)
         forces = equations.read_forces(top.value("forces"), x)
@@ -208,6 +210,7 @@ class File:
             unused=tuple(name for name in x.known if name not in named),
             places={**self.names.places, **places},
             coordinates=coordinates,
+            states=states,
             definitions=definitions.read(),
             **energies._asdict(),
             forces=forces,
@@ -323,6 +326,7 @@ class File:
         """Give the expressions of energies, forces and constraints, as `forces.x`."""
         below = {
             "definitions": self.definitions,
+            "states": self.states,
             "energy": self.energy.found.values(),
             "forces": entries_of(self.top.value("forces")),
             "constraints": self.constraints,
@@ -348,6 +352,7 @@ class File:
         x = Expressions(old.graph, names, faults)
         x.known = old.known
         Definitions(self.definitions, x).build(Level.POSITION, Level.VELOCITY)
+        states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x)
         forces = equations.read_forces(self.top.value("forces"), x)
         constraints = equations.read_constraints(self.constraints, x)
@@ -359,6 +364,7 @@ class File:
             coordinates=(*model.coordinates, *(Coordinate(n, units[n]) for n in held)),
             forces=forces,
             constraints=constraints,
+            states=states,
             **energies._asdict(),
         )
         _check_roots(model, found)

@@ -6,12 +6,12 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import parse_relation
-from lagsim.model.model import Constraint, Force, Level, OneSided, Relation
+from lagsim.model.model import Constraint, Force, Level, OneSided, Relation, State
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, items_of
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import Kind, check_name
 from lagsim.model.reader.fields import Fields, entries, fields, kind_of, listed
-from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION
+from lagsim.model.reader.sections import CONSTRAINT, CONTACT, ENERGY, FRICTION, STATE
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -62,11 +62,43 @@ def read_energies(found: Fields, x: Expressions) -> Energies:
         called = {"dissipation": "the dissipation", "lagrangian": "the Lagrangian"}
         what = called.get(key, f"the {key} energy")
         nodes[key] = x.compile(found.value(key), what, Level.VELOCITY)
+        if key in found:
+            x.refuse_rates(found.found[key][1], what)
     kinetic, potential, lagrangian, dissipation = (nodes[k] for k in ENERGY)
     if kinetic is not None and potential is not None:
         lagrangian = x.graph.call("sub", kinetic, potential)
     x.energies.update(kinetic=kinetic, potential=potential)
     return Energies(lagrangian, kinetic, potential, dissipation)
+
+
+def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
+    """Give the first-order states, with their rates; faults are reported.
+
+    The rates of others in a rate, also within that of a definition, are written out.
+    """
+    found: dict[str, State] = {}
+    for key, node in given:
+        name, what = key.text, f"the state `{key.text}`"
+        below = fields(node, what, STATE, x.faults, key.place)
+        if "rate" not in below and below.sound:
+            hint = f"write {name}: {{rate: ...}}: what `{name}_dot` is"
+            x.faults.add("missing-key", f"{what} has no `rate`", key.place, hint)
+        rate = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
+        if rate is not None:
+            found[name] = State(
+                name, rate, below.text("unit"), below.text("description")
+            )
+    g, rates = x.graph, {name: s.rate for name, s in found.items()}
+    for _ in found:
+        new = {g.variable(f"{s}_dot"): rate for s, rate in rates.items()}
+        rates = dict(zip(rates, g.substitute(rates.values(), new), strict=True))
+    for key, _ in given:
+        if f"{key.text}_dot" in g.depends([rates.get(key.text, g.zero)]):
+            text = f"the rate of the state `{key.text}` depends on itself"
+            x.faults.add("cycle", text, key.place)
+    if given:
+        x.take_states(rates)
+    return tuple(s._replace(rate=rates[name]) for name, s in found.items())
 
 
 def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
@@ -77,6 +109,8 @@ def read_forces(node: Node | None, x: Expressions) -> tuple[Force, ...]:
     for key, value in entries(node, "`forces`", x.faults):
         direction = _direction(key, x)
         compiled = x.compile(value, f"the force on `{key.text}`", Level.VELOCITY)
+        if direction is not None and direction[1] is Level.VELOCITY:
+            x.refuse_rates(key, f"the definition `{key.text}`")
         if direction is not None and compiled is not None:
             found.append(Force(key.text, compiled, *direction, value.place))
     return tuple(found)
@@ -148,7 +182,7 @@ def read_relation(
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
     kinds = x.names.variables
     used = (kinds.get(n.removesuffix("_dot")) for n in x.graph.depends([gap]))
-    if Kind.COORDINATE not in used:
+    if {Kind.COORDINATE, Kind.STATE}.isdisjoint(used):
         text = f"{what} depends on no coordinate and no velocity"
         hint = "a time to stop at is `end` or `duration`" if what == "`until`" else ""
         x.faults.add("no-coordinate", text, scalar.place, hint)
@@ -206,6 +240,10 @@ class _Reader:
             x.faults.add("missing-key", f"{what} has no `relation`", self.key.place)
             expression = Broken(self.key.place)
         relation, equality = read_relation(expression, what, x)
+        self._refuse_states(relation)
+        x.refuse_rates(expression, what)
+        if "slip" in below:
+            x.refuse_rates(below.found["slip"][1], what)
         about = below.text("description")
         law = limit = None
         when = self._when()
@@ -219,6 +257,17 @@ class _Reader:
         if relation is None or not (equality or law):
             return None
         return Constraint(self.key.text, relation, law, about, limit, when)
+
+    def _refuse_states(self, relation: Relation | None) -> None:
+        """Report a relation of positions that depends on states."""
+        x = self.x
+        if relation is None or _has_velocity(relation.node, x):
+            return
+        used = x.graph.depends([relation.node])
+        if found := [s for s in x.names.of(Kind.STATE) if s in used]:
+            text = f"{self.what}, between positions, depends on states: {listed(found)}"
+            hint = "write its rate, such as `x_dot = v`, or make it a coordinate"
+            x.faults.add("state-misplaced", text, relation.place, hint)
 
     def _refuse(self, code: str, keys: Iterable[str], why: str, hint: str) -> None:
         """Report keys that a relation of this kind does not have."""

@@ -23,7 +23,7 @@ from lagsim.language.parser import (
     parse_condition,
 )
 from lagsim.model.model import Level
-from lagsim.model.nodes import Broken, Node, Scalar
+from lagsim.model.nodes import Broken, Node, Scalar, words
 from lagsim.model.reader import hints, quantities
 from lagsim.model.reader.fields import entries, is_mapping, kind_of, shortened
 from lagsim.model.reader.sections import RESERVED
@@ -60,6 +60,8 @@ class Kind(Enum):
     TIME = "the time", Level.POSITION
     COORDINATE = "a coordinate", Level.POSITION
     VELOCITY = "a velocity", Level.VELOCITY
+    STATE = "a state", Level.POSITION
+    STATE_RATE = "the rate of a state", Level.VELOCITY
     ACCELERATION = "an acceleration", Level.OUTPUT
     DEFINITION = "a definition", Level.POSITION  # or what is defined depends on
     RATE = "the rate of a definition", Level.VELOCITY
@@ -77,7 +79,9 @@ class Kind(Enum):
 # Names made of others: what stands before and after these, and kinds by those of these.
 _Kinds = dict[Kind | None, Kind]
 _DERIVED: tuple[tuple[str, str, _Kinds], ...] = (
-    ("", "_dot", {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE}),
+    ("", "_dot",
+     {Kind.COORDINATE: Kind.VELOCITY, Kind.DEFINITION: Kind.RATE,
+      Kind.STATE: Kind.STATE_RATE}),
     ("", "_ddot",
      {Kind.COORDINATE: Kind.ACCELERATION, Kind.DEFINITION: Kind.SECOND_RATE}),
     ("lambda_", "", {}),  # of constraints
@@ -101,7 +105,7 @@ class Names:
     has_lagrangian
         Whether the file gives one, so that its energies are not known.
     variables, places
-        Kind and place of each parameter, coordinate and definition.
+        Kind and place of each parameter, coordinate, state and definition.
     faulty
         Names given where a fault was reported; using them is no second fault.
     constraints
@@ -139,7 +143,7 @@ class Names:
         return [entry for entry in given if self.declare(entry[0], kind, faults)]
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
-        """Add a parameter, coordinate or definition; give whether its name is good."""
+        """Add a name of the file's variables; give whether it is good."""
         name = key.text
         if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
@@ -153,8 +157,8 @@ class Names:
         both = [(self.places[name], self.variables.pop(name)), (key.place, kind)]
         (there, first), (here, second) = sorted(both, key=lambda one: one[0][1:3])
         text = f"`{name}` is {first.text} already and cannot be {second.text} too"
-        hint = f"the first is in line {there.line}; parameters, coordinates and "
-        hint += "definitions share one namespace"
+        hint = f"the first is in line {there.line}; parameters, coordinates, states "
+        hint += "and definitions share one namespace"
         faults.add("name-clash", text, here, hint)
         return False
 
@@ -349,6 +353,10 @@ class Expressions:
         The definitions that have been built.
     energies
         Nodes of `kinetic` and `potential`, once built.
+    states
+        Rates of the first-order states, once built; a variable before, as `s_dot`.
+    with_rates
+        The states whose rates a name stands for, or contains.
     """
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
@@ -359,6 +367,8 @@ class Expressions:
         self.known: dict[str, Value] = {}
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
+        self.states: dict[str, int] = {}
+        self.with_rates: dict[str, set[str]] = {}
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
@@ -569,10 +579,40 @@ class Expressions:
             node = self.rate(base, second=kind is Kind.SECOND_RATE)
         elif kind is Kind.ENERGY and name != "energy":
             node = self.energies[name]
+        elif kind is Kind.STATE_RATE:
+            node = self.states.get(base, self.graph.variable(name))
         else:
             node = self.graph.variable(name)
         assert node is not None
         return node
+
+    def take_states(self, rates: dict[str, int]) -> None:
+        """Take the rates of the states, also in the definitions that use them."""
+        g, known, self._rates = self.graph, self.definitions, []
+        self.states = rates
+        new = {g.variable(f"{s}_dot"): rate for s, rate in rates.items()}
+        built = {name: d.node for name, d in known.items() if d.node is not None}
+        nodes = g.substitute(built.values(), new)
+        for (name, old), node in zip(built.items(), nodes, strict=True):
+            known[name] = known[name]._replace(node=node)
+            used = g.depends([old])
+            self.with_rates[name] = {s for s in rates if f"{s}_dot" in used}
+            self.with_rates[f"{name}_dot"] = {s for s in rates if s in used}
+        self.with_rates |= {f"{s}_dot": {s} for s in rates}
+
+    def refuse_rates(self, node: Node, what: str) -> None:
+        """Report rates of states that depend on the motion, where slopes are taken.
+
+        Such a rate counts as given in time, with no slope of its own.
+        """
+        moving = self.names.velocities().union(self.names.of(Kind.COORDINATE))
+        used = {s for word in words(node) for s in self.with_rates.get(word, ())}
+        for s in sorted(used):
+            if depends := sorted(self.graph.depends([self.states[s]]) & moving):
+                text = f"{what} contains the rate of the state `{s}`, which depends on "
+                hint = "make it a coordinate that a constraint of velocities holds"
+                text += f"`{depends[0]}`"
+                self.faults.add("state-misplaced", text, node.place, hint)
 
     def rate(self, definition: str, *, second: bool = False) -> int:
         """Give the node of the total time derivative of a definition of positions.
@@ -591,9 +631,11 @@ class Expressions:
         return self._rates[1 + second][definition]
 
     def _motion(self) -> dict[int, int]:
-        """Give the rate of everything that moves: t, q and q_dot."""
+        """Give the rate of everything that moves: t, q, q_dot and the states."""
         g = self.graph
         motion = {g.variable("t"): g.one}
+        for s in self.names.of(Kind.STATE):
+            motion[g.variable(s)] = self.states.get(s, g.variable(f"{s}_dot"))
         for q in self.names.of(Kind.COORDINATE):
             motion[g.variable(q)] = g.variable(f"{q}_dot")
             motion[g.variable(f"{q}_dot")] = g.variable(f"{q}_ddot")

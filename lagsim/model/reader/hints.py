@@ -58,7 +58,7 @@ _REWRITTEN = {word: row for words, row in {
 # letters.
 _KEYS = {
     "parameters": "constants params consts given",
-    "coordinates columns": "variables vars dof dofs generalized_coordinates q states",
+    "coordinates columns": "variables vars dof dofs generalized_coordinates q",
     "definitions": "define functions expressions positions kinematics",
     "forces": "loads generalized_forces applied_forces",
     "simulation": "sim solve integration solver_options",

@@ -297,10 +297,12 @@ def _reactions(node: Node | None, x: Expressions) -> tuple[str, ...]:
         definition = x.definitions.get(name)
         if definition is None or definition.node is None:
             continue  # faulty itself, and reported
-        if definition.level is Level.POSITION:
+        states = set(x.names.of(Kind.STATE)) & x.graph.depends([definition.node])
+        if definition.level is Level.POSITION and not states:
             found.append(name)
             continue
-        text = f"`{name}` has no reaction: it depends on {definition.level.text}"
+        what = "states" if states else definition.level.text
+        text = f"`{name}` has no reaction: it depends on {what}"
         hint = "a reaction holds a definition of positions and time to what it is"
         x.faults.add("no-reaction", text, place, hint)
     return tuple(found)
@@ -335,6 +337,7 @@ def _no_definition(name: str, what: str, hint: str, names: Names) -> tuple[str, 
     meaning = names.meaning(name)
     text = f"`{name}` is {meaning.kind.text if meaning else 'a column of results'}"
     columns = {Kind.VELOCITY, Kind.ENERGY, Kind.TIME, Kind.REACTION}
+    columns |= {Kind.STATE, Kind.STATE_RATE}
     if meaning is None or meaning.kind in columns:
         hint = "leave it out: it is a column in any case"
     elif meaning.kind is not Kind.COORDINATE:

@@ -284,9 +284,9 @@ class Parameters(_Numbers):
             kind = meaning.kind if meaning else None
             if kind is Kind.PARAMETER or names.is_faulty(name):
                 continue
-            moving = names.moving()
+            moving, states = names.moving(), names.of(Kind.STATE)
             rates = (f"{q}_dot" for q in moving)
-            among = [*names.of(Kind.PARAMETER), *moving, *rates]
+            among = [*names.of(Kind.PARAMETER), *moving, *states, *rates]
             hint = faults.did_you_mean(name, among)
             text = f"there is no parameter or start value `{name}`"
             if "." in name:
@@ -312,7 +312,7 @@ class Parameters(_Numbers):
 
 
 # What a start value may be given to.
-STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.DEFINITION, Kind.RATE)
+STARTED = (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE, Kind.DEFINITION, Kind.RATE)
 
 
 class Initial(_Numbers):
@@ -351,12 +351,14 @@ class Initial(_Numbers):
         x, graph = self.x, self.x.graph
         started = (x.definitions.get(name) for name in self._above)
         nodes = [d.node for d in started if d is not None and d.node is not None]
-        for q in x.names.of(Kind.COORDINATE):
+        every = [(q, "coordinate", "guess") for q in x.names.of(Kind.COORDINATE)]
+        every += [(s, "state", "steady") for s in x.names.of(Kind.STATE)]
+        for q, what, key in every:
             if q not in self._all:
-                text = f"`initial` has no value for the coordinate `{q}`"
-                hint = f"write `{q}: 0`, or `{q}: {{guess: 0}}` to have it solved"
+                text = f"`initial` has no value for the {what} `{q}`"
+                hint = f"write `{q}: 0`, or `{q}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
-                    hint = f"write `{q}: {{guess: 0}}`: it is solved for, near 0"
+                    hint = f"write `{q}: {{{key}: 0}}`: it is solved for, near 0"
                 x.faults.add("missing-initial", text, section.place, hint)
 
     def _in_order(
@@ -367,8 +369,8 @@ class Initial(_Numbers):
         for rate in rates:
             if rate not in self._all:  # a velocity not named is stated to be 0
                 found[rate] = InitialValue(rate, 0.0, 0.0, False, "0", place)
-        order = dict.fromkeys([*coordinates, *rates, *found])
-        return tuple(found[name] for name in order if name in found)
+        order = [*coordinates, *rates, *self.x.names.of(Kind.STATE), *found]
+        return tuple(found[name] for name in dict.fromkeys(order) if name in found)
 
     def _start(self, key: Scalar, node: Node) -> InitialValue | None:
         name, what = key.text, f"the start value of `{key.text}`"
@@ -400,10 +402,19 @@ class Initial(_Numbers):
         if "value" in {name.text for name, _ in node.entries}:
             self.x.scalar(node, what)  # a fault, with what to write
             return broken
-        guess = fields(node, what, START, faults, key.place).value("guess")
+        is_state = key.text in self.x.names.of(Kind.STATE)
+        wanted, other = ("steady", "guess") if is_state else ("guess", "steady")
+        given = fields(node, what, START, faults, key.place)
+        guess = given.value(wanted)
         if guess is None and not node.entries:
-            text = f"{what} must be an expression, or {{guess: expression}}"
+            text = f"{what} must be an expression, or {{{wanted}: expression}}"
             faults.add("not-an-expression", text, node.place)
+        if other in given:
+            text = f"{what} has `{other}`, which is for "
+            text += "coordinates and velocities" if is_state else "states"
+            hint = f"write {{{wanted}: ...}}: "
+            hint += "solved for where its rate is 0" if is_state else "it is solved for"
+            faults.add("not-a-guess", text, given.place_of(other), hint)
         return broken if guess is None else (guess, True)
 
     def _with_rate(self, name: str, node: Node) -> list[str]:
@@ -430,7 +441,7 @@ class Initial(_Numbers):
                 self._report_unknown(key)
             return False, None
         kind, base = meaning
-        if kind in (Kind.COORDINATE, Kind.VELOCITY):
+        if kind in (Kind.COORDINATE, Kind.VELOCITY, Kind.STATE):
             return True, None
         hint = "start values are those of positions and velocities"
         if kind not in STARTED:
@@ -464,7 +475,8 @@ class Initial(_Numbers):
         if not near and name in hints.SPEEDS and len(coordinates) == 1:
             near = f"{coordinates[0]}_dot"
         if not near and name.removesuffix("_dot") not in self._above:
-            near = faults.guess(name, [*moving, *(f"{q}_dot" for q in moving)])
+            among = [*moving, *names.of(Kind.STATE), *(f"{q}_dot" for q in moving)]
+            near = faults.guess(name, among)
         hint = "start values are those of coordinates, definitions and their rates"
         hint += f", such as {moving[0]}_dot" if moving else ""
         if near:  # read as that, or it would be reported as missing too

@@ -220,9 +220,8 @@ def _tracks(
     """Evaluate the points and their rates; a plane lies at z = 0 of a space."""
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
-    seed = {g.variable("t"): g.one}
-    for names in ((e.q, e.velocities), (e.velocities, e.accelerations)):
-        seed |= {g.variable(a): g.variable(b) for a, b in zip(*names, strict=True)}
+    accelerations = map(g.variable, e.accelerations)
+    seed = e.flow.forward | dict(zip(e.flow.rates, accelerations, strict=True))
     rates = tangent(g, nodes, seed)
     found = evaluate_rows(g, [*nodes, *rates], values, count)
     dimension = max(len(parts) for parts in scene.points.values())

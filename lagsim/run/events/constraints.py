@@ -178,8 +178,8 @@ def _is_held(arc: Arc, k: int) -> bool:
         return False
     state = arc.state
     where = state.inertia_where.reshape(state.inertias, -1)[k]
-    q, v = where[state.positions], where[state.velocities]
-    there = Instant(float(state.inertia_when[k]), q, v)
+    blocks = state.positions, state.velocities, state.first_order
+    there = Instant(float(state.inertia_when[k]), *(where[x] for x in blocks))
     found = admitted_inertia(Point(e, there), e.q.index(name))
     return not found < VANISHING * float(state.inertia_largest[k])
 
@@ -231,10 +231,11 @@ class RankLosses(Source):
         full = len(arc.equations.q)
         row = arc.runner.tabulate(np.array([[time, *at_loss]]))[0]
         q, v = row[1 : 1 + full], row[1 + full : 1 + 2 * full]
+        s = at_loss[arc.state.first_order]
         if self._usual is None:
             self._usual = usual_lengths(arc.equations, arc.start)
         rank = arc.plan.rank + len(arc.plan.reduction.eliminated)
-        point = Point(arc.equations, Instant(time, q, v))
+        point = Point(arc.equations, Instant(time, q, v, s))
         left, smallest = weakest_rows(point, rank, self._usual)
         rows = zip(arc.equations.rows, np.abs(left) > HEAVY, strict=True)
         names = tuple(row.name for row, is_in in rows if is_in)

@@ -82,20 +82,21 @@ def _rests(
 ) -> bool:
     """Try rest on surface k; the modes are left at it."""
     arc, J, positions = modes.arc, rows.J[k], modes.arc.state.positions
+    by_q = J[: arc.system.n]
     square = float(J @ J)
     if not square > 0.0 or modes.whole[k]:
         return False
-    speed, moving = float(rows.rates[k]), modes.of_velocities[k]
+    speed, moving = float(rows.rates[k]), modes.on_rates[k]
     aside = RESIDUAL_ROUNDOFF * size
     if moving:
-        size = float(np.abs(J) @ arc.seen[positions])
-        aside = SLOW * float(np.abs(J) @ arc.seen[arc.velocities])
+        size = float(np.abs(by_q) @ arc.seen[positions])
+        aside = SLOW * float(np.abs(J) @ arc.seen[arc.state.driven])
     found = {}
     for side, sign in ((BELOW, -1.0), (ABOVE, 1.0)):
         beside = arc.y.copy()
-        beside[arc.velocities] -= speed / square * J
-        part = arc.velocities if moving else positions
-        beside[part] += (sign * aside - rows.residuals[k]) / square * J
+        beside[arc.state.driven] -= speed / square * J
+        part, along = (arc.state.driven, J) if moving else (positions, by_q)
+        beside[part] += (sign * aside - rows.residuals[k]) / square * along
         modes.put(k, levels[k], side)
         for j in others:
             modes.write()
@@ -160,8 +161,8 @@ def _seen(modes: Modes, pushed: Floats) -> Floats:
     slopes = np.abs(modes.rows().J)
     here = np.abs(modes.values(arc.t, arc.y))
     # The rounding of what cancels is no size.
-    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[arc.velocities])
-    moved = slopes @ arc.ranges[arc.velocities]
+    least = ACCELERATION_ROUNDOFF * (slopes @ arc.seen[arc.state.driven])
+    moved = slopes @ arc.ranges[arc.state.driven]
     found = np.maximum(np.where(here > least, here, 0.0), moved)
     # What has not left its floor has not been seen, nor has the rounding of forces.
     least = np.maximum(modes.p.least_root, ACCELERATION_ROUNDOFF * pushed)
@@ -265,11 +266,11 @@ class Crossing:
     def _rate(self, rows: Rows, k: int) -> float:
         """Return the rate of a surface in positions; 0 where it is rounding."""
         modes, arc = self.modes, self.modes.arc
-        if modes.of_velocities[k] or k in self.at_rest:
+        if modes.on_rates[k] or k in self.at_rest:
             return 0.0
-        v = arc.y[arc.velocities]
+        v = arc.y[arc.state.driven]
         rate = float(rows.rates[k])
-        terms = np.abs(rows.J[k]) @ arc.seen[arc.velocities]
+        terms = np.abs(rows.J[k]) @ arc.seen[arc.state.driven]
         terms += abs(rate - float(rows.J[k] @ v))
         return rate if abs(rate) > RESIDUAL_ROUNDOFF * terms else 0.0
 
@@ -287,7 +288,7 @@ class Crossing:
         """Open surface that k steps together with, and their common sign."""
         J, b = rows.J, rows.b
         for j in self.open:
-            if self.modes.of_velocities[j] != self.modes.of_velocities[k]:
+            if self.modes.on_rates[j] != self.modes.on_rates[k]:
                 continue
             square = float(J[j] @ J[j])
             factor = float(J[k] @ J[j]) / square if square > 0.0 else 0.0

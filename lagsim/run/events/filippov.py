@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.methods.parts import parameters as kept
-from lagsim.program.functions import on_velocities
+from lagsim.program.functions import on_rates
 from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TINY
 
 if TYPE_CHECKING:
@@ -260,7 +260,7 @@ class Modes:
         self.sides: tuple[Side, ...] = system.switches.sides
         self.count = len(self.sides)
         self.whole = np.array([s.whole for s in self.sides])
-        self.of_velocities = [on_velocities(arc.equations, s) for s in self.sides]
+        self.on_rates = on_rates(arc.equations, system.switches)
         numbers = {s.variable: k for k, s in enumerate(self.sides)}
         nodes = system.switches.freeze([s.node for s in self.sides])
         depends = arc.equations.graph.depends
@@ -365,7 +365,7 @@ class Modes:
         most = np.where(whole, value + 1.0, most)
         least[self.bound], most[self.bound] = -math.inf, math.inf
         least[self.watched] = most[self.watched] = self.levels[self.watched]
-        moving = np.array(self.of_velocities, dtype=bool)
+        moving = np.array(self.on_rates, dtype=bool)
         least[slides] = np.where(moving, 0.0, self.levels)[slides]
         most[slides] = np.where(moving, self.levels, 0.0)[slides]
         p.least[:] = least
@@ -377,7 +377,7 @@ class Modes:
         y = arc.y if y is None else y
         starts, columns = arc.system.pattern
         rows = arc.runner.function("surface_rows", 4 * K + len(columns))(arc.t, y)
-        J = np.zeros((K, arc.system.n))
+        J = np.zeros((K, len(arc.y[arc.state.driven])))
         J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
         residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
         return Rows(residuals, rates, b, scales, J)
@@ -391,7 +391,7 @@ class Modes:
         parts = ASIDE + ASIDE**2 * np.arange(len(seen))
         aside = parts * np.where(reach > 0.0, reach, 1.0)
         here, there = self.rows(), self.rows(self.arc.y + aside)
-        if self.of_velocities[k]:
+        if self.on_rates[k]:
             still = abs(here.rates[k] - there.rates[k]) <= RESIDUAL_ROUNDOFF * abs(
                 here.rates[k]
             )
@@ -415,12 +415,12 @@ class Modes:
         return self.arc.runner.function("field", length)(t, y)[: system.size]
 
     def accelerations(self, y: Floats, t: float | None = None) -> Floats:
-        """Return q'' (n,) at y and t (by default now), with the sides as written."""
+        """Return q'' and s' at y and t (by default now), with the sides as written."""
         rates = self.rates(self.arc.t if t is None else t, y)
-        return rates[self.arc.velocities]
+        return rates[self.arc.state.driven]
 
     def forced(self, rows: Rows) -> Floats:
-        """J q'' - b (K,) of the surfaces at the state reached."""
+        """J (q'', s') - b (K,) of the surfaces at the state reached."""
         return np.asarray(rows.J @ self.accelerations(self.arc.y) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
@@ -429,9 +429,10 @@ class Modes:
         Or what the rounding of such a state does: slopes may vanish there.
         """
         arc, seen = self.arc, self.arc.seen
-        slopes = np.abs(rows.J)
-        levels = (slopes @ seen[x] for x in (arc.velocities, arc.state.positions))
-        terms = np.where(self.of_velocities, *levels)
+        slopes, moved = np.abs(rows.J), seen[arc.state.driven].copy()
+        moved[: arc.system.n] = seen[arc.state.positions]
+        levels = (slopes @ x for x in (seen[arc.state.driven], moved))
+        terms = np.where(self.on_rates, *levels)
         found = np.maximum(rows.scales, terms)
         here = self.values(arc.t, arc.y)
         for aside in self.asides():

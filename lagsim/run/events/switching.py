@@ -53,7 +53,7 @@ class Switching(Source):
     def __init__(self, arc: Arc) -> None:
         self.modes = Modes(arc)
         self.sides = self.modes.sides
-        self.of_velocities = self.modes.of_velocities
+        self.on_rates = self.modes.on_rates
         self.sequence = Sequence(arc.settings.start, arc.settings.duration)
         self.reported: set[str] = set()
         self.jumped = False
@@ -225,10 +225,10 @@ class Switching(Source):
         see `methods._controller`.
         """
         arc = self.modes.arc
-        speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.velocities]
+        speeds = np.abs(rows.J) @ self._reach(arc.y)[arc.state.driven]
         step = arc.t - arc.state.step_t if arc.steps else 0.0
         factor = NOISE * arc.state.rtol
-        return np.asarray(factor * np.where(self.of_velocities, speeds, step * speeds))
+        return np.asarray(factor * np.where(self.on_rates, speeds, step * speeds))
 
     # What a switch leads to
 
@@ -237,7 +237,7 @@ class Switching(Source):
     ) -> Iterator[Event]:
         for k in np.flatnonzero(before != self.slides):
             kind = "switch"
-            if self.of_velocities[k] or rests:
+            if self.on_rates[k] or rests:
                 kind = "stick" if self.slides[k] else "slip"
             if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
@@ -313,7 +313,7 @@ class Switching(Source):
         """Next surface on the path, at the present rates, and the time to it."""
         modes = self.modes
         rows = modes.rows()
-        speeds = np.where(self.of_velocities, modes.forced(rows), rows.rates)
+        speeds = np.where(self.on_rates, modes.forced(rows), rows.rates)
         values = modes.values(arc.t, arc.y)
         ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):

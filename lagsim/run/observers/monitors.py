@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Settings
 
 
@@ -37,8 +38,8 @@ class Checkpoints:
 
     Parameters
     ----------
-    count : int
-        Of the coordinates, the columns after the time; their rates follow.
+    equations
+        Of whose `state_columns` the rows are kept.
     settings
         Whose grid it is.
     stride
@@ -47,25 +48,27 @@ class Checkpoints:
     Attributes
     ----------
     states : dict of int to ndarray
-        Time, coordinates and rates (1 + 2 n,) by the number of the row.
+        Time, coordinates, rates and first-order states by the number of the row.
     """
 
-    def __init__(self, count: int, settings: Settings, stride: int = 1) -> None:
-        self._count = count
+    def __init__(
+        self, equations: Equations, settings: Settings, stride: int = 1
+    ) -> None:
+        self._count, self._places = len(equations.q), equations.state_columns
         self._grid = settings.start, settings.output_step
         self.states: dict[int, Floats] = {}
-        self._extremes = Extremes(1 + 2 * count)
+        self._extremes = Extremes(len(self._places))
         self.stride = stride
 
     def add(self, rows: Floats) -> None:
         """Take rows (k, columns)."""
         if not len(rows):
             return
+        rows = rows[:, self._places]
         self._extremes.add(rows)
         places = numbers(rows[:, 0], *self._grid)
         kept = (places >= 0) & (places % self.stride == 0)
-        states = rows[kept, : 1 + 2 * self._count]
-        self.states.update(zip(places[kept].tolist(), states, strict=True))
+        self.states.update(zip(places[kept].tolist(), rows[kept], strict=True))
         while len(self.states) > MOST_ROWS:
             self.stride *= 2
             self.states = {k: x for k, x in self.states.items() if k % self.stride == 0}
@@ -77,18 +80,23 @@ class Checkpoints:
 
     @property
     def last(self) -> Floats | None:
-        """The last row of all, (1 + 2 n,); None where there is none."""
+        """The last row of all; None where there is none."""
         return self._extremes.end if self._extremes.rows else None
 
     @property
     def low(self) -> Floats:
-        """The least values of the coordinates (n,)."""
-        return self._extremes.low[1 : 1 + self._count]
+        """The least values of the coordinates, then of the states."""
+        return self.valued(self._extremes.low)
 
     @property
     def high(self) -> Floats:
-        """Their greatest values (n,)."""
-        return self._extremes.high[1 : 1 + self._count]
+        """Their greatest values."""
+        return self.valued(self._extremes.high)
+
+    def valued(self, rows: Floats) -> Floats:
+        """Return coordinates and states of rows that are kept."""
+        rates = np.s_[1 + self._count : 1 + 2 * self._count]
+        return np.delete(rows, rates, axis=-1)[..., 1:]
 
     @property
     def rows(self) -> Floats:
@@ -165,8 +173,9 @@ class EnergyMonitor:
     between_rows = 0.0
     extents: Mapping[str, tuple[float, float]] = {}
 
-    def __init__(self, columns: Sequence[str], count: int) -> None:
-        self.count = count
+    def __init__(self, columns: Sequence[str], equations: Equations) -> None:
+        self.count, self._state = len(equations.q), equations.state_columns
+        self._shown = len(self._state) + self.count
         self._energy = columns.index("energy")
         self._work = columns.index("work") if "work" in columns else None
         own = [k for k, name in enumerate(columns) if name.startswith("work.")]
@@ -175,7 +184,7 @@ class EnergyMonitor:
         self._parts = {name: columns.index(name) for name in shown if name in columns}
         self._held = [k for k, name in enumerate(columns) if name.startswith("Qc_")]
         self._extremes = Extremes(len(columns))
-        self._kept = np.empty((0, 3 + 3 * count + len(self._works)))
+        self._kept = np.empty((0, 2 + self._shown + len(self._works)))
         self._seen, self._stride = 0, 1
 
     def add(self, rows: Floats) -> None:
@@ -192,10 +201,10 @@ class EnergyMonitor:
         self._seen = seen
 
     def _parts_of(self, rows: Floats) -> Floats:
-        """Energy - work, the kinetic energy, t, q, q', q'', works of each row."""
+        """Energy - work, the kinetic energy, t, q, q', q'', s, works of each row."""
         balance = _balance(rows, self._energy, self._work)
         moving = rows[:, self._parts.get("kinetic", self._energy)]
-        state, works = rows[:, : 1 + 3 * self.count], rows[:, self._works]
+        state, works = rows[:, : self._shown], rows[:, self._works]
         return np.column_stack([balance, moving, state, works])
 
     @property
@@ -207,8 +216,8 @@ class EnergyMonitor:
 
     @property
     def passed(self) -> Floats:
-        """Time, coordinates and velocities (k, 1 + 2 n) of what is kept."""
-        return self._rows[:, 2 : 3 + 2 * self.count]
+        """Time and state (k, 1 + 2 n + states) of what is kept."""
+        return self._rows[:, 2 + np.array(self._state)]
 
     @property
     def balance(self) -> Floats:
@@ -218,7 +227,7 @@ class EnergyMonitor:
     @property
     def worked(self) -> Floats:
         """The works (k, works) of what is kept."""
-        return self._rows[:, 3 + 3 * self.count :]
+        return self._rows[:, 2 + self._shown :]
 
     @property
     def end(self) -> float:
@@ -272,8 +281,8 @@ class EnergyMonitor:
         found = np.divide(accelerations, rates, out=np.zeros(n), where=rates > 0.0)
         return float(np.max(found, initial=0.0))
 
-    def states(self, most: int) -> Iterator[tuple[float, Floats, Floats, Floats]]:
-        """Return t, q, q', q'' of at most so many rows, the first among them.
+    def states(self, most: int) -> Iterator[tuple[float, list[Floats]]]:
+        """Return t and q, q', q'', s of at most so many rows, the first among them.
 
         None from where the energy is wrong by a large part of what has been in play: a
         motion that has blown up says nothing of the scene.
@@ -286,7 +295,8 @@ class EnergyMonitor:
         wrong = np.flatnonzero(change > WRONG * in_play)
         rows = rows[: max(1, wrong[0])] if len(wrong) else rows
         for row in rows[:: max(1, -(-len(rows) // most))]:
-            yield float(row[2]), row[3 : 3 + n], row[3 + n :][:n], row[3 + 2 * n :][:n]
+            state = row[3 : 2 + self._shown]
+            yield float(row[2]), np.split(state, [n, 2 * n, 3 * n])
 
 
 # A value is noted when it is so many times the one noted before.

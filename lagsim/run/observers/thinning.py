@@ -328,6 +328,7 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     """Return the thinning of these columns that the pictures of a model need."""
     coordinates = [coordinate.name for coordinate in model.coordinates]
     series = {"kinetic", "potential", "lagrangian", "energy", *coordinates}
+    series |= {state.name for state in model.states}
     series |= {f"Qc_{name}" for name in coordinates}
     series |= {f"lambda_{constraint.name}" for constraint in model.constraints}
     shown = ("plot.", "friction.", "impulse.")

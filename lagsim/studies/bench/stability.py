@@ -153,15 +153,17 @@ class Subject:
             self._linearise(motion)
 
     def _trusted(self) -> Floats:
-        """Return rows (t, q, q') of the motion, by the method that `auto` takes."""
+        """Return rows (t, q, q', s) of the motion, by the method that `auto` takes."""
         trusted = asking(self.case).asking(output_step=self.span / TRUSTED_ROWS)
         session = trusted.ready()._replace(most_steps=TRUSTED_STEPS)
         self.switches = session.system.surfaces > 0
-        kept = Keep(columns=1 + 2 * len(self.equations.q))
+        places = self.equations.state_columns
+        kept = Keep(columns=places[-1] + 1)
         trajectory = session.run([kept], interrupt=self.interrupt)
         switched = sum(event.kind == "switch" for event in trajectory.events)
         self.arcs = switched / self.span
-        return np.asarray(kept.table[np.all(np.isfinite(kept.table), axis=1)])
+        rows = kept.table[:, places]
+        return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
     def _linearise(self, motion: Floats) -> None:
         """Take eigenvalues along the motion; excite every mode at the start."""
@@ -171,14 +173,15 @@ class Subject:
         found = []
         for row in motion[:: max(1, len(motion) // states)]:
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
-                linear = linearisation.at(row[0], row[1 : 1 + n], row[1 + n :])
+                state = np.split(row[1:], [n, 2 * n])
+                linear = linearisation.at(row[0], *state)
                 found.append(linear.eigenvalues())
         if not found:
             self.unknown = "its slopes at the start are not finite"
             return
         self.at_start, self.along = found[0], np.concatenate(found)
         self.states = len(found)
-        linear = linearisation.at(start.t, start.q, start.v)
+        linear = linearisation.at(start.t, start.q, start.v, start.s)
         sizes = np.linalg.norm(linear.lengths @ motion[:, 1 : 1 + n].T, axis=0)
         self.size = float(np.max(sizes))
         kick = KICK * self.energy
@@ -189,7 +192,9 @@ class Subject:
         drawn = np.random.default_rng(SEED).standard_normal(linear.Z.shape[1])
         length = float(np.linalg.norm(drawn)) or 1.0
         change = linear.Z @ (drawn * math.sqrt(2.0 * kick) / length)
-        self.endless = self.endless.at(Instant(start.t, start.q, start.v + change))
+        self.endless = self.endless.at(
+            Instant(start.t, start.q, start.v + change, start.s)
+        )
 
     def run(self, name: str, step: float | None, steps: int = 0) -> Trial:
         """Run `steps` steps of a method; with step None as long as the model says.
@@ -659,7 +664,7 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
         except NoEquilibriumError as fault:
             reason = str(fault)
             if structure(e).linear and not subject.unknown:
-                about = modes(linearisation.at(start.t, start.q, start.v))
+                about = modes(linearisation.at(start.t, start.q, start.v, start.s))
         else:
             reason = ""
             about = modes(linearisation.at(start.t, q, np.zeros_like(q)))

@@ -359,9 +359,10 @@ def _scales(
     ranges = np.ptp(rows, axis=0)
     sizes = np.maximum(np.max(np.abs(rows), axis=0), ranges)
     scales = np.full(len(sizes), np.inf)
-    q, v = np.array(state, int).reshape(2, -1)
-    units = np.array([c.unit for c in e.model.coordinates])
-    alike = [of[units == unit] for of in (q, v) for unit in set(units)]
+    q, v, s = np.split(np.array(state, int), [len(e.q), 2 * len(e.q)])
+    units = [np.array([x.unit for x in of]) for of in (e.model.coordinates, e.states)]
+    parts = (q, units[0]), (v, units[0]), (s, units[1])
+    alike = [of[names == unit] for of, names in parts for unit in set(names)]
     for columns in (*alike, *([column] for column in multipliers)):
         largest = np.max(sizes[columns]) or np.inf
         scales[columns] = range_or_size(ranges[columns], largest, COMPUTED_ZERO)

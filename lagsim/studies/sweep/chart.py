@@ -57,7 +57,7 @@ FEW = 60
 def chart(found: Found) -> bytes:
     """Draw what was found. Returns the picture."""
     model = found.model
-    names = [c.name for c in model.coordinates]
+    names = [x.name for x in model.variables]
     names += [d.name for d in model.definitions if d.name in found.columns]
     missing = not all(row.numbers.size and row.complete for row in found.rows.values())
     more: dict[str, Any] = {

@@ -103,7 +103,7 @@ class Axis(NamedTuple):
         unit = next((p.unit for p in model.parameters if p.name == name), "")
         if starts:
             _check_start(model, name)
-            units = {c.name: c.unit for c in model.coordinates}
+            units = {x.name: x.unit for x in model.variables}
             units |= {d.name: d.unit for d in model.definitions}
             base = name.removesuffix("_dot")
             unit = units.get(name) or (f"{u}/s" if (u := units.get(base, "")) else "")
@@ -601,7 +601,7 @@ class Batch:
     def _plain(self, numbers: Sequence[int]) -> Values:
         """Return values that nothing else follows."""
         case, axes = self.session.case, self.grid.axes
-        start = np.concatenate([case.start.q, case.start.v])
+        start = np.concatenate([case.start.q, case.start.v, case.start.s])
         starts = np.repeat(start[None], len(numbers), 0)
         names = case.equations.state
         places = np.unravel_index(np.array(numbers), self.grid.shape)
@@ -619,7 +619,7 @@ class Batch:
         case, axes = self.session.case, self.grid.axes
         unbound = case.equations.model
         names = [p.name for p in unbound.parameters]
-        sizes = len(names), 2 * len(case.equations.q), len(axes)
+        sizes = len(names), len(case.equations.state), len(axes)
         found, starts, swept = (np.full((len(numbers), k), np.nan) for k in sizes)
         for k, number in enumerate(numbers):
             with contextlib.suppress(LagsimError):

@@ -205,7 +205,8 @@ def test_impacts(moment):
 
 
 def test_rows_between_the_grid_are_not_kept():
-    kept = Checkpoints(1, SimpleNamespace(start=0.0, output_step=0.1))
+    one = SimpleNamespace(q=("q",), state_columns=[0, 1, 2])
+    kept = Checkpoints(one, SimpleNamespace(start=0.0, output_step=0.1))
     t = np.array([0, 0.1, 0.2, 0.23, 0.23, 0.30000000000000004, 0.4, 0.43])
     kept.add(np.column_stack([t, 10 * t, 0 * t]))
     assert list(kept.states) == [0, 1, 2, 3, 4]
