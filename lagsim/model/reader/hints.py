@@ -354,6 +354,7 @@ def of_text(
     """
     first, reason, short = "", "", len(text) <= WINDOW
     given, text = text, _typed(text, known) if short else text
+    typed = text
     for step in range(MOST_STEPS if short else 1):
         try:
             found = _renaming(text, parser(text).names, known, moving)
@@ -377,7 +378,7 @@ def of_text(
         reason = reason or written[2] or written[4] or ""
         last = found[2].startswith("a product")
         text = _put(text, found[0], found[1], written[3] or "", last=last)
-    return first
+    return first if typed == given else f"write {typed}"
 
 
 def _typed(text: str, known: Collection[str]) -> str:
@@ -430,13 +431,12 @@ def _step(
             return found
     if fault.code == "unknown-function":
         return of_function(text, fault, known)
-    if fault.code == "number" or "implicit product" in hint:
-        words = re.findall(r"[^\W\d]\w*", text)
+    if "product" in hint:
+        digits = re.match(NUMBER, token) if fault.code == "number" else None
+        at = offset + digits.end() if digits else offset
+        words = quantities.words(text[:at])[-1:] + quantities.words(text[at:])[:1]
         if all(_called_so(w, known) or of_name(w, known, moving) for w in words):
-            digits = re.match(NUMBER, token) if fault.code == "number" else None
-            offset += digits.end() if digits else 0
-            before = len(text[:offset].rstrip())
-            return before, offset, "write *: there is no implicit product"
+            return len(text[:at].rstrip()), at, "write *: there is no implicit product"
         if re.match(r"[^\W\d]", token) and not _is_known(token, known):
             hint = f"an operator is expected before a name, and `{token}` is none here"
     elif left := re.match(r"leave `(.+?)` out", hint):
