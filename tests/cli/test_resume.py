@@ -121,6 +121,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
         ("slack-string", ("--no-plots",)),
         ("rocking-block", ("--no-plots",)),
         ("dry-friction", ("--no-plots",)),
+        ("dc-motor", ("--no-plots",)),
     ],
 )
 def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):

@@ -63,6 +63,11 @@ missing-key | no coordinates | ⟪coordinates⟫: {}
 # definitions
 cycle | a -> b -> a | definitions: {c: a, a: x + ⟪b⟫, b: sin(a), d: c_dot}
 cycle | a -> b -> a | definitions: {a: x + ⟪b_dot⟫, b: a}
+cycle | depends on itself | states: {⟪a⟫: {rate: k}}¶definitions: {k: a_dot}¶
+    initial: {x: 0, y: 0, a: 0}
+missing-key | what `a_dot` is | states: {⟪a⟫: {}}¶initial: {x: 0, y: 0, a: 0}
+missing-initial | `a: {steady: 0}` | states: {a: {rate: x}}¶⟪initial⟫: {x: 0, y: 0}
+name-clash | a state already | states: {x: {rate: 1}}¶coordinates: {⟪x⟫: , y: }
 unknown-name | did you mean `theta_dot` | coordinates: {theta: , y: }¶
     definitions: {a: ⟪thta_dot⟫}¶energy: {kinetic: theta_dot^2, potential: 0}¶
     initial: {theta: 0, y: 0}
