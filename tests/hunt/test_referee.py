@@ -92,6 +92,21 @@ def test_a_block_sticks_to_a_belt_until_the_spring_tears_it_off():
     assert abs(found.q[-1, 0] - 1 - np.sin(Long(2)) / 4) < CLOSE
 
 
+def test_a_block_that_slips_for_a_moment_within_a_step_is_seen():
+    found = motion(
+        slider(0.0, 0.2, force="1.0001 - (t - 5.03)^2 - sign(x_dot)"), start=4.0,
+        duration=2.0, step=2.0,
+    )  # fmt: skip
+    # Past the friction by 0.0001 - (t - 5.03)^2: it slides from 4 to a stop, and again
+    # from 5.02 to 5.05, by 0.03^3/300 - 0.03^4/12.
+    past = np.polynomial.Polynomial([1e-4 - 5.03**2, 2 * 5.03, -1.0])
+    speed = past.integ(lbnd=4.0) + 0.2
+    stop = min(x.real for x in speed.roots() if x.real > 4.0)
+    assert np.allclose(found.switched, [stop, 5.02, 5.05], rtol=0, atol=1e-12)
+    way = speed.integ(lbnd=4.0)(stop) + 0.03**3 / 300 - 0.03**4 / 12
+    assert abs(found.q[-1, 0] - way) < 1e-13
+
+
 @pytest.mark.parametrize(
     ("law", "speed"),
     [

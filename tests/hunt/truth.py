@@ -336,11 +336,14 @@ class Referee(Run):
         return first
 
     def _rates(self, t, y):
-        """Give the rates of what is watched; 0 of stuck ones, which are not linear."""
+        """Give the rates of what is watched; of stuck ones by a small difference."""
         slopes = self.slopes(t, y)
         rates = [u * s for u, s in zip(self.u, slopes, strict=False)]
-        for k in self.stuck:
-            rates[k] = Long(0)
+        if self.stuck:
+            after = Long(self.m.scene.duration) * Long(2) ** -30
+            near = [self._watched(t + x, y + x * self.slope(t, y)) for x in (after, 0)]
+            for k in self.stuck:
+                rates[k] = (near[0][k] - near[1][k]) / after
         sign = 1 if "<" in self.m.scene.until else -1
         return [*rates, sign * slopes[-1]] if self.m.scene.until else rates
 
