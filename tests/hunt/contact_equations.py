@@ -53,22 +53,28 @@ class Equations:
             for row, g in zip(self.rows, o.constraints, strict=True)
         ]
         bounds = [o.read(bound) for _, _, bound in every]
-        flat = [*sp.flatten(o.M), *o.f, *sp.flatten(o.A), *o.b, *gaps, *o.rates]
-        self.n, self.m = len(o.q), len(gaps)
+        # Within an arc each max(0, x) has its side: x is above 0, or not.
+        bends = sorted(sp.Matrix(o.f).atoms(sp.Max), key=str)
+        sides = sp.symbols(f"side:{len(bends)}")
+        taken = {bend: x * bend.args[1] for bend, x in zip(bends, sides, strict=True)}
+        f = [force.subs(taken) for force in o.f]
+        flat = [*sp.flatten(o.M), *f, *sp.flatten(o.A), *o.b, *gaps, *o.rates]
+        flat += [*bounds, *(bend.args[1] for bend in bends)]
+        self.n, self.m, self.sides = len(o.q), len(gaps), np.zeros(len(bends))
         self._all = sp.lambdify(
-            o.inputs, [*flat, *bounds], modules=["math", {"Max": max, "Min": min,
-            "Heaviside": lambda x, *_: float(x > 0)}], cse=True,
+            [*o.inputs, *sides], flat, cse=True,
+            modules=["math", {"Heaviside": lambda x, *_: float(x > 0)}],
         )  # fmt: skip
 
     def at(self, t, y):
         """Give all there is at a state."""
         n, m = self.n, self.m
-        x = np.array(self._all(t, *y), dtype=float)
-        cuts = np.cumsum([n * n, n, m * n, m, m, m])
-        M, f, A, b, gap, rate, bound = np.split(x, cuts)
+        x = np.array(self._all(t, *y, *self.sides), dtype=float)
+        cuts = np.cumsum([n * n, n, m * n, m, m, m, m])
+        M, f, A, b, gap, rate, bound, bends = np.split(x, cuts)
         return {
             "M": M.reshape(n, n), "f": f, "A": A.reshape(m, n), "b": b, "gap": gap,
-            "rate": rate, "bound": bound,
+            "rate": rate, "bound": bound, "bends": bends,
         }  # fmt: skip
 
 

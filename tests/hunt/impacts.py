@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from tests.hunt.contact_equations import outcome, solved
 from tests.hunt.integrator import NoTruthError
@@ -87,7 +87,7 @@ class Faller:
                 found.append(most - size if mode == 0 else mode * s["rate"][r.number])
             else:
                 found.append(1.0)
-        return np.array(found)
+        return np.array([*found, *(np.where(self.eq.sides, 1, -1) * s["bends"])])
 
     def _most(self, r, s, push):
         if r.kind == "limit":
@@ -108,6 +108,8 @@ class Faller:
             atol=self.tolerance * 1e-2 * (1e-3 + np.max(np.abs(self.y))),
             max_step=span / 50, first_step=min(1e-4 * span, end - self.t),
         )  # fmt: skip
+        ahead = self.y + 1e-9 * span * field_(self.t, self.y)
+        self.eq.sides = self.eq.at(self.t, ahead)["bends"] > 0.0
         began, before = self.t, self._margins(self.t, self.y)
         while solver.status == "running":
             solver.step()
@@ -117,7 +119,8 @@ class Faller:
             first = None
             for t in np.linspace(left, solver.t, LOOKS + 1)[1:]:
                 now = self._margins(t, dense(t))
-                first = self._first(dense, left, t, before, now, began)
+                right, low = self._dip(dense, left, t, before, now)
+                first = self._first(dense, left, right, before, low, began)
                 if first is not None:
                     break
                 left, before = t, now
@@ -133,6 +136,20 @@ class Faller:
                     self._settle(path)
                 return k
         return k
+
+    def _dip(self, dense, left, right, before, now):
+        """Give a time at which a margin is below 0 in between, or `right`; and all."""
+        small = 1e-4 * (right - left)
+        falls = self._margins(left + small, dense(left + small)) < before
+        rises = self._margins(right - small, dense(right - small)) < now
+        for i in np.flatnonzero(falls & rises & (np.minimum(before, now) > 0.0)):
+            at = minimize_scalar(
+                lambda t, i=i: self._margins(t, dense(t))[i],
+                bounds=(left, right), method="bounded", options={"xatol": small},
+            )  # fmt: skip
+            if at.fun < 0.0:
+                return at.x, self._margins(at.x, dense(at.x))
+        return right, now
 
     def _first(self, dense, left, right, before, now, began):
         found = []

@@ -1,13 +1,16 @@
 """The referee against closed forms: who judges must be judged first."""
 
+import math
+
 import numpy as np
 import pytest
 import yaml
 
+from tests.hunt.contact_verdict import truth as contact_truth
 from tests.hunt.grammar import scene as scene_of
 from tests.hunt.integrator import Extrapolation, NoTruthError
 from tests.hunt.lagsim_runs import Answer
-from tests.hunt.scene import Item, Scene
+from tests.hunt.scene import Item, Law, Scene
 from tests.hunt.verdict import judge, truth
 
 Long = np.longdouble
@@ -213,6 +216,19 @@ def test_scenes_follow_from_their_seed():
     assert scene.text() == scene_of("same-0").text()
     assert list(yaml.safe_load(scene.text())["coordinates"]) == scene.q
     assert scene_of("same-1").text() != scene.text()
+
+
+def test_a_touch_of_a_bumper_within_a_step_is_seen():
+    """At x = -0.02 a bumper of w = 141 is met at u = 0.002, and left at u."""
+    u, w = 0.002, 20000**0.5
+    start = (0.04 + u**2) ** 0.5
+    bumper = slider(
+        0.0, -start, potential="-x", force="20000*max(0, -0.02 - x)",
+        laws=(Law("contact", "x + 9"),),
+    )  # fmt: skip
+    rows, _, _ = contact_truth(a_scene(bumper, duration=3.0, step=3.0))
+    left = 3.0 - (start - u) - 2 * math.atan(u * w) / w
+    assert rows[-1, 0] == pytest.approx(-0.02 + u * left + left**2 / 2, abs=1e-10)
 
 
 @pytest.mark.parametrize("past", [0.0009, 0.002, 0.004])
