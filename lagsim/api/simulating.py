@@ -176,15 +176,11 @@ class Error(ErrorBar):
 
         letters = Letters(self.names)
         columns = [
-            Column(letters.name(q), raised(self.units.get(q, "")), errors)
+            Column(letters.name(q), raised(self.units.get(q, "")), errors, log=True)
             for q, errors in zip(self.names, np.abs(self.errors).T, strict=True)
         ]
         title = f"{self.model}: estimated errors"
-        found = figure(title, Column("t", "s", self.times), columns)
-        for axes in found.axes:
-            axes.set_yscale("log", nonpositive="mask")
-            axes.minorticks_off()
-        return found
+        return figure(title, Column("t", "s", self.times), columns)
 
 
 def data_frame(columns: Mapping[str, Any]) -> Any:

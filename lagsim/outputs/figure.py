@@ -603,11 +603,12 @@ SHOWN = 1e-5
 
 
 class Column(NamedTuple):
-    """A column, and what it is called: values (rows,)."""
+    """A column, what it is called, whether its scale is logarithmic: values (rows,)."""
 
     name: str
     unit: str
     values: Floats
+    log: bool = False
 
     def stand_at(self, axis: Axis, room: float = math.inf) -> None:
         """Name an axis, in so many inches, with what its numbers count in."""
@@ -660,9 +661,7 @@ def spectrum_figure(
     subject = f"spectrum of {up.name.removeprefix('amplitude of ')}"
     found = Picture(stack_height(1, SPECTRUM), title, subject)
     [axes] = stacked(found, 1, SPECTRUM)
-    _draw(axes, across, [up])
-    axes.set_yscale("log")
-    axes.minorticks_off()
+    _draw(axes, across, [up._replace(log=True)])
     across.stand_at(axes.xaxis)
     largest = float(up.values.max(initial=0.0))
     if largest:
@@ -714,6 +713,8 @@ def map_figure(
     for k, (axes, column) in enumerate(zip(panels.flat, maps, strict=False)):
         axes.set_facecolor(NO_RESULT)
         axes.grid(visible=False)
+        axes.set_xscale("log" if across.log else "linear")
+        axes.set_yscale("log" if up.log else "linear")
         cells = np.ma.masked_invalid(column.values)
         drawn = axes.pcolormesh(across.values, up.values, cells, cmap=COLOURS)
         bar = found.colorbar(drawn, ax=axes, aspect=15, pad=0.03)
@@ -745,6 +746,12 @@ def _draw(axes: Axes, against: Column, group: Sequence[Column]) -> None:
         axes.plot(against.values, column.values, label=mathtext(column.name), **pen)
     axes.yaxis.get_offset_text().set_fontsize(SMALL)
     axes.margins(x=0.0 if against.name == "t" else 0.03)
+    # Before the labels, which have the powers of ten of linear scales.
+    if against.log:
+        axes.set_xscale("log")
+    if group[0].log:
+        axes.set_yscale("log", nonpositive="mask")
+        axes.minorticks_off()
     if len(group) == 1:
         group[0].stand_at(axes.yaxis, PATH)
     else:

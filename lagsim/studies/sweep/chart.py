@@ -80,10 +80,7 @@ def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
         return _maps(found, columns)
     order, x = _along(found, found.grid.axes[0])
     shown = [_column(found, name, values[order]) for name, values in columns.items()]
-    drawing = figure(found.model.name, x, shown)
-    for axes in drawing.axes:
-        axes.set_xscale("log" if is_log(x.values) else "linear")
-    return drawing
+    return figure(found.model.name, x._replace(log=is_log(x.values)), shown)
 
 
 def values_of(found: Found, column: str) -> Array:
@@ -150,18 +147,13 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
     """Draw columns (runs,) over the first two names."""
     (across, x), (up, y) = (_along(found, axis) for axis in found.grid.axes[:2])
     numbers = numbers_of(found)[across][:, up].T
-    drawing = map_figure(
+    return map_figure(
         found.model.name,
-        x._replace(values=borders(x.values)),
-        y._replace(values=borders(y.values)),
+        x._replace(values=borders(x.values), log=is_log(x.values)),
+        y._replace(values=borders(y.values), log=is_log(y.values)),
         [_column(found, name, values[numbers]) for name, values in columns.items()],
         **more,
     )
-    for axes in drawing.axes:
-        if axes.get_label() != "<colorbar>":
-            axes.set_xscale("log" if is_log(x.values) else "linear")
-            axes.set_yscale("log" if is_log(y.values) else "linear")
-    return drawing
 
 
 def numbers_of(found: Found) -> NDArray[np.int64]:
