@@ -35,8 +35,8 @@ def truth(scene):
     equations = Equations(scene)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        first = Faller(scene, equations, 1e-12, 0.0, 3e-9).path(scene.times)
-        second = Faller(scene, equations, 1e-10, NUDGE, 1e-7).path(scene.times)
+        first = Faller(scene, equations, 1e-12, 0.0, 3e-9, 1e-10).path(scene.times)
+        second = Faller(scene, equations, 1e-10, NUDGE, 1e-7, 5e-10).path(scene.times)
     a, b = np.array(first.rows), np.array(second.rows)
     # At a row beside an impact the velocities are those of before or after.
     near = _beside(scene, first.impacts)[:, None]

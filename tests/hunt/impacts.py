@@ -18,8 +18,6 @@ from scipy.optimize import brentq, minimize_scalar
 from tests.hunt.contact_equations import outcome, solved
 from tests.hunt.integrator import NoTruthError
 
-# What is this near to zero, against the terms it is made of, is zero.
-NEAR = 1e-10
 # So many looks at each step for what changes its sign twice.
 LOOKS = 8
 MOST = 600
@@ -37,15 +35,13 @@ class Path:
 class Faller:
     """Integrates a scene from event to event.
 
-    over : bounces whose rest takes less than this part of the run are left out.
+    over : bounces whose rest takes less than this part of the run are left out
+    near : what is so near to zero, against the terms it is made of, is zero
     """
 
-    def __init__(
-        self, scene, equations, tolerance,
-        nudge, over,
-    ):  # fmt: skip
+    def __init__(self, scene, equations, tolerance, nudge, over, near):
         self.eq, self.scene, self.tolerance = equations, scene, tolerance
-        self.over = over
+        self.over, self.near = over, near
         states = scene.gathered("coordinates")
         y = np.array([state[k] for k in (0, 1) for state in states.values()])
         random = np.random.default_rng(7)
@@ -248,9 +244,12 @@ class Faller:
         some = []
         for r in self.eq.rows:
             k, rate = r.number, s["rate"][r.number]
-            near = abs(s["gap"][k]) <= NEAR * scale and abs(rate) <= 1e2 * NEAR * scale
+            near = (
+                abs(s["gap"][k]) <= self.near * scale
+                and abs(rate) <= 1e2 * self.near * scale
+            )
             if (r.kind == "contact" and self._in_force(r) and near) or (
-                r.kind == "wheel" and abs(rate) <= NEAR * scale
+                r.kind == "wheel" and abs(rate) <= self.near * scale
             ):
                 some.append(k)
         return some
@@ -260,7 +259,7 @@ class Faller:
         options: list[list[int | None]] = []
         for r in self.eq.rows:
             rate = s["rate"][r.number]
-            moves = abs(rate) > 1e2 * NEAR * scale
+            moves = abs(rate) > 1e2 * self.near * scale
             if r.kind in ("contact", "wheel"):
                 options.append([None, 0] if r.number in touching else [None])
             elif r.kind in ("slip", "limit"):
@@ -290,7 +289,7 @@ class Faller:
                 if abs(push[k]) > self._most(r, s, push) + small:
                     return False
             elif m is not None:
-                still = abs(s["rate"][k]) <= 1e2 * NEAR * scale
+                still = abs(s["rate"][k]) <= 1e2 * self.near * scale
                 if still and m * acc[k] < -small:
                     return False
         return True
@@ -299,7 +298,7 @@ class Faller:
     def _strike(self, s, path):
         """Let what approaches strike; tell whether it did."""
         scale = 1.0 + float(np.max(np.abs(self.y)))
-        small = NEAR * scale
+        small = self.near * scale
         closed = [
             r for r in self.eq.rows
             if (r.kind == "contact" and self._in_force(r)
