@@ -415,9 +415,6 @@ class _Derivation:
             "dissipation": self.dissipation,
             "forces": [self._force(force) for force in model.forces],
             "equations": self.lines,
-            "states": {
-                s.name: x.sympy([s.rate], written=True)[0] for s in model.states
-            },
             "M": M,
             "f": f,
             "constraints": constraints,
@@ -426,6 +423,11 @@ class _Derivation:
             "gauss": solver.gauss() if with_gauss else None,
             "notes": notes,
         }
+        if model.states:
+            rates = x.sympy([s.rate for s in model.states], written=True)
+            document["states"] = dict(
+                zip((s.name for s in model.states), rates, strict=True)
+            )
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "

@@ -75,7 +75,7 @@ class Outline:
         if c["forces"] or c["dissipation"] is not None:
             self._forces()
         self._equations([(line, self._terms(line)) for line in c["equations"]])
-        if c["states"]:
+        if "states" in c:
             self._title("First-order states")
             self._rows([(self.show(s, 1), rate) for s, rate in c["states"].items()])
         self._matrix_form()

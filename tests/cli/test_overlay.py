@@ -204,7 +204,7 @@ def test_the_title_is_the_model(overlay, tmp_path):
 @pytest.mark.slow
 def test_many_runs_are_told_by_what_was_swept(lagsim, write):
     file = write(PENDULUM, "pendulum.yaml")
-    for name, wanted in (("g", "colour: g"), ("theta", "colour: θ at the start")):
+    for name, wanted in (("g", "colour: g"), ("theta", "colour: θ at the start (rad)")):
         folder = f"sweep-{name}"
         quick = ("--no-plots", "--error-bar", "never", "-q", "-o", folder)
         lagsim("sweep", file, f"{name}=1:2:13", "--keep", *quick, code=0)

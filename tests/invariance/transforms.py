@@ -28,6 +28,7 @@ class Document:
     """A model's texts, its start as numbers, and its times.
 
     laws : what constraints have besides their relations: texts, or numbers' texts
+    states : the rate of each first-order state
     scale : columns of t times this are the times of the model it came from
     shift : ... after this was taken off
     """
@@ -48,6 +49,7 @@ class Document:
     settings: dict[str, str] = field(default_factory=dict)
     scale: float = 1.0
     shift: float = 0.0
+    states: dict[str, str] = field(default_factory=dict)
 
     def text(self):
         """Write the model file."""
@@ -72,6 +74,8 @@ class Document:
             "forces": self.forces, "constraints": constraints,
             "initial": initial, "simulation": simulation,
         }  # fmt: skip
+        if self.states:
+            document["states"] = {s: {"rate": rate} for s, rate in self.states.items()}
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
 
     def everywhere(self, change):
@@ -84,7 +88,7 @@ class Document:
             self, definitions=each(self.definitions), energy=each(self.energy),
             forces=each(self.forces), constraints=each(self.constraints),
             laws={name: each(law) for name, law in self.laws.items()},
-            until=change(self.until),
+            until=change(self.until), states=each(self.states),
         )  # fmt: skip
 
 
@@ -124,7 +128,9 @@ def document(text, keep=()):
         for name, entry in (raw.get("constraints") or {}).items()
         if isinstance(entry, dict)
     }
+    states = _texts(raw.get("states"), "rate")
     used = [*keep, *energy.values(), *forces, *forces.values(), *constraints.values()]
+    used += states.values()
     for text in (text for law in laws.values() for text in law.values()):
         several = text.values() if isinstance(text, dict) else text
         used += [text] if isinstance(text, str) else several
@@ -138,7 +144,7 @@ def document(text, keep=()):
         energy, forces, constraints, initial, frozenset(guesses),
         number(simulation.get("start", "0")), duration,
         number(simulation.get("output_step", repr(duration / 1000))),
-        simulation.get("until", ""), laws, kept,
+        simulation.get("until", ""), laws, kept, states=states,
     )  # fmt: skip
 
 
@@ -167,7 +173,7 @@ def fresh(model, name):
 
 def replaced(model, factor=1.0, far=0.0, speed=0.0):
     """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
-    definitions, initial = {}, {}
+    definitions, initial = {}, {s: model.initial[s] for s in model.states}
     L, X, V, begin = (fresh(model, name) for name in ("L", "X", "V", "t"))
     parameters = model.parameters | {L: repr(factor)}
     parameters |= {X: repr(far)} if far else {}
@@ -217,11 +223,13 @@ def seconds(model, factor):
         }
         for name, law in changed.laws.items()
     }
+    states = {s: f"{factor!r}*({rate})" for s, rate in changed.states.items()}
     settings = dict(changed.settings)
     if "step" in settings:
         settings["step"] = f"({settings['step']})/{factor!r}"
     return replace(
         changed, energy=energy, laws=laws, initial=initial, settings=settings,
+        states=states,
         start=model.start / factor,
         duration=model.duration / factor, output_step=model.output_step / factor,
         scale=model.scale * factor, shift=model.shift / factor,

@@ -159,8 +159,8 @@ class EnergyMonitor:
     ----------
     columns
         The names of a row's columns.
-    count : int
-        Of the coordinates.
+    equations
+        Tell which of them are coordinates, velocities and states.
 
     Attributes
     ----------

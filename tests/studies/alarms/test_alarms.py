@@ -5,6 +5,7 @@ And from which size on, by closed forms: energy, constraints, steps, coordinates
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -157,7 +158,7 @@ def test_what_counts_as_gained(balance, change):
     columns = ("t", "x", "x_dot", "x_ddot", "kinetic", "potential", "energy")
     rows = np.zeros((len(t), len(columns)))
     rows[:, 0], rows[:, 4], rows[:, 6] = t, 1.0, balance(t)
-    monitor = EnergyMonitor(columns, 1)
+    monitor = EnergyMonitor(columns, SimpleNamespace(q="x", state_columns=[1, 2]))
     monitor.add(rows)
     # By medians of a tenth at either end: a straight line gains 0.9 of its change.
     assert gained(monitor.balance) == pytest.approx(change, rel=0.02, abs=1e-12)
