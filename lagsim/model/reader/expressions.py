@@ -372,6 +372,7 @@ class Expressions:
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
+        self._last_meant: tuple[object, str] = None, ""
 
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
@@ -448,11 +449,14 @@ class Expressions:
     def meant(
         self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
     ) -> str:
-        """Give a hint for an expression with a fault, or an empty text."""
-        if not self.faults.may_guess():
-            return ""
-        known, moving = self.names.variables, self.names.moving()
-        return hints.of_text(scalar.text, parser, known, moving, beside=beside)
+        """Give a hint for an expression with faults, found once, or an empty text."""
+        if (scalar, parser, beside) != self._last_meant[0]:
+            if not self.faults.may_guess():
+                return ""
+            known, moving = self.names.variables, self.names.moving()
+            hint = hints.of_text(scalar.text, parser, known, moving, beside=beside)
+            self._last_meant = (scalar, parser, beside), hint
+        return self._last_meant[1]
 
     # Building nodes
 

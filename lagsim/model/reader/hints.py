@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from lagsim.language.functions import FUNCTIONS
@@ -448,14 +449,14 @@ def _renaming(
     text: str, names: Iterable[Name], known: Collection[str], moving: Collection[str]
 ) -> tuple[int, int, str] | None:
     """Give the same for the first name that means nothing and is called otherwise."""
-    for name in names:
-        if not _is_known(name.text, known):
-            if found := matching(text, name.offset, parsed=True):
-                return found
-            plain = _called_so(name.text, known)
-            hint = f"write {plain}" if plain else of_name(name.text, known, moving)
-            if re.fullmatch(_WRITTEN, hint):
-                return name.offset, name.offset + len(name.text), hint
+    unknown = (name for name in names if not _is_known(name.text, known))
+    for name in islice(unknown, MOST_STEPS):
+        if found := matching(text, name.offset, parsed=True):
+            return found
+        plain = _called_so(name.text, known)
+        hint = f"write {plain}" if plain else of_name(name.text, known, moving)
+        if re.fullmatch(_WRITTEN, hint):
+            return name.offset, name.offset + len(name.text), hint
     return None
 
 
