@@ -17,9 +17,14 @@ import os
 import signal
 
 import pytest
+from hypothesis import settings
 
 from tests.choosing import COMMIT, chosen, share, slices, tonight
 from tests.patience import PATIENCE
+
+# No test is held to a time of the clock.
+settings.register_profile("lagsim", deadline=None)
+settings.load_profile("lagsim")
 
 
 @pytest.fixture

