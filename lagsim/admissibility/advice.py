@@ -81,7 +81,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
         signless = (x for x in parsed.postfix if x[0] != "neg")
         for (kind, value), (op, _) in pairwise(signless):
             if kind == "number" and op in _OF_ANGLES and _is_of_degrees(float(value)):
-                found.append((op, _Term(f"{value}", "an angle is", float(value))))
+                found.append((op, _Term(str(value), "an angle is", float(value))))
     for op, term in found:
         if term.name not in reported:
             reported.add(term.name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 # What the examples change: each replaces the sections that it names.
 EXAMPLE = """\
@@ -81,7 +81,13 @@ def _sections(text: str) -> dict[str, str]:
     return {part.partition(":")[0]: part for part in parts if part}
 
 
-def warning(*row: Any, **more: Any) -> Row:
+def warning(
+    number: str,
+    code: str,
+    happened: str,
+    hint: str,
+    change: str = "",
+    commands: tuple[str, ...] = CHECK,
+) -> Row:
     """Give the row of a warning, which breaks no rule: it has no `expected`."""
-    number, code, happened, *texts = row
-    return Row(number, code, happened, "", *texts, **more)
+    return Row(number, code, happened, "", hint, change, commands)
