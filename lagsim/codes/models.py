@@ -104,13 +104,13 @@ ROWS = (
     Row("E119", "missing-key",
         "A key is missing that the model, the run or another key needs.",
         "A model has `coordinates`, `energy` and `initial`, a run a `duration` or an "
-        "`end`, a contact a `restitution`, friction a `slip`.",
+        "`end`, a contact a `restitution`, friction a `slip`, a shape a kind.",
         "add the key; `lagsim new NAME` writes a model with all that is needed",
         "energy: {potential: m*g*y}\n"),
     Row("E120", "both-given",
         "Two keys are given that exclude each other.",
         "Either `duration` or `end` is given, and either `lagrangian` or `kinetic` "
-        "and `potential`.",
+        "and `potential`; a shape has one kind.",
         "give one of them",
         "simulation: {duration: 1, end: 2}\n"),
     Row("E121", "not-a-mapping",
@@ -137,7 +137,7 @@ ROWS = (
     Row("E125", "wrong-count",
         "A list has too many entries, or too few.",
         "A point has 2 or 3 components, a link 2 points, a `slip` 1 or 2 expressions, "
-        "an axis of a plot 1 to 6.",
+        "an axis of a plot 1 to 6, a shape the sizes of its kind.",
         "count what the message asks for",
         "scene: {points: {bob: [x]}}\n"),
     Row("E126", "empty",
@@ -194,6 +194,12 @@ ROWS = (
             "{ echo x-many:; yes '  - 1' | head -n 1000001; } > many.yaml",
             "lagsim check many.yaml",
         )),
+    Row("E138", "shape-of-space",
+        "A shape lies in space, and the scene in a plane.",
+        "A cone, a cylinder, a sphere, a box of 3 sides and places of 3 components are "
+        "drawn where a point of the scene has 3 components.",
+        "give a point 3 components, such as [x, y, 0]",
+        "scene: {points: {bob: [x, y]}, shapes: {ball: {sphere: l/9, at: bob}}}\n"),
     # E2xx: expressions, names and relations.
     Row("E201", "expression-syntax",
         "An expression cannot be parsed.",

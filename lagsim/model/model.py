@@ -211,11 +211,96 @@ class InitialValue(NamedTuple):
     node: int | None = None
 
 
+class Shape(NamedTuple):
+    """A body, a ground, a curve or an arrow that is drawn and is no more than that.
+
+    Attributes
+    ----------
+    kind : str
+        One of `SHAPES`.
+    sizes : tuple of int
+        Lengths, all of parameters: of a body; the height of a ground in space; the ends
+        of the parameter `CURVE` of a curve; the scale of an arrow.
+    corners : tuple of tuple of int
+        Of a polygon or a ground; the one place on a curve; the vector of an arrow. In
+        the shape's own axes.
+    at : tuple of int
+        Its origin, which that of the scene is without any.
+    axes : tuple of int
+        Entries of its rotation matrix, 2 x 2 or 3 x 3, row by row; or none.
+    point : str
+        The point of the scene that lies at its origin, or at a corner; or none.
+    places : tuple of Place
+        Of `sizes` in the file.
+    """
+
+    name: str
+    kind: str
+    sizes: tuple[int, ...] = ()
+    corners: tuple[tuple[int, ...], ...] = ()
+    at: tuple[int, ...] = ()
+    axes: tuple[int, ...] = ()
+    point: str = ""
+    places: tuple[Place, ...] = ()
+
+    @property
+    def nodes(self) -> list[int]:
+        """All that it is made of."""
+        corners = [node for corner in self.corners for node in corner]
+        return [*self.sizes, *corners, *self.at, *self.axes]
+
+    @property
+    def dimension(self) -> int:
+        """How many components its places have; 3 of a body of space."""
+        own = SHAPES[self.kind]
+        space = own.space or (own.sizes and len(self.sizes) > min(own.sizes))
+        space = space or (self.kind == "ground" and not self.corners)
+        parts = max(map(len, (self.at, *self.corners)), default=0)
+        return max(parts, 3 if space or len(self.axes) > 4 else 2)
+
+
+class ShapeKind(NamedTuple):
+    """How many sizes a shape has, other keys that it takes, whether in space alone."""
+
+    sizes: tuple[int, ...]
+    keys: tuple[str, ...] = ("at", "frame")
+    space: bool = False
+
+
+SHAPES = {
+    "disk": ShapeKind((1,)),
+    "ring": ShapeKind((1,)),
+    "box": ShapeKind((2, 3)),
+    "polygon": ShapeKind(()),
+    "sphere": ShapeKind((1,), space=True),
+    "cylinder": ShapeKind((2,), space=True),
+    "cone": ShapeKind((2,), space=True),
+    "ground": ShapeKind((), ()),
+    "curve": ShapeKind((), ("at", "frame", "s")),
+    "arrow": ShapeKind((), ("at", "scale")),
+}
+# The variable of the graph that runs along a curve; no name of a file is like it.
+CURVE = "s of a curve"
+# Looks of a link that a file may ask for.
+LINKS = ("rod", "spring", "damper", "string", "line")
+
+
 class Scene(NamedTuple):
-    """Points (2 or 3 expressions each) and the links between them."""
+    """Points (2 or 3 expressions each), links between them, and shapes.
+
+    `looks` are of `LINKS`, one a link, or empty where its length says it.
+    """
 
     points: dict[str, tuple[int, ...]]
     links: tuple[tuple[str, str], ...] = ()
+    looks: tuple[str, ...] = ()
+    shapes: tuple[Shape, ...] = ()
+
+    @property
+    def dimension(self) -> int:
+        """2 in a plane, 3 in space; 0 of nothing."""
+        of_shapes = [shape.dimension for shape in self.shapes]
+        return max([*map(len, self.points.values()), *of_shapes], default=0)
 
 
 class Curve(NamedTuple):

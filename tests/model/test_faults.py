@@ -17,6 +17,8 @@ BEGINNINGS = {
     "RELATION": "constraints: {c:",
     "KINETIC": "energy: {kinetic: x_dot^2,",
     "INITIAL": "initial: {x: 0, y: 0,",
+    "POINT": "scene: {points: {o: [0, 0]},",
+    "SHAPE": "scene: {points: {o: [0, 0]}, shapes: {",
 }
 TABLE = r"""
 # the file
@@ -171,6 +173,35 @@ wrong-count | found 4 | scene: {points: {p: ⟪[x, y, x, y]⟫}}
 bad-name | a point | scene: {points: {⟪p-1⟫: [x, y]}}
 not-a-text | a list | scene: {points: {o: [0, 0]}, links: [[o, ⟪[o]⟫]]}
 wrong-count | found 3 | scene: {points: {o: [0, 0]}, links: [⟪[o, o, o]⟫]}
+unknown-name | did you mean `spring` | POINT links: [{points: [o, o], as: ⟪sprung⟫}]}
+missing-key | the link has no `points` | POINT links: [⟪{as: rod}⟫]}
+unknown-key | did you mean `points` | POINT links: [{⟪point⟫: [o, o]}]}
+# shapes
+missing-key | `disk`, `ring`, `box` | SHAPE ⟪a⟫: {}}}
+unknown-key | did you mean `disk` | SHAPE a: {⟪dsik⟫: 1}}}
+both-given | as `disk`, `box` | SHAPE a: {box: [1, 2], ⟪disk⟫: 1}}}
+bad-name | the name of a shape | SHAPE ⟪a-b⟫: {disk: 1}}}
+unknown-name | did you mean `o` | SHAPE a: {disk: 1, at: ⟪oo⟫}}}
+unknown-name | `z` | SHAPE a: {disk: 1, at: [x, ⟪z⟫]}}}
+shape-of-space | the sphere `a` | SHAPE ⟪a⟫: {sphere: 1}}}
+shape-of-space | the box `a` | SHAPE ⟪a⟫: {box: [1, 2, 3]}}}
+shape-of-space | the disk `a` | SHAPE ⟪a⟫: {disk: 1, at: [1, 2, 3]}}}
+shape-of-space | the ground `a` | SHAPE ⟪a⟫: {ground: 1}}}
+out-of-range | the disk `a` is -1 | SHAPE a: {disk: ⟪-1⟫}}}
+out-of-range | the box `a` is -2 | SHAPE a: {box: [1, ⟪-2⟫]}}}
+not-finite | the disk `a` is inf | SHAPE a: {disk: ⟪exp(1e9)⟫}}}
+wrong-count | 2 or 3 numbers, found 1 | SHAPE a: {box: ⟪[1]⟫}}}
+not-a-list | such as [1, 2] | scene:¶  shapes:¶    a:¶      box:⟪⟫
+wrong-count | 3 to 1000 corners, found 2 | SHAPE a: {polygon: ⟪[[0, 0], [1, 0]]⟫}}}
+wrong-count | a corner of the polygon | SHAPE a: {polygon: [[0, 0], [1, 0], ⟪[1]⟫]}}}
+not-constant | `x` is a coordinate | SHAPE a: {disk: ⟪x⟫}}}
+not-an-expression | a list | SHAPE a: {disk: ⟪[1]⟫}}}
+missing-key | such as s: [0, 2*pi] | SHAPE a: {curve: ⟪[t, t]⟫}}}
+unknown-name | `u` | SHAPE a: {curve: [⟪u⟫, s], s: [0, 1]}}}
+unknown-name | `s` | SHAPE a: {disk: 1, at: [⟪s⟫, 0]}}}
+unknown-key | `scale` belongs to `arrow` | SHAPE a: {disk: 1, ⟪scale⟫: 1}}}
+output-only | the motion gives | SHAPE a: {disk: 1, frame: ⟪x_ddot⟫}}}
+not-a-mapping | found `1` | SHAPE a: ⟪1⟫}}
 # output
 not-a-list | [] means none | output:¶  columns:⟪⟫
 not-a-definition | leave it out | output: {columns: [⟪x_dot⟫]}

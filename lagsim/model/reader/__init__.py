@@ -34,6 +34,7 @@ from lagsim.model.nodes import (
 from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
+from lagsim.model.reader.scene import check_sizes, read_scene
 from lagsim.model.reader.sections import (
     OUTPUT_KEYS,
     SCENE,
@@ -194,7 +195,7 @@ class File:
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
         relation, _ = equations.read_relation(until, "`until`", x)
-        scene = runs.read_scene(top.below("scene", SCENE), x)
+        scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
         x.faults.raise_if_any()
@@ -286,6 +287,7 @@ class File:
         constraints = zip(model.constraints, self.constraints, strict=True)
         laws = tuple(equations.again(c, entry, x) for c, entry in constraints)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
+        check_sizes(model.scene, x)
         faults.raise_if_any()
         return replace(
             model, parameters=numbers, constraints=laws, initial=starts, stated=new

@@ -357,6 +357,8 @@ class Expressions:
         Rates of the first-order states, once built; a variable before, as `s_dot`.
     with_rates
         The states whose rates a name stands for, or contains.
+    bound
+        Nodes of names that a part of the file has for itself: a curve's parameter.
     """
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
@@ -369,6 +371,7 @@ class Expressions:
         self.energies: dict[str, int | None] = {}
         self.states: dict[str, int] = {}
         self.with_rates: dict[str, set[str]] = {}
+        self.bound: dict[str, int] = {}
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
@@ -521,6 +524,8 @@ class Expressions:
     def allows(self, what: str, most: Level, used: Name, scalar: Scalar) -> bool:
         """Tell whether a name may stand in an expression, see `check_by`."""
         name, meaning = used.text, self.names.meaning(used.text)
+        if name in self.bound:
+            return True
         if meaning is None:
             if not self.names.is_faulty(name) and self.names.complete:
                 self._refuse_unknown(used, scalar, most)
@@ -572,6 +577,8 @@ class Expressions:
         self.refuse(used, scalar, "unknown-name", text, hint)
 
     def _node(self, name: str) -> int:
+        if name in self.bound:
+            return self.bound[name]
         meaning = self.names.meaning(name)
         assert meaning is not None
         kind, base = meaning.kind, meaning.base

@@ -13,7 +13,7 @@ from lagsim.model.reader import hints
 from lagsim.model.reader.sections import SECTIONS, has_key
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
+    from collections.abc import Collection, Iterable, Iterator
 
     from lagsim.errors import Place
 
@@ -146,6 +146,15 @@ def items(node: Node | None, what: str, faults: Faults) -> list[Node]:
         text = f"{what} must be a list, found {kind_of(node)}"
         faults.add("not-a-list", text, node.place, hints.as_list(node, what))
     return []
+
+
+def named(nodes: Iterable[Node], what: str, faults: Faults) -> Iterator[Scalar]:
+    """Give the items of a list that are texts; `what` says what they should be."""
+    for node in nodes:
+        if isinstance(node, Scalar):
+            yield node
+        elif not isinstance(node, Broken):
+            faults.add("not-a-text", f"{what}, found {kind_of(node)}", node.place)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,17 +1,14 @@
-"""Reader of the sections `simulation`, `scene` and `output`."""
+"""Reader of the sections `simulation` and `output`."""
 
 from __future__ import annotations
 
 import math
-import re
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from lagsim.methods import options
-from lagsim.model.model import DEFAULT_ROWS, Curve, Level, Output, Plot, Scene, Settings
+from lagsim.model.model import DEFAULT_ROWS, Curve, Level, Output, Plot, Settings
 from lagsim.model.nodes import (
     Broken,
-    Mapping,
     Node,
     Scalar,
     Sequence,
@@ -21,8 +18,8 @@ from lagsim.model.nodes import (
     texts_of,
 )
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import Kind, check_name
-from lagsim.model.reader.fields import Fields, entries, fields, items, kind_of, listed
+from lagsim.model.reader.expressions import Kind
+from lagsim.model.reader.fields import Fields, fields, items, kind_of, listed, named
 from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
@@ -155,104 +152,6 @@ class _Simulation:
             self._fault("too-many-rows", text, "output_step", hint)
 
 
-# --- What to draw
-
-
-def read_scene(found: Fields, x: Expressions) -> Scene:
-    """Give the points and the links between them."""
-    points: dict[str, tuple[int, ...]] = {}
-    named: list[str] = []
-    section = found.value("points")
-    for key, node in entries(section, "`points`", x.faults):
-        named.append(key.text)
-        if check_name(key, "a point", x.faults):
-            points[key.text] = _point(key.text, node, x)
-    whole = not isinstance(section, Broken) and not found.unknown
-    section = found.value("links")
-    if section is not None and (pair := _pair(section, named)):
-        text = f"`links` is a list of links, each a list, found {kind_of(section)}"
-        hint = f"write [[{', '.join(pair)}]]"
-        x.faults.add("not-a-list", text, section.place, hint)
-        return Scene(points)
-    given = items(section, "`links`", x.faults)
-    links = [_link(node, named, x, whole=whole) for node in given]
-    return Scene(points, tuple(link for link in links if link))
-
-
-def _point(name: str, node: Node, x: Expressions) -> tuple[int, ...]:
-    what = f"the point `{name}`"
-    if isinstance(node, Broken):
-        return ()
-    if not isinstance(node, Sequence):
-        text = f"{what} must be a list of 2 or 3 expressions, found {kind_of(node)}"
-        hint = hints.as_list(node)
-        if isinstance(node, Scalar) and not re.search(r"[,(]|\w\s+\w", node.text):
-            hint = f"write [{node.text}, 0]"
-        if isinstance(node, Mapping):
-            hint = f"write [{', '.join(hints.text_of(v) for _, v in node.entries)}]"
-        x.faults.add("not-a-list", text, node.place, hint)
-        return ()
-    apart = " ".join(texts_of(node.items[:1])).split() if len(node.items) == 1 else []
-    if len(apart) in (2, 3) and all(x.names.meaning(part) for part in apart):
-        text = f"{what} must have 2 or 3 components, found 1"
-        hint = f"write [{', '.join(apart)}]"
-        x.faults.add("wrong-count", text, node.place, hint)
-        return ()
-    compiled = [x.compile(part, what, Level.VELOCITY) for part in node.items]
-    if len(node.items) not in (2, 3) and None not in compiled:
-        text = f"{what} must have 2 or 3 components, found {len(node.items)}"
-        hint = "a point in a plane is [x, y], one in space [x, y, z]"
-        x.faults.add("wrong-count", text, node.place, hint)
-    return tuple(c for c in compiled if c is not None)
-
-
-def _pair(node: Node, named: list[str]) -> list[str]:
-    """Give the two points that a link names without brackets of its own, or none."""
-    found = texts_of(items_of(node))
-    if isinstance(node, Scalar):
-        found = re.split(r"\s*(?:,|->?|–|\s)\s*", node.text)
-    return found if len(found) == 2 and set(found) <= set(named) else []
-
-
-def _link(
-    node: Node, named: list[str], x: Expressions, *, whole: bool
-) -> tuple[str, str] | None:
-    """Give the points that a link joins; `whole`: `named` are all that there are."""
-    if isinstance(node, Scalar) and not node.empty and (pair := _pair(node, named)):
-        text = f"a link must be a list, found {kind_of(node)}"
-        x.faults.add("not-a-list", text, node.place, f"write [{', '.join(pair)}]")
-        return None
-    ends = items(node, "a link", x.faults)
-    if isinstance(node, Sequence) and len(ends) != 2:
-        text, names = f"a link joins 2 points, found {len(ends)}", texts_of(ends)
-        names = (_pair(ends[0], named) or names) if len(ends) == 1 else names
-        links = [f"[{a}, {b}]" for a, b in pairwise(names) if {a, b} <= {*named}]
-        hint = f"write {', '.join(links)}" if links else "such as [pivot, bob]"
-        x.faults.add("wrong-count", text, node.place, hint)
-        return None
-    names = []
-    for end in _named(ends, "a link names points", x):
-        if end.text in named:
-            names.append(end.text)
-        elif whole:
-            hint = x.faults.did_you_mean(end.text, named)
-            hint = hint or f"the points are {listed(named)}"
-            if not named:
-                hint = f"give it a place: points: {{{end.text}: [0, 0]}}"
-            text = f"there is no point `{end.text}`"
-            x.faults.add("unknown-name", text, end.place, hint)
-    return (names[0], names[1]) if len(names) == 2 else None
-
-
-def _named(nodes: Iterable[Node], what: str, x: Expressions) -> Iterator[Scalar]:
-    """Give the items of a list that are texts; `what` says what they should be."""
-    for node in nodes:
-        if isinstance(node, Scalar):
-            yield node
-        elif not isinstance(node, Broken):
-            x.faults.add("not-a-text", f"{what}, found {kind_of(node)}", node.place)
-
-
 # --- What to write
 
 
@@ -314,7 +213,7 @@ def _definitions(
     """Give the definitions that items of a list name; `hint` is for coordinates."""
     names, faults = x.names, x.faults
     found: dict[str, Place] = {}
-    for item in _named(given, f"a {what} is the name of a definition", x):
+    for item in named(given, f"a {what} is the name of a definition", x.faults):
         name, place = item.text, item.place
         kind = names.variables.get(name)
         if name in found:

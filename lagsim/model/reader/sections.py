@@ -45,6 +45,8 @@ CONTACT = ("restitution", "friction", "slip")
 ENERGY, SCENE, OUTPUT_KEYS = (
     _keys(SECTIONS[section]) for section in ("energy", "scene", "output")
 )
+LINK = _keys(SCENE["links"]["items"])
+SHAPE = _keys(SCENE["shapes"]["additionalProperties"])
 PLOT = _keys(OUTPUT_KEYS["plots"]["items"])
 AXES = ("x", "y", "y2")
 MOST_CURVES: int = PLOT["y"]["anyOf"][1]["maxItems"]

@@ -34,6 +34,7 @@ from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.record import merged
+from lagsim.outputs.shapes import Track, bodies, needed, reached, words
 from lagsim.run.observers.thinning import Frames
 from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED
 
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Model
     from lagsim.notes import Event
+    from lagsim.outputs.shapes import Body
 
 NAME = "animation.html"
 # The point of a model that has no scene.
@@ -61,13 +63,6 @@ SWIFT = 3.0
 TRIED, MOSTLY = 9, 0.75
 # Pairs that no link joins are tried among so many points, and forces shown.
 FEW_POINTS, MOST_PUSHES = 24, 64
-
-
-class Track(NamedTuple):
-    """Position and velocity of a point, each (frames, components)."""
-
-    place: Floats
-    rate: Floats
 
 
 class Push(NamedTuple):
@@ -88,6 +83,9 @@ class Film(NamedTuple):
         Up to the next frame positions go straight.
     tracks : dict of str to Track
     links : sequence of pairs of names
+    looks : sequence of str
+        Of each link, as `Scene` has them; none: all as their lengths say.
+    shapes : sequence of Body
     pushes : sequence of Push
         The forces of constraints.
     energies : dict of str to ndarray, shape (frames,)
@@ -107,6 +105,8 @@ class Film(NamedTuple):
     broken: Flags
     tracks: Mapping[str, Track]
     links: Sequence[tuple[str, str]] = ()
+    looks: Sequence[str] = ()
+    shapes: Sequence[Body] = ()
     pushes: Sequence[Push] = ()
     energies: Mapping[str, Floats] = {}
     events: Sequence[Event] = ()
@@ -115,10 +115,16 @@ class Film(NamedTuple):
     units: Mapping[str, str] = {}
     notes: Sequence[str] = ()
 
+    @property
+    def dimension(self) -> int:
+        """How many components places have."""
+        places = [*self.tracks.values(), *(body.at for body in self.shapes)]
+        return int(places[0].place.shape[1])
+
 
 def stage(model: Model) -> Scene:
     """Return the scene of a model; where the file has none, one point or nothing."""
-    if model.scene.points:
+    if model.scene.points or model.scene.shapes:
         return model.scene
     nodes = {c.name: model.graph.variable(c.name) for c in model.coordinates}
     nodes |= {d.name: d.node for d in model.definitions if d.level is not Level.OUTPUT}
@@ -129,7 +135,7 @@ def stage(model: Model) -> Scene:
 
 def nothing_to_draw(model: Model) -> list[Caution]:
     """Return the warning that a model gives no page, if so."""
-    if stage(model).points:
+    if stage(model).dimension:
         return []
     text = (
         f"there is no {NAME}: {model.name} has nothing to draw; give it a `scene` with "
@@ -146,11 +152,13 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     known = frozenset(columns)
     names += ENERGIES
     names += [f"reaction.{name}" for name in equations.model.output.reactions]
+    names += sorted(needed(equations.model).difference(names))
     names = [name for name in names if name in known]
     # Positions and rates; forces, at two points at most; time and energies.
     parts = sum(len(c) for c in scene.points.values())
-    words = 2 * parts + 6 * len(equations.multipliers) + 2 + len(ENERGIES)
-    most = min(MOST_FRAMES, ROOM // (4 * words), MOST_CELLS // len(names))
+    many = 2 * parts + 6 * len(equations.multipliers) + 2 + len(ENERGIES)
+    many += words(equations.model)
+    most = min(MOST_FRAMES, ROOM // (4 * many), MOST_CELLS // len(names))
     return Frames(columns, names, most)
 
 
@@ -174,12 +182,14 @@ def film(
     """
     model, scene = equations.model, stage(equations.model)
     table = frames.table
-    if not scene.points or not len(table):
+    if not scene.dimension or not len(table):
         return None
     columns = {name: table[:, k] for k, name in enumerate(frames.names)}
     values: dict[str, float | Floats] = {p.name: p.value for p in model.parameters}
     values |= columns
-    tracks = _tracks(equations, scene, values, len(table))
+    seed = _rates(equations)
+    tracks = _tracks(equations, scene, values, len(table), seed)
+    shapes = bodies(model, columns, len(table), seed) if scene.shapes else []
     with np.errstate(all="ignore"):
         carriers = Carriers(equations, scene, values, len(table))
         pushes = [*carriers.pushes, *reactions(model, scene, columns)]
@@ -189,7 +199,8 @@ def film(
         notes = [*notes, thinned]
     return Film(
         model.name, model.description, columns["t"], broken, tracks, scene.links,
-        pushes, {k: columns[k] for k in ENERGIES if k in columns}, events,
+        scene.looks, shapes, pushes,
+        {k: columns[k] for k in ENERGIES if k in columns}, events,
         carriers.struck, horizon, _units(scene, units or {}), notes,
     )  # fmt: skip
 
@@ -214,17 +225,25 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
     return {"length": length, "energy": energy, "force": force}
 
 
+def _rates(e: Equations) -> dict[int, int]:
+    """Return the rate of everything that moves."""
+    accelerations = map(e.graph.variable, e.accelerations)
+    return e.flow.forward | dict(zip(e.flow.rates, accelerations, strict=True))
+
+
 def _tracks(
-    e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
+    e: Equations,
+    scene: Scene,
+    values: Mapping[str, float | Floats],
+    count: int,
+    seed: Mapping[int, int],
 ) -> dict[str, Track]:
     """Evaluate the points and their rates; a plane lies at z = 0 of a space."""
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
-    accelerations = map(g.variable, e.accelerations)
-    seed = e.flow.forward | dict(zip(e.flow.rates, accelerations, strict=True))
     rates = tangent(g, nodes, seed)
     found = evaluate_rows(g, [*nodes, *rates], values, count)
-    dimension = max(len(parts) for parts in scene.points.values())
+    dimension = scene.dimension
     tracks, k = {}, 0
     for name, parts in scene.points.items():
         place, rate = np.zeros((2, count, dimension))
@@ -249,8 +268,9 @@ def _swift(tracks: Mapping[str, Track], t: Floats) -> Flags:
 
 def extent(tracks: Mapping[str, Track]) -> float:
     """Return the longest side of what the points pass through."""
-    every = np.concatenate([track.place for track in tracks.values()])
-    every = every[np.isfinite(every).all(axis=1)]
+    if not tracks:
+        return 0.0
+    every = reached([track.place for track in tracks.values()], [])
     return float(np.ptp(every, axis=0).max()) if len(every) else 0.0
 
 
@@ -282,7 +302,7 @@ class Carriers:
     ) -> None:
         self._e, self._scene = equations, scene
         self._values, self._count = values, count
-        self._dimension = max(len(parts) for parts in scene.points.values())
+        self._dimension = scene.dimension
         rows = [(x.name, f"lambda_{x.name}", x.A.entries) for x in equations.rows]
         rows += [(x.constraint, x.multiplier, x.row.A.entries) for x in equations.laws]
         self._jacobians = self._moving() if rows else {}
@@ -398,7 +418,7 @@ def reactions(
     asked = {
         d.node: d.name for d in model.definitions if d.name in model.output.reactions
     }
-    dimension = max(len(parts) for parts in scene.points.values())
+    dimension = scene.dimension
     for point, parts in scene.points.items():
         found = [columns.get(f"reaction.{asked.get(node)}") for node in parts]
         some = next((x for x in found if x is not None), None)
@@ -486,6 +506,9 @@ def record(film: Film) -> dict[str, Any]:
     """Return a film as the page reads it, in what JSON holds."""
     size = extent(film.tracks)
     names = list(film.tracks)
+    places = [track.place for track in film.tracks.values()]
+    every = reached(places, film.shapes)
+    looks = film.looks or ("",) * len(film.links)
     points: list[dict[str, Any]] = []
     for name, (place, rate) in film.tracks.items():
         finite = place[np.isfinite(place).all(axis=1)]
@@ -506,11 +529,15 @@ def record(film: Film) -> dict[str, Any]:
         "description": film.description,
         "t": _packed(film.t, "<f8"),
         "broken": np.flatnonzero(film.broken).tolist(),
-        "dimension": next(iter(film.tracks.values())).place.shape[1],
-        "box": (box := _box(film)),
-        "floor": _floor(film, box),
+        "dimension": film.dimension,
+        "box": (box := _box(every)),
+        "floor": _floor(film, every, box),
         "points": points,
-        "links": [_link(film, names, a, b) for a, b in film.links],
+        "links": [
+            _link(film, names, *link, look)
+            for link, look in zip(film.links, looks, strict=True)
+        ],
+        "shapes": [_shape(body, names) for body in film.shapes],
         "pushes": [
             {"name": p.constraint, "point": names.index(p.point),
              "force": _packed(p.force), "usual": _usual(p.force)}
@@ -540,18 +567,23 @@ def _usual(force: Floats) -> float:
     return float(np.percentile(sizes, MOST)) if len(sizes) else 0.0
 
 
-def _floor(film: Film, box: Sequence[Sequence[float]]) -> float | None:
-    """Return the height of a floor that is below all; None where it is out of sight."""
-    last = np.concatenate([track.place[:, -1] for track in film.tracks.values()])
-    lowest = float(last[np.isfinite(last)].min(initial=box[-1][0]))
+def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float | None:
+    """Return the height of a floor that is below all; None where it is out of sight.
+
+    In space, that of the first ground that the scene has.
+    """
+    for body in film.shapes:
+        if body.shape.kind == "ground" and not body.shape.corners:
+            return float(body.mesh.corners[0, 2])
+    last = [track.place[:, -1] for track in film.tracks.values()]
+    heights = np.concatenate([*last, every[:, -1]])
+    lowest = float(heights[np.isfinite(heights)].min(initial=box[-1][0]))
     size = max(high - low for low, high in box)
     return lowest if lowest >= box[-1][0] - NEAR * size else None
 
 
-def _box(film: Film) -> list[list[float]]:
+def _box(every: Floats) -> list[list[float]]:
     """Return the least and greatest of each component that a view is to show."""
-    every = np.concatenate([track.place for track in film.tracks.values()])
-    every = every[np.isfinite(every).all(axis=1)]
     if not len(every):
         return [[0.0, 0.0] for _ in range(every.shape[1])]
     low, high = every.min(axis=0), every.max(axis=0)
@@ -561,15 +593,46 @@ def _box(film: Film) -> list[list[float]]:
     return [[float(a), float(b)] for a, b in zip(low, high, strict=True)]
 
 
-def _link(film: Film, names: Sequence[str], a: str, b: str) -> dict[str, Any]:
-    """Return a link and its kind: a rod, a spring, or a string that may be slack."""
+def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
+    """Return a shape; of its axes the last follows from the others."""
+    shape = body.shape
+    axes = (x[..., :-1].swapaxes(-1, -2) if x.size else x for x in body.axes)
+    parts = {"at": body.at, "axes": Track(*axes), "corners": body.corners}
+    return {
+        "name": shape.name,
+        "kind": shape.kind,
+        "point": names.index(shape.point) if shape.point else None,
+        "moves": body.moves,
+        "radius": body.radius,
+        "faces": body.mesh.faces,
+        "edges": body.mesh.edges,
+        "seams": body.mesh.seams,
+        **{key: _coded(track) for key, track in parts.items()},
+    }
+
+
+def _coded(track: Track) -> dict[str, str]:
+    """Return what moves, or what is the same in all frames; with its rate if known."""
+    place, rate = track
+    if np.array_equal(place, np.broadcast_to(place[:1], place.shape)):
+        return {"fixed": _packed(place[0])}
+    moving = {"place": _packed(place)}
+    return moving | ({"rate": _packed(rate)} if rate.size else {})
+
+
+def _link(
+    film: Film, names: Sequence[str], a: str, b: str, look: str
+) -> dict[str, Any]:
+    """Return a link and its look: by default as its length says."""
     apart = film.tracks[a].place - film.tracks[b].place
     lengths = np.linalg.norm(apart, axis=1)
     lengths = lengths[np.isfinite(lengths)]
     lengths = lengths if len(lengths) else np.zeros(1)
     longest = float(lengths.max())
     kind = "spring"
-    if float(lengths.min()) >= (1.0 - RIGID) * longest:
+    if look:
+        kind = look
+    elif float(lengths.min()) >= (1.0 - RIGID) * longest:
         kind = "rod"
     elif any({a, b} & set(points) for points in film.struck.values()):
         taut = np.mean(lengths >= (1.0 - SATISFIED) * longest)

@@ -7,6 +7,18 @@ const COLOURS = {
 };
 const MANY = 12;
 
+// The area of corners in a plane, of such that go round against the clock where y runs up.
+function area(corners) {
+  return corners.reduce((sum, [x, y], k) => {
+    const [u, v] = corners[(k + 1) % corners.length];
+    return sum + 0.5 * (x * v - y * u);
+  }, 0);
+}
+
+function areaInSpace(corners) {
+  return Math.hypot(...[[0, 1], [1, 2], [2, 0]].map(([a, b]) => area(corners.map((p) => [p[a], p[b]]))));
+}
+
 class Drawing {
   // `one`: the number of the colour that all points have, where several runs share a view.
   constructor(canvas, run, view, one = null) {
@@ -20,7 +32,11 @@ class Drawing {
       const still = run.points[a].fixed && run.points[b].fixed;
       for (const end of [a, b]) (still ? grounds : linked).add(end);
     }
-    Object.assign(this, {linked, grounds});
+    // Shapes that move have the colours of their points, or the next ones.
+    const bodies = run.shapes.filter((shape) => shape.faces.length || shape.radius);
+    const carried = new Set(bodies.map((shape) => shape.point));
+    const own = run.shapes.filter((shape) => shape.moves && !this.colours.has(shape.point));
+    Object.assign(this, {linked, grounds, carried, own});
   }
 
   resize() {
@@ -43,6 +59,12 @@ class Drawing {
     return this.theme === "dark" ? `hsl(${hue} 75% 65%)` : `hsl(${hue} 72% 42%)`;
   }
 
+  colourOf(shape) {
+    const n = this.own.indexOf(shape), all = COLOURS[this.theme];
+    if (n < 0 || this.one !== null) return this.colour(n < 0 ? shape.point : this.run.moving[0]);
+    return all[(this.colours.size + n) % all.length];
+  }
+
   draw(t, {trails, forces, names, glow, theme, ink}) {
     Object.assign(this, {theme, ink});
     const {pen, run, view} = this;
@@ -51,9 +73,11 @@ class Drawing {
     const moment = run.moment(t);
     const places = run.points.map((_, k) => run.place(k, moment));
     const dots = places.map((place) => view.at(place));
+    this.placed = run.shapes.map((shape) => this.seen(shape, moment));
     this.radius = Math.max(3, Math.min(11, this.size * (run.points.length > MANY ? 0.011 : 0.02)));
     if (view.space) this.base(places, dots); else if (!this.one) this.grid();
     if (trails) for (const k of run.moving) this.trail(k, t, trails);
+    this.shapes();
     this.links(places, dots);
     this.marks(t, dots, glow);
     this.dots(dots);
@@ -139,12 +163,35 @@ class Drawing {
       this.line([shadow(places[i]), shadow(places[j])]);
       pen.stroke();
     }
+    this.shadows(shadow);
     for (const k of run.moving) {
       const [x, y] = shadow(places[k]);
       pen.beginPath();
       pen.ellipse(x, y, this.radius, this.radius * Math.max(0.2, Math.sin(view.raised)), 0, 0, 7);
       pen.fill();
     }
+  }
+
+  // What faces the floor, as one area.
+  shadows(shadow) {
+    const {pen, view} = this;
+    if (!this.placed.length) return;
+    pen.beginPath();
+    for (const {shape, at, places} of this.placed) {
+      if (shape.radius) {
+        const [x, y] = shadow(at), r = shape.radius * view.scale;
+        pen.moveTo(x + r, y);
+        pen.ellipse(x, y, r, r * Math.sin(view.raised), 0, 0, 7);
+      }
+      for (const face of shape.faces) {
+        const flat = face.map((k) => places[k]);
+        // All go round in one direction.
+        if (area(flat) < 0) { if (shape.faces.length > 1) continue; flat.reverse(); }
+        flat.map(shadow).forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
+        pen.closePath();
+      }
+    }
+    pen.fill();
   }
 
   trail(k, t, {from, fading}) {
@@ -173,6 +220,106 @@ class Drawing {
     pen.lineCap = "round";
   }
 
+  // A shape in pixels: its corners, the faces in front, each with how much of it is seen.
+  seen(shape, moment) {
+    const {view, run} = this, {at, found: places} = run.corners(shape, moment);
+    const dots = places.map((place) => view.at(place));
+    const single = shape.faces.length === 1, front = [];
+    const faces = shape.faces.flatMap((face, n) => {
+      const turned = -area(face.map((k) => dots[k]));
+      front[n] = single || turned > 0;
+      if (!front[n]) return [];
+      const whole = view.space ? areaInSpace(face.map((k) => places[k])) : Math.abs(turned);
+      const near = face.reduce((sum, k) => sum + dots[k][2], 0) / face.length;
+      return [{face, near, share: whole ? Math.min(1, Math.abs(turned) / (view.space ? whole * view.scale ** 2 : whole)) : 0}];
+    });
+    front[-1] = true;
+    return {shape, at, places, dots, faces, front, middle: view.at(at)};
+  }
+
+  // From the farthest to the nearest: faces, with the edges of their shape on the last of
+  // them; edges behind are dashed.
+  shapes() {
+    const parts = [];
+    for (const one of this.placed) {
+      const {shape, dots, middle} = one;
+      if (!dots.every(([x, y]) => Number.isFinite(x + y)) && shape.kind !== "curve") continue;
+      if (shape.radius) parts.push({one, near: middle[2], edges: true});
+      one.faces.sort((a, b) => a.near - b.near);
+      one.faces.forEach((face, n) => parts.push({one, ...face, edges: n === one.faces.length - 1}));
+      if (!shape.radius && !one.faces.length) parts.push({one, near: dots.length ? dots[0][2] : 0, edges: true});
+    }
+    parts.sort((a, b) => a.near - b.near);
+    for (const part of parts) {
+      this.face(part);
+      if (part.edges) this.edges(part.one);
+    }
+  }
+
+  face({one: {shape, dots, middle}, face, share = 1}) {
+    const {pen, view, ink} = this;
+    if (shape.radius) {
+      pen.beginPath();
+      pen.arc(middle[0], middle[1], shape.radius * view.scale, 0, 7);
+    } else if (face) this.line(face.map((k) => dots[k]), true);
+    else return;
+    for (const [colour, alpha] of [[ink.card, 0.75], [this.colourOf(shape), 0.12 + 0.3 * share]]) {
+      pen.fillStyle = colour;
+      pen.globalAlpha = alpha;
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  edges({shape, dots, front, middle}) {
+    const {pen, view} = this, colour = this.colourOf(shape);
+    if (shape.kind === "ground") {
+      for (const [i, j] of shape.edges) this.ground(dots[i], dots[j]);
+      return;
+    }
+    if (shape.kind === "arrow") {
+      const [[x, y], [u, v]] = dots;
+      if (Math.hypot(u - x, v - y) > 1.5) this.arrow(x, y, u, v, false, colour);
+      return;
+    }
+    const seen = [], behind = [];
+    for (const edge of shape.edges) {
+      const [i, j, a, b] = edge;
+      const ahead = shape.radius ? dots[i][2] + dots[j][2] >= 2 * middle[2] : front[a] || front[b];
+      (ahead ? seen : behind).push(edge);
+    }
+    for (const edge of shape.seams) if (front[edge[2]] !== front[edge[3]]) seen.push(edge);
+    pen.strokeStyle = colour;
+    pen.lineWidth = 1.6;
+    this.joined(dots, seen);
+    if (shape.radius) {
+      pen.beginPath();
+      pen.arc(middle[0], middle[1], shape.radius * view.scale, 0, 7);
+      pen.stroke();
+    }
+    pen.lineWidth = 1;
+    pen.globalAlpha = 0.6;
+    pen.setLineDash([3, 4]);
+    this.joined(dots, behind);
+    pen.setLineDash([]);
+    pen.globalAlpha = 1;
+  }
+
+  // Edges as one path: dashes go on from one to the next.
+  joined(dots, edges) {
+    const {pen} = this;
+    let last = -1;
+    pen.beginPath();
+    for (const [i, j] of edges) {
+      const [[x, y], [u, v]] = [dots[i], dots[j]];
+      if (!Number.isFinite(x + y + u + v)) continue;
+      if (i !== last) pen.moveTo(x, y);
+      pen.lineTo(u, v);
+      last = j;
+    }
+    pen.stroke();
+  }
+
   links(places, dots) {
     const {pen, run, ink} = this;
     for (const link of run.links) {
@@ -181,8 +328,10 @@ class Drawing {
       if (run.points[i].fixed && run.points[j].fixed) { this.ground(a, b); continue; }
       pen.strokeStyle = ink.rod;
       pen.lineWidth = Math.max(1.5, Math.min(4, this.radius * 0.34));
+      if (link.kind === "line") pen.lineWidth = 1;
       if (link.kind === "spring") this.spring(a, b, link);
       else if (link.kind === "string") this.string(a, b, link, places[i], places[j]);
+      else if (link.kind === "damper") this.damper(a, b, link);
       else { this.line([a, b]); pen.stroke(); }
     }
   }
@@ -229,6 +378,20 @@ class Drawing {
     pen.stroke();
   }
 
+  // A cylinder that is open towards b, with a piston in it.
+  damper(a, b, link) {
+    const {pen, view} = this, length = Math.hypot(b[0] - a[0], b[1] - a[1]);
+    if (length < 1) return;
+    const [ux, uy] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
+    const wide = Math.max(3, Math.min(9, 0.055 * link.usual * view.scale, 0.9 * this.radius));
+    const at = (s, w) => [a[0] + s * length * ux - w * wide * uy, a[1] + s * length * uy + w * wide * ux];
+    pen.lineWidth = Math.max(1.2, Math.min(2, this.radius * 0.2));
+    for (const path of [
+      [a, at(0.35, 0)], [at(0.65, 1), at(0.35, 1), at(0.35, -1), at(0.65, -1)],
+      [at(0.5, 0.8), at(0.5, -0.8)], [at(0.5, 0), b],
+    ]) { this.line(path); pen.stroke(); }
+  }
+
   // A string hangs where its ends are nearer than it is long.
   string(a, b, link, from, to) {
     const {pen, view} = this;
@@ -251,15 +414,17 @@ class Drawing {
       const [x, y] = dots[k];
       if (!Number.isFinite(x + y)) continue;
       if (run.points[k].fixed) { this.fixed(k, x, y); continue; }
+      // A body is seen before its point.
+      const radius = this.carried.has(k) ? Math.min(3, this.radius) : this.radius;
       pen.beginPath();
-      pen.arc(x, y, this.radius, 0, 7);
+      pen.arc(x, y, radius, 0, 7);
       pen.fillStyle = this.colour(k);
       pen.fill();
       pen.lineWidth = 1.5;
       pen.strokeStyle = this.ink.card;
       pen.stroke();
       pen.beginPath();
-      pen.arc(x - 0.3 * this.radius, y - 0.32 * this.radius, 0.28 * this.radius, 0, 7);
+      pen.arc(x - 0.3 * radius, y - 0.32 * radius, 0.28 * radius, 0, 7);
       pen.fillStyle = "rgba(255, 255, 255, .5)";
       pen.fill();
     }
@@ -347,12 +512,12 @@ class Drawing {
   }
 
   // One that is longer than shown has a gap in its shaft.
-  arrow(x, y, tox, toy, cut) {
-    const {pen, ink} = this;
+  arrow(x, y, tox, toy, cut, colour = this.ink.force) {
+    const {pen} = this;
     const length = Math.hypot(tox - x, toy - y), head = Math.min(11, 0.6 * length);
     const [ux, uy] = [(tox - x) / length, (toy - y) / length];
     const [bx, by] = [tox - head * ux, toy - head * uy];
-    pen.fillStyle = pen.strokeStyle = ink.force;
+    pen.fillStyle = pen.strokeStyle = colour;
     pen.lineWidth = 2.6;
     pen.lineCap = "butt";
     const shaft = (a, b) => {

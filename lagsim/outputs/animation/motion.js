@@ -12,6 +12,16 @@ function unpacked(text, Kind) {
   return values;
 }
 
+// Axes, of the first of them: in the plane the second, in space the third follows.
+function upright(own, d) {
+  const unit = (v) => { const size = Math.hypot(...v) || 1; return v.map((x) => x / size); };
+  const x = unit(own.slice(0, d));
+  if (d === 2) return [x, [-x[1], x[0]]];
+  const second = own.slice(3), along = x.reduce((sum, a, k) => sum + a * second[k], 0);
+  const y = unit(second.map((b, k) => b - along * x[k]));
+  return [x, y, [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]];
+}
+
 class Run {
   constructor(data) {
     Object.assign(this, data);
@@ -20,6 +30,12 @@ class Run {
     this.points = data.points.map((p) => p.fixed ? p : {
       ...p, place: unpacked(p.place, Float32Array), rate: unpacked(p.rate, Float32Array),
     });
+    const track = (x) => x.fixed ? {fixed: unpacked(x.fixed, Float32Array)} : {
+      place: unpacked(x.place, Float32Array), rate: x.rate && unpacked(x.rate, Float32Array),
+    };
+    this.shapes = (data.shapes || []).map((s) => ({
+      ...s, at: track(s.at), axes: track(s.axes), corners: track(s.corners),
+    }));
     this.pushes = data.pushes.map((p) => ({...p, force: unpacked(p.force, Float32Array)}));
     this.energies = Object.fromEntries(Object.entries(data.energies)
       .map(([name, values]) => [name, unpacked(values, Float32Array)]));
@@ -51,11 +67,13 @@ class Run {
     return {t, i, step, part: step ? (t - this.t[i]) / step : 0};
   }
 
-  // Positions by Hermite's cubic: right at both frames, and so are the velocities.
-  place(k, {i, step, part: s}) {
-    const p = this.points[k], d = this.dimension;
+  place(k, moment) { return this.placed(this.points[k], this.dimension, moment); }
+
+  // Positions by Hermite's cubic: right at both frames, and so are the velocities. What
+  // has none goes straight.
+  placed(p, d, {i, step, part: s}) {
     if (p.fixed) return p.fixed;
-    const straight = this.broken.has(i), found = [];
+    const straight = !p.rate || this.broken.has(i), found = [];
     for (let c = 0; c < d; c++) {
       const a = p.place[i * d + c];
       if (!s) { found.push(a); continue; }
@@ -66,6 +84,20 @@ class Run {
       found.push(a + s * s * (3 - 2 * s) * (b - a) + s * r * (r * u - s * v));
     }
     return found;
+  }
+
+  // The corners of a shape, and its origin. Its axes are set upright again: between two
+  // frames their entries are those of no rotation.
+  corners(shape, moment) {
+    const d = this.dimension, {corners} = shape;
+    const at = this.placed(shape.at, d, moment), own = this.placed(shape.axes, d * (d - 1), moment);
+    const axes = upright(Array.from(own), d);
+    const count = (corners.fixed || corners.place).length / (corners.fixed ? 1 : this.t.length);
+    const places = this.placed(corners, count, moment), found = [];
+    for (let k = 0; k < count; k += d) {
+      found.push(Array.from(at, (x, c) => axes.reduce((sum, axis, n) => sum + axis[c] * places[k + n], x)));
+    }
+    return {at, found};
   }
 
   // A force goes straight from frame to frame; what is out of force does not push.

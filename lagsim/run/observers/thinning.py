@@ -334,7 +334,9 @@ def picture_thinning(model: Model, columns: Sequence[str]) -> Thinning:
     shown = ("plot.", "friction.", "impulse.")
     series |= {name for name in columns if name.startswith(shown)}
     paths = {name for name in columns if name.startswith(("point.", "plot."))}
-    paths |= {"t"} if paths else set()
+    shapes = [node for shape in model.scene.shapes for node in shape.nodes]
+    paths |= model.graph.depends(shapes) & set(columns)
+    paths |= {"t"} if paths or shapes else set()
     balance = {DRIFT: ("energy", "work")} if "work" in columns else {}
     return Thinning(columns, series=series, paths=paths, differences=balance)
 

@@ -1,0 +1,410 @@
+"""The paths of the points of a scene, from each side, with its links and shapes."""
+
+from __future__ import annotations
+
+import lagsim.outputs.bare_matplotlib  # noqa: F401
+
+# isort: split
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import to_hex, to_rgb
+from matplotlib.patches import Polygon
+
+from lagsim.outputs.figure import (
+    BELOW_PANELS,
+    DIM,
+    INK,
+    LEFT,
+    NAMES,
+    PENS,
+    RIGHT,
+    SMALL,
+    WIDTH,
+    curve,
+    dotted,
+    frame,
+    in_lines,
+    line,
+    mark,
+    path,
+    point,
+)
+from lagsim.outputs.scale import Scale, extent, with_one_power
+from lagsim.outputs.shapes import bodies, needed, reached, seen
+from lagsim.tolerances import COMPUTED_ZERO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from matplotlib.axes import Axes
+
+    from lagsim.model.model import Model, Scene
+    from lagsim.outputs.figure import Pen, Picture
+    from lagsim.outputs.record import Record
+    from lagsim.outputs.shapes import Body
+    from lagsim.run.observers.thinning import Array
+
+
+def around(
+    ends: Sequence[tuple[float, float]], sides: Sequence[float], scale: float
+) -> list[Scale]:
+    """Return ranges of these sides at one scale, about what they show."""
+    middles = [0.5 * (low + high) for low, high in ends]
+    halves = [0.5 * scale * side for side in sides]
+    return with_one_power(
+        [Scale(m - half, m + half) for m, half in zip(middles, halves, strict=True)]
+    )
+
+
+# --- Views
+
+# Inches: between two views, with numbers and names; the least height of one, and the
+# greatest of one in the plane. In space none is higher than it is wide.
+BETWEEN, LOWEST, HIGHEST = 0.62, 0.9, 3.8
+WHOLE = WIDTH - LEFT - RIGHT
+HALF = (WHOLE - BETWEEN) / 2
+# What is above the views: their legend is in lines.
+ABOVE = 0.24
+# How much longer than the paths an axis is.
+FREE = 1.12
+# More names than this cannot be distinguished.
+MOST_NAMES = 14
+
+START_LINK: Pen = {"color": DIM, "linewidth": 0.7}
+END_LINK: Pen = {"color": INK, "dashes": (3.0, 1.5), "linewidth": 0.7}
+FIXED_MARK = mark("s", 3.4)
+
+# From light to dark along a chain with more points than there are pens.
+LIGHT, DARK = np.array((0.55, 0.76, 0.93)), np.array((0.0, 0.13, 0.35))
+
+# The directions that run across and up in the views of a plane, and of a space.
+PLANE, IN_SPACE = ((0, 1),), ((0, 2), (1, 2), (0, 1))
+# What runs right and up on paper, seen from 30 degrees to the right of ahead and 30
+# degrees above.
+OBLIQUE = np.array(((0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)))
+
+
+class Views:
+    """The views of a scene with the names of what is in it.
+
+    Attributes
+    ----------
+    height : how much of a picture they take; 0 without points or rows.
+    """
+
+    def __init__(
+        self, record: Record, scene: Scene, model: Model | None = None
+    ) -> None:
+        self._record, self._links = record, scene.links
+        self._looks = scene.looks or ("",) * len(scene.links)
+        self.height = 0.0
+        shown = scene.points or (model and scene.shapes)
+        if not shown or not record.rows.row_count:
+            return
+        self._bodies = _bodies(record, model) if model and scene.shapes else []
+        self._take(scene)
+        self._pens = self._pens_of_moving()
+        self._lines = in_lines(list(self._names()), WHOLE)
+        spans = [high - low for low, high in self._extents]
+        self._widths, tallest, ups = [WHOLE], HIGHEST, spans[1:]
+        if len(spans) == 3:
+            self._widths, tallest, ups = [HALF, HALF], HALF, [spans[2], spans[1]]
+        across = max(spans[: len(self._widths)])
+        self._scale = self._usable(max(across / self._widths[0], max(ups) / tallest))
+        self._heights = [max(LOWEST, FREE * up / self._scale) for up in ups]
+        gaps = (BETWEEN - 0.1) * (len(ups) - 1)
+        self._above = ABOVE + NAMES * len(self._lines)
+        self.height = self._above + sum(self._heights) + gaps + BELOW_PANELS
+
+    def _take(self, scene: Scene) -> None:
+        """Take the positions (directions, rows) of all points."""
+        record = self._record
+        dimension = scene.dimension
+        self._positions: dict[str, Array] = {}
+        units = set()
+        for name, parts in scene.points.items():
+            columns = [f"point.{name}.{k + 1}" for k in range(len(parts))]
+            # A point that stands at a number has none.
+            units |= {record.unit(column) for column in columns} - {""}
+            known = [record.rows.sampled(column) for column in columns]
+            flat = [np.zeros_like(known[0])] * (dimension - len(parts))
+            self._positions[name] = np.stack(known + flat)
+        self._unit = units.pop() if len(units) == 1 else ""
+        every = self._positions.values()
+        ends = [[p[k] for p in every] for k in range(dimension)]
+        if self._bodies:
+            for own, further in zip(ends, reached([], self._bodies).T, strict=True):
+                own.append(further)
+        self._extents = [extent(*own) for own in ends]
+        # A scene at rest has no size of its own.
+        self._size = max(max(abs(low), abs(high)) for low, high in self._extents)
+
+    def _usable(self, scale: float) -> float:
+        """Return how much an inch is, also where all points rest in one place."""
+        scale *= FREE
+        return scale if scale > COMPUTED_ZERO * self._size else self._size or 1.0
+
+    def _pens_of_moving(self) -> dict[str, Pen]:
+        """Return a pen for each point that moves, in their order."""
+        paths = {}
+        whole = max(high - low for low, high in self._extents) or 1.0
+        for name, position in self._positions.items():
+            spans = [high - low for low, high in map(extent, position)]
+            if any(span > COMPUTED_ZERO * self._size for span in spans):
+                widest = sorted(range(len(spans)), key=lambda k: -spans[k])[:2]
+                paths[name] = position[widest] * (HIGHEST / whole)
+        share = np.linspace(0.0, 1.0, len(paths))[:, np.newaxis]
+        shades = LIGHT + share * (DARK - LIGHT)
+        pens: list[Pen] = [{"color": to_hex(c), "linewidth": 0.6} for c in shades]
+        if len(paths) <= len(PENS):
+            pens = list(PENS[: len(paths)])
+        return {
+            name: mark(".", 6.0, pen["color"]) if dotted(x, y) else pen
+            for (name, (x, y)), pen in zip(paths.items(), pens, strict=True)
+        }
+
+    def _names(self) -> Iterator[tuple[str, Pen]]:
+        names = list(self._pens)
+        if len(names) > MOST_NAMES:
+            yield names[0], self._pens[names[0]]
+            yield f"… {len(names) - 2} more, darker …", {}
+            names = names[-1:]
+        yield from ((name, self._pens[name]) for name in names)
+        for body, colour in zip(self._bodies, self._colours(), strict=True):
+            if body.moves and body.shape.point not in self._pens:
+                yield body.shape.name, {"color": colour}
+        if fixed := [name for name in self._positions if name not in self._pens]:
+            yield ", ".join(fixed), FIXED_MARK
+        if self._pens:
+            yield "start", mark("o", 4.6, fill="white")
+            yield "end", mark("o", 2.6)
+        if self._links:
+            yield "links at the start", START_LINK
+            yield "links at the end", END_LINK
+        if self._pens and (stride := self._record.rows.stride) > 1:
+            yield f"one of {stride} rows", {}
+
+    def draw(self, picture: Picture, top: float) -> None:
+        """Draw them below `top`, counted from the header."""
+        picture.names(LEFT, picture.top + top + 0.14, self._lines, WHOLE)
+        panels = picture.panels(
+            self._widths, self._heights, top=top + self._above, across=BETWEEN,
+            down=BETWEEN - 0.1,
+        ).ravel()  # fmt: skip
+        ups = np.repeat(self._heights, len(self._widths))
+        views = IN_SPACE if len(self._extents) == 3 else PLANE
+        for axes, (across, up), height in zip(panels, views, ups, strict=False):
+            ends = self._extents[across], self._extents[up]
+            sides = self._widths[0], float(height)
+            frame(
+                axes, *around(ends, sides, self._scale),
+                below=("xyz"[across], self._unit), up=("xyz"[up], self._unit),
+            )  # fmt: skip
+            flat = {name: p[[across, up]] for name, p in self._positions.items()}
+            self._draw_bodies(axes, np.eye(len(self._extents))[[across, up]])
+            self._draw(axes, flat)
+        if len(panels) > len(views):
+            self._draw_oblique(panels[-1])
+
+    def _draw_oblique(self, axes: Axes) -> None:
+        """Draw the view from aside, with the directions in its corner."""
+        flat = {name: OBLIQUE @ p for name, p in self._positions.items()}
+        shown = [*flat.values()]
+        if self._bodies:
+            shown.append(OBLIQUE @ reached([], self._bodies).T)
+        ends = [extent(*c) for c in zip(*shown, strict=True)]
+        sides = self._widths[-1], self._heights[-1]
+        (left, right), (low, high) = ends
+        scale = self._usable(max((right - left) / sides[0], (high - low) / sides[1]))
+        x, y = around(ends, sides, scale)
+        x.put(axes, "x", 0)
+        y.put(axes, "y", 0)
+        self._draw_bodies(axes, OBLIQUE)
+        self._draw(axes, flat)
+        line = {"arrowstyle": "-", "color": DIM, "linewidth": 0.7}
+        for name, end in zip("xyz", 20.0 * OBLIQUE.T, strict=True):
+            axes.annotate(
+                name, (14.0, 18.0), tuple(end), "axes points", "offset points",
+                size=SMALL, color=DIM, ha="center", va="center", arrowprops=line,
+            )  # fmt: skip
+
+    def _draw(self, axes: Axes, shown: Mapping[str, Array]) -> None:
+        """Draw points, given as what runs across and up of their paths (2, rows)."""
+        for name, pen in self._pens.items():
+            x, y = shown[name]
+            path(axes, x, y, pen, self._record.trusted())
+        for row, pen in ((0, START_LINK), (-1, END_LINK)):
+            for (a, b), kind in zip(self._links, self._looks, strict=True):
+                ends = np.stack((shown[a][:, row], shown[b][:, row]))
+                if kind in LOOKS:
+                    plain = {k: v for k, v in pen.items() if k != "dashes"}
+                    x, y = LOOKS[kind](ends[0], ends[1], _inch(axes)).T
+                    line(axes, x, y, plain)
+                else:
+                    curve(axes, ends[:, 0], ends[:, 1], pen)
+        small = 0.6 if len(self._pens) > MOST_NAMES else 1.0
+        for row, size, fill, edge in ((0, 4.6, "white", ""), (-1, 3.4, "", "white")):
+            for name, pen in self._pens.items():
+                look = mark("o", small * size, pen["color"], fill)
+                look["markeredgecolor"] = edge or pen["color"]
+                x, y = shown[name][:, row]
+                point(axes, x, y, look)
+        for x, y in (p[:, 0] for name, p in shown.items() if name not in self._pens):
+            point(axes, x, y, FIXED_MARK)
+
+    def _colours(self) -> list[str]:
+        """Return the colour of each shape: of its point, or, if it moves, its own."""
+        found, own = [], len(self._pens)
+        for body in self._bodies:
+            pen = self._pens.get(body.shape.point)
+            if pen is None and body.moves:
+                pen, own = PENS[own % len(PENS)], own + 1
+            found.append(pen["color"] if pen else DIM)
+        return found
+
+    def _draw_bodies(self, axes: Axes, view: Array) -> None:
+        """Draw the shapes, seen with the rows of `view` (2, d) right and up."""
+        drawn = list(zip(self._bodies, self._colours(), strict=True))
+        last = max((len(b.at.place) for b in self._bodies), default=1) - 1
+        between = [last * k // (BETWEEN_TIMES + 1) for k in range(1, BETWEEN_TIMES + 1)]
+        times = [(0, START_EDGE, 0.35), *((row, THIN_EDGE, 0.0) for row in between)]
+        for level, (row, pen, full) in enumerate([*times, (last, END_EDGE, 0.8)]):
+            found = []
+            for body, colour in drawn:
+                if not body.moves and row != last:
+                    continue
+                if body.shape.kind == "ground" and not body.shape.corners:
+                    _plane(axes, view, body.mesh.corners[0, 2], self._extents)
+                elif (shown := seen(body, row, view)) is not None:
+                    found.append((shown, body, colour))
+            for shown, body, colour in sorted(found, key=lambda one: one[0].depth):
+                look = pen | {"color": colour, "zorder": 1.1 + 0.1 * level}
+                strong = full if body.moves else 0.3
+                for face, turned in shown.faces if strong else ():
+                    mixed = 1.0 - (0.12 + 0.25 * turned) * (
+                        1.0 - np.array(to_rgb(colour))
+                    )
+                    axes.add_artist(
+                        Polygon(face, facecolor=(*mixed, strong), zorder=look["zorder"])
+                    )
+                _edges(axes, shown.lines, shown.hidden, body, look)
+
+
+# --- Shapes and links, in inches on paper
+
+# Of a shape: at the start, at so many times after it, and at the end.
+BETWEEN_TIMES = 4
+START_EDGE: Pen = {"linewidth": 0.6}
+THIN_EDGE: Pen = {"linewidth": 0.35, "alpha": 0.6}
+END_EDGE: Pen = {"linewidth": 0.9}
+HIDDEN_EDGE: Pen = {"linewidth": 0.35, "dashes": (2.0, 2.0)}
+# Hatches of a ground, the head of an arrow, a coil, and a damper's cylinder.
+HATCH, APART, HEAD, COIL, TURNS = 0.07, 0.08, 0.08, 0.045, 8
+# Hatches more than this would be a band.
+MOST_HATCHES = 400
+
+
+def _bodies(record: Record, model: Model) -> list[Body]:
+    """Return the shapes in a few hundred rows, the first and the last among them."""
+    count = len(record.rows.sampled("t"))
+    rows = np.unique(np.linspace(0, count - 1, 500).astype(int))
+    columns = {name: record.rows.sampled(name)[rows] for name in needed(model)}
+    return bodies(model, columns, len(rows))
+
+
+def _inch(axes: Axes) -> float:
+    """Return how much of its scale an inch of a panel is."""
+    low, high = axes.get_xlim()
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    width: float = axes.get_position().width * figure.get_size_inches()[0]
+    return (high - low) / width
+
+
+def _edges(axes: Axes, lines: Array, hidden: Array, body: Body, look: Pen) -> None:
+    inch, kind = _inch(axes), body.shape.kind
+    if kind == "ground":
+        lines = _hatched(lines, inch)
+    elif kind == "arrow":
+        lines, head = _arrow(lines[-2:], inch)
+        axes.add_artist(Polygon(head, facecolor=look["color"], zorder=look["zorder"]))
+    line(axes, lines[:, 0], lines[:, 1], look)
+    if len(hidden):
+        line(axes, hidden[:, 0], hidden[:, 1], look | HIDDEN_EDGE)
+
+
+def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
+    """Return the length from a to b, its direction, and what is at its left."""
+    length = float(np.hypot(*(b - a)))
+    u = (b - a) / length if length else np.array((1.0, 0.0))
+    return length, u, np.array((-u[1], u[0]))
+
+
+def _hatched(lines: Array, inch: float) -> Array:
+    """Return a path (n, 2) with hatches below it, of an upright one at the right."""
+    gap, found = np.full(2, np.nan), [lines]
+    for a, b in pairwise(lines):
+        length, u, left = _along(a, b)
+        if not np.isfinite(length) or not length:
+            continue
+        side = -left if u[0] >= -1e-9 else left
+        count = min(int(length / (APART * inch)), MOST_HATCHES)
+        for k in range(count + 1):
+            start = a + u * (k + 0.5) * length / (count + 1)
+            found.append(
+                np.stack((gap, start, start + HATCH * inch * 0.7 * (side - u)))
+            )
+    return np.concatenate(found)
+
+
+def _arrow(ends: Array, inch: float) -> tuple[Array, Array]:
+    """Return the shaft (2, 2) of an arrow, and the corners of its head (3, 2)."""
+    length, u, left = _along(*ends)
+    head = min(HEAD * inch, 0.6 * length)
+    neck = ends[1] - head * u
+    return (
+        np.stack((ends[0], neck)),
+        np.stack((ends[1], neck + 0.42 * head * left, neck - 0.42 * head * left)),
+    )
+
+
+def _spring(a: Array, b: Array, inch: float) -> Array:
+    """Return a zigzag (n, 2) from a to b."""
+    length, u, left = _along(a, b)
+    along = np.concatenate(([0.0], np.linspace(0.12, 0.88, 2 * TURNS + 2), [1.0]))
+    aside = np.zeros(len(along))
+    aside[2:-2] = COIL * inch * (1.0 - 2.0 * (np.arange(2 * TURNS) % 2))
+    return np.asarray(a + length * np.outer(along, u) + np.outer(aside, left))
+
+
+def _damper(a: Array, b: Array, inch: float) -> Array:
+    """Return a cylinder (n, 2) that is open towards b, with a piston in it."""
+    length, u, left = _along(a, b)
+    wide, gap = COIL * inch * left, np.full(2, np.nan)
+    begin, middle, end = (a + share * length * u for share in (0.35, 0.5, 0.65))
+    return np.stack((
+        a, begin, gap, end + wide, begin + wide, begin - wide, end - wide, gap,
+        middle + 0.8 * wide, middle - 0.8 * wide, gap, middle, b,
+    ))  # fmt: skip
+
+
+# Links that are drawn as more than a line.
+LOOKS = {"spring": _spring, "damper": _damper}
+
+
+def _plane(
+    axes: Axes, view: Array, z: float, extents: Sequence[tuple[float, float]]
+) -> None:
+    """Draw a level ground of space: a line from aside, an area from above."""
+    (left, right), (front, back), _ = extents
+    look: Pen = {"color": DIM, "linewidth": 0.9, "zorder": 1.0}
+    if (not view[0, 2] and not view[:, 1].any()) or not view[:, 0].any():
+        low, high = axes.get_xlim()
+        x, y = _hatched(np.array(((low, z), (high, z))), _inch(axes)).T
+        line(axes, x, y, look)
+    elif view[1, 2]:
+        corners = [(left, front), (right, front), (right, back), (left, back)]
+        flat = np.array([(x, y, z) for x, y in corners]) @ view.T
+        axes.add_artist(Polygon(flat, facecolor=(0, 0, 0, 0.06), zorder=1.0))

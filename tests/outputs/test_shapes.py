@@ -1,0 +1,272 @@
+"""Shapes of scenes: where their corners lie, on paper and on the page."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+import lagsim
+from lagsim.outputs import animation, plots
+from lagsim.outputs.animation import ROOM
+from lagsim.outputs.shapes import seen
+from tests.outputs import node as page
+from tests.outputs.drawn import assert_legible, drawn, record
+from tests.outputs.node import Screen, ends, fills, lines, near, needs_node
+from tests.outputs.test_animation import filmed
+
+# A body that goes round (1, -2) at 3, and turns at 2.
+PLANE = """\
+parameters: {w: 0.4, h: 0.2}
+coordinates: {a: {unit: rad}}
+definitions: {x: {value: 1 + 3*cos(a), unit: m}, y: {value: -2 + 3*sin(a), unit: m}}
+energy: {kinetic: a_dot^2/2, potential: 0}
+initial: {a: 0, a_dot: 1}
+simulation: {duration: 3, output_step: 0.1}
+scene:
+  points: {hub: [1, -2], rim: [x, y]}
+  shapes: SHAPES
+"""
+SPACE = PLANE.replace("-2], rim: [x, y]", "-2, 0], rim: [x, y, a]")
+BLOCK = "block: {box: [w, h], at: rim, frame: 2*a}"
+CUBE = "cube: {box: [w, w, w], at: hub}"
+OBLIQUE = np.array([(0.866, 0.5, 0.0), (-0.25, 0.433, 0.866)])
+
+
+def filled(text, shapes):
+    return text.replace("SHAPES", f"{{{shapes}}}")
+
+
+def bodies(text, shapes):
+    return filmed(filled(text, shapes))[0].shapes
+
+
+def block(t, w=0.4, h=0.2):
+    """Where the corners of the block are (4, 2)."""
+    c, s = np.cos(2 * t), np.sin(2 * t)
+    own = 0.5 * np.array([(-w, -h), (w, -h), (w, h), (-w, h)])
+    return [1 + 3 * np.cos(t), -2 + 3 * np.sin(t)] + own @ np.array([(c, s), (-s, c)])
+
+
+def sheet(text, shapes):
+    """Draw the picture of a trajectory."""
+    film, result = filmed(filled(text, shapes))
+    names = result._made.session.system.columns.names
+    rows = record(dict(zip(names, result._rows.T, strict=True)))
+    model = result._made.session.case.equations.model
+    return drawn(plots.trajectory, rows, ["a"], model.scene, model=model), film
+
+
+# --- Bodies
+
+
+def test_a_turned_box_and_its_rates():
+    [body] = bodies(PLANE, BLOCK)
+    t = np.linspace(0, 3, 31)
+    assert np.allclose(body.placed(list(range(31))), [block(x) for x in t], atol=1e-9)
+    assert np.allclose(body.at.rate[:, 0], -3 * np.sin(t), atol=1e-9)
+    assert np.allclose(body.axes.rate[:, 0, 0], -2 * np.sin(2 * t), atol=1e-9)
+
+
+# Volume of the polyhedron by Gauss's theorem; what is round has 32 sides.
+SECTOR = 16 * np.sin(np.pi / 16)
+VOLUMES = {
+    "box: [0.4, 0.5, 0.6]": 0.4 * 0.5 * 0.6,
+    "cylinder: [0.4, 0.5]": SECTOR * 0.16 * 0.5,
+    "cone: [0.4, 0.6]": SECTOR * 0.16 * 0.6 / 3,
+}
+
+
+@pytest.mark.parametrize("shape", VOLUMES)
+def test_faces_look_outwards_and_close_a_body(shape):
+    [body] = bodies(SPACE, f"it: {{{shape}}}")
+    corners, faces, edges, seams = body.mesh
+    volume = 0.0
+    for a, *others in faces:
+        for b, c in zip(others[:-1], others[1:], strict=True):
+            volume += np.linalg.det(corners[[a, b, c]]) / 6
+    assert volume == pytest.approx(VOLUMES[shape], rel=1e-12)
+    assert len(corners) - len(edges + seams) + len(faces) == 2  # Euler
+    for i, j, a, b in edges + seams:
+        assert {i, j} <= set(faces[a]) & set(faces[b])
+
+
+def test_a_cone_stands_on_its_tip_and_a_cylinder_has_its_middle_there():
+    cone, cylinder = bodies(SPACE, "a: {cone: [1, 2]}, b: {cylinder: [1, 2]}")
+    assert set(cone.mesh.corners[:, 2]) == {0.0, 2.0}
+    assert cone.mesh.corners[cone.mesh.corners[:, 2] == 0].tolist() == [[0, 0, 0]]
+    assert set(cylinder.mesh.corners[:, 2]) == {-1.0, 1.0}
+
+
+def test_edges_behind_are_hidden():
+    [body] = bodies(SPACE, CUBE)
+    found = seen(body, 0, OBLIQUE)
+    # Of a cube that shows a corner, three faces and nine edges are seen.
+    assert len(found.faces) == 3
+    hidden = found.hidden[np.isfinite(found.hidden).all(axis=1)]
+    far = OBLIQUE @ (np.array([1, -2, 0]) + [-0.2, 0.2, -0.2])
+    assert np.isclose(hidden, far, atol=1e-12).all(axis=1).sum() == 3 - 1
+    assert sum(turned**2 for _, turned in found.faces) == pytest.approx(1, abs=1e-3)
+
+
+def test_a_curve_keeps_to_its_chords_and_has_gaps():
+    shapes = "e: {curve: [2*cos(s), sin(s)], s: [0, 2*pi]}, "
+    shapes += "line: {curve: [s, 3*s], s: [0, 1]}, "
+    shapes += "root: {curve: [s, sqrt(s)], s: [-1, 1]}, "
+    shapes += "wave: {curve: [s, sin(s - t)], s: [0, 9]}"
+    ellipse, line, root, wave = bodies(PLANE, shapes)
+    x, y = ellipse.corners.place[0].T
+    assert np.allclose((x / 2) ** 2 + y**2, 1)
+    middle = 0.25 * (x[1:] + x[:-1]) ** 2 / 4 + 0.25 * (y[1:] + y[:-1]) ** 2
+    # Nowhere off by more than 0.0005 of the longest side, 4.
+    assert np.all(1 - np.sqrt(middle) < 0.002)
+    assert 64 <= len(x) < 200
+    assert len(line.corners.place[0]) < 70
+    assert np.isnan(root.corners.place[0, :30, 1]).all()
+    s, t = np.linspace(0, 9, 64), np.linspace(0, 3, 31)
+    assert np.allclose(wave.corners.place[:, :, 1], np.sin(s - t[:, np.newaxis]))
+
+
+def test_forces_and_grounds_that_move():
+    shapes = "pull: {arrow: [0, -a_ddot - y_dot], at: rim, scale: 2}, "
+    shapes += "table: {ground: [[0, y], [1, y]]}"
+    arrow, table = bodies(PLANE, shapes)
+    t = np.linspace(0, 3, 31)
+    assert np.allclose(arrow.corners.place[:, 1, 1], -6 * np.cos(t), atol=1e-8)
+    assert np.allclose(table.corners.place[:, 1, 1], -2 + 3 * np.sin(t), atol=1e-9)
+    assert np.allclose(table.corners.rate[:, 0, 1], 3 * np.cos(t), atol=1e-9)
+
+
+def test_nothing_of_it_enters_the_run():
+    text = PLANE.replace("  shapes: SHAPES\n", "")
+    plain = lagsim.simulate(lagsim.load(text))
+    shaped = lagsim.simulate(lagsim.load(filled(PLANE, BLOCK)))
+    assert plain.columns == shaped.columns
+    assert np.array_equal(plain._rows, shaped._rows)
+
+
+def test_other_sizes_follow_a_binding():
+    model = lagsim.load(filled(PLANE, BLOCK))
+    [body] = filmed_of(model.bind(w=1.0))
+    assert np.ptp(body.mesh.corners[:, 0]) == 1
+    with pytest.raises(lagsim.InputError, match=r"box `block` is -1; it must not be"):
+        model.bind(w=-1.0)
+
+
+def filmed_of(model):
+    result = lagsim.simulate(model, error_bar="never")
+    equations = result._made.session.case.equations
+    frames = animation.frames_of(equations, result._made.session.system.columns.names)
+    frames.add(result._rows)
+    return animation.film(equations, frames, ()).shapes
+
+
+def test_a_page_with_many_moving_corners_stays_small():
+    shapes = ", ".join(f"c{k}: {{curve: [s, t*s], s: [0, {k}]}}" for k in range(1, 20))
+    text = filled(PLANE, shapes).replace("output_step: 0.1", "output_step: 0.001")
+    film, _ = filmed(text)
+    size = len(animation.page([animation.record(film)], "page"))
+    assert size < 2 * ROOM
+    assert len(film.t) < 1000
+
+
+# --- On paper
+
+
+def test_a_box_on_paper_is_where_it_is():
+    drawing, _ = sheet(PLANE, BLOCK)
+    assert_legible(drawing)
+    view = drawing.panels[-1]
+    [start, end] = view.areas
+    (left, right), (low, high) = view.limits
+
+    def pixels(place):
+        share = (place - [left, low]) / np.array([right - left, high - low])
+        return share * [view.box.width, view.box.height] + [view.box.x0, view.box.y0]
+
+    for t, (_, found) in ((0, start), (3, end)):
+        assert near(found[:4], pixels(block(t)), 0.02)
+    # In the colour of its point: less of it at the start.
+    assert to_hex("#0072B2") in {line.colour for line in view.lines}
+
+
+def test_every_shape_is_legible_on_paper():
+    text = BLOCK + ", d: {disk: 0.5, at: hub, frame: a}, r: {ring: 0.4, at: [x, 0]}, "
+    text += "p: {polygon: [[0, 0], [1, 0], [0, 1]]}, g: {ground: [[-2, -6], [4, -6]]}, "
+    text += "w: {ground: [[5, -5], [5, 2]]}, f: {arrow: [x_ddot, y_ddot], at: rim}, "
+    text += "c: {curve: [s, sqrt(s)], s: [-1, 2]}"
+    drawing, _ = sheet(PLANE, text)
+    assert_legible(drawing)
+    assert "r" in drawing.written()  # which has no point
+    text = f"{CUBE}, s: {{sphere: 0.5, at: rim, frame: a}}, g: {{ground: -1}}, "
+    text += "k: {cone: [0.3, 1], at: [x, y, 2], frame: a}, d: {disk: 1, at: rim}, "
+    text += "c: {cylinder: [0.3, 1]}, l: {curve: [s, 0, t], s: [0, 1]}"
+    drawing, _ = sheet(SPACE, text)
+    assert_legible(drawing)
+
+
+def test_a_scene_of_shapes_alone_is_drawn():
+    text = PLANE.replace("  points: {hub: [1, -2], rim: [x, y]}\n", "")
+    shapes = BLOCK.replace("rim", "[x, y]")
+    drawing, film = sheet(text, shapes)
+    assert len(drawing.panels[-1].areas) == 2
+    assert film.tracks == {}
+    assert animation.record(film)["box"][0] == pytest.approx([-2.2, 4.2], abs=0.03)
+
+
+# --- On the page
+
+
+@needs_node
+@pytest.mark.parametrize("t", [0.0, 1.0, 1.234])
+def test_a_box_on_the_page_is_where_it_is(t):
+    far = PLANE.replace("rim: [x, y]}", "rim: [x, y], a: [-9, -9], b: [9, 9]}")
+    film, _ = filmed(filled(far, BLOCK))
+    seen = page.shown(film, page.at(t))
+    own = [one for one in fills(seen, page.FIRST) if one["path"][0][0] == "lineTo"]
+    screen = Screen(film)
+    assert near(ends_of(own[0]), [screen(p) for p in block(t)], 0.01)
+    # Its point is small, to leave it in sight.
+    [dot] = page.arcs(fills(seen, page.FIRST))
+    assert dot[2] == 3
+    assert set(json.loads(seen["data"]["points"])) == {"hub", "rim", "a", "b"}
+
+
+def ends_of(one):
+    return np.array([p[1:] for p in one["path"] if p[0] == "lineTo"])
+
+
+@needs_node
+def test_a_cube_on_the_page_hides_three_edges():
+    film, _ = filmed(filled(SPACE, CUBE))
+    seen = page.shown(film, page.at(0))
+    dashed = [one for one in lines(seen, "ground") if one["dash"] == [3, 4]]
+    assert sum(len(ends(one)) - starts(one) for one in dashed) == 3
+    assert len([one for one in fills(seen, "ground") if one["alpha"] < 0.5]) == 3
+
+
+def starts(one):
+    return sum(p[0] == "moveTo" for p in one["path"])
+
+
+@needs_node
+def test_a_sphere_on_the_page_is_a_circle():
+    film, _ = filmed(filled(SPACE, "ball: {sphere: 0.5, at: rim}, g: {ground: -2}"))
+    seen = page.shown(film, page.at(1))
+    sizes = {round(r, 6) for *_, r in page.arcs(fills(seen, "card"))}
+    drawn = {round(r, 6) for *_, r in page.arcs(fills(seen, page.FIRST))}
+    assert len(sizes & drawn) == 1
+    assert animation.record(film)["floor"] == -2
+
+
+@needs_node
+@pytest.mark.parametrize(("look", "count"), [("damper", 4), ("rod", 1), ("line", 1)])
+def test_links_look_as_asked_for(look, count):
+    text = PLANE.replace(
+        "  shapes: SHAPES", f"  links: [{{points: [hub, rim], as: {look}}}]"
+    )
+    film, _ = filmed(text)
+    found = lines(page.shown(film, page.at(1)), "rod")
+    wide = [one for one in found if len(one["path"]) > 1]
+    assert len(wide) == count
+    assert {one["width"] for one in wide} == {1 if look == "line" else wide[0]["width"]}
