@@ -22,8 +22,8 @@ from lagsim.methods.parts.parameters import KEPT, OFF, Parameters
 from lagsim.native.graph import keys
 from lagsim.native.graph.keys import Layout, Loop
 from lagsim.native.layout import address
-from lagsim.native.link.cache import Part, graph_part, kernel_part
-from lagsim.native.link.engine import Engine
+from lagsim.native.link.cache import Part, graph_part, kernel_part, runtime
+from lagsim.native.link.engine import Engine, target
 from lagsim.plan.cost import evaluation_cost
 from lagsim.plan.formulation import GAIN
 from lagsim.program import dense, laws, sliding
@@ -458,7 +458,8 @@ class Runner:
         method_part = kernel_part(*of_method(system, name))
         self.program = [*system.program, method_part, around]
         self.system = system
-        self.engine = Engine([part.object for part in self.program])
+        parts = [*self.program, *runtime(target())]
+        self.engine = Engine([part.object for part in parts])
         self.pace = Pace()
         self._functions: dict[Any, Callable[[float, Floats], Floats]] = {}
         self.method = method(name)

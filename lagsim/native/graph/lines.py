@@ -220,16 +220,25 @@ def sincos_function() -> str:
     cosines = b.line(f"select {kinds} {sine}, {VECTOR} {cosine}")
     sines = b.signed(sines, quadrant)
     cosines = b.signed(cosines, b.integer("add", quadrant, 1))
+    usual = len(b.lines)
+    far = ["undef", "undef"]
+    for lane in range(LANES):
+        angle = b.line(f"extractelement {VECTOR} %x, i32 {lane}")
+        for name, k in CIRCULAR.items():
+            value = b.line(f"call double @llvm.{name}.f64(double {angle})")
+            place = f"double {value}, i32 {lane}"
+            far[k] = b.line(f"insertelement {VECTOR} {far[k]}, {place}")
     return _TEXT.format(
-        body="\n".join(b.lines), sines=sines, cosines=cosines, largest=spread(LARGEST),
-        vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
+        body="\n".join(b.lines[:usual]), sines=sines, cosines=cosines,
+        far="\n".join(b.lines[usual:]), far_sines=far[0], far_cosines=far[1],
+        largest=spread(LARGEST), vector=VECTOR, both=BOTH, lanes=LANES, name=SINCOS,
     )  # fmt: skip
 
 
 # What `sincos_function` needs declared.
-SINCOS_DECLARES = tuple(
-    f"declare {VECTOR} @llvm.{name}.v{LANES}f64({VECTOR})"
-    for name in ("sin", "cos", "fabs")
+SINCOS_DECLARES = (
+    *(f"declare double @llvm.{name}.f64(double)" for name in CIRCULAR),
+    f"declare {VECTOR} @llvm.fabs.v{LANES}f64({VECTOR})",
 )
 
 _TEXT = """\
@@ -245,10 +254,9 @@ usual:
 %done = insertvalue {both} %pair, {vector} {cosines}, 1
 ret {both} %done
 far:
-%sines = call {vector} @llvm.sin.v{lanes}f64({vector} %x)
-%cosines = call {vector} @llvm.cos.v{lanes}f64({vector} %x)
-%two = insertvalue {both} undef, {vector} %sines, 0
-%given = insertvalue {both} %two, {vector} %cosines, 1
+{far}
+%two = insertvalue {both} undef, {vector} {far_sines}, 0
+%given = insertvalue {both} %two, {vector} {far_cosines}, 1
 ret {both} %given
 }}
 """

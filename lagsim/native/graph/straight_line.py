@@ -275,7 +275,6 @@ MOST_EDGES = 32
 _MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"
 # Sums over j of a[j] b[-j], where row j follows row j - 1 after so many bytes.
 _SUMS = """\
-declare {vector} @llvm.fmuladd.v{width}f64({vector}, {vector}, {vector})
 define internal void @sums.{width}(ptr %a, ptr %b, i64 %count, ptr %to) {{
 entry:
 %some = icmp sgt i64 %count, 0
@@ -289,7 +288,8 @@ each:
 %b.j = getelementptr i8, ptr %b, i64 %back
 %x = load {vector}, ptr %a.j, align {align}
 %y = load {vector}, ptr %b.j, align {align}
-%more = call {vector} @llvm.fmuladd.v{width}f64({vector} %x, {vector} %y, {vector} %sum)
+%product = fmul contract {vector} %x, %y
+%more = fadd contract {vector} %product, %sum
 %next = add i64 %j, 1
 %again = icmp slt i64 %next, %count
 br i1 %again, label %each, label %done

@@ -15,11 +15,13 @@ A kernel is a plain function of annotated parameters (int, float, bool, `Floats`
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
 - calls of other kernels and of functions marked `external`;
+- the bits of a number, `bits(x)`, and the number of some bits, `from_bits(k)`;
 - static values: numbers and tables (tuples) of them among the module's globals,
   parameters that are `Static`, the variables of loops over `unrolled`, and what is
   computed from these alone: `if` on them is decided at translation, the other branch is
   not even read; `for j in unrolled(...)` and `total(... for j in unrolled(...))` are
-  written out, and terms with a factor of zero vanish.
+  written out, and terms with a factor of zero vanish;
+  a table of floats takes any index.
 
 A variable has the kind of its first assignment: an int stored into a float variable is
 converted, the reverse is an error. That a variable has a value wherever it is read is
@@ -168,6 +170,10 @@ class _Function(Folding, ast.NodeVisitor):
                 self._function("llvm.floor.f64", *self._floats(node))
             ),
             words.total: self._total,
+            words.bits: lambda node: self._recast("double", *self._floats(node)),
+            words.from_bits: lambda node: self._recast(
+                "i64", self._converted(self._arguments(node, 1)[0], "int")
+            ),
         }
 
     def text(self, symbol: str, linkage: str) -> str:
@@ -326,10 +332,24 @@ class _Function(Folding, ast.NodeVisitor):
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         """Load an element; a stretch of an array is where it begins."""
+        table = self.fold(node.value)
+        if isinstance(table, tuple):
+            return self._get("float", self._tabulated(node, table))
         place = self._element(node)
         if self._is_stretch(node):
             return Value(place, "Floats")
         return self._get("float", place)
+
+    def _tabulated(self, node: ast.Subscript, table: tuple[Static, ...]) -> str:
+        """Address of a number of a static table, by an index that is not static."""
+        numbers = [self._literal(node, x) for x in table]
+        if any(x.kind != "float" for x in numbers):
+            raise self.error(node, "is no table of floats, whose index may vary")
+        entries = ", ".join(f"double {x.text}" for x in numbers)
+        name = f'@"{ast.unparse(node.value)}"'
+        kind = f"[{len(numbers)} x double]"
+        self.program.declare(f"{name} = private constant {kind} [{entries}]")
+        return self._address(name, self._converted(node.slice, "int").text)
 
     def _word(self, node: ast.expr) -> tuple[str, str, Field]:
         """Address of a memory, of one of its words, and the field."""
@@ -526,6 +546,11 @@ class _Function(Folding, ast.NodeVisitor):
         if libm:
             libm = f" nobuiltin{libm}"
         return self._op(result, f"call {LLVM[result]} @{name}({passed}){libm}")
+
+    def _recast(self, kind: str, value: Value) -> Value:
+        """Take the bits of a number, or an integer, as the other."""
+        result = "int" if kind == "double" else "float"
+        return self._op(result, f"bitcast {kind} {value.text} to {LLVM[result]}")
 
     def _truncated(self, value: Value) -> Value:
         # Saturating: plain fptosi of nan or 1e300, where Python raises, is anything.

@@ -8,6 +8,7 @@ gives the same bits.
 from __future__ import annotations
 
 import functools
+import struct
 from math import inf
 from typing import TYPE_CHECKING, ParamSpec, TypeAlias, TypeVar
 
@@ -73,6 +74,16 @@ def fused(a: float, b: float, c: float) -> float:
         return float(exact) if exact else a * b + c
     except OverflowError:
         return inf if exact > 0 else -inf
+
+
+def bits(x: float) -> int:
+    """Return the bits of a number (IEEE 754: binary64), as a signed integer."""
+    return int(struct.unpack("<q", struct.pack("<d", x))[0])
+
+
+def from_bits(k: int) -> float:
+    """Return the number that has these bits."""
+    return float(struct.unpack("<d", struct.pack("<q", k))[0])
 
 
 def external(function: Callable[P, R]) -> Callable[P, R]:

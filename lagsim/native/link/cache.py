@@ -133,6 +133,32 @@ def kernel_part(
     return Part(["kernel", _fingerprints[known]], translated, optimise=True)
 
 
+def linked(
+    parts: Sequence[Part], first: str, exports: Sequence[str], chosen: engine.Target
+) -> bytes:
+    """Object code of all parts as one, for any target, see `engine.link_object`.
+
+    first : IR that is linked before theirs.
+    """
+    parts = [*parts, *runtime(chosen)]
+
+    def made() -> bytes:
+        irs = [(first, False), *((part.ir, part.optimise) for part in parts)]
+        return engine.link_object(irs, exports, chosen)
+
+    sources = [word for part in parts for word in part.made_from]
+    return _kept(["linked", *sources, first, *exports, *chosen], made)
+
+
+def runtime(chosen: engine.Target) -> list[Part]:
+    """Parts that a target asks for besides those of a program."""
+    if not chosen.portable:
+        return []
+    from lagsim.native import elementary
+
+    return [kernel_part(elementary.FUNCTIONS)]
+
+
 def folder(name: str = "objects") -> Path | None:
     """Folder of the cache, made if need be; None if there is none to trust.
 

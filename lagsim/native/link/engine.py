@@ -9,6 +9,7 @@ import ctypes
 import functools
 import os
 import platform
+import re
 import struct
 import sys
 import weakref
@@ -17,11 +18,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from lagsim.errors import InputError, Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
 CPU_VARIABLE = "LAGSIM_CPU"
 """Environment variable naming the CPU to compile for: "host" (default), "generic",
-"x86-64-v3" or any other of LLVM's names."""
+"x86-64-v3" or any other of LLVM's names, or PORTABLE."""
+
+PORTABLE = "portable"
+"""Any CPU, by code that gives the same bits on all: each operation is rounded as it
+stands, none is contracted, and elementary functions are lagsim's own."""
 
 # What LLVM may call on its own or for an intrinsic. Objects may use these functions of
 # the process and no others: a name left open would else meet a stranger in libc, where
@@ -36,7 +41,7 @@ __exp10 bzero __bzero memcpy memmove memset memset_pattern16
 _LIBRARY = "lagsim"
 
 # Known wherever they are of use.
-_COMMON = ("generic", "x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4")
+_COMMON = (PORTABLE, "generic", "x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4")
 _ASK = """
 import sys
 import llvmlite.binding as llvm
@@ -54,13 +59,20 @@ class NativeError(RuntimeError):
 
 
 class Target(NamedTuple):
-    """Target of compilation: what object code depends on besides its IR."""
+    """Target of compilation: what object code depends on besides its IR.
+
+    Attributes
+    ----------
+    portable : bool
+        Whether it is compiled as `PORTABLE` says.
+    """
 
     llvmlite: str
     llvm: str
     triple: str
     cpu: str
     features: str
+    portable: bool
 
 
 @functools.cache
@@ -84,7 +96,10 @@ def _target(cpu: str) -> Target:
 
     llvm = _binding()
     features = ""
-    if cpu == "host":
+    portable = cpu == PORTABLE
+    if portable:
+        cpu = "generic"
+    elif cpu == "host":
         cpu = llvm.get_host_cpu_name()
         features = llvm.get_host_cpu_features().flatten()
     elif cpu not in _COMMON:
@@ -95,6 +110,14 @@ def _target(cpu: str) -> Target:
         triple=llvm.get_process_triple(),
         cpu=cpu,
         features=features,
+        portable=portable,
+    )
+
+
+def wasm_target() -> Target:
+    """Target of WebAssembly, with vectors of 128 bits; portable."""
+    return _target(PORTABLE)._replace(
+        triple="wasm32-unknown-unknown", features="+simd128"
     )
 
 
@@ -118,8 +141,12 @@ def _demand_known(cpu: str) -> None:
 
 def _machine(chosen: Target) -> Any:
     llvm = _binding()
+    native = chosen.triple == llvm.get_process_triple()
+    if not native:
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
     return llvm.Target.from_triple(chosen.triple).create_target_machine(
-        cpu=chosen.cpu, features=chosen.features, opt=LEVEL, jit=True
+        cpu=chosen.cpu, features=chosen.features, opt=LEVEL, jit=native
     )
 
 
@@ -140,21 +167,77 @@ def compile_object(ir: str, *, optimise: bool = True) -> bytes:
     NativeError
         If the IR does not parse or verify.
     """
+    chosen = target()
+    machine = _machine(chosen)
+    return bytes(machine.emit_object(_module(ir, chosen, machine, optimise=optimise)))
+
+
+def link_object(
+    irs: Sequence[tuple[str, bool]], exports: Collection[str], chosen: Target
+) -> bytes:
+    """Compile several texts of IR to one object, which shows nothing but `exports`.
+
+    irs : each with whether it is optimised, see `compile_object`.
+    """
+    machine = _machine(chosen)
+    whole = _module("", chosen, machine, optimise=False)
+    for ir, optimise in irs:
+        whole.link_in(_module(ir, chosen, machine, optimise=optimise))
+    for function in whole.functions:
+        if not function.is_declaration and function.name not in exports:
+            function.linkage = "internal"
+    passes = _binding().create_new_module_pass_manager()
+    passes.add_global_dead_code_eliminate_pass()
+    passes.run(whole, _passes(machine))
+    whole.verify()
+    return bytes(machine.emit_object(whole))
+
+
+def _module(ir: str, chosen: Target, machine: Any, *, optimise: bool) -> Any:
+    """Parse IR for a target.
+
+    Raises
+    ------
+    NativeError
+        If it does not parse or verify.
+    """
     llvm = _binding()
-    machine = _machine(target())
     try:
-        module = llvm.parse_assembly(ir)
+        module = llvm.parse_assembly(portable(ir) if chosen.portable else ir)
         module.verify()
     except RuntimeError as fault:
         raise NativeError(f"LLVM refuses the generated code: {fault}") from fault
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
     if optimise:
-        _optimise(module, machine)
-    return bytes(machine.emit_object(module))
+        builder = _passes(machine)
+        builder.getModulePassManager().run(module, builder)
+    return module
 
 
-def _optimise(module: Any, machine: Any) -> None:
+def portable(ir: str) -> str:
+    """Return IR without contraction, which calls `elementary` in the place of libm.
+
+    Under names of its own: LLVM takes `exp` for the one that it knows.
+    """
+    from lagsim.native import elementary
+    from lagsim.native.kernels.translation import translate
+
+    names = "|".join(x.__name__ for x in elementary.FUNCTIONS)
+    fma = "@llvm.fma.f64("
+    if fma in ir:
+        # Beside its callers, which it is short enough to be inlined into.
+        ir = re.sub(rf"^declare .*{re.escape(fma)}.*\n", "", ir, flags=re.MULTILINE)
+        ir += translate([elementary.fused]).replace(
+            "define double", "define internal double"
+        )
+        ir = ir.replace(fma, "@fused(")
+        ir = re.sub(r"@(fused|lost)\(", r"@portable.\1(", ir)
+    ir = re.sub(rf"@(?:llvm\.)?({names})(?:\.f64)?\(", r"@portable.\1(", ir)
+    return ir.replace(" contract ", " ")
+
+
+def _passes(machine: Any) -> Any:
     llvm = _binding()
     tuning = llvm.create_pipeline_tuning_options(speed_level=LEVEL)
     # Measured on a DOP853 kernel: compiled in 180 ms instead of 840, and faster for
@@ -163,8 +246,7 @@ def _optimise(module: Any, machine: Any) -> None:
     tuning.slp_vectorization = False
     tuning.loop_unrolling = False
     tuning.loop_interleaving = False
-    builder = llvm.create_pass_builder(machine, tuning)
-    builder.getModulePassManager().run(module, builder)
+    return llvm.create_pass_builder(machine, tuning)
 
 
 class Engine:

@@ -1,0 +1,415 @@
+"""Elementary functions as kernels: the same bits on every target.
+
+They stand in for the C library's where the target is portable, see `link.engine`:
+nothing but IEEE 754's operations, each rounded as it stands. `exponential` and
+`logarithm` carry what their sums round off, so that powers, roots and hyperbolic
+functions are made from the same two. At most two units of the last place are off.
+
+Sources: J.-M. Muller, Elementary Functions, 3rd ed.: 11.2 and 11.4 (reduction by Cody
+and Waite, by Payne and Hanek), 2.2 (Fast2Sum, 2Sum, Dekker's product: what a sum or a
+product rounds off); special values: C11, annex F.10. Polynomials are partial sums of
+Taylor series; arguments are reduced until the terms left out are below 2^-57.
+"""
+
+from __future__ import annotations
+
+from math import copysign, factorial, floor, inf, nan, sqrt
+from typing import Final
+
+from lagsim.native.graph.lines import COSINE, LARGEST, PARTS, SINE
+from lagsim.native.kernels.words import Static, bits, from_bits, unrolled
+
+# Of the exponent, in the bits of a number.
+ONE_POWER: Final = 2**52
+BIAS: Final = 1023
+SMALLEST: Final = 2.0**-1022
+SPLIT: Final = 2.0**27 + 1.0
+
+# Constants whose product with a small integer is exact, or which are in two parts.
+PER_LN2, LN2_HIGH, LN2_LOW = (
+    1.4426950408889634,
+    0.6931471804855391,
+    7.440617110012397e-11,
+)
+PER_LN10, PER_LN10_LOW = 0.4342944819032518, 1.098319650216765e-17
+THIRD, THIRD_LOW = 0.3333333333333333, 1.850371707708594e-17
+QUARTER_TURN, QUARTER_TURN_LOW = 1.5707963267948966, 6.123233995736766e-17
+ROOT_2: Final = 1.4142135623730951
+TURN_PER_ANGLE: Final = 0.6366197723675814  # 2/pi
+
+# e^r - 1 - r = r^2 (1/2! + r/3! + ...), and 3 (atanh(s)/s - 1 - z/3) / z^2, z = s^2.
+EXPONENTIAL: Final = tuple(1.0 / factorial(k) for k in range(2, 15))
+LOGARITHM: Final = tuple(1.0 / (2 * k + 1) for k in range(2, 14))
+# (atan(u)/u - 1)/u^2; atan(j/8) in two parts.
+ARC: Final = tuple((-1.0) ** k / (2 * k + 1) for k in range(1, 9))
+EIGHTHS: Final = (
+    0.0, 0.12435499454676144, 0.24497866312686414, 0.35877067027057225,
+    0.4636476090008061, 0.5585993153435624, 0.6435011087932844, 0.7188299996216245,
+    0.7853981633974483,
+)  # fmt: skip
+EIGHTHS_LOW: Final = (
+    0.0, -3.1253241424539383e-18, 1.0698755618734451e-17, -2.4623815582638635e-17,
+    2.2698777452961687e-17, -5.4556305485916264e-18, 1.5834785051444286e-17,
+    -2.1478388444456983e-17, 3.061616997868383e-17,
+)  # fmt: skip
+
+# 2/pi in digits of 24 bits.
+_TURNS: Final = int(
+    "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a"
+    "424dd2e006492eea09d1921cfe1deb1cb129a73ee88235f52ebb4484e99c7026b45f7e41"
+    "3991d639835339f49c845f8bbdf9283b1ff897ffde05980fef2f118b5a0a6d1f6d367ecf"
+    "27cb09b74f463f669e5fea2d7527bac7ebe5f17b3d0739f78a5292ea6bfb5fb11f8d5d08"
+    "56033046fc7b",
+    16,
+)
+DIGIT: Final = 24
+DIGITS: Final = tuple(
+    float(_TURNS >> DIGIT * k & 2**DIGIT - 1) for k in reversed(range(50))
+)
+# Adding and subtracting these rounds to multiples of 2^30, of 4, of 1/2.
+TO_2_30, TO_4 = 1.5 * 2.0**82, 1.5 * 2.0**54
+# So many digits of a turn leave, past all that angles can cancel, 2^-120.
+USED: Final = 9
+
+# What `exponential` and `logarithm` give.
+VALUE, LESS_ONE, POWER = 0, 1, 2
+
+
+def lost(a: float, b: float, product: float) -> float:
+    """Return a*b - product, exactly, where product is a*b (Dekker)."""
+    x = SPLIT * a
+    high = x - (x - a)
+    low = a - high
+    y = SPLIT * b
+    head = y - (y - b)
+    tail = b - head
+    return low * tail - (((product - high * head) - low * head) - high * tail)
+
+
+def fused(a: float, b: float, c: float) -> float:
+    """Return a*b + c, where the error of the product counts, but that of the sum."""
+    product = a * b
+    error = lost(a, b, product)
+    found = product + c
+    return found + error if error == error else found
+
+
+def power_of_two(k: int) -> float:
+    """Return 2^k, for -1022 <= k <= 1023."""
+    return from_bits((k + BIAS) * ONE_POWER)
+
+
+def scaled(x: float, k: int) -> float:
+    """Return x 2^k, which may over- or underflow; rounded once."""
+    half = k // 2
+    return x * power_of_two(half) * power_of_two(k - half)
+
+
+def exponential(x: float, low: float, twos: int, kind: Static) -> float:
+    """Return 2^twos e^(x + low), or e^x - 1; `low` is small beside x."""
+    if not abs(x) < 746.0:
+        if x != x or x > 0.0:
+            return x * inf if x > 0.0 else x
+        return -1.0 if kind == LESS_ONE else 0.0
+    n = floor(x * PER_LN2 + 0.5)
+    high = x - n * LN2_HIGH
+    second = n * LN2_LOW
+    r = high - second
+    rest = ((high - r) - second) + low
+    square = r * r
+    even = EXPONENTIAL[12]
+    odd = EXPONENTIAL[11]
+    for k in unrolled(5, 0, -1):
+        even = even * square + EXPONENTIAL[2 * k]
+        odd = odd * square + EXPONENTIAL[2 * k - 1]
+    even = even * square + EXPONENTIAL[0]
+    bend = square * (even + r * odd)
+    one = 1.0 + r
+    rest = ((1.0 - one) + r) + (rest + (bend + rest * (r + bend)))
+    if kind == LESS_ONE and n < 54:
+        part = power_of_two(n) if n > -1000 else 0.0
+        return (part * one - 1.0) + part * rest
+    return scaled(one + rest, n + twos)
+
+
+def logarithm(x: float, y: float, y_low: float, kind: Static) -> float:
+    """Return (y + y_low) log(x), or e to that power."""
+    if not x > 0.0 or x == inf:
+        return nan if x < 0.0 else -inf if x == 0.0 else x
+    k = -BIAS
+    if x < SMALLEST:
+        x *= 2.0**54
+        k -= 54
+    whole = bits(x) // ONE_POWER
+    m = from_bits(bits(x) - (whole - BIAS) * ONE_POWER)
+    k += whole
+    if m > ROOT_2:
+        m *= 0.5
+        k += 1
+    # log m = 2 atanh(s), s = (m - 1)/(m + 1)
+    f = m - 1.0
+    d = m + 1.0
+    back = d - m
+    d_low = (m - (d - back)) + (1.0 - back)
+    s = f / d
+    product = s * d
+    s_low = ((f - product) - lost(s, d, product) - s * d_low) / d
+    z = s * s
+    z_low = lost(s, s, z) + 2.0 * s * s_low
+    square = z * z
+    even = LOGARITHM[10]
+    odd = LOGARITHM[11]
+    for j in unrolled(4, -1, -1):
+        even = even * square + LOGARITHM[2 * j]
+        odd = odd * square + LOGARITHM[2 * j + 1]
+    tail = square * (even + z * odd)
+    third = z * THIRD
+    tail += lost(z, THIRD, third) + (z * THIRD_LOW + z_low * THIRD)
+    w = third + tail
+    w_low = (third - w) + tail
+    product = s * w
+    rest = lost(s, w, product) + (s * w_low + s_low * w)
+    high = s + product
+    low = ((s - high) + product) + (s_low + rest)
+    turns = k * LN2_HIGH
+    high *= 2.0
+    found = turns + high
+    low = ((turns - found) + high) + (2.0 * low + k * LN2_LOW)
+    high = found + low
+    low = (found - high) + low
+    found = high * y
+    low = lost(high, y, found) + (high * y_low + low * y)
+    if kind == POWER:
+        return exponential(found, low, 0, VALUE)
+    return found + low
+
+
+def exp(x: float) -> float:
+    return exponential(x, 0.0, 0, VALUE)
+
+
+def expm1(x: float) -> float:
+    return exponential(x, 0.0, 0, LESS_ONE) if x != 0.0 else x
+
+
+def log(x: float) -> float:
+    return logarithm(x, 1.0, 0.0, VALUE)
+
+
+def log10(x: float) -> float:
+    return logarithm(x, PER_LN10, PER_LN10_LOW, VALUE)
+
+
+def log1p(x: float) -> float:
+    one = 1.0 + x
+    if x == 0.0 or not one > 0.0 or one == inf:
+        return x if x == 0.0 else log(one)
+    return log(one) + (x - (one - 1.0) if x < 1.0 else 1.0 - (one - x)) / one
+
+
+def pow(x: float, y: float) -> float:
+    if y == 0.0 or x == 1.0:
+        return 1.0
+    if x != x or y != y:
+        return x + y
+    size = abs(x)
+    sign = 1.0
+    if copysign(1.0, x) < 0.0:
+        whole = abs(y) >= 2.0**53 or y == floor(y)
+        if not whole and size > 0.0 and size < inf:
+            return nan
+        if abs(y) < 2.0**53 and whole and floor(y) % 2 == 1:
+            sign = -1.0
+    if size == 0.0 or size == inf:
+        grows = y < 0.0 if size == 0.0 else y > 0.0
+        return sign * (inf if grows else 0.0)
+    # What is larger gives 0, 1 or inf as well.
+    return sign * logarithm(size, max(-(2.0**65), min(y, 2.0**65)), 0.0, POWER)
+
+
+def cbrt(x: float) -> float:
+    size = abs(x)
+    if size == 0.0 or not size < inf:
+        return x
+    return copysign(logarithm(size, THIRD, THIRD_LOW, POWER), x)
+
+
+def sinh(x: float) -> float:
+    size = abs(x)
+    if size < 1.0:
+        e = expm1(size)
+        return copysign(0.5 * (e + e / (e + 1.0)), x)
+    half = exponential(size, 0.0, -1, VALUE)
+    return copysign(half - 0.25 / half, x)
+
+
+def cosh(x: float) -> float:
+    half = exponential(abs(x), 0.0, -1, VALUE)
+    return half + 0.25 / half
+
+
+def tanh(x: float) -> float:
+    e = expm1(2.0 * min(abs(x), 22.0)) if x == x else x
+    return copysign(e / (e + 2.0), x)
+
+
+def asinh(x: float) -> float:
+    size = abs(x)
+    if size > 2.0**28:
+        return copysign(log(size) + (LN2_HIGH + LN2_LOW), x)
+    square = size * size
+    return copysign(log1p(size + square / (1.0 + sqrt(square + 1.0))), x)
+
+
+def acosh(x: float) -> float:
+    if x > 2.0**28:
+        return log(x) + (LN2_HIGH + LN2_LOW)
+    more = x - 1.0
+    if more < 0.0:
+        return nan
+    return log1p(more + sqrt(2.0 * more + more * more))
+
+
+def atanh(x: float) -> float:
+    size = abs(x)
+    return copysign(0.5 * log1p(2.0 * size / (1.0 - size)), x)
+
+
+def circular(x: float, shift: Static) -> float:
+    """Return the sine of x and `shift` quarter turns."""
+    if not abs(x) < inf:
+        return nan
+    if abs(x) <= LARGEST:
+        n = floor(x * TURN_PER_ANGLE + 0.5)
+        first = x - n * PARTS[0]
+        second = n * PARTS[1]
+        less = first - second
+        third = n * PARTS[2] - ((first - less) - second)
+        r = less - third
+        rest = third - (less - r)
+    else:
+        # (m + m_low) digits[k] 2^e, without turns, in three parts.
+        power = bits(abs(x)) // ONE_POWER
+        m = from_bits(bits(abs(x)) - (power - BIAS) * ONE_POWER)
+        cut = SPLIT * m
+        head = cut - (cut - m)
+        begin = max(0, (power - BIAS - 54) // DIGIT)
+        high = 0.0
+        middle = 0.0
+        low = 0.0
+        for k in range(begin, begin + USED):
+            unit = DIGITS[k] * power_of_two(power - BIAS - DIGIT * (k + 1))
+            for j in unrolled(2):
+                part = unit * (head if j == 0 else m - head)
+                part -= (part + TO_2_30) - TO_2_30
+                part -= (part + TO_4) - TO_4
+                found = high + part
+                back = found - high
+                part = (high - (found - back)) + (part - back)
+                high = found
+                found = middle + part
+                back = found - middle
+                low += (middle - (found - back)) + (part - back)
+                middle = found
+        n = floor(high + 0.5)
+        high -= n
+        part = high + middle
+        back = part - high
+        low += (high - (part - back)) + (middle - back)
+        r = part * QUARTER_TURN
+        rest = -(lost(part, QUARTER_TURN, r) + part * QUARTER_TURN_LOW)
+        rest -= low * QUARTER_TURN
+        if x < 0.0:
+            n = -n
+            r = -r
+            rest = -rest
+    quarter = (n + shift) % 4
+    z = r * r
+    if quarter % 2 == 0:
+        bend = SINE[6]
+        for k in unrolled(5, -1, -1):
+            bend = bend * z + SINE[k]
+        value = r + (r * z * bend - rest * (1.0 - 0.5 * z)) if r != 0.0 else r
+    else:
+        bend = COSINE[5]
+        for k in unrolled(4, -1, -1):
+            bend = bend * z + COSINE[k]
+        top = 1.0 - 0.5 * z
+        value = top + (((1.0 - top) - 0.5 * z) + (z * z * bend + rest * r))
+    return value if quarter < 2 else -value
+
+
+def sin(x: float) -> float:
+    return circular(x, 0)
+
+
+def cos(x: float) -> float:
+    return circular(x, 1)
+
+
+def tan(x: float) -> float:
+    return circular(x, 0) / circular(x, 1)
+
+
+def atan2(y: float, x: float) -> float:
+    if x != x or y != y:
+        return x + y
+    a = abs(y)
+    b = abs(x)
+    if a == inf or b == inf:
+        a = 1.0 if a == inf else 0.0
+        b = 1.0 if b == inf else 0.0
+    if a == 0.0 and b == 0.0:
+        b = 1.0
+    steep = a > b
+    if steep:
+        a, b = b, a
+    u = a / b
+    j = floor(8.0 * u + 0.5)
+    if j > 0:
+        # atan(u) = atan(j/8) + atan((a - j/8 b)/(b + j/8 a)), clear of overflow
+        scale = 2.0**-600 if b > 1.0 else 2.0**600 if b < 2.0**-500 else 1.0
+        a *= scale
+        b *= scale
+        u = (a - 0.125 * j * b) / (b + 0.125 * j * a)
+    z = u * u
+    bend = ARC[7]
+    for k in unrolled(6, -1, -1):
+        bend = bend * z + ARC[k]
+    angle = EIGHTHS[j] + (u + (u * z * bend + EIGHTHS_LOW[j]))
+    if steep:
+        angle = (QUARTER_TURN - angle) + QUARTER_TURN_LOW
+    if copysign(1.0, x) < 0.0:
+        angle = (2.0 * QUARTER_TURN - angle) + 2.0 * QUARTER_TURN_LOW
+    return copysign(angle, y)
+
+
+def atan(x: float) -> float:
+    return atan2(x, 1.0)
+
+
+def asin(x: float) -> float:
+    return atan2(x, sqrt((1.0 - x) * (1.0 + x)))
+
+
+def acos(x: float) -> float:
+    return atan2(sqrt((1.0 - x) * (1.0 + x)), x)
+
+
+def hypot(x: float, y: float) -> float:
+    a = max(abs(x), abs(y))
+    b = min(abs(x), abs(y))
+    if abs(x) == inf or abs(y) == inf:
+        return inf
+    if x != x or y != y:
+        return x + y
+    scale = 2.0**-600 if a > 2.0**500 else 2.0**600 if a < 2.0**-400 else 1.0
+    a *= scale
+    b *= scale
+    return sqrt(a * a + b * b) / scale
+
+
+FUNCTIONS = (
+    exp, expm1, log, log10, log1p, pow, cbrt, sinh, cosh, tanh, asinh, acosh, atanh,
+    sin, cos, tan, atan2, atan, asin, acos, hypot,
+)  # fmt: skip

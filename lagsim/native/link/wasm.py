@@ -1,0 +1,186 @@
+"""WebAssembly: a module made of a single object of LLVM, and images of memory.
+
+In a single object LLVM has filled in every index and every address, from 0 on, and its
+relocations may be dropped. What a linker would add is left to do: memory, the stack
+pointer and exports of its own in the place of imports, and data behind the object's.
+
+Sources: WebAssembly Core Specification 2.0, chapter 5 (binary format);
+WebAssembly/tool-conventions, Linking.md, version 2 (section "linking").
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+from lagsim.native.link.engine import NativeError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+PAGE = 2**16
+STACK = 2**16
+# The object's first data, so that the stack ends at address 0: an overflow is a trap.
+STACK_IR = f"@stack = global [{STACK} x i8] zeroinitializer, align 16\n"
+ALIGNMENT = 64
+
+# Numbers of sections, and of kinds of symbols.
+TYPE, IMPORT, FUNCTION, MEMORY, GLOBAL, EXPORT = 1, 2, 3, 5, 6, 7
+CODE, DATA, DATA_COUNT = 10, 11, 12
+ORDER = TYPE, IMPORT, FUNCTION, MEMORY, GLOBAL, EXPORT, DATA_COUNT, CODE, DATA
+SYMBOLS = 8  # the subsection of "linking"
+A_FUNCTION, A_DATUM, A_SECTION = 0, 1, 3
+UNDEFINED, NAMED = 0x10, 0x40
+IMPORTED = b"__linear_memory", b"__stack_pointer"
+# An active segment, and the constant that its address is.
+ACTIVE = b"\0\x41"
+I32_CONST, END, VARIABLE_I32 = b"\x41", b"\x0b", b"\x7f\1"
+
+
+class Reader:
+    """The bytes of a section, read from the beginning."""
+
+    def __init__(self, data: bytes) -> None:
+        self.data, self.at = data, 0
+
+    def take(self, count: int) -> bytes:
+        """Return the next bytes."""
+        self.at += count
+        return self.data[self.at - count : self.at]
+
+    def number(self) -> int:
+        """Read an unsigned LEB128, or a signed one that is not negative."""
+        [byte] = self.take(1)
+        return byte if byte < 128 else byte - 128 + (self.number() << 7)
+
+    def sized(self) -> bytes:
+        """Read bytes that follow their count."""
+        return self.take(self.number())
+
+    @property
+    def rest(self) -> bytes:
+        """What has not been read."""
+        return self.data[self.at :]
+
+
+def number(x: int) -> bytes:
+    """LEB128 of 5 bytes: the same unsigned and, below 2^31, signed."""
+    return bytes([x >> 7 * k & 127 | 128 * (k < 4) for k in range(5)])
+
+
+def sized(data: bytes) -> bytes:
+    """Bytes after their count."""
+    return number(len(data)) + data
+
+
+def vector(entries: Collection[bytes]) -> bytes:
+    """Entries after their count."""
+    return number(len(entries)) + b"".join(entries)
+
+
+def module(
+    code: bytes,
+    exports: Collection[str],
+    images: Mapping[str, bytes | int],
+    described: Mapping[str, Any],
+) -> bytes:
+    """Return the module of an object.
+
+    Parameters
+    ----------
+    code
+        By `engine.link_object`, of IR that begins with STACK_IR.
+    exports
+        Names of its functions; besides, the memory is exported as "memory".
+    images
+        What lies behind the object's data: bytes, or how many of zeros.
+    described
+        Becomes the section "lagsim", as JSON in UTF-8, with the address of each image
+        as `places`.
+
+    Raises
+    ------
+    NativeError
+        If the object needs what the module has not.
+    """
+    found = _sections(code)
+    data = Reader(found[DATA])
+    segments: dict[int, bytes] = {}
+    for _ in range(data.number()):
+        if data.take(2) != ACTIVE:
+            raise NativeError("a segment of a wasm object has no constant address")
+        place = data.number()
+        data.take(1)
+        segments[place] = data.sized()
+    if len(segments.pop(0, b"")) != STACK:
+        raise NativeError("the stack is not the first of a wasm object's data")
+    end = max([STACK, *(place + len(content) for place, content in segments.items())])
+    places = {}
+    for key, content in images.items():
+        places[key] = end = -(-end // ALIGNMENT) * ALIGNMENT
+        if isinstance(content, bytes):
+            segments[end] = content
+            end += len(content)
+        else:
+            end += content
+    written = [
+        ACTIVE + number(place) + END + sized(content)
+        for place, content in segments.items()
+    ]
+    # Memory and stack pointer are imported, and replaced.
+    known = sum(name in found[IMPORT] for name in IMPORTED)
+    if found[IMPORT][:1] != bytes([known]):
+        raise NativeError(f"a wasm object imports more than {IMPORTED}")
+    indices = _functions(found["linking"])
+    seen = [sized(x.encode()) + b"\0" + number(indices[x]) for x in exports]
+    found |= {
+        IMPORT: vector([]),
+        MEMORY: vector([b"\0" + number(-(-end // PAGE))]),
+        GLOBAL: vector([VARIABLE_I32 + I32_CONST + number(STACK) + END]),
+        EXPORT: vector([*seen, sized(b"memory") + b"\2\0"]),
+        DATA_COUNT: number(len(written)),
+        DATA: vector(written),
+    }
+    text = json.dumps({**described, "places": places}).encode()
+    parts = [code[:8], *(bytes([key]) + sized(found[key]) for key in ORDER)]
+    return b"".join(parts) + b"\0" + sized(sized(b"lagsim") + text)
+
+
+def described(module: bytes) -> dict[str, Any]:
+    """Return what the section "lagsim" of a module holds."""
+    found: dict[str, Any] = json.loads(_sections(module)["lagsim"])
+    return found
+
+
+def _sections(code: bytes) -> dict[int | str, bytes]:
+    """Sections by their numbers, the custom ones by name."""
+    reader, found = Reader(code[8:]), dict[int | str, bytes]()
+    while reader.rest:
+        [key] = reader.take(1)
+        content = Reader(reader.sized())
+        name = content.sized().decode() if key == 0 else key
+        found[name] = content.rest
+    return found
+
+
+def _functions(linking: bytes) -> dict[str, int]:
+    """Return the indices of an object's own functions, from its table of symbols."""
+    reader, found = Reader(linking), dict[str, int]()
+    reader.number()  # version
+    while reader.rest:
+        [subsection] = reader.take(1)
+        table = Reader(reader.sized())
+        for _ in range(table.number() if subsection == SYMBOLS else 0):
+            [kind] = table.take(1)
+            flags = table.number()
+            if kind == A_DATUM:
+                table.sized()
+                for _ in range(0 if flags & UNDEFINED else 3):
+                    table.number()
+                continue
+            index = table.number()
+            if kind != A_SECTION and (flags & NAMED or not flags & UNDEFINED):
+                name = table.sized().decode()
+                if kind == A_FUNCTION:
+                    found[name] = index
+    return found

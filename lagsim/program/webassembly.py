@@ -1,0 +1,110 @@
+"""A compiled run as one module of WebAssembly, with a description of how to run it.
+
+It has the code of the kernels and functions that native runs call, and the memories
+they begin with. Its rows have the bits of runs with LAGSIM_CPU=portable.
+
+The module imports nothing. It exports its memory and three functions, whose arrays are
+addresses in it:
+
+    prepare(t: f64, y, p, out)        after a change of parameters; y, out: 0
+    advance(s, p, out, rows: i64, steps: i64) -> i64    the next rows; a code
+    tabulate(rows, count: i64, size: i64, p, columns, width: i64)    columns of rows
+
+and a custom section "lagsim", JSON in UTF-8:
+
+    version       of this description
+    lagsim, model, method, state, columns   names, as in run.json
+    places        addresses: of `s` (state), p (parameters), rows, columns
+    block         how many rows there is room for
+    parameters    value, and word in p: a number at p + 8 word
+    words         words in s of its numbers, and of the first of its arrays
+    codes         what `advance` returns: BLOCK_FULL or PAUSED and the run goes on; DONE
+                  or EVENT_FOUND (`until`) and the state, from word `y` on at time `t`,
+                  is its last row; STIFF, each time that so many steps were held by
+                  stability as word `ask_at` says (0: never); all else is a failure
+
+Rows are (1 + size) numbers, the time and the state; word `emitted` says how many were
+written. Where parameters are changed the start is not: what it depends on is the
+caller's. Of a run with events in the state, switches, or subsystems apart, the part
+that goes from arc to arc is Python: there is no module of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from lagsim.methods.parts import state as at
+from lagsim.native.layout import ARRAY, NUMBER
+from lagsim.native.link import cache, engine, wasm
+from lagsim.version import __version__
+
+if TYPE_CHECKING:
+    from lagsim.methods.parts.driver import State
+    from lagsim.program.system import Runner
+
+VERSION: Final = 1
+"""Of the description: it grows with what a reader of the former must know."""
+
+EXPORTS: Final = ("prepare", "advance", "tabulate")
+CODES: Final = (
+    "DONE", "BLOCK_FULL", "PAUSED", "EVENT_FOUND", "STEP_TOO_SMALL", "NOT_FINITE",
+    "PROJECTION_FAILED", "DEGENERATE", "RANK_LOST", "NEWTON_FAILED", "STIFF",
+    "FEATURE_PASSED",
+)  # fmt: skip
+
+
+def module(runner: Runner, state: State) -> bytes:
+    """Return the module of a run.
+
+    Parameters
+    ----------
+    runner
+        Its system holds the parameters as an arc has prepared them.
+    state
+        Where the run begins.
+
+    Raises
+    ------
+    NativeError
+        If the run needs what is not in kernels.
+    """
+    system = runner.system
+    beside = system.watched or system.switches.modes or system.plan.parts
+    if beside or state.extras:
+        text = "switches, contacts, subsystems apart and moments beside the rows need "
+        raise engine.NativeError(f"{text}Python between arcs: they have no module")
+    target = engine.wasm_target()
+    code = cache.linked(runner.program, wasm.STACK_IR, EXPORTS, target)
+    rows, width = runner.block.shape
+    columns = system.rows_observed
+    images: dict[str, bytes | int] = {
+        "state": state.flat.tobytes(),
+        "parameters": system.p.flat.tobytes(),
+        "rows": 8 * rows * width,
+        "columns": 8 * rows * columns,
+    }
+    return wasm.module(code, EXPORTS, images, _described(runner, state))
+
+
+def _described(runner: Runner, state: State) -> dict[str, Any]:
+    system = runner.system
+    words = {
+        name: field.word if field.kind == NUMBER else state.place(name)
+        for name, field in type(state).fields.items()
+        if field.kind in (NUMBER, ARRAY)
+    }
+    return {
+        "version": VERSION,
+        "lagsim": __version__,
+        "model": system.model.name,
+        "method": system.plan.method,
+        "state": system.state,
+        "columns": system.columns.names,
+        "block": len(runner.block),
+        "parameters": {
+            x.name: {"word": system.place(x.name), "value": x.value}
+            for x in system.model.parameters
+        },
+        "words": words,
+        "codes": {getattr(at, name): name for name in CODES},
+    }
