@@ -69,6 +69,18 @@ def test_a_turned_box_and_its_rates():
     assert np.allclose(body.axes.rate[:, 0, 0], -2 * np.sin(2 * t), atol=1e-9)
 
 
+def test_rows_of_a_rotation_matrix():
+    turned = "[[0, 0, 1], [cos(a), -sin(a), 0], [sin(a), cos(a), 0]]"
+    shapes = f"wheel: {{disk: 1, frame: {turned}}}, other: {{disk: 1, frame: a}}"
+    wheel, other = bodies(SPACE, shapes)
+    t = np.linspace(0, 3, 31)
+    # The first corner, where the spoke ends: in the plane across x; across z.
+    found = wheel.placed(list(range(31)))[:, 0]
+    assert np.allclose(found, np.stack((0 * t, np.cos(t), np.sin(t)), 1), atol=1e-9)
+    found = other.placed(list(range(31)))[:, 0]
+    assert np.allclose(found, np.stack((np.cos(t), np.sin(t), 0 * t), 1), atol=1e-9)
+
+
 # Volume of the polyhedron by Gauss's theorem; what is round has 32 sides.
 SECTOR = 16 * np.sin(np.pi / 16)
 VOLUMES = {

@@ -287,13 +287,22 @@ class _Shapes:
         return (), ""
 
     def _axes(self, what: str, node: Node | None) -> tuple[int, ...]:
-        """Give the rotation matrix of an angle."""
-        angle = self._x.compile(node, f"`frame` of {what}", Level.VELOCITY)
+        """Give the rotation matrix, of an angle or as it stands, row by row."""
+        x, what = self._x, f"`frame` of {what}"
+        if isinstance(node, Sequence):
+            rows = [items(row, f"a row of {what}", x.faults) for row in node.items]
+            if len(rows) not in (2, 3) or any(len(row) != len(rows) for row in rows):
+                text = f"{what} is an angle, or 2 or 3 rows of as many entries each"
+                hint = "such as [[cos(a), -sin(a)], [sin(a), cos(a)]]"
+                x.faults.add("wrong-count", text, node.place, hint)
+                return ()
+            found = [x.compile(n, what, Level.VELOCITY) for row in rows for n in row]
+            return () if None in found else tuple(n for n in found if n is not None)
+        angle = x.compile(node, what, Level.VELOCITY)
         if angle is None:
             return ()
-        g = self._x.graph
-        cos, sin = g.call("cos", angle), g.call("sin", angle)
-        return cos, g.call("neg", sin), sin, cos
+        cos, sin = x.graph.call("cos", angle), x.graph.call("sin", angle)
+        return cos, x.graph.call("neg", sin), sin, cos
 
 
 def check_sizes(scene: Scene, x: Expressions) -> None:
