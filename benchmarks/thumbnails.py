@@ -1,7 +1,7 @@
 """Draw the pictures of docs/gallery.md: python benchmarks/thumbnails.py [NAME ...]
 
 One small picture for each model of models/: the ways of the points of its scene, and
-the scene at the end; the coordinates against time where it has none.
+the scene with its shapes at the end; the coordinates against time where it has none.
 """
 
 from __future__ import annotations
@@ -12,9 +12,11 @@ import numpy as np
 from failing_chart import small_png
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from pages import PICTURES, shipped
 
 from lagsim.model.reader import read_file
+from lagsim.outputs.shapes import bodies, needed, seen
 from lagsim.run.observers import Keep
 from lagsim.run.session import open_case
 
@@ -40,10 +42,17 @@ def thumbnail(path):
         name: _seen(name, parts, columns) for name, parts in model.scene.points.items()
     }
     # What moves in one line is better seen against time.
-    if places and all(
-        np.ptp(np.concatenate(xs)) for xs in zip(*places.values(), strict=True)
+    if model.scene.shapes or (
+        places
+        and all(np.ptp(np.concatenate(xs)) for xs in zip(*places.values(), strict=True))
     ):
         _scene(axes, model.scene, places)
+        _shapes(
+            axes,
+            model,
+            columns,
+            [name for name, xs in places.items() if np.ptp(xs[0]) + np.ptp(xs[1]) > 0],
+        )
     else:
         _curves(axes, [q.name for q in model.coordinates], columns)
     canvas = FigureCanvasAgg(figure)
@@ -62,6 +71,21 @@ def _scene(axes, scene, places):
         shape = "o" if name in moving else "s"
         axes.plot(x[-1:], y[-1:], shape, color="black", markersize=3.5)
     axes.set_aspect("equal", adjustable="datalim")
+
+
+def _shapes(axes, model, columns, moving):
+    """Draw the shapes at the end, in the colours of their points."""
+    last = {name: columns[name][-1:] for name in needed(model)}
+    view = np.eye(2) if model.scene.dimension == 2 else np.array((RIGHT, UP))
+    for body in bodies(model, last, 1):
+        found, kind = seen(body, 0, view), body.shape.kind
+        known = body.shape.point in moving
+        number = moving.index(body.shape.point) if known else len(moving)
+        colour = COLOURS[number % len(COLOURS)] if body.moves else "#555555"
+        for face, _ in found.faces:
+            axes.add_patch(Polygon(face, facecolor=colour, alpha=0.3))
+        width = 1.6 if kind == "ground" else 0.9
+        axes.plot(*found.lines.T, color=colour, linewidth=width)
 
 
 def _seen(name, parts, columns):

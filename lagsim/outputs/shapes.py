@@ -21,14 +21,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from lagsim.language.arrays import Flags, Floats
+    from lagsim.language.arrays import Floats
     from lagsim.model.model import Model, Shape
 
 # Corners of what is round: of a face, and of the outline of a cylinder or a cone.
 ROUND, AROUND = 72, 32
-# Of a curve: corners at most, from which those go that lie so near to their chord, as
-# a part of the whole; and all corners of one that changes its shape.
-FINEST, NEAR, MOVING = 4096, 5e-4, 64
+# Of a curve, and of one that changes its shape.
+ALONG, CHANGING = 1000, 64
 # Rows in which it is looked how far a shape reaches.
 ROWS = 500
 
@@ -85,11 +84,9 @@ class Body(NamedTuple):
 
     def placed(self, rows: list[int] | NDArray[np.intp]) -> Floats:
         """Return the corners in the scene (rows, n, d)."""
-        every = len(self.at.place)
-        corners = np.broadcast_to(
-            self.corners.place, (every, *self.corners.place.shape[1:])
-        )
-        turned = np.einsum("kij,knj->kni", self.axes.place[rows], corners[rows])
+        corners = self.corners.place
+        corners = corners[rows] if len(corners) > 1 else corners
+        turned = corners @ self.axes.place[rows].swapaxes(1, 2)
         placed: Floats = self.at.place[rows][:, np.newaxis] + turned
         return placed
 
@@ -108,7 +105,7 @@ def words(model: Model) -> int:
     for shape in model.scene.shapes:
         found += 2 * d * (bool(shape.at) + (d - 1) * bool(shape.axes))
         if any(g.depends(corner) - fixed for corner in shape.corners):
-            many = {"curve": MOVING, "arrow": 2}
+            many = {"curve": CHANGING, "arrow": 2}
             found += d * many.get(shape.kind, 2 * len(shape.corners))
     return found
 
@@ -215,40 +212,14 @@ def _along(
     g, nodes = model.graph, shape.corners[0]
     changes = g.depends(nodes) - {p.name for p in model.parameters} - {CURVE}
     rows = count if changes else 1
-    s = np.linspace(ends[0], ends[1], MOVING if changes else FINEST)
+    s = np.linspace(ends[0], ends[1], CHANGING if changes else ALONG)
     known: dict[str, float | Floats] = {
         name: np.repeat(x[:rows], len(s)) if isinstance(x, np.ndarray) else x
         for name, x in values.items()
         if not isinstance(x, np.ndarray) or name in changes
     }
     known[CURVE] = np.tile(s, rows)
-    places = evaluate_rows(g, nodes, known, rows * len(s)).T
-    places = places.reshape(rows, len(s), -1)
-    return places if changes else places[:, _bends(places[0])]
-
-
-def _bends(path: Floats) -> Flags:
-    """Return which corners of a path (n, d) a picture needs."""
-    kept = np.zeros(len(path), dtype=bool)
-    size = float(np.nanmax(np.ptp(path, axis=0), initial=0.0))
-    kept[:: len(path) // MOVING] = kept[-1] = True
-    while True:
-        at = np.flatnonzero(kept)
-        # Half way between two that are kept: how far from the chord it lies.
-        left, right = at[:-1], at[1:]
-        middle = (left + right) // 2
-        chord = path[right] - path[left]
-        part = (middle - left) / (right - left)
-        off = path[middle] - path[left] - part[:, np.newaxis] * chord
-        along = np.sum(chord * chord, axis=1)
-        share = np.divide(
-            np.sum(off * chord, axis=1), along, where=along > 0, out=0.0 * along
-        )
-        apart = np.linalg.norm(off - share[:, np.newaxis] * chord, axis=1)
-        more = middle[(middle > left) & ~(apart <= NEAR * size)]
-        if not len(more):
-            return kept
-        kept[more] = True
+    return evaluate_rows(g, nodes, known, rows * len(s)).T.reshape(rows, len(s), -1)
 
 
 # --- Bodies

@@ -343,19 +343,17 @@ def _along(a: Array, b: Array) -> tuple[float, Array, Array]:
 
 
 def _hatched(lines: Array, inch: float) -> Array:
-    """Return a path (n, 2) with hatches below it, of an upright one at the right."""
+    """Return a path (n, 2) with hatches at the right of its direction."""
     gap, found = np.full(2, np.nan), [lines]
     for a, b in pairwise(lines):
         length, u, left = _along(a, b)
         if not np.isfinite(length) or not length:
             continue
-        side = -left if u[0] >= -1e-9 else left
         count = min(int(length / (APART * inch)), MOST_HATCHES)
         for k in range(count + 1):
             start = a + u * (k + 0.5) * length / (count + 1)
-            found.append(
-                np.stack((gap, start, start + HATCH * inch * 0.7 * (side - u)))
-            )
+            end = start - 0.7 * HATCH * inch * (left + u)
+            found.append(np.stack((gap, start, end)))
     return np.concatenate(found)
 
 

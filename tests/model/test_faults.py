@@ -203,7 +203,7 @@ unknown-key | `scale` belongs to `arrow` | SHAPE a: {disk: 1, ⟪scale⟫: 1}}}
 output-only | the motion gives | SHAPE a: {disk: 1, frame: ⟪x_ddot⟫}}}
 not-a-mapping | found `1` | SHAPE a: ⟪1⟫}}
 wrong-count | rows of as many | SHAPE a: {disk: 1, frame: ⟪[[1, 0], [0, 1, 0]]⟫}}}
-shape-of-space | the disk `a` | SHAPE ⟪a⟫: {disk: 1, frame: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}}
+shape-of-space | the disk `a` | SHAPE ⟪a⟫: {disk: 1, frame: [[1,0,0],[0,1,0],[0,0,1]]}}}
 # output
 not-a-list | [] means none | output:¶  columns:⟪⟫
 not-a-definition | leave it out | output: {columns: [⟪x_dot⟫]}

@@ -212,7 +212,7 @@ def _units(scene: Scene, known: Mapping[str, str]) -> dict[str, str]:
         for name, x in scene.points.items()
         for k in range(len(x))
     ]
-    if not known.keys() & set(columns):
+    if scene.points.keys() == {ONLY}:
         columns = list("xyz")
     return page_units({known.get(c, "") for c in columns}, known.get("energy", ""))
 

@@ -36,7 +36,16 @@ class Drawing {
     const bodies = run.shapes.filter((shape) => shape.faces.length || shape.radius);
     const carried = new Set(bodies.map((shape) => shape.point));
     const own = run.shapes.filter((shape) => shape.moves && !this.colours.has(shape.point));
-    Object.assign(this, {linked, grounds, carried, own});
+    // Fixed points on a ground need no support of their own.
+    const walls = run.shapes.filter((shape) => shape.kind === "ground" && shape.corners.fixed);
+    const based = new Set();
+    for (const {corners: {fixed}} of view.space ? [] : walls) for (let k = 0; k + 3 < fixed.length; k += 2) {
+      const [a, b, c, d] = fixed.slice(k, k + 4), long = Math.hypot(c - a, d - b);
+      run.points.forEach(({fixed: at}, n) => {
+        if (at && Math.hypot(at[0] - a, at[1] - b) + Math.hypot(at[0] - c, at[1] - d) < (1 + 1e-6) * long) based.add(n);
+      });
+    }
+    Object.assign(this, {linked, grounds, carried, own, based});
   }
 
   resize() {
@@ -92,6 +101,12 @@ class Drawing {
     pen.beginPath();
     for (const [x, y] of points) pen.lineTo(x, y);
     if (close) pen.closePath();
+  }
+
+  // One more area of a path.
+  round(corners) {
+    corners.forEach(([x, y], k) => k ? this.pen.lineTo(x, y) : this.pen.moveTo(x, y));
+    this.pen.closePath();
   }
 
   // Lines at round places, clear of the numbers at the left and below.
@@ -187,8 +202,7 @@ class Drawing {
         const flat = face.map((k) => places[k]);
         // All go round in one direction.
         if (area(flat) < 0) { if (shape.faces.length > 1) continue; flat.reverse(); }
-        flat.map(shadow).forEach(([x, y], k) => k ? pen.lineTo(x, y) : pen.moveTo(x, y));
-        pen.closePath();
+        this.round(flat.map(shadow));
       }
     }
     pen.fill();
@@ -245,24 +259,28 @@ class Drawing {
       const {shape, dots, middle} = one;
       if (!dots.every(([x, y]) => Number.isFinite(x + y)) && shape.kind !== "curve") continue;
       if (shape.radius) parts.push({one, near: middle[2], edges: true});
-      one.faces.sort((a, b) => a.near - b.near);
-      one.faces.forEach((face, n) => parts.push({one, ...face, edges: n === one.faces.length - 1}));
-      if (!shape.radius && !one.faces.length) parts.push({one, near: dots.length ? dots[0][2] : 0, edges: true});
+      const sorted = one.faces.sort((a, b) => a.near - b.near);
+      // What is round is one area, or its flat parts would be seen.
+      if (shape.seams.length && sorted.length) {
+        const [{share}] = sorted, near = sorted[sorted.length - 1].near;
+        parts.push({one, faces: sorted.map(({face}) => face), share, near, edges: true});
+      } else sorted.forEach(({face, share, near}, n) =>
+        parts.push({one, faces: [face], share, near, edges: n === sorted.length - 1}));
+      if (!shape.radius && !sorted.length) parts.push({one, near: dots.length ? dots[0][2] : 0, edges: true});
     }
     parts.sort((a, b) => a.near - b.near);
     for (const part of parts) {
-      this.face(part);
+      this.fill(part);
       if (part.edges) this.edges(part.one);
     }
   }
 
-  face({one: {shape, dots, middle}, face, share = 1}) {
+  fill({one: {shape, dots, middle}, faces = [], share = 1}) {
     const {pen, view, ink} = this;
-    if (shape.radius) {
-      pen.beginPath();
-      pen.arc(middle[0], middle[1], shape.radius * view.scale, 0, 7);
-    } else if (face) this.line(face.map((k) => dots[k]), true);
-    else return;
+    if (!shape.radius && !faces.length) return;
+    pen.beginPath();
+    if (shape.radius) pen.arc(middle[0], middle[1], shape.radius * view.scale, 0, 7);
+    for (const face of faces) this.round(face.map((k) => dots[k]));
     for (const [colour, alpha] of [[ink.card, 0.75], [this.colourOf(shape), 0.12 + 0.3 * share]]) {
       pen.fillStyle = colour;
       pen.globalAlpha = alpha;
@@ -274,7 +292,7 @@ class Drawing {
   edges({shape, dots, front, middle}) {
     const {pen, view} = this, colour = this.colourOf(shape);
     if (shape.kind === "ground") {
-      for (const [i, j] of shape.edges) this.ground(dots[i], dots[j]);
+      for (const [i, j] of shape.edges) this.ground(dots[i], dots[j], true);
       return;
     }
     if (shape.kind === "arrow") {
@@ -336,8 +354,8 @@ class Drawing {
     }
   }
 
-  // What joins two fixed points is ground: hatched below.
-  ground(a, b) {
+  // What joins two fixed points is ground: hatched below, or at the right of its direction.
+  ground(a, b, right = false) {
     const {pen, ink} = this;
     pen.strokeStyle = ink.ground;
     pen.lineWidth = 2;
@@ -346,7 +364,7 @@ class Drawing {
     const length = Math.hypot(b[0] - a[0], b[1] - a[1]);
     if (length < 1) return;
     const [ux, uy] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length];
-    const side = ux >= 0 ? 1 : -1;
+    const side = right || ux >= 0 ? 1 : -1;
     pen.lineWidth = 1;
     for (let s = 8; s <= length; s += 9) {
       const x = a[0] + s * ux, y = a[1] + s * uy;
@@ -440,6 +458,7 @@ class Drawing {
       pen.fillRect(x - r, y - r, 2 * r, 2 * r);
       return;
     }
+    if (this.based.has(k)) { this.pin(x, y, r); return; }
     const side = this.run.points[k].fixed[1] >= view.middle[1] ? -1 : 1;
     const [w, h] = [1.9 * r + 5, side * (2 * r + 6)];
     pen.lineWidth = 1.4;
@@ -454,6 +473,11 @@ class Drawing {
       this.line([[x + s, y + h], [x + s - 4, y + h + side * 5]]);
       pen.stroke();
     }
+    this.pin(x, y, r);
+  }
+
+  pin(x, y, r) {
+    const {pen, ink} = this;
     pen.beginPath();
     pen.arc(x, y, r, 0, 7);
     pen.fillStyle = ink.card;
