@@ -541,6 +541,34 @@ def lemke(M: Floats, q: Floats) -> Floats | None:
     return None
 
 
+# Rates are differences: this part of their terms is rounding; and so much diagonal
+# makes rows independent whose rates contradict by that.
+RATES_ROUNDOFF, REGULAR = 1e-6, 1e-7
+
+
+def rates_at(
+    D: Floats, c: Floats, noise: Floats, free: list[int], ways: Floats
+) -> tuple[Floats, Floats]:
+    """Rates x (r,) of multipliers, and w = D x + c (r,) beside noise (r,), at ties.
+
+    Rows that are `free`, and independent, are held; those on their bounds have the
+    directions `ways` (k, r) into them. Both are 0 where there is no solution.
+    """
+    c = np.where(np.abs(c) > noise, c, 0.0)
+    hold = least_squares(D[np.ix_(free, free)], np.column_stack([D, c])[free])
+    G = np.column_stack([D, c]) - D[:, free] @ hold
+    sizes = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", ways, D, ways), 0.0))
+    N = ways[sizes > 0.0] / sizes[sizes > 0.0, None]
+    M = N @ G[:, :-1] @ N.T + REGULAR * np.eye(len(N))
+    a = lemke(M, N @ np.where(np.abs(G[:, -1]) > noise, G[:, -1], 0.0))
+    if a is None:
+        return np.zeros(len(c)), np.zeros(len(c))
+    x = a @ N
+    x[free] -= hold @ np.append(x, 1.0)
+    w, terms = D @ x + c, np.abs(D) @ np.abs(x) + np.abs(c)
+    return x, np.where(np.abs(w) > noise + RATES_ROUNDOFF * terms, w, 0.0)
+
+
 def _leaving_row(T: Floats, column: Floats, artificial: Floats) -> int:
     """Row that blocks first, or -1 if none does."""
     tied = np.flatnonzero(column > TABLEAU_ROUNDOFF)

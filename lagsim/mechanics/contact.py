@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.algebra import Metric, Span, scaled
-from lagsim.mechanics.complementarity import Problem, least_squares, solve
+from lagsim.mechanics.complementarity import Problem, least_squares, rates_at, solve
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
@@ -45,6 +45,8 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.complementarity import Solution
 
@@ -309,7 +311,7 @@ def modes(
     rates: Floats,
     roundoff: Floats,
     slip_noise: Floats,
-    tie_break: Floats | None = None,
+    ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -321,13 +323,13 @@ def modes(
         Of slips and limited rows; those larger than slip_roundoff (r,) slide.
     roundoff : ndarray, shape (r,)
         Accelerations that are smaller count as 0.
-    tie_break : ndarray, shape (r,), optional
-        What decides about rows on an edge, which would hold: a contact with neither
-        force nor acceleration is let go where this is > 0, and a row that rests at its
-        bound begins to slide where this is not 0.
+    ahead : callable, optional
+        How fast accelerations with multipliers (r,) at fixed parts of their bounds
+        change, and the rounding of that, (r,) each. It decides about rows on an edge, a
+        contact with neither force nor acceleration or a row that rests at its bound:
+        else they hold.
     """
     begun = np.zeros(len(rates), dtype=bool)
-    ties = np.zeros(len(roundoff)) if tie_break is None else tie_break
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
         sizes = np.where(given | begun, closed.bounds, closed.statics)
@@ -336,7 +338,7 @@ def modes(
         if not solution.found:
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
-        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ties)
+        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead)
         found, directions_found, plain = rows.edges(solution)
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
@@ -373,7 +375,7 @@ class _Rows:
     given: Flags
     directions: Floats
     roundoff: Floats
-    ties: Floats
+    ahead: Callable[[Floats], tuple[Floats, Floats]] | None
 
     @cached_property
     def one_sided(self) -> list[int]:
@@ -405,12 +407,10 @@ class _Rows:
         small = rounding / np.where(own > 0.0, own, 1.0)
         modes, directions = [Mode.OFF] * len(p), self.directions.copy()
         held = [k for k, kind in enumerate(self.closed.kinds) if kind is Kind.TIMED]
-        tied: list[int] = []  # what is not to part
-        apart: list[int] = []  # ... and what is
+        tied: list[int] = []
         for k in self.one_sided:
             if solution.w[k] <= rounding[k]:
-                leans = self.ties[k] > 0.0
-                (held if p[k] > small[k] else apart if leans else tied).append(k)
+                (held if p[k] > small[k] else tied).append(k)
         touches = {*held, *tied}
         for k, kind in enumerate(self.closed.kinds):
             if not kind.bounded:
@@ -425,11 +425,11 @@ class _Rows:
             else:
                 (held if modes[k] is Mode.HELD else tied).append(k)
                 modes[k] = Mode.OFF
-        if solution.few and not (tied or apart):
+        if solution.few and not tied:
             for k in held:
                 modes[k] = Mode.HELD
             return modes, directions, True
-        self._hold([*held, *tied], apart, modes, directions, p, limits)
+        self._hold(p, held, tied, modes, directions, limits, limits > small)
         return modes, directions, False
 
     def _bounded(
@@ -438,44 +438,74 @@ class _Rows:
         """Mode of a bounded row, and its direction; one that is tied is off."""
         if self.given[k]:
             return Mode.SLIDING, float(self.directions[k])
-        pair = self.closed.pairs[k]
-        rows = [k] if pair < 0 else [k, pair]
+        rows = self._disc(k)
         slip = np.linalg.norm(solution.w[rows])
         force = np.linalg.norm(solution.p[rows])
         inside = not force >= bound - small
-        at_bound = not inside and bound > small
-        slides = slip > rounding[rows].max()
-        if at_bound and (slides or self.ties[rows].any()):
-            return Mode.SLIDING, float(solution.p[k] / force)
-        if slides:
-            return Mode.SLIDING, float(-solution.w[k] / slip)
+        if slip > rounding[rows].max():
+            at_bound = not inside and bound > small
+            way = solution.p[k] / force if at_bound else -solution.w[k] / slip
+            return Mode.SLIDING, float(way)
         return (Mode.HELD if inside else Mode.OFF), 0.0
+
+    def _disc(self, k: int) -> list[int]:
+        """Row k, and the other on its disc."""
+        pair = self.closed.pairs[k]
+        return [k] if pair < 0 else [k, pair]
 
     def _hold(
         self,
-        holding: list[int],
-        apart: list[int],
+        p: Floats,
+        held: list[int],
+        tied: list[int],
         modes: list[Mode],
         directions: Floats,
-        p: Floats,
         limits: Floats,
+        pressed: Flags,
     ) -> None:
-        """Set modes of rows that hold, each with the share of its bound that it bears.
+        """Set modes of rows that hold, each with the part of its bound that it bears.
 
         What others hold is redundant, and cannot part; slips of contacts without force
         are off.
         """
-        span = _Independent(self.closed)
-        for k in holding:
-            n = self.closed.normals[k]
+        closed, span = self.closed, _Independent(self.closed)
+        x, rate = self._rates(p, held, tied, pressed)
+        apart = [k for k in tied if rate[self._disc(k)].any()]
+        for k in (*held, *sorted(tied, key=lambda k: -abs(x[k]))):
+            n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:
                 continue
-            modes[k] = Mode.HELD if span.takes(k) else Mode.REDUNDANT
-            if modes[k] is Mode.REDUNDANT and limits[k]:
+            if k in apart:
+                modes[k] = Mode.SLIDING if limits[k] else Mode.OFF
+            else:
+                modes[k] = Mode.HELD if span.takes(k) else Mode.REDUNDANT
+            if modes[k] is not Mode.HELD and limits[k]:
                 directions[k] = p[k] / limits[k]
-        for k in apart:
-            if span.has(k):
-                modes[k] = Mode.REDUNDANT
+        for k, n in enumerate(closed.normals):
+            if n >= 0 and modes[n] is Mode.OFF:
+                modes[k], directions[k] = Mode.OFF, 0.0
+
+    def _rates(
+        self, p: Floats, held: list[int], tied: list[int], pressed: Flags
+    ) -> tuple[Floats, Floats]:
+        """Rates (r,) of multipliers beside their bounds, and of accelerations, at ties.
+
+        They solve a complementarity problem of their own: what is held has any rate of
+        its multiplier, what is tied one that leads inside; what slides, or has no rate,
+        keeps its part of its bound.
+        """
+        span, r = _Independent(self.closed), len(p)
+        free = [k for k in held if span.takes(k)]
+        unit, S = np.eye(r), np.eye(r)  # p' = S x
+        if self.ahead is None or not tied:
+            return np.zeros(r), np.zeros(r)
+        for k, n in enumerate(self.closed.normals):
+            if n >= 0 and p[n] > 0.0:
+                S[k, n] = p[k] / p[n]
+        ways = [unit[k] for k in tied if k in self.one_sided]
+        ways += [-p[self._disc(k)] @ unit[self._disc(k)] for k in tied if pressed[k]]
+        D = self.closed.D @ S
+        return rates_at(D, *self.ahead(p), free, np.array(ways).reshape(-1, r))
 
 
 def _columns(closed: Closed) -> Floats:

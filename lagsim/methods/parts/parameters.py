@@ -10,11 +10,13 @@ NOTE = 2.0
 
 # `slides` is this where the motion follows a surface and where one is carried along by
 # another; where the expression keeps its level on a whole stretch, or nothing but the
-# choice of a side tells on which it is, it is below 0.
+# choice of a side tells on which it is, it is below 0; so it is where a surface keeps
+# to its level because others do.
 FOLLOWED = 2.0
 CARRIED = 1.0
 LEVEL = -1.0
 CHOSEN = -2.0
+REDUNDANT_SIDE = -3.0
 
 # What is kept of each surface, and of each law, from arc to arc.
 KEPT = (

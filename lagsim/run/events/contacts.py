@@ -27,15 +27,18 @@ from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
 from lagsim.tolerances import COMPUTED_ZERO, LEAST_CLOSING, SATISFIED, SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Callable, Collection, Iterator
 
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.contact import Impact
     from lagsim.run.arc import Arc
     from lagsim.run.events.kinematics import Shape
 
+    Ahead = Callable[[Floats], tuple[Floats, Floats]]
+
 FORCING = (kept.HELD, kept.SLIDING)
-# What holds without a force is asked again after this part of the time between rows.
+HOLDING = (kept.HELD, kept.REDUNDANT)
+# Rates of forces are taken over this part of the time between rows.
 SOON = 1e-6
 # Where forces change, each moment looked at is so many times as late as the last.
 LATER = 10.0
@@ -90,8 +93,6 @@ class Contacts(Source):
         self.shape: Shape | None = None
         self.reported: set[str] = set()
         self.ended = False
-        self.left: set[int] = set()
-        self.left_at = arc.t
         # What slid until this time, whoever asks once more at it.
         self.slid: set[int] = set()
         self.asked_at = arc.t
@@ -120,7 +121,9 @@ class Contacts(Source):
             return None
         arc.meet_row()
         self.sequence.add(arc.t, k)
-        self._leave(arc, k)
+        p, pair = arc.system.p, self.laws[k].pair
+        if p.law_mode[k] == kept.SLIDING and pair >= 0:
+            p.law_floor[[k, pair]] = 0.0  # the beginning on a disc has ended
         found = self._through(arc, k)
         span = self.sequence.span
         restless = [k for k in self.contacts if self.flights[k].is_restless(span)]
@@ -129,21 +132,6 @@ class Contacts(Source):
             found.ending = Ending(Outcome.SWITCHES_ACCUMULATE, about)
         turn = Turn.MODES if arc.system.surfaces else Turn.ARC
         return self._decision(arc, found, turn)
-
-    def _leave(self, arc: Arc, k: int) -> None:
-        """Note what has reached the edge of what it bears at this time.
-
-        Whoever asks once more at the same time (a switch, a break, another law that
-        ends then) finds it at that edge still, and it does not go on to hold. Of a slip
-        on a disc the beginning has ended.
-        """
-        if arc.t != self.left_at:
-            self.left, self.left_at = set(), arc.t
-        p = arc.system.p
-        if p.law_mode[k] == kept.HELD:
-            self.left.add(k)
-        elif self.laws[k].pair >= 0:
-            p.law_floor[[k, self.laws[k].pair]] = 0.0
 
     def _decision(self, arc: Arc, found: Found, turn: Turn = Turn.NONE) -> Decision:
         if found.ending is not None and arc.steps == 0:
@@ -197,12 +185,11 @@ class Contacts(Source):
             here = Kinematics(arc, found.y, known=here.shape)
             here.grazing = grazing
         self.shape = here.shape
-        edge = self.left if arc.t == self.left_at else set()
         if arc.t != self.asked_at:
             before = enumerate(arc.system.p.law_mode.tolist())
             self.slid = {k for k, mode in before if mode == kept.SLIDING}
             self.asked_at = arc.t
-        events, paradox, unique = select_modes(here, edge, also, self.slid)
+        events, paradox, unique = select_modes(here, also, self.slid)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in events if e.constraint not in rested]
         if paradox:
@@ -372,17 +359,12 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
 
 
 def select_modes(
-    here: Kinematics,
-    left: Collection[int],
-    also: Collection[int],
-    slid: Collection[int],
+    here: Kinematics, also: Collection[int], slid: Collection[int]
 ) -> tuple[list[Event], bool, bool]:
     """Set the modes at a state.
 
     Parameters
     ----------
-    left
-        Laws that held until just now: on the edge, they do not go on.
     also
         Laws that are closed whatever their gaps are.
     slid
@@ -395,19 +377,7 @@ def select_modes(
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    tie_break = np.zeros(here.count)
-    tie_break[list(left)] = 1.0
-    tie_break[[k for k in slid if p.law_floor[k] > 0.0]] = 1.0
-    found = _chosen(here, tie_break, also)
-    idle = _idle(here, found)
-    if idle:
-        # By the accelerations of a moment later some of them part then.
-        moment = SOON * here.arc.state.row_step
-        y = _state_after(here, found, moment)
-        later = Kinematics(here.arc, y, here.arc.t + moment, here.shape)
-        then = _chosen(later, np.zeros(here.count), {*also, *found.some})
-        tie_break[idle] += then.mode[idle] == kept.OFF
-        found = _chosen(here, tie_break, also)
+    found = _chosen(here, also)
     p.law_mode[:], p.law_direction[:] = found.mode, found.direction
     _set_floors(here, found, slid)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
@@ -420,30 +390,32 @@ def select_modes(
     return events, found.paradox, unique
 
 
-def _idle(here: Kinematics, found: Chosen) -> list[int]:
-    """Return what holds without a force, and so might as well part."""
-    if not found.some:
-        return []
-    pushes = np.abs(found.multipliers) * found.D
-    return [
-        k
-        for k, push in zip(found.some, pushes, strict=True)
-        if found.mode[k] == kept.HELD
-        and here.laws[k].kind.one_sided
-        and push <= here.roundoff[k]
-    ]
-
-
-def _state_after(here: Kinematics, found: Chosen, moment: float) -> Floats:
-    """State (size,) a moment later, in the modes found, to second order."""
-    arc, p = here.arc, here.arc.system.p
-    before = p.law_mode.copy(), p.law_direction.copy()
-    p.law_mode[:], p.law_direction[:] = found.mode, found.direction
-    rates = arc.runner.function("field", arc.system.size + arc.system.m)(arc.t, here.y)
-    y = here.y + moment * rates[: arc.system.size]
-    y[p.positions] += moment**2 / 2.0 * rates[p.velocities]
-    p.law_mode[:], p.law_direction[:] = before
+def _state_after(here: Kinematics, some: list[int], p: Floats, moment: float) -> Floats:
+    """State (size,) a moment later, with multipliers p of laws, to second order."""
+    arc, velocities = here.arc, here.arc.velocities
+    rates = here.free.copy()
+    rates[velocities] += here.shape.reply.response[:, some] @ p
+    y = here.y + moment * rates
+    y[arc.state.positions] += moment**2 / 2.0 * rates[velocities]
     return np.asarray(y)
+
+
+def _ahead(here: Kinematics, some: list[int]) -> Ahead:
+    """Rates of change, and their rounding, of accelerations at given multipliers."""
+    moment = SOON * here.arc.state.row_step
+
+    def change(p: Floats) -> tuple[Floats, Floats]:
+        y = _state_after(here, some, p, moment)
+        later = Kinematics(here.arc, y, here.t + moment, here.shape)
+        w = []
+        for x in here, later:
+            D, part = x.shape.reply.D[np.ix_(some, some)], np.ones(len(some))
+            known = here.bounds[some] > 0.0
+            part[known] = x.bounds[some][known] / here.bounds[some][known]
+            w.append(x.accelerations[some] + D @ (part * p))
+        return (w[1] - w[0]) / moment, 2.0 * here.roundoff[some] / moment
+
+    return change
 
 
 class Chosen(NamedTuple):
@@ -460,7 +432,7 @@ class Chosen(NamedTuple):
     paradox: bool
 
 
-def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chosen:
+def _chosen(here: Kinematics, also: Collection[int]) -> Chosen:
     """Select modes by the accelerations of what is closed and does not separate."""
     laws, L, rates = here.laws, here.count, here.rates
     closed = here.is_closed(also)
@@ -483,7 +455,7 @@ def _chosen(here: Kinematics, tie_break: Floats, also: Collection[int]) -> Chose
         rates[some],
         roundoff,
         np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
-        tie_break[some],
+        _ahead(here, some),
     )
     mode[some], direction[some] = [float(x) for x in found.mode], found.direction
     diagonal = np.diag(problem.D).copy()
@@ -526,7 +498,7 @@ def _steady(here: Kinematics, found: Chosen, pair: list[int], rubs: float) -> fl
     """
     moment, steady = SOON * here.arc.state.row_step, here.arc.settings.end - here.t
     while moment < steady:
-        y = _state_after(here, found, moment)
+        y = _state_after(here, found.some, found.multipliers, moment)
         later = Kinematics(here.arc, y, here.t + moment, here.shape)
         bends = later.accelerations - here.accelerations
         change = float(np.linalg.norm(bends[pair])) / moment
@@ -570,10 +542,12 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     for k, law in enumerate(here.laws):
         name = law.constraint
         if law.kind.bounded:
-            twice = 0 <= law.pair < k
-            if before[k] == kept.HELD and now[k] == kept.SLIDING and not twice:
+            was, holds = before[k] in HOLDING, now[k] in HOLDING
+            if 0 <= law.pair < k:
+                continue
+            if was and now[k] == kept.SLIDING:
                 yield Event(t, "slip", name)
-            elif before[k] == kept.SLIDING and now[k] == kept.HELD and not twice:
+            elif before[k] == kept.SLIDING and holds:
                 yield Event(t, "stick", name)
         elif before[k] == kept.OFF and now[k] != kept.OFF:
             yield Event(t, "contact", name)

@@ -25,7 +25,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lagsim.run.events.filippov import ABOVE, BELOW, LEVEL, SLIDING, FilippovCone
+from lagsim.run.events.filippov import (
+    ABOVE,
+    BELOW,
+    LEVEL,
+    REDUNDANT,
+    SLIDING,
+    FilippovCone,
+)
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     CLEAR_OF_ROUNDING,
@@ -207,6 +214,8 @@ def _jump(modes: Modes, k: int) -> float:
 # A motion that comes to rest in a time goes no farther by then than this many times
 # what its rate makes of it.
 REACH = 4.0
+# Rates of forces are taken over this part of the time between rows.
+SOON = 1e-6
 # All corners of up to so many surfaces are looked at for the scales of their rates.
 FEW_CORNERS = 3
 
@@ -343,7 +352,9 @@ class Crossing:
         found = cone.select(now)
         if found is None or cone.is_fork(found):
             self.undecided = self.open
-        self._take(found or now)
+        if self.loose:  # what steps together with a surface has its side, or follows it
+            found = [SLIDING if side == REDUNDANT else side for side in found or now]
+        self._take(found or now, cone.shares)
 
     def _let_rest(self, cone: FilippovCone) -> list[int]:
         """Select rest on the level of the surfaces that the motion does not leave.
@@ -387,7 +398,7 @@ class Crossing:
         A short step tells, whatever the order in which it would leave.
         """
         self.modes.write()
-        if not abs(float(self.modes.forced(self.modes.rows())[k])) <= tolerance:
+        if not abs(float(self.modes.forced(self.modes.arc.y)[k])) <= tolerance:
             return False
         return self._leads([k], np.ones(1)) is None
 
@@ -416,10 +427,10 @@ class Crossing:
             step *= LONGER
         return None
 
-    def _take(self, sides: Sequence[int]) -> None:
+    def _take(self, sides: Sequence[int], shares: Floats) -> None:
         """Take sides, with what steps together with the surfaces that it follows."""
         modes = self.modes
-        base = [BELOW if side == SLIDING else side for side in sides]
+        base = [side if side in (BELOW, ABOVE) else BELOW for side in sides]
         self._settle(base)
         low, kind = modes.value.copy(), modes.kind.copy()
         along = [i for i, side in enumerate(sides) if side == SLIDING]
@@ -435,6 +446,9 @@ class Crossing:
             modes.carry(k, leader, high)
         for i in along:
             modes.put(self.open[i], self.levels[self.open[i]], SLIDING)
+        for k, side, share in zip(self.open, sides, shares, strict=True):
+            if side == REDUNDANT:
+                modes.put(k, self.levels[k], REDUNDANT, share)
 
     def _corners(self) -> list[tuple[int, ...]]:
         """Corners to look at for scales: all of few."""
@@ -472,4 +486,17 @@ class Crossing:
                 least = np.fmax(least, np.abs(rates(corner, aside) - rates(corner)))
         self.roundoff[self.open] = least
         settled = self.settled or not np.all(scale > least)
-        return FilippovCone(rates, scale, held, stays, roundoff=least, settled=settled)
+        return FilippovCone(
+            rates, scale, held, stays, self._ahead, roundoff=least, settled=settled
+        )
+
+    def _ahead(self, w: Floats) -> tuple[float, Floats]:
+        """Return a short time, and how fast rates (k,) with shares (k,) change."""
+        modes, arc = self.modes, self.modes.arc
+        moment = SOON * arc.state.row_step
+        for k, share in zip(self.open, w.tolist(), strict=True):
+            modes.put(k, self.levels[k], REDUNDANT, share)
+        modes.write()
+        y = arc.y + moment * modes.rates(arc.t, arc.y)
+        change = modes.forced(y, arc.t + moment) - modes.forced(arc.y)
+        return moment, np.asarray(change)[self.open] / moment

@@ -19,14 +19,21 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.mechanics.algebra import Span
+from lagsim.mechanics.complementarity import Problem, rates_at, solve
 from lagsim.methods.parts import parameters as kept
 from lagsim.program.functions import on_rates
-from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TINY
+from lagsim.tolerances import (
+    DEPENDENT_DIRECTIONS,
+    RESIDUAL_ROUNDOFF,
+    SOLUTION_ROUNDOFF,
+    TINY,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.mechanics.surfaces import Side
     from lagsim.run.arc import Arc
 
@@ -36,9 +43,9 @@ if TYPE_CHECKING:
 
 BELOW, ABOVE, SLIDING = 0, 1, 2
 LEVEL = 3  # of a surface that is no boundary here: its expression is constant
-# All modes are tried up to this many surfaces; beyond it they are exchanged one by one.
+REDUNDANT = 4  # on its level because others are: its share is constant
+# Where some surface does not attract, all modes are tried up to this many surfaces.
 FEW = 5
-MOST_EXCHANGES = 1000
 
 
 class FilippovCone:
@@ -56,8 +63,15 @@ class FilippovCone:
         Surfaces whose side is known.
     stays
         Whether the motion from a corner stays in it, as far as is known.
+    ahead
+        A short time, and how fast rates with these shares (count,) change in it.
     settled
         The motion has come to rest on the surfaces, or some of them have no rates.
+
+    Attributes
+    ----------
+    shares : ndarray, shape (count,)
+        Those of the mode that was selected, where some are redundant.
     """
 
     def __init__(
@@ -66,6 +80,7 @@ class FilippovCone:
         scale: Floats,
         held: Mapping[int, int] | None = None,
         stays: Callable[[Corner], bool | None] = lambda _: None,
+        ahead: Callable[[Floats], tuple[float, Floats]] = lambda w: (1.0, 0.0 * w),
         *,
         roundoff: Floats | float = 0.0,
         settled: bool = False,
@@ -75,6 +90,8 @@ class FilippovCone:
         self._clear = np.maximum(self.tolerance, TINY)  # not 0, where nothing pushes
         self.held = held or {}
         self.settled = settled
+        self.ahead = ahead
+        self.shares = np.zeros(self.count)
         self.stays = cache(stays)
         few = self.count <= FEW
         self.rates: Rates = cache(rates) if few else _affine(rates, self.count)
@@ -85,8 +102,9 @@ class FilippovCone:
         Of several selections, those with fewer sliding surfaces and with the sides
         `now` come first.
         """
-        if self.count > FEW:
-            return self._exchanged(now)
+        found = self._complementary() if self.count > 1 else None
+        if found is not None or self.count > FEW:
+            return found
         candidates = list(self._candidates(now))
         # On a side only with a rate above rounding, at first: else the motion follows
         # the surface rather than to creep along it.
@@ -114,6 +132,8 @@ class FilippovCone:
 
     def is_fork(self, mode: Sequence[int]) -> bool:
         """Whether the other side of some surface would do as well."""
+        if REDUNDANT in mode:
+            return False
         for i, k in enumerate(mode):
             if k == SLIDING or i in self.held:
                 continue
@@ -177,30 +197,48 @@ class FilippovCone:
         leaves = np.where(sides == ABOVE, rho, -rho) >= least
         return bool(np.all(known | np.where(sides == SLIDING, follows, leaves)))
 
-    def _exchanged(self, now: Sequence[int]) -> list[int] | None:
-        """Exchange the first surface that violates its condition until none does.
+    def _complementary(self) -> list[int] | None:
+        """Mode by one complementarity problem, if each surface attracts; else None.
 
-        Ends where -B is a P-matrix, as for friction (K. G. Murty, Linear
-        Complementarity, Linear and Nonlinear Programming, 1988, section 5.1, with
-        bounds above).
+        With p = -w the rates are rho = rho_0 - B p. A surface with rate 0 whose share
+        is at its end is left if the rates of the shares ask for that, see `rates_at`;
+        and one that keeps to its level because others do has a share that is constant.
         """
-        attracts = [self.attraction(i) < 0.0 for i in range(self.count)]
-        mode = [
-            self.held.get(i, SLIDING if attracts[i] else now[i])
-            for i in range(self.count)
-        ]
-        for _ in range(MOST_EXCHANGES):
-            w, rho, _ = self._solved(mode)
-            for i, k in enumerate(mode):
-                if i in self.held:
-                    continue
-                new = _better(k, w[i], rho[i], self.tolerance[i])
-                if new != k:
-                    mode[i] = SLIDING if attracts[i] and k != SLIDING else new
-                    break
-            else:
-                return mode
-        return None
+        n, tolerance = self.count, self.tolerance
+        low = (BELOW,) * n
+        base = self.rates(low)
+        B = np.array([self.rates(_above(low, j)) - base for j in range(n)]).T
+        off, own = self.rates((ABOVE,) * n) - base - B.sum(axis=1), B.diagonal()
+        attract = (own < -tolerance) & (np.abs(off) <= tolerance * n)
+        if n <= FEW and not attract.all():
+            return None
+        ends, none = np.zeros((4, n)), np.full(n, -1)
+        ends[0] = -1.0
+        for k, side in self.held.items():  # what has reached its end is at it
+            ends[::2, k] = -side
+        found = solve(Problem(-B, base, ends[:2], ends[2:], none, none))
+        if not found.found:
+            return None
+        w, rho = -found.p, found.w
+        small = tolerance / np.abs(np.where(own, own, 1.0))
+        sides = np.where(rho > 0.0, ABOVE, BELOW)
+        rests = np.flatnonzero(np.abs(rho) <= tolerance).tolist()
+        inside = [k for k in rests if small[k] < w[k] < 1.0 - small[k]]
+        tied = [k for k in rests if k not in inside]
+        w[tied] = np.round(w[tied])
+        span, units = Span(n), B / np.maximum(np.linalg.norm(B, axis=0), TINY)
+        free = [k for k in inside if span.extend(units[:, k], DEPENDENT_DIRECTIONS)]
+        if tied:
+            ways = (2.0 * w - 1.0)[tied, None] * np.eye(n)[tied]
+            moment, change = self.ahead(w)
+            x, rate = rates_at(-B, change, tolerance / moment, free, ways)
+            sides[tied] = np.where(w[tied] > 0.5, ABOVE, BELOW)
+            tied = sorted([k for k in tied if not rate[k]], key=lambda k: -abs(x[k]))
+        for k in (*inside, *tied):
+            new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
+            sides[k] = SLIDING if new else REDUNDANT
+        self.shares = w
+        return [int(side) for side in sides]
 
 
 def _above(corner: Corner, j: int) -> Corner:
@@ -215,15 +253,7 @@ def _affine(rates: Rates, count: int) -> Rates:
     return lambda corner: base + np.array(corner, dtype=float) @ effects
 
 
-def _better(k: int, w: float, rho: float, tolerance: float) -> int:
-    if k == SLIDING:
-        if w > 1.0 + SOLUTION_ROUNDOFF:
-            return ABOVE
-        return BELOW if w < -SOLUTION_ROUNDOFF else SLIDING
-    wrong = rho < -tolerance if k == ABOVE else rho > tolerance
-    return 1 - k if wrong else k
-
-
+KINDS = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL, REDUNDANT: kept.REDUNDANT_SIDE}
 # Directions in which a state is moved to see what its rounding does to a surface.
 DIRECTIONS = 3
 # A state this far aside, against how far it has moved, is another one.
@@ -287,9 +317,14 @@ class Modes:
         return found
 
     @property
-    def slides(self) -> Floats:
+    def slides(self) -> Flags:
         """Which surfaces the motion follows."""
         return np.asarray(self.kind == kept.FOLLOWED)
+
+    @property
+    def holds(self) -> Flags:
+        """Which surfaces the motion keeps to (K,)."""
+        return np.asarray(self.slides | (self.kind == kept.REDUNDANT_SIDE))
 
     @property
     def bound(self) -> Floats:
@@ -325,12 +360,14 @@ class Modes:
         self.carried = {}
         self.watched = []
 
-    def put(self, k: int, level: float, mode: int) -> None:
+    def put(self, k: int, level: float, mode: int, share: float = 0.5) -> None:
         """Put surface k below or above its level, along it, or at rest on it."""
         below, above = (level - 1.0, level) if self.whole[k] else (-1.0, 1.0)
         self.levels[k] = level
-        self.kind[k] = {SLIDING: kept.FOLLOWED, LEVEL: kept.LEVEL}.get(mode, 0.0)
-        self.value[k] = {ABOVE: above, LEVEL: 0.5 * (below + above)}.get(mode, below)
+        self.kind[k] = KINDS.get(mode, 0.0)
+        between = below + share * (above - below)
+        values = {ABOVE: above, LEVEL: between, REDUNDANT: between}
+        self.value[k] = values.get(mode, below)
 
     def put_clear(self, k: int, value: float) -> None:
         """Put surface k on the side on which its expression has this value."""
@@ -371,12 +408,12 @@ class Modes:
         p.least[:] = least
         p.most[:] = most
 
-    def rows(self, y: Floats | None = None) -> Rows:
-        """Return what the surfaces do at the state reached, or at y."""
+    def rows(self, y: Floats | None = None, t: float | None = None) -> Rows:
+        """Return what the surfaces do at the state reached, or at y and t."""
         arc, K = self.arc, self.count
-        y = arc.y if y is None else y
+        y, t = arc.y if y is None else y, arc.t if t is None else t
         starts, columns = arc.system.pattern
-        rows = arc.runner.function("surface_rows", 4 * K + len(columns))(arc.t, y)
+        rows = arc.runner.function("surface_rows", 4 * K + len(columns))(t, y)
         J = np.zeros((K, len(arc.y[arc.state.driven])))
         J[np.repeat(np.arange(K), np.diff(starts)), list(columns)] = rows[4 * K :]
         residuals, rates, b, scales = rows[: 4 * K].reshape(4, K)
@@ -419,9 +456,10 @@ class Modes:
         rates = self.rates(self.arc.t if t is None else t, y)
         return rates[self.arc.state.driven]
 
-    def forced(self, rows: Rows) -> Floats:
-        """J (q'', s') - b (K,) of the surfaces at the state reached."""
-        return np.asarray(rows.J @ self.accelerations(self.arc.y) - rows.b)
+    def forced(self, y: Floats, t: float | None = None) -> Floats:
+        """J (q'', s') - b (K,) of the surfaces at y and t (by default now)."""
+        rows = self.rows(y, t)
+        return np.asarray(rows.J @ self.accelerations(y, t) - rows.b)
 
     def sizes(self, rows: Rows) -> Floats:
         """Magnitude of the terms of each surface (K,), at sizes seen so far.

@@ -70,6 +70,8 @@ class Kinematics:
         the rate of that as it would be without any law.
     forces : ndarray, shape (L,)
         The size of the terms of `accelerations`.
+    free : ndarray, shape (size,)
+        y' without any law.
     pushes : ndarray, shape (L,)
         The same with what closed laws could add: the scale of what is held.
     moves : ndarray, shape (n,)
@@ -142,7 +144,8 @@ class Kinematics:
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""
         n = self.arc.system.n
-        a, b, self.bounds, self.statics = self._free(self.t, self.y)
+        self.free, b, self.bounds, self.statics = self._free(self.t, self.y)
+        a = self.free[self.levels[1]]
         self.accelerations = self.rows @ a - b
         # What forces do to each row, or have done in the last step: where they balance,
         # or vanish, rounding is that of their terms.
@@ -178,8 +181,9 @@ class Kinematics:
         """Rounding bounds of `accelerations` (L,): by their terms, and by the state."""
         # Each component moves by another part, or what cancels would stay hidden.
         parts = PROBE * (0.5 + np.modf(APART * np.arange(1.0, len(self.y) + 1.0))[0])
-        a, b, *_ = self._free(self.t, self.y + parts * self._known())
-        stirred = np.abs(self.rows @ a - b - self.accelerations) / PROBE
+        free, b, *_ = self._free(self.t, self.y + parts * self._known())
+        a = self.rows @ free[self.levels[1]] - b
+        stirred = np.abs(a - self.accelerations) / PROBE
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     @cached_property
@@ -206,7 +210,7 @@ class Kinematics:
         return sizes
 
     def _free(self, t: float, y: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return q'' without any law, b of the laws, and their bounds and statics."""
+        """Return y' without any law, b of the laws, and their bounds and statics."""
         arc, p = self.arc, self.arc.system.p
         m, L = arc.system.m, self.count
         mode = p.law_mode.copy()
@@ -215,7 +219,7 @@ class Kinematics:
         p.law_mode[:] = mode
         # Left there by `field`.
         b, bounds, statics = p.b[m - L :], p.law_bounds, p.law_statics
-        return field[self.levels[1]], b.copy(), bounds.copy(), statics.copy()
+        return field[: arc.system.size], b.copy(), bounds.copy(), statics.copy()
 
     def is_closed(self, also: Collection[int] = ()) -> list[bool]:
         """Which laws could act: a slip with its contact.

@@ -25,7 +25,7 @@ from lagsim.tolerances import RESIDUAL_ROUNDOFF, SOLUTION_ROUNDOFF, TIME_ROUNDOF
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from lagsim.language.arrays import Floats
+    from lagsim.language.arrays import Flags, Floats
     from lagsim.run.arc import Arc
     from lagsim.run.events.filippov import Rows
 
@@ -62,7 +62,7 @@ class Switching(Source):
         self.tried_at = math.nan
 
     @property
-    def slides(self) -> Floats:
+    def slides(self) -> Flags:
         """The surfaces that the motion follows (K,)."""
         return self.modes.slides
 
@@ -105,7 +105,7 @@ class Switching(Source):
         modes = self.modes
         modes.arc = arc
         time = arc.t if time is None else time
-        before = self.slides
+        before, kept = self.slides, modes.holds
         held = {}
         if hit is not None and before[hit]:
             arc.runner.event_functions(arc.t, arc.y)
@@ -120,7 +120,7 @@ class Switching(Source):
         cautions: tuple[Caution, ...] = ()
         rests = come_to_rest(modes, levels, sizes)
         if not rests:
-            settled = bool(at_rest) or any(before[k] for k in levels)
+            settled = bool(at_rest) or any(kept[k] for k in levels)
             left = max(0.0, time - arc.t) if at_rest else 0.0
             crossing = Crossing(modes, levels, sizes, at_rest, held, settled, left, hit)
             crossing.decide()
@@ -131,7 +131,7 @@ class Switching(Source):
         self._set_slack(levels, rows, sizes)
         return Decision(
             y=self._projected(resting=rests or bool(at_rest)),
-            events=tuple(self._changes(before, hit, time, rests=rests)),
+            events=tuple(self._changes(kept, hit, time, rests=rests)),
             cautions=cautions,
         )
 
@@ -233,16 +233,17 @@ class Switching(Source):
     # What a switch leads to
 
     def _changes(
-        self, before: Floats, hit: int | None, time: float, *, rests: bool
+        self, before: Flags, hit: int | None, time: float, *, rests: bool
     ) -> Iterator[Event]:
-        for k in np.flatnonzero(before != self.slides):
+        holds = self.modes.holds
+        for k in np.flatnonzero(before != holds):
             kind = "switch"
             if self.on_rates[k] or rests:
-                kind = "stick" if self.slides[k] else "slip"
-            if self.slides[k] and kind == "switch" and self.sequence.ratio() < 1.0:
+                kind = "stick" if holds[k] else "slip"
+            if holds[k] and kind == "switch" and self.sequence.ratio() < 1.0:
                 kind = "zeno"  # it has come to rest sooner than looked for
             yield Event(time, kind, switch=self.sides[k].text)
-        if hit is not None and before[hit] == self.slides[hit]:
+        if hit is not None and before[hit] == holds[hit] == self.slides[hit]:
             yield Event(time, "switch", switch=self.sides[hit].text)
 
     def _meet(self, arc: Arc, k: int) -> Decision:
@@ -313,7 +314,7 @@ class Switching(Source):
         """Next surface on the path, at the present rates, and the time to it."""
         modes = self.modes
         rows = modes.rows()
-        speeds = np.where(self.on_rates, modes.forced(rows), rows.rates)
+        speeds = np.where(self.on_rates, modes.forced(arc.y), rows.rates)
         values = modes.values(arc.t, arc.y)
         ends = np.where(speeds > 0, modes.p.most, modes.p.least)
         with np.errstate(divide="ignore", invalid="ignore"):

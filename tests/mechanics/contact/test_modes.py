@@ -12,13 +12,17 @@ OFF, HELD, SLIDING, REDUNDANT = Mode
 LEGS = np.array([[1, y, -x] for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1))], float)
 
 
-@pytest.mark.parametrize("ties", [-1.0, 1.0])
-def test_a_contact_on_the_edge_goes_where_it_leans(ties):
+def rates(*values):
+    """Rates of accelerations to come, known to 1e-6."""
+    return lambda _: (np.array(values), np.full(len(values), 1e-6))
+
+
+@pytest.mark.parametrize(("rate", "mode"), [(-1.0, HELD), (0.0, HELD), (1.0, OFF)])
+def test_a_contact_on_the_edge_goes_where_its_forces_lead(rate, mode):
     body = closed([2.0], [[1.0]], [CONTACT])
-    found = modes(
-        body, np.array([1e-13]), none(1), np.array([1e-12]), none(1), np.array([ties])
-    )
-    assert found.mode == ((OFF,) if ties > 0 else (HELD,))
+    free, roundoff = np.array([1e-13]), np.array([1e-12])
+    found = modes(body, free, none(1), roundoff, none(1), rates(rate))
+    assert found.mode == (mode,)
 
 
 def rod(angle, mu):
@@ -59,13 +63,28 @@ def test_a_box_on_two_corners_shares_its_friction():
         assert (np.abs(p[1::2]) <= 0.5 * p[::2] + 1e-14).all()
 
 
-def test_a_bound_within_rounding_holds_unless_it_leans():
+def test_a_bound_within_rounding_holds_unless_forces_grow():
     body = closed([1.0, 1.0], [[0, 1], [1, 0]], [CONTACT, SLIP], [-1, 0], mu=0.5)
     free = np.array([-10.0, 5.0 + 1e-13])
-    roundoff = np.full(2, 1e-12)
-    for ties, mode in ((0.0, HELD), (1.0, SLIDING)):
-        found = modes(body, free, none(2), roundoff, none(2), np.array([0.0, ties]))
+    # The weight may grow as well: by twice as much as the pull, it holds.
+    for weight, mode in ((0.0, SLIDING), (1.9, SLIDING), (2.1, HELD)):
+        ahead = rates(-weight, 1.0)
+        found = modes(body, free, none(2), np.full(2, 1e-12), none(2), ahead)
         assert found.mode == (HELD, mode)
+    assert modes(body, free, none(2), np.full(2, 1e-12), none(2)).mode == (HELD, HELD)
+
+
+def test_what_is_tied_goes_on_to_bear_where_others_give_way():
+    """Two blocks that rub on the ground, the second also on a wall; it is pushed.
+
+    Each of its two rows rests at its bound: the third, of the blocks, takes the rest.
+    """
+    rows = [[0.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [1.0, 0.0]]
+    body = closed([1.0, 1.0], rows, [Kind.LIMITED] * 4, mu=1.0)
+    free = np.array([2.5, 2.5, 2.5, 0.0])
+    found = modes(body, free, none(4), none(4), none(4), rates(1.0, 1.0, 1.0, 0.0))
+    assert sorted(found.mode) == [HELD, HELD, REDUNDANT, REDUNDANT]
+    assert found.multipliers[0] + found.multipliers[1] + found.multipliers[2] == -2.5
 
 
 def test_rows_at_a_small_angle_both_hold():

@@ -1,11 +1,13 @@
 """Switches in forces beside constraints that come and go: both act as if alone."""
 
 import itertools
+import random
 
 import numpy as np
 import pytest
 
 from lagsim.model.reader import read
+from lagsim.run.trajectory import Outcome
 from tests.run.switching.scenes import one_quick
 from tests.scenes.contact.motions import scene as mechanical
 from tests.support import run
@@ -74,12 +76,11 @@ def test_laws_and_switches_act_as_if_alone(law, push):
     assert z[known] == pytest.approx(expected[known], abs=1e-9)
 
 
-def rubbing(pairs, *, as_limit):
-    """Tell of bodies on springs that rub on the ground, and some on each other."""
-    bound = {"a": 1, "b": 1, "c": 1, "d": 2, "e": 1, "f": 0.5}
+def rubbing(bound, pairs, force, *, as_limit, mu=0.3, k=20, start=("f", 0.1)):
+    """Bodies on springs that rub on the ground, and some on each other."""
     slips = {x: (f"{x}_dot", F) for x, F in bound.items()}
-    slips |= {x + y: (f"{y}_dot - {x}_dot", 0.3) for x, y in pairs}
-    force = dict.fromkeys(bound, "0") | {"a": "6*sin(t)", "f": "4*sin(1.3*t)"}
+    slips |= {x + y: (f"{y}_dot - {x}_dot", mu) for x, y in pairs}
+    force = dict.fromkeys(bound, "0") | force
     for name, (v, F) in ({} if as_limit else slips).items():
         force[name[-1]] += f" - {F}*sign({v})"
         force[name[0]] += f" + {F}*sign({v})" if len(name) > 1 else ""
@@ -87,17 +88,43 @@ def rubbing(pairs, *, as_limit):
     springs = " + ".join(f"({x} - {y})^2" for x, y in itertools.pairwise(bound))
     return mechanical(
         " ".join(bound), " + ".join(f"{x}_dot^2/2" for x in bound),
-        f"20*({springs}) + a^2/2", laws if as_limit else {},
-        dict.fromkeys(bound, 0.0) | {"f": 0.1}, forces=force, duration=3,
+        f"{k}*({springs}) + a^2/2", laws if as_limit else {},
+        dict.fromkeys(bound, 0.0) | dict([start]), forces=force, duration=3,
         output_step=0.125,
     )  # fmt: skip
 
 
+def agree(names, least, **scene):
+    """Motions by limits and by switches, over the size of all of them."""
+    texts = [rubbing(**scene, as_limit=x) for x in (0, 1)]
+    ways = [run(read(text, "rubbing.yaml")) for text in texts]
+    assert all(way.trajectory.outcome is Outcome.DONE for way in ways)
+    assert len(ways[1].trajectory.events) > least
+    times = np.arange(0.0, 3.01, 0.125)
+    rows = [
+        np.array([x[name][np.searchsorted(x["t"], times - 1e-9)] for name in names])
+        for x in ways
+    ]
+    assert rows[0] == pytest.approx(rows[1], abs=1e-9 * np.max(np.ptp(rows[1], axis=1)))
+
+
 @pytest.mark.parametrize("pairs", one_quick(["ab"], ["ab", "bc", "cd"]))
 def test_friction_by_switches_is_that_by_limits_where_more_rubs_than_moves(pairs):
-    ways = [run(read(rubbing(pairs, as_limit=x), "rubbing.yaml")) for x in (0, 1)]
-    assert len(ways[1].trajectory.events) > 10
-    times = np.arange(0.0, 3.01, 0.125)
-    for name in "abcdef":
-        found, expected = (x[name][np.searchsorted(x["t"], times - 1e-9)] for x in ways)
-        assert found == pytest.approx(expected, abs=1e-9 * np.ptp(expected))
+    bound = {"a": 1, "b": 1, "c": 1, "d": 2, "e": 1, "f": 0.5}
+    force = {"a": "6*sin(t)", "f": "4*sin(1.3*t)"}
+    agree("abcdef", 10, bound=bound, pairs=pairs, force=force)
+
+
+# Scenes that ended in switches without end, or jumped, where ties were broken one by
+# one: all rub on the ground and each on the next.
+@pytest.mark.parametrize("seed", one_quick(0, *range(1, 24)))
+def test_rows_of_blocks_that_rub_on_each_other(seed):
+    r = random.Random(seed)
+    names = "abcdef"[: r.randint(3, 6)]
+    bound = {x: r.choice([0.5, 1, 1, 2, round(r.uniform(0.2, 3), 2)]) for x in names}
+    push = f"{round(r.uniform(3, 8), 2)}*sin({round(r.uniform(0.5, 4), 2)}*t)"
+    agree(
+        names, 2, bound=bound, pairs=[x + y for x, y in itertools.pairwise(names)],
+        force={r.choice(names): push}, mu=r.choice([0.3, round(r.uniform(0.05, 1), 2)]),
+        k=round(r.uniform(2, 60), 1), start=(r.choice(names), r.choice([0.0, 0.1])),
+    )  # fmt: skip
