@@ -16,7 +16,8 @@ class Event(NamedTuple):
     """An event of a run, of a constraint or of none, at its time.
 
     `conditioning` goes with a loss of rank: the smallest singular value then; `switch`
-    is the switch in the state, roughly as it was written. With an impact go the rates
+    is the switch in the state, roughly as it was written; `name` that of the event of
+    the file. With an impact go the rates
     of its gap before and after, and `energy`, what all that strikes then changes of the
     energy.
     """
@@ -29,6 +30,12 @@ class Event(NamedTuple):
     rate_before: float | None = None
     rate_after: float | None = None
     energy: float | None = None
+    name: str | None = None
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Its entry in documents; a name only where it has one."""
+        return {k: v for k, v in self._asdict().items() if k != "name" or v is not None}
 
     def __repr__(self) -> str:
         given = ((k, v) for k, v in self._asdict().items() if v is not None)

@@ -122,6 +122,7 @@ class Oracle:
         # BaseLoader keeps all scalars text: `y` and `on` are names.
         document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
         self.parameter_texts = _texts(document.get("parameters"))
+        self.parameter_texts |= _texts(document.get("modes"))
         self.definition_texts = _texts(document.get("definitions"))
         self.state_texts = _texts(document.get("states"), "rate")
         self.s = [symbol(name) for name in self.state_texts]

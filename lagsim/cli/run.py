@@ -472,7 +472,7 @@ def _cut_short(
 # --- The closing lines
 
 # Kinds of events that are counted, in this order.
-COUNTED = ("impact", "contact", "release", "stick", "slip", "switch")
+COUNTED = ("impact", "contact", "release", "stick", "slip", "switch", "event")
 # More names of constraints than this are reported by their number.
 MOST_NAMES = 2
 
@@ -539,12 +539,14 @@ def _happened(trajectory: Trajectory) -> list[str]:
 
 
 def _named(events: Sequence[Event]) -> str:
-    """Return the constraints and switches of events, or their number where many."""
+    """Return the constraints, switches and names of events; numbers where many."""
+    own = dict.fromkeys(f"`{e.name}`" for e in events if e.name)
     held = dict.fromkeys(f"`{e.constraint}`" for e in events if e.constraint)
     switches = dict.fromkeys(f"`{e.switch}`" for e in events if e.switch)
-    if len(held) + len(switches) <= MOST_NAMES:
-        return ", ".join((*held, *switches))
-    numbers = ((len(held), "constraint"), (len(switches), "switch"))
+    if len(held) + len(switches) + len(own) <= MOST_NAMES:
+        return ", ".join((*held, *switches, *own))
+    counts = map(len, (held, switches, own))
+    numbers = zip(counts, ("constraint", "switch", "name"), strict=True)
     return ", ".join(counted(number, noun) for number, noun in numbers if number)
 
 

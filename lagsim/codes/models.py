@@ -410,6 +410,13 @@ output: {reactions: [x]}
         "make the state a coordinate that a constraint of velocities holds",
         "states: {w: {rate: -w}}\nconstraints: {held: theta = w}\n"
         "initial: {theta: 1, w: 1}\n"),
+    Row("E236", "not-a-mode",
+        "An event sets something else than a mode.",
+        "Events set modes, the names of the section `modes`: coordinates and velocities "
+        "move by forces and impacts alone, parameters never change.",
+        "make it a mode, or let a force or a constraint depend on a mode",
+        "modes: {held: 1}\n"
+        "events: {swing: {at: theta <= 0, set: {theta: 1, held: 0}}}\n"),
     # E3xx: the start of a model.
     Row("E301", "inadmissible",
         "The start violates a constraint, or the time derivative of one.",

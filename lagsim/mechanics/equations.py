@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 from lagsim import limits
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import gradient, slopes, tangent
-from lagsim.language.evaluate import addends
+from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import VARIABLE, memoize
@@ -225,6 +225,19 @@ class Equations:
             laws = tuple(law.bouncing(given.get(law.constraint, 0.0)) for law in laws)
         return replace(self, model=model, laws=laws)
 
+    def begun(self, state: Instant) -> Equations:
+        """Return the equations with what periodic events set at a start."""
+        model, numbers = self.model, [state.t, *state.q, *state.v, *state.s]
+        values = {p.name: p.value for p in model.parameters}
+        values |= zip(("t", *self.state), map(float, numbers), strict=True)
+        for event in (x for x in model.events if x.at is None):
+            found = evaluate(self.graph, [node for _, node in event.sets], values)
+            values |= zip((mode for mode, _ in event.sets), found, strict=True)
+        new = tuple(x._replace(value=values[x.name]) for x in model.parameters)
+        if new == model.parameters:
+            return self
+        return self.of(replace(model, parameters=new))
+
     @property
     def nodes(self) -> tuple[object, ...]:
         """The names and nodes of the motion, the same for all values of parameters."""
@@ -264,6 +277,11 @@ class Equations:
     def moving(self) -> tuple[str, ...]:
         """The names of the variables that change along a motion."""
         return (*self.state, "t")
+
+    @property
+    def is_set(self) -> bool:
+        """Whether events change the energy: its nodes contain modes."""
+        return not self.model.modes.isdisjoint(self.graph.depends([self.energy]))
 
     @property
     def powers(self) -> list[int]:
@@ -589,7 +607,7 @@ def groups(e: Equations) -> list[list[int]]:
     in which no other's energy rounds or hides anything.
     """
     g = e.graph
-    if e.states:
+    if e.states or e.is_set:
         return [list(range(len(e.q)))]
     together = [([*nodes, *(e.f[i] for i in own)], own) for nodes, own in e.coupled]
     together += [
@@ -695,7 +713,7 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     g, model = e.graph, e.model
     acts = bool(model.forces) or model.dissipation is not None or dL_dt != g.zero
     acts = acts or any(row.transport != g.zero for row in e.rows) or bool(e.laws)
-    acts = acts or any(may_strike(g, row) for row in e.rows)
+    acts = acts or e.is_set or any(may_strike(e, row) for row in e.rows)
     # L may depend on time in each group and not as a whole: seen from a moving frame.
     timed = "t" in g.depends([model.lagrangian])
     found = groups(e)
@@ -709,9 +727,11 @@ def works_of(e: Equations, Q: Sequence[int], dL_dt: int) -> tuple[Work, ...]:
     return (Work(WORK, frozenset(e.q), _power(e, Q, dL_dt, everything), e.energy),)
 
 
-def may_strike(g: Graph, row: Row) -> bool:
+def may_strike(e: Equations, row: Row) -> bool:
     """Whether a constraint's rate may jump: an impact takes energy."""
-    cone = g.cone([row.rate])
+    g, cone = e.graph, e.graph.cone([row.rate])
+    if not e.model.modes.isdisjoint(g.depends([row.rate])):
+        return True
     return any((known := OPERATIONS.get(g.ops[n])) and known.switch for n in cone)
 
 
@@ -747,7 +767,7 @@ def _of_groups(
 def _is_met(e: Equations, group: Sequence[int]) -> bool:
     """Whether impacts may do work on a group."""
     rows = [law.row for law in e.laws]
-    rows += [row for row in e.rows if may_strike(e.graph, row)]
+    rows += [row for row in e.rows if may_strike(e, row)]
     return any(row.A.entries.keys() & {*group} for row in rows)
 
 

@@ -38,7 +38,7 @@ from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.constraints import Row
 from lagsim.mechanics.equations import Quadrature, Work
 from lagsim.mechanics.factorisation import Factorisation, symmetric
-from lagsim.model.model import Force, Parameter, Relation, State
+from lagsim.model.model import Force, Parameter, Relation, State, Transition
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -83,6 +83,10 @@ def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
     def mapped(x: Any) -> Any:
         return x._replace(**{name: f(getattr(x, name)) for name in NODES[type(x)]})
 
+    def acting(x: Transition) -> Transition:
+        sets = tuple((mode, f(node)) for mode, node in x.sets)
+        return x._replace(sets=sets, at=x.at and mapped(x.at))
+
     model, loss, until = e.model, e.model.dissipation, e.model.until
     return replace(
         e,
@@ -92,6 +96,7 @@ def _mapped(e: Equations, f: Callable[[int], int]) -> Equations:
             dissipation=None if loss is None else f(loss),
             forces=tuple(map(mapped, model.forces)),
             until=mapped(until) if until else None,
+            events=tuple(map(acting, model.events)),
         ),
         M=tuple(map(vector_of, e.M)),
         f=tuple(map(f, e.f)),
@@ -162,12 +167,13 @@ def eliminable(
         Of each coordinate the square root of its entry of M's diagonal, or what stands
         in its place.
     """
-    g, moving = e.graph, frozenset(e.moving)
+    g, moving, modes = e.graph, frozenset(e.moving), e.model.modes
     held = Counter(c for row in e.rows for c in row.A.entries)
     mass = Counter(j for row in e.M for j in row.entries)
     keys = []
     for k, row in enumerate(e.rows):
-        A = row.A.entries if usable(g, row, values, moving) else {}
+        still = modes.isdisjoint(g.depends([row.residual]))
+        A = row.A.entries if still and usable(g, row, values, moving) else {}
         numbers = evaluate(g, A.values(), values)
         steep = {c: abs(x) / sizes[e.q[c]] for c, x in zip(A, numbers, strict=True)}
         most = max(steep.values(), default=0.0)
@@ -276,6 +282,8 @@ MOMENTUM = "momentum."
 def conserved(equations: Equations) -> list[int]:
     """Coordinates whose momentum is kept, as far as the graph shows it."""
     e, g = equations, equations.graph
+    if e.is_set:
+        return []  # momenta jump where events set an inertia
     seen = g.depends([*e.of_motion, e.energy, *e.momenta])
     inertias = e.inertias
     held = {c for A in e.slopes for c in A.entries}

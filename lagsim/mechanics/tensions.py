@@ -380,8 +380,9 @@ class Squares(Factorisation):
 def accelerations(e: Equations) -> list[int] | None:
     """Return q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
-    states = {x.name for x in e.states} & g.depends([e.model.lagrangian])
-    laws = None if e.rows or e.laws or states else newton(e)
+    changing = e.model.modes.union(x.name for x in e.states)
+    changing &= g.depends([e.model.lagrangian])
+    laws = None if e.rows or e.laws or changing else newton(e)
     given = {p.name: p.value for p in e.model.parameters}
     if laws is None or min(evaluate(g, [*laws.masses.values()], given), default=1) <= 0:
         return None

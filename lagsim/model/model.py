@@ -91,7 +91,8 @@ class Settings(NamedTuple):
 class Parameter(NamedTuple):
     """A number of the model; an input of every compiled function.
 
-    `follows`: its expression in the file names others.
+    `follows`: its expression in the file names others. A `mode` is set by events: its
+    value is that at the start.
     """
 
     name: str
@@ -99,6 +100,7 @@ class Parameter(NamedTuple):
     unit: str = ""
     description: str = ""
     follows: bool = False
+    mode: bool = False
 
 
 class Coordinate(NamedTuple):
@@ -179,7 +181,7 @@ class Constraint(NamedTuple):
     """A relation and its law; `law` is None for an equality.
 
     `limit`: an equality of velocities holds while its multiplier is no larger. `when`:
-    it is in force while this condition of t and parameters is not 0.
+    it is in force while this condition of t, parameters and modes is not 0.
     """
 
     name: str
@@ -392,6 +394,20 @@ class State(NamedTuple):
     description: str = ""
 
 
+class Transition(NamedTuple):
+    """An event of the file, which sets modes: `sets` are pairs of a mode and a node.
+
+    It acts when `at` becomes true, or at the start and `every` so much time.
+    """
+
+    name: str
+    sets: tuple[tuple[str, int], ...]
+    at: Relation | None
+    every: float
+    once: bool
+    place: Place
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """Mechanical model: all that the file holds but the settings of its integration.
@@ -399,7 +415,8 @@ class Model:
     `kinetic` and `potential` are None where the file gives `lagrangian`, which is
     `kinetic - potential` otherwise. `initial` has one entry for every coordinate and
     every velocity, in the order of the coordinates, positions first, then of `states`
-    and the start values of definitions. `until` ends a run. `stated` is what `bind` and
+    and the start values of definitions. Modes are the last of `parameters`, which
+    `events` set; `until` ends a run. `stated` is what `bind` and
     `settings` evaluate. `unused` are parameters that nothing names. `places` are those
     of parameters, coordinates, definitions and energies in the file.
     """
@@ -426,12 +443,24 @@ class Model:
     source: str = ""
     unused: tuple[str, ...] = ()
     states: tuple[State, ...] = ()
+    events: tuple[Transition, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def variables(self) -> tuple[Coordinate | State, ...]:
         """The coordinates, then the first-order states."""
         return (*self.coordinates, *self.states)
+
+    @property
+    def modes(self) -> frozenset[str]:
+        """The names of the modes."""
+        return frozenset(p.name for p in self.parameters if p.mode)
+
+    @property
+    def located(self) -> tuple[Relation, ...]:
+        """The conditions that are located: those of events, then `until`."""
+        conditions = (*(event.at for event in self.events), self.until)
+        return tuple(x for x in conditions if x is not None)
 
     def bind(
         self,

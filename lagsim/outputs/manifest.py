@@ -69,7 +69,7 @@ def manifest(
         "rejections": counts.rejections,
         "evaluations": counts.evaluations,
         "factorisations": counts.factorisations,
-        "events": [e._asdict() for e in trajectory.events],
+        "events": [e.record for e in trajectory.events],
         "event_counts": dict(trajectory.event_counts),
         "energy_drift": residuals.drift.size,
         "constraint_residual": residuals.constraint_residual,

@@ -128,8 +128,10 @@ def numberless(unit: str) -> str:
 
 def events_table(events: Iterable[Event]) -> bytes:
     """Return events.csv; what does not go with a kind of event is empty."""
+    events = list(events)
     columns = (
         "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
+        *(["name"] if any(event.name for event in events) else []),
     )  # fmt: skip
     return table_of(columns, map(attrgetter(*columns), events))
 

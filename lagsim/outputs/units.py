@@ -229,6 +229,7 @@ def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]
     for s in model.states:
         if s.unit:
             found[s.name], found[f"{s.name}_dot"] = s.unit, f"{s.unit}/s"
+    found |= {p.name: p.unit for p in model.parameters if p.mode and p.unit}
     found |= {d.name: d.unit for d in model.definitions if d.unit}
     return {name: found.get(name, "") for name in columns}
 

@@ -67,6 +67,8 @@ def refusal(equations: Equations) -> str:
         return "work and action depend on all of them"
     if equations.model.until:
         return "`until` depends on all of them"
+    if equations.model.events:
+        return "events depend on all of them"
     if len(groups(equations)) < 2:
         return "all coordinates are coupled"
     return ""

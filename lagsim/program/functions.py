@@ -56,6 +56,7 @@ class Columns:
             nodes.update((name, g.variable(name)) for name in group)
         nodes |= {x.name: g.variable(x.name) for x in equations.states}
         nodes |= {f"{x.name}_dot": x.rate for x in equations.states}
+        nodes |= {p.name: g.variable(p.name) for p in model.parameters if p.mode}
         defined = {d.name: d.node for d in model.definitions}
         nodes.update((name, defined[name]) for name in model.output.columns)
         if model.kinetic is not None and model.potential is not None:
@@ -392,8 +393,11 @@ def functions(
         "terms": pushes(equations),
         "inertias": list(varying_inertias(equations, plan).values()),
     }
-    if equations.model.until:
-        found["until"] = [equations.model.until.node]
+    if located := equations.model.located:
+        found["located"] = [x.node for x in located]
+    if events := equations.model.events:
+        found["sets"] = [node for event in events for _, node in event.sets]
+        found["located_slopes"] = _slopes(equations, [x.node for x in located])
     if moreau is not None:
         found |= stepping_functions(equations, columns, moreau)
     elif equations.laws or plan.elimination is None:
@@ -402,13 +406,24 @@ def functions(
         found |= _solved(equations, plan, columns, switching=switching)
     # Impacts may take energy from some works, where others have their own.
     laws, works = bool(equations.laws), equations.works
-    strikes = laws or any(may_strike(g, x) for x in equations.rows)
+    strikes = laws or any(may_strike(equations, x) for x in equations.rows)
     if strikes and any(x.energy != equations.energy for x in works):
         found["energies"] = [x.energy for x in equations.works]
     for need in needs:
         if need in NEEDED:
             found |= NEEDED[need](equations, plan)
     return found
+
+
+def _slopes(e: Equations, nodes: Sequence[int]) -> list[int]:
+    """Sizes of the terms of conditions (C,), then their slopes (C, 2 n + l)."""
+    g, variables = e.graph, [e.graph.variable(name) for name in e.moving]
+    rows = [gradient(g, node, variables) for node in nodes]
+    scales = [
+        scale_of(g, node, variables, dict(enumerate(row)))
+        for node, row in zip(nodes, rows, strict=True)
+    ]
+    return [*scales, *(slope for row in rows for slope in row[:-1])]
 
 
 def varying_inertias(equations: Equations, plan: Plan) -> dict[str, int]:

@@ -172,7 +172,7 @@ class System:
         )  # fmt: skip
         self.has_energies = "energies" in nodes_of
         # Rows show the expressions as written; the method sees the arc's branches.
-        shown = ("observe", "columns", "until", "energies")
+        shown = ("observe", "columns", "energies", "located", "sets", "located_slopes")
         nodes_of = {
             name: self.switches.shown(nodes)
             if name in shown
@@ -234,10 +234,10 @@ class System:
     @staticmethod
     def watched_for(equations: Equations, plan: Plan) -> list[Indicator]:
         """Find what is localized in the motion, or in what ends it."""
-        switches, until = plan.switches, equations.model.until
+        switches = plan.switches
         nodes = switches.freeze(equations.of_motion)
         ends = switches.freeze([side.node for side in switches.sides])
-        ends += switches.shown([] if until is None else [until.node])
+        ends += switches.shown([x.node for x in equations.model.located])
         return indicators(equations, nodes, ends)
 
     def fits(self, plan: Plan) -> bool:
@@ -372,8 +372,10 @@ class System:
         return self._runners[name]
 
     def begin(self, start: Instant) -> Floats:
-        """Return y at a start; sets what it determines for the whole run."""
-        for name, value in self.plan.reduction.constants(start).items():
+        """Return y at a start; sets what it determines for the whole run, and modes."""
+        known = self.plan.reduction.constants(start)
+        known |= {x.name: x.value for x in self.equations.model.parameters if x.mode}
+        for name, value in known.items():
             self.p.flat[self._layout_of[name]] = value
         return self.plan.reduction.state(start, self.p)
 
@@ -382,8 +384,10 @@ class System:
         self.p.flat[self.modes_at] = values
 
     def take_modes(self, other: System) -> None:
-        """Take the branches of all switches from another system of the same model."""
+        """Take the modes, and the branches of all switches, from another system."""
         self.set_modes(list(other.p.flat[other.modes_at]))
+        for name in self.model.modes:
+            self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
         self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
         self.p.law_shares = other.p.law_shares
         for name in KEPT:
@@ -485,6 +489,7 @@ class Runner:
             signals=len(system.indicators),
             surfaces=system.watched,
             inertias=len(system.inertias),
+            conditions=len(system.equations.model.located),
             **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
         state.kinds[:] = [x.kind for x in system.indicators]
@@ -589,7 +594,7 @@ def of_method(
 def _statics(system: System, name: str) -> dict[str, object]:
     return {
         "CONSTRAINED": system.m > 0 and system.plan.projected,
-        "UNTIL": system.equations.model.until is not None,
+        "UNTIL": bool(system.equations.model.located),
         "SWITCHES": system.watched > 0,
         "LOCALIZED": bool(system.indicators),
         "ADAPTIVE": method(name).ADAPTIVE,

@@ -166,8 +166,14 @@ class Arc(NamedTuple):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """The values of the parameters."""
-        return {p.name: p.value for p in self.equations.model.parameters}
+        """The values of the parameters, and of the modes at the time reached."""
+        return {p.name: p.value for p in self.equations.model.parameters} | self.modes
+
+    @property
+    def modes(self) -> dict[str, float]:
+        """The values of the modes at the time reached."""
+        p, names = self.system.p.flat, self.equations.model.modes
+        return {name: float(p[self.system.place(name)]) for name in names}
 
     @property
     def slides(self) -> bool:
@@ -270,7 +276,7 @@ class Arc(NamedTuple):
         state.row_limit = min(ahead, last)
         state.fresh = 1.0
         state.arc_start = self.t
-        state.switched = 0.0
+        state.switched = state.event = 0.0
         return self._replace(runner=runner, state=state, end=end)
 
     def by(self, plan: Plan, system: System) -> Arc:
@@ -309,9 +315,7 @@ def first_arc(
     state.ask_at = AT_BOUND
     state.sigma = state.previous_sigma = 1.0
     _set_watch(state, plan)
-    until = equations.model.until
-    if until is not None:
-        state.equation = until.equality
+    state.equation[:] = [x.equality for x in equations.model.located]
     state.y[:] = y
     return Arc(equations, start, plan, system, settings, runner, state, settings.end)
 

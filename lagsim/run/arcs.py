@@ -37,6 +37,7 @@ from lagsim.run.events.constraints import (
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Features, TimeBreaks
+from lagsim.run.events.transitions import Transitions
 from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
 from lagsim.run.interrupt import Horizon
 from lagsim.run.stiffness import Stiffness
@@ -138,7 +139,7 @@ class Recorder:
         for event in decision.events:
             kind = event.kind
             self.counts[kind] = self.counts.get(kind, 0) + 1
-            often = event.switch is not None or event.constraint is not None
+            often = event.switch or event.constraint or event.name
             if not often or len(self.events) < MOST_EVENTS:
                 self.events.append(event)
             else:
@@ -152,8 +153,10 @@ class Recorder:
         if not self.unkept:
             return []
         kinds = ", ".join(f"{count} of kind {k}" for k, count in self.unkept.items())
-        late = [e for e in self.events if e.constraint or e.switch][-LATELY:]
-        where, often = Counter(e.constraint or e.switch for e in late).most_common(1)[0]
+        of = attrgetter("constraint", "switch", "name")
+        late = [e for e in self.events if any(of(e))][-LATELY:]
+        wheres = Counter(next(filter(None, of(e))) for e in late)
+        where, often = wheres.most_common(1)[0]
         text = (
             f"only the first {MOST_EVENTS} events are listed: from t = {self.full:.9g} "
             f"on there were {kinds} more; {often} of the last {len(late)} listed are "
@@ -309,6 +312,7 @@ class Run:
         if not arc.system.m:
             return None
         ends = code in (at.DONE, at.SWITCH_FOUND) or code in FAILED
+        ends |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         ends |= code == at.PAUSED and arc.is_looked_at
         # What a law ends without switches says by itself what was before.
         ends &= code != at.SWITCH_FOUND or arc.system.surfaces > 0
@@ -321,7 +325,9 @@ class Run:
         if not self.corners:
             return None
         arc = self.arc
-        meets = code in (at.SWITCH_FOUND, at.DONE) and arc.t < arc.settings.end
+        meets = code in (at.SWITCH_FOUND, at.DONE)
+        meets |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
+        meets &= arc.t < arc.settings.end
         return self._seen() if meets else None
 
     def _seen(self) -> Floats:
@@ -458,6 +464,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
         yield Unmet()
     yield Fallback()
     yield TimeBreaks(arc)
+    if arc.equations.model.events:
+        yield Transitions(arc)
     if arc.system.surfaces:
         yield Switching(arc)
     if arc.system.laws:

@@ -51,6 +51,8 @@ def refusal(session: Session) -> str:
         return "the equations are reduced by what is conserved in each run"
     if system.model.until is not None:
         return "`until` is located in each run separately"
+    if system.model.events:
+        return "events act in each run separately"
     if plan.switches.modes or is_localized_in_time(system.equations):
         return "events at given times are located in each run separately"
     return ""

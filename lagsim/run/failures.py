@@ -81,7 +81,8 @@ def by_method(arc: Arc, reason: str, numbers: Mapping[str, float]) -> Decision:
 # What kept a run from its end; a place or a cause follows.
 FAILURES = {
     Outcome.TOO_MANY_STEPS: "too many steps ({steps}{about})",
-    Outcome.NOT_FINITE: "values that are not finite",
+    Outcome.NOT_FINITE: "values that are not finite{about}",
+    Outcome.EVENTS_CHATTER: "the events {about} chatter, and no time passes",
     Outcome.CONSTRAINT_JUMPS: "the position that constraint `{about}` prescribes jumps",
     Outcome.SWITCHES_ACCUMULATE: "the switches {about} accumulate",
     Outcome.PARADOX: "no contact forces satisfy the laws of {about}",

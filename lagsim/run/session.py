@@ -157,8 +157,9 @@ class Session(NamedTuple):
 
     @property
     def lists_events(self) -> bool:
-        """Whether constraints hold at times, or forces have switches in the state."""
-        return bool(self.case.equations.laws or self.plan.switches.sides)
+        """Whether constraints hold at times, forces have switches, or events act."""
+        e = self.case.equations
+        return bool(e.laws or self.plan.switches.sides or e.model.events)
 
     def bound(self, case: Case) -> Session | None:
         """Session of the same equations with other values, compiled no more.
@@ -251,14 +252,25 @@ def open_case(
 
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
-    from lagsim.admissibility.examination import examine
-
     clock.lap("import")
-    examined = examine(equations, settings.start)
+    equations, examined = _begun(equations, settings.start)
     clock.lap("derive")
     if not examined.admissible:
         raise StartError(equations, examined)
     return Case(equations, examined, settings)
+
+
+def _begun(
+    equations: Equations, time: float, *, classify: bool = False
+) -> tuple[Equations, StartReport]:
+    """Examine a start, with the modes that periodic events set there."""
+    from lagsim.admissibility.examination import examine
+
+    report = examine(equations, time, classify=classify)
+    begun = equations.begun(report.state) if equations.model.events else equations
+    if begun is not equations:
+        equations, report = begun, examine(begun, time, classify=classify)
+    return equations, report
 
 
 def examined(equations: Equations, model: Model, settings: Settings) -> Case:
@@ -279,14 +291,12 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.admissibility.examination import examine
     from lagsim.mechanics.equations import derive
 
     settings = model.settings()
-    if problems := unknown_names(settings):
+    if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations = derive(model)
-    examined = examine(equations, settings.start, classify=True)
+    equations, examined = _begun(derive(model), settings.start, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()
@@ -314,7 +324,7 @@ def wanted(
     """
     settings = model.settings(options)
     if settings.duration:
-        problems = unknown_names(settings)
+        problems = [*unknown_names(settings), *too_frequent(model, settings)]
     else:
         text = f"{model.file}: `{who}` needs to know how long: there is no "
         text += "`simulation.duration` (or `end`)"
@@ -322,6 +332,20 @@ def wanted(
     if problems:
         raise InputError(problems)
     return settings
+
+
+def too_frequent(model: Model, settings: Settings) -> list[Problem]:
+    """Faults of periods that are too short for the run."""
+    return [
+        Problem(
+            "out-of-range",
+            f"the event `{x.name}`, every {x.every:g}, would act more than "
+            f"{MOST_STEPS:,} times in {settings.duration:g}",
+            x.place,
+        )
+        for x in model.events
+        if x.at is None and not settings.duration / x.every <= MOST_STEPS
+    ]
 
 
 def unknown_names(settings: Settings) -> list[Problem]:

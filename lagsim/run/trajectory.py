@@ -35,6 +35,7 @@ class Outcome(Enum):
     NO_ANSWER = "no-answer"
     PARADOX = "paradox"
     STATE_JUMPS = "state-jumps"
+    EVENTS_CHATTER = "events-chatter"
 
     @property
     def failed(self) -> bool:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.mechanics.equations import Equations
-    from lagsim.model.model import Constraint, Force
+    from lagsim.model.model import Constraint, Force, Transition
 
 
 Matrix = list[list[Any]]
@@ -428,6 +428,10 @@ class _Derivation:
             document["states"] = dict(
                 zip((s.name for s in model.states), rates, strict=True)
             )
+        if model.events:
+            document["events"] = {event.name: self._event(event) for event in model.events}
+        if x.equations.is_set and conserved:
+            notes.append("what is conserved is so between events: they set the energy")
         if x.tidy.cut:
             notes.append(
                 "some expressions are longer than they might be: simplification was "
@@ -435,6 +439,15 @@ class _Derivation:
                 f"{limits.TIDYING_PRODUCTS:,} in all"
             )
         return Content(x, document)
+
+    def _event(self, event: Transition) -> Part:
+        modes, nodes = zip(*event.sets, strict=True)
+        return {
+            "at": event.at and event.at.text,
+            "every": event.every or None,
+            "once": str(event.once).lower(),
+            "set": dict(zip(modes, self.x.sympy(nodes, written=True), strict=True)),
+        }
 
     def _force(self, force: Force) -> Part:
         x, g = self.x, self.x.g

@@ -440,6 +440,7 @@ def physics_of(model: Model) -> list[int]:
     nodes += [x for f in model.forces for x in (f.node, f.direction)]
     nodes += [c.relation.node for c in model.constraints]
     nodes += [s.rate for s in model.states]
+    nodes += [node for event in model.events for _, node in event.sets]
     for c in model.constraints:
         nodes += [c.limit, c.when]
         if c.law is not None:

@@ -78,6 +78,8 @@ class Outline:
         if "states" in c:
             self._title("First-order states")
             self._rows([(self.show(s, 1), rate) for s, rate in c["states"].items()])
+        if "events" in c:
+            self._events()
         self._matrix_form()
         for k, multiplier in zip(c["constraints"], self.x.multipliers, strict=True):
             self._constraint(k, multiplier)
@@ -117,6 +119,14 @@ class Outline:
         if c["definitions"]:
             kept = c["definitions"].items()
             self._where([(self.show(name), e) for name, e in kept])
+
+    def _events(self) -> None:
+        self._title("Events")
+        for name, event in self.c["events"].items():
+            at, every = event["at"], event["every"] or 0.0
+            when = f"at {self._plain(at)}" if at else f"every {every:g}"
+            self._say(f"{self._plain(name)} acts {when}")
+            self._rows([(self.show(mode), e) for mode, e in event["set"].items()])
 
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")

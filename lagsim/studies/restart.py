@@ -59,7 +59,8 @@ _MODULES = (
     "language.sparse", "mechanics.constraints", "mechanics.surfaces",
     "methods.parts.fixed", "notes", "run.arc", "run.arcs", "run.events.constraints",
     "run.events.contacts", "run.events.filippov", "run.events.sequence",
-    "run.events.switching", "run.events.times", "run.failures", "run.interrupt",
+    "run.events.switching", "run.events.times", "run.events.transitions",
+    "run.failures", "run.interrupt",
     "run.observers", "run.observers.monitors", "run.observers.thinning",
     "run.stiffness",
 )  # fmt: skip

@@ -46,8 +46,8 @@ def linked(runner):
         names += ["lagrangian_slopes", "inertia"]
     if runner.system.m:
         names += ["position_step", "velocity_step"]
-    if runner.system.equations.model.until:
-        names.append("until")
+    if runner.system.equations.model.located:
+        names.append("located")
     if runner.system.inertias:
         names.append("inertias")
     return {name: _through(runner.engine.function(name, *FUNCTION)) for name in names}

@@ -25,6 +25,13 @@ ON_CURVE = 'constraints: {path: "u = l - l*theta^2"}'
 TWICE = 'constraints: {path: "u = l - l*theta^2", again: "2*u + 2*l*theta^2 = 2*l"}'
 STEERED = 'constraints: {blade: "u_dot*cos(theta + 5*u) = l*theta_dot*sin(theta)"}'
 UNTIL = 'until: "theta <= 0.3"'
+# The first is true at the start, and counts once it has become false.
+EVENTS = """
+modes: {far: 1}
+events:
+  far: {at: theta >= 0.6, set: {far: 1}}
+  stretched: {at: u >= 0.4, set: {far: 0}}
+"""
 DOP853 = "method: dop853"
 FIXED = "method: rk4, step: 0.02"
 # Constant M and forces free of velocities, for the methods that need that.
@@ -45,6 +52,8 @@ CASES = {
     "free": ("", DOP853),
     "free until": ("", f"{DOP853}, {UNTIL}"),
     "free until equal": ("", f'{DOP853}, until: "u = 0.2"'),
+    "free events": (EVENTS, DOP853),
+    "held events until": (f"{ON_CURVE}{EVENTS}", f"{FIXED}, {UNTIL}"),
     "free, tolerances": ("", f"{DOP853}, rtol: 1e-7, atol: 1e-9"),
     "held": (ON_CURVE, DOP853),
     "held until": (ON_CURVE, f"{DOP853}, {UNTIL}"),
@@ -90,10 +99,10 @@ def linked_system(case):
     s.atol = -1.0 if plan.atol is None else plan.atol
     s.row_step = settings.output_step
     s.row_limit = s.end = settings.end
-    s.equation = float("= 0.2" in options)
+    s.equation[:] = float("= 0.2" in options)
     statics = {
         "CONSTRAINED": system.m > 0,
-        "UNTIL": system.equations.model.until is not None,
+        "UNTIL": bool(system.equations.model.located),
     }
     return runner, s, statics
 

@@ -408,7 +408,7 @@ ADVISED = [
     ("y: theta}", "y: x, title: A, or b}", 'write `title: "A, or b"`', ""),
     ("y: theta}", "y: angle}", "define `angle` in `definitions`", ""),
     ("  theta: {unit: rad}\n", "", "write `theta: {}` in `coordinates`", ""),
-    ("definitions:\n  s", "lengths:\n  s", "known are `lagsim`", "definitions:\n  s"),
+    ("definitions:\n  s", "sizes:\n  s", "known are `lagsim`", "definitions:\n  s"),
     ("kinetic: (", "kinetic: y_dot^2 + (", "define `y` in `coordinates` or", ""),
     ("  end: 2", "  end: 2\n  stop: x = 1", "`until`", "  end: 2\n  until: x = 1"),
     ("  x: 0\n", "  g: 1\n  x: 0\n", "its value belongs in `parameters`", ""),

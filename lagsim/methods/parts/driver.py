@@ -1,4 +1,4 @@
-"""The loop around any method: rows on a grid, `until`, and an orderly return.
+"""The loop around any method: rows on a grid, conditions, and an orderly return.
 
 Compiled once for each of the settings CONSTRAINED, UNTIL, SWITCHES, LOCALIZED and
 ADAPTIVE; what a model does not need is left out.
@@ -39,11 +39,11 @@ from lagsim.methods.parts.state import (
     event_functions,
     inertias,
     interpolate,
+    located,
     observe,
     project_sliding,
     start,
     step,
-    until,
 )
 from lagsim.native.layout import array
 from lagsim.tolerances import SUM_ROUNDOFF, SURFACE_ROUNDOFF, TIME_ROUNDOFF, TINY
@@ -64,11 +64,9 @@ class State(Signals):
 
     surfaces: int  # that switches are located on, and laws whose modes end
     inertias: int  # which are followed, whether they vanish on the way
+    conditions: int  # of events and `until`, which are located when they become true
 
-    # `until` holds where this times the condition is <= 0; 0: not armed
-    orientation: float
-    equation: float  # 1 if `until` is an equation
-    event: float  # 1 once `until` has been located
+    event: float  # the number, from 1, of the condition that has been located; or 0
     switched: float  # the number, from 1, of the surface a switch was located on; or 0
     # The farthest a state was pulled onto what it slides along, against the motion.
     projected: float
@@ -83,12 +81,19 @@ class State(Signals):
     feature_reach: float  # it counts from so far before it ...
     feature_end: float  # ... to this time
 
-    # Event functions of surfaces and of `until` at a point; with their slopes, at the
-    # start of a stretch, within it and at its end.
-    event_functions: Floats = array(lambda s: s.surfaces + 1)
-    event_starts: Floats = array(lambda s: 2 * s.surfaces + 2)
-    event_middles: Floats = array(lambda s: 2 * s.surfaces + 2)
-    event_ends: Floats = array(lambda s: 2 * s.surfaces + 2)
+    # A condition holds where this times its function is <= 0; 0: not armed, it has not
+    # been false since, that is less than 0 by more than the leeway.
+    orientation: Floats = array("conditions")
+    equation: Floats = array("conditions")  # 1 of an equation
+    leeway: Floats = array("conditions")
+    earlier: Floats = array("conditions")  # the functions, just before the last event
+
+    # Event functions of surfaces and of conditions at a point; with their slopes, at
+    # the start of a stretch, within it and at its end.
+    event_functions: Floats = array(lambda s: s.surfaces + s.conditions)
+    event_starts: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
+    event_middles: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
+    event_ends: Floats = array(lambda s: 2 * (s.surfaces + s.conditions))
 
     # Of each inertia: the largest, the smallest, its time, and the state there.
     inertia_largest: Floats = array("inertias")
@@ -258,9 +263,8 @@ def begin(s: State, p: Parameters) -> None:
     if s.fresh > 0.0:
         drop_compensation(s)
         start(s, p)
-        if UNTIL and s.orientation == 0.0:
-            until(s.t, s.y, p, s.work)
-            orient(s, s.work[0])
+        if UNTIL:
+            orient(s, p, s.t, s.y)
         s.fresh = 0.0
 
 
@@ -313,12 +317,18 @@ def fill(s: State, out: Floats, rows: int) -> int:
         s.row += 1.0
 
 
-def orient(s: State, value: float) -> None:
-    """Set the orientation of `until` by its value: it counts once it has been false."""
-    if value < 0.0:
-        s.orientation = -1.0
-    elif s.equation > 0.0 and value > 0.0:
-        s.orientation = 1.0
+def orient(s: State, p: Parameters, t: float, y: Floats) -> None:
+    """Arm the conditions that are false at a state: they count from then on."""
+    values = s.event_functions
+    located(t, y, p, values)
+    for k in range(s.conditions):
+        if s.orientation[k] == 0.0:
+            if values[k] < -s.leeway[k]:
+                s.orientation[k] = -1.0
+                s.leeway[k] = 0.0
+            elif s.equation[k] > 0.0 and values[k] > s.leeway[k]:
+                s.orientation[k] = 1.0
+                s.leeway[k] = 0.0
 
 
 def tabulate(
@@ -422,9 +432,9 @@ def record_speed(
             s.at_bound = 0.0
 
 
-# --- events: the first switch, or `until`, within a step ------------------------------
+# --- events: the first switch, or condition, within a step ----------------------------
 # Each surface has an event function: how far the state is from leaving the
-# mode it is in; so has `until`, while it is false. Margins are evaluated at several
+# mode it is in; so has each condition, while it is false. Margins are evaluated at several
 # points of a step, and once more between each two: where the value there does not
 # follow from values and slopes at both, the points come closer until it does. One
 # that has become negative, and by the slopes one that has been so in between (a touch,
@@ -457,58 +467,68 @@ MOST_POINTS = 2000
 NARROW = 1e-8
 
 
-def watched(p: Parameters) -> int:
-    """Count of the event functions (C); that of `until` is the last one."""
-    count = 0
+def of_surfaces(p: Parameters) -> int:
+    """Count of the event functions of surfaces and laws; conditions come after."""
     if SWITCHES:
-        count = p.surfaces + p.laws
+        return p.surfaces + p.laws
+    return 0
+
+
+def watched(s: State, p: Parameters) -> int:
+    """Count of all event functions (C)."""
     if UNTIL:
-        count += 1
-    return count
+        return of_surfaces(p) + s.conditions
+    return of_surfaces(p)
 
 
 def find_end(s: State, p: Parameters) -> None:
     """Search the last step for its first event, and end it there.
 
-    s.switched becomes the number of the surface, or s.event 1 for `until`.
-    """
-    low = 0.0
-    if UNTIL and s.orientation == 0.0:
-        x = BESIDE / POINTS
-        interpolate(s, x, s.work)
-        until(s.step_t + x * s.step_h, s.work, p, s.spare)
-        orient(s, s.spare[0])
-        if s.orientation == 0.0 and s.equation == 0.0:
-            low = end_of_truth(s, p)
-            if low < 0.0:
-                return
-    search(s, p, low)
-
-
-def end_of_truth(s: State, p: Parameters) -> float:
-    """Fraction of the last step at which `until` becomes false.
-
-    From then on it counts. -1 where it does not, or where a switch comes first.
+    s.switched becomes the number of the surface, or s.event that of the condition. One
+    that is true is followed until it is false: from there on it counts.
     """
     t = s.t
     rows = s.row_limit
-    s.orientation = 1.0
+    if UNTIL:
+        follow_true(s, p)
     search(s, p, 0.0)
-    s.orientation = 0.0
-    if s.event == 0.0:
-        return -1.0
-    x = s.cut
-    s.orientation = -1.0
-    s.event = 0.0
-    s.cut = 0.0
-    s.t = t
-    s.row_limit = rows
-    return x
+    while UNTIL and s.event > 0.0 and follows(s, int(s.event) - 1):
+        low = s.cut
+        s.orientation[int(s.event) - 1] = -1.0
+        s.leeway[int(s.event) - 1] = 0.0
+        s.event = 0.0
+        s.cut = 0.0
+        s.t = t
+        s.row_limit = rows
+        search(s, p, low)
+    if UNTIL:
+        for k in range(s.conditions):
+            if follows(s, k):
+                s.orientation[k] = 0.0
+
+
+def follow_true(s: State, p: Parameters) -> None:
+    """Follow the inequalities that are true at the start of the last step."""
+    waits = False
+    for k in range(s.conditions):
+        waits = waits or s.orientation[k] == 0.0
+    if waits:
+        x = BESIDE / POINTS
+        interpolate(s, x, s.work)
+        orient(s, p, s.step_t + x * s.step_h, s.work)
+        for k in range(s.conditions):
+            if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
+                s.orientation[k] = 1.0
+
+
+def follows(s: State, k: int) -> bool:
+    """Whether condition k is an inequality that is true, and watched for its end."""
+    return s.orientation[k] > 0.0 and s.equation[k] == 0.0
 
 
 def search(s: State, p: Parameters, low: float) -> None:
     """Go through the last step from its fraction `low` on."""
-    count = watched(p)
+    count = watched(s, p)
     first, middle, last = s.event_starts, s.event_middles, s.event_ends
     widest = 2.0 / POINTS
     width = widest
@@ -573,18 +593,19 @@ def events_at(s: State, p: Parameters, x: float) -> None:
     if SWITCHES:
         event_functions(t, z, p, now)
     if UNTIL:
-        last = watched(p) - 1
-        until(t, z, p, now[last:])
-        now[last] *= s.orientation
-        if s.orientation == 0.0:
-            now[last] = 1.0
-        if s.orientation > 0.0 and s.equation == 0.0 and now[last] == 0.0:
-            now[last] = TINY  # of an inequality that is true, 0 is not its end
+        own = now[of_surfaces(p) :]
+        located(t, z, p, own)
+        for k in range(s.conditions):
+            own[k] = own[k] * s.orientation[k] + s.leeway[k]
+            if s.orientation[k] == 0.0:
+                own[k] = 1.0
+            if own[k] == 0.0 and follows(s, k):
+                own[k] = TINY  # of what is true, 0 is not its end
 
 
 def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> None:
     """Margins and slopes (2 C,) at the fraction x of the last step."""
-    count = watched(p)
+    count = watched(s, p)
     now = s.event_functions
     events_at(s, p, x + beside)
     out[count : 2 * count] = now[:count]
@@ -595,7 +616,7 @@ def sample(s: State, p: Parameters, x: float, beside: float, out: Floats) -> Non
 
 def known(s: State, p: Parameters, width: float) -> bool:
     """Whether all event functions on a stretch follow from values at its ends."""
-    count = watched(p)
+    count = watched(s, p)
     for k in range(count):
         a = s.event_starts[k]
         m = s.event_middles[k]
@@ -625,7 +646,7 @@ def known(s: State, p: Parameters, width: float) -> bool:
 
 
 def least_allowed(p: Parameters, k: int) -> float:
-    """Value of an event function below which a mode certainly ends; 0 of `until`."""
+    """Value of an event function below which a mode ends; 0 of a condition."""
     if SWITCHES and k < p.surfaces + p.laws:
         return -max(float(p.slack[k]), float(p.band[k]))
     return 0.0
@@ -633,7 +654,7 @@ def least_allowed(p: Parameters, k: int) -> float:
 
 def over(p: Parameters, k: int, value: float) -> bool:
     """Whether the mode is over by event function k."""
-    if UNTIL and k == watched(p) - 1:
+    if UNTIL and k >= of_surfaces(p):
         return not value > 0.0
     return not value >= least_allowed(p, k)
 
@@ -698,7 +719,7 @@ def first_end(
     No later than any least function that is negative: what has ended is so there still.
     before, after : (2 C,), event functions and slopes there.
     """
-    count = watched(p)
+    count = watched(s, p)
     high = 0.0
     for k in range(count):
         if ends(s, p, k, after[k], x):
@@ -763,7 +784,7 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
 
     That is where its function vanishes, also where only one well below 0 tells it.
     """
-    count = watched(p)
+    count = watched(s, p)
     first = count
     for k in range(count):
         if ends(s, p, k, event_function_at(s, p, k, high), high):
@@ -778,8 +799,11 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
                 middle = 0.5 * (low + high)
                 if event_function_at(s, p, k, middle) > p.slack[k]:
                     high = end_of(s, p, k, -float(p.band[k]), middle, high)
-    if UNTIL and first == count - 1:
-        s.event = 1.0
+    if UNTIL and first >= of_surfaces(p):
+        s.event = first - of_surfaces(p) + 1.0
+        x = high - BESIDE * high
+        interpolate(s, x, s.work)
+        located(s.step_t + x * s.step_h, s.work, p, s.earlier)
     else:
         s.switched = first + 1.0
     if SWITCHES:
@@ -799,7 +823,7 @@ def end_of(
     while low < middle and middle < high:
         value = event_function_at(s, p, k, middle)
         ended = not value >= least
-        if UNTIL and k == watched(p) - 1:
+        if UNTIL and k >= of_surfaces(p):
             ended = not value > 0.0
         if ended:
             high = middle

@@ -141,8 +141,8 @@ columns = of_model("columns")
 observe = of_model("observe")
 # The pivots of M that vary with positions, s.inertias of them.
 inertias = of_model("inertias")
-# The residual or gap (1,) of the relation that ends the run.
-until = of_model("until")
+# The residuals or gaps of conditions: of those of events, then of `until`.
+located = of_model("located")
 # How far the state is from leaving the mode of each surface (K,).
 event_functions = of_model("event_functions")
 # The arguments that are watched and their rates (2 K,) at y and y' (2 size,), where y'

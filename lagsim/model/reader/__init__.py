@@ -19,7 +19,7 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.loading import STDIN, load, text_of, unusable
-from lagsim.model.model import Coordinate, Level, Model
+from lagsim.model.model import Coordinate, Level, Model, Transition
 from lagsim.model.nodes import (
     Broken,
     Entry,
@@ -57,6 +57,14 @@ FORMAT_VERSION = "1"
 # What a model is called that comes from no file.
 TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
+# The sections that give names of variables, in the order in which they are read.
+NAMED = {
+    "parameters": Kind.PARAMETER,
+    "modes": Kind.MODE,
+    "coordinates": Kind.COORDINATE,
+    "states": Kind.STATE,
+    "definitions": Kind.DEFINITION,
+}
 
 
 def read_file(
@@ -155,15 +163,12 @@ class File:
         self.options = options
         self._check_version()
         self.name = self._name()
-        self.parameters, self.coordinates, self.states, self.definitions = (
+        sections = (
             names.section(top.value(key), f"`{key}`", kind, faults)
-            for key, kind in (
-                ("parameters", Kind.PARAMETER),
-                ("coordinates", Kind.COORDINATE),
-                ("states", Kind.STATE),
-                ("definitions", Kind.DEFINITION),
-            )
+            for key, kind in NAMED.items()
         )
+        self.parameters, self.modes, self.coordinates, *others = sections
+        self.states, self.definitions = others
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()
         names.reactions += runs.asked_reactions(top.value("output"))
@@ -182,7 +187,8 @@ class File:
             With every fault.
         """
         top, x = self.top, self.x
-        parameters = values.Parameters(x, self.instead).read(self.parameters)
+        numbers = values.Parameters(x, self.instead)
+        parameters = numbers.read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
         definitions.build(Level.POSITION, Level.VELOCITY)
@@ -194,7 +200,8 @@ class File:
         initial = values.Initial(x, self.starting).read(self.initial, self.root)
         runs.read_settings(self.simulation, self.options, x)
         until = self.simulation.value("until")
-        relation, _ = equations.read_relation(until, "`until`", x)
+        relation, _ = equations.read_relation(until, "`until`", x, modes=True)
+        events = self._events(x)
         scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
@@ -208,7 +215,8 @@ class File:
             sha256=sha256,
             graph=x.graph,
             parameters=parameters,
-            unused=tuple(name for name in x.known if name not in named),
+            unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
+            events=events,
             places={**self.names.places, **places},
             coordinates=coordinates,
             states=states,
@@ -283,15 +291,26 @@ class File:
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
         new.starting = {**self.starting, **initial}
-        numbers = values.Parameters(x, new.instead).read(self.parameters)
+        read = values.Parameters(x, new.instead).read
+        numbers = read(self.parameters, self.modes)
         constraints = zip(model.constraints, self.constraints, strict=True)
         laws = tuple(equations.again(c, entry, x) for c, entry in constraints)
         starts = values.Initial(x, new.starting).read(self.initial, self.root)
         check_sizes(model.scene, x)
+        events = self._events(x)
         faults.raise_if_any()
         return replace(
-            model, parameters=numbers, constraints=laws, initial=starts, stated=new
-        )
+            model, parameters=numbers, constraints=laws, initial=starts, events=events,
+            stated=new,
+        )  # fmt: skip
+
+    def _events(self, x: Expressions) -> tuple[Transition, ...]:
+        node = self.top.value("events")
+        if node is None:
+            return ()
+        from lagsim.model.reader.events import read_events
+
+        return read_events(node, x)
 
     def settings(self, options: MappingType[str, str]) -> Settings:
         """Give the settings, see `Model.settings`."""
@@ -307,7 +326,8 @@ class File:
     def _numbers(self) -> dict[str, Node]:
         """Give what parameters and start values are given by, or replaced by."""
         starts = entries_of(self.top.value("initial"))
-        given = {key.text: node for key, node in (*self.parameters, *starts)}
+        own = (*self.parameters, *self.modes, *starts)
+        given = {key.text: node for key, node in own}
         instead = {**self.instead, **self.starting}
         return given | {name: argument("", text) for name, text in instead.items()}
 
@@ -332,6 +352,7 @@ class File:
             "energy": self.energy.found.values(),
             "forces": entries_of(self.top.value("forces")),
             "constraints": self.constraints,
+            "events": entries_of(self.top.value("events")),
         }
         return {
             f"{section}.{key.text}{name}": text

@@ -163,11 +163,12 @@ def _is_affine(node: int, x: Expressions) -> bool:
 
 
 def read_relation(
-    node: Node | None, what: str, x: Expressions
+    node: Node | None, what: str, x: Expressions, *, modes: bool = False
 ) -> tuple[Relation | None, bool | None]:
     """Build a relation; None where there is none, or a fault was reported.
 
-    And whether it is an equality; None where not even that is known.
+    And whether it is an equality; None where not even that is known. `modes` count as
+    coordinates.
     """
     found = x.text(node, what, parse_relation)
     if found is None:
@@ -182,9 +183,11 @@ def read_relation(
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
     kinds = x.names.variables
     used = (kinds.get(n.removesuffix("_dot")) for n in x.graph.depends([gap]))
-    if {Kind.COORDINATE, Kind.STATE}.isdisjoint(used):
+    moving = {Kind.COORDINATE, Kind.STATE, *([Kind.MODE] if modes else ())}
+    if moving.isdisjoint(used):
         text = f"{what} depends on no coordinate and no velocity"
-        hint = "a time to stop at is `end` or `duration`" if what == "`until`" else ""
+        hint = "an event at given times has `every`" if modes else ""
+        hint = "a time to stop at is `end` or `duration`" if what == "`until`" else hint
         x.faults.add("no-coordinate", text, scalar.place, hint)
         return None, equality
     text = " ".join(scalar.text.split())
@@ -283,11 +286,11 @@ class _Reader:
         condition = x.compile(node, of, Level.VELOCITY, condition=True)
         if node is None or condition is None:
             return None
-        fixed = {"t", *x.names.of(Kind.PARAMETER)}
+        fixed = {"t", *x.names.of(Kind.PARAMETER), *x.names.of(Kind.MODE)}
         moving = sorted(g.depends([condition]) - fixed)
         if moving:
             text = f"{of} depends on {listed(moving)}; it must not depend on the motion"
-            hint = "it is a condition of t and parameters, such as t < 1"
+            hint = "it is a condition of t, parameters and modes, such as t < 1"
             x.faults.add("not-of-time", text, node.place, hint)
         return g.call("if", condition, g.one, g.zero)
 

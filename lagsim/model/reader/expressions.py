@@ -57,6 +57,7 @@ class Kind(Enum):
 
     PI = "the number pi", Level.NUMBER
     PARAMETER = "a parameter", Level.NUMBER
+    MODE = "a mode", Level.POSITION  # for no number may be made of one
     TIME = "the time", Level.POSITION
     COORDINATE = "a coordinate", Level.POSITION
     VELOCITY = "a velocity", Level.VELOCITY
@@ -158,7 +159,7 @@ class Names:
         (there, first), (here, second) = sorted(both, key=lambda one: one[0][1:3])
         text = f"`{name}` is {first.text} already and cannot be {second.text} too"
         hint = f"the first is in line {there.line}; parameters, coordinates, states "
-        hint += "and definitions share one namespace"
+        hint += "modes and definitions share one namespace"
         faults.add("name-clash", text, here, hint)
         return False
 
@@ -349,6 +350,8 @@ class Expressions:
         The graph of the model.
     known
         Value and rounding error of each parameter that is known.
+    modes
+        The same of modes, at the start.
     definitions
         The definitions that have been built.
     energies
@@ -367,6 +370,7 @@ class Expressions:
         self.names = names
         self.faults = faults
         self.known: dict[str, Value] = {}
+        self.modes: dict[str, Value] = {}
         self.definitions: dict[str, Resolved] = {}
         self.energies: dict[str, int | None] = {}
         self.states: dict[str, int] = {}
@@ -380,7 +384,7 @@ class Expressions:
     def over(self, faults: Faults, known: Mapping[str, Value]) -> Expressions:
         """Give the same with other faults and other values of the parameters."""
         other = copy(self)
-        other.faults, other.known = faults, dict(known)
+        other.faults, other.known, other.modes = faults, dict(known), {}
         return other
 
     # Reading a text

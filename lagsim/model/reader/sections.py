@@ -38,7 +38,7 @@ def _keys_below(section: str) -> dict[str, Form]:
 
 COORDINATE, VALUE = _keys_below("coordinates"), _keys_below("parameters")
 START, CONSTRAINT = _keys_below("initial"), _keys_below("constraints")
-STATE = _keys_below("states")
+STATE, EVENT = _keys_below("states"), _keys_below("events")
 FRICTION = _keys(CONSTRAINT["friction"])
 # What only contacts have.
 CONTACT = ("restitution", "friction", "slip")

@@ -259,13 +259,16 @@ class _Numbers:
 class Parameters(_Numbers):
     """Reads the parameters."""
 
-    def read(self, given: list[Entry]) -> tuple[Parameter, ...]:
-        """Give the parameters, with what `--set` gives; faults are reported."""
+    def read(
+        self, given: list[Entry], modes: list[Entry]
+    ) -> tuple[Parameter, ...]:
+        """Give parameters and modes, with what `--set` gives; faults are reported."""
         self._check_names()
         below = {key.text for key, _ in given}  # the parameter being read, and later
         found = []
-        for key, node in given:
-            name, what = key.text, f"the parameter `{key.text}`"
+        for key, node in (*given, *modes):
+            kind = self.x.names.variables.get(key.text, Kind.PARAMETER)
+            name, what = key.text, f"the{kind.text[1:]} `{key.text}`"
             expression, unit, about = _value_entry(key, node, what, self.x)
             expression = self._instead.get(name, expression)
             rule = partial(self._rule, name, what, below)
@@ -273,8 +276,9 @@ class Parameters(_Numbers):
             below.discard(name)
             if read is not None:
                 follows = not words(expression).isdisjoint(self.known)
-                self.known[name] = value = read[1]
-                found.append(Parameter(name, value[0], unit, about, follows))
+                mode, value = kind is Kind.MODE, read[1]
+                (self.x.modes if mode else self.known)[name] = value
+                found.append(Parameter(name, value[0], unit, about, follows, mode))
         return tuple(found)
 
     def _check_names(self) -> None:
@@ -282,11 +286,12 @@ class Parameters(_Numbers):
         for name, value in self._instead.items():
             meaning = names.meaning(name)
             kind = meaning.kind if meaning else None
-            if kind is Kind.PARAMETER or names.is_faulty(name):
+            if kind in (Kind.PARAMETER, Kind.MODE) or names.is_faulty(name):
                 continue
             moving, states = names.moving(), names.of(Kind.STATE)
             rates = (f"{q}_dot" for q in moving)
-            among = [*names.of(Kind.PARAMETER), *moving, *states, *rates]
+            modes = names.of(Kind.MODE)
+            among = [*names.of(Kind.PARAMETER), *modes, *moving, *states, *rates]
             hint = faults.did_you_mean(name, among)
             text = f"there is no parameter or start value `{name}`"
             if "." in name:
@@ -333,7 +338,7 @@ class Initial(_Numbers):
             for name, text in self._instead.items()
             if name not in stated
         ]
-        self.known = dict(x.known)
+        self.known = {**x.known, **x.modes}
         self._above: set[str] = set()  # keys so far, sound or not
         self._all = {key.text for key, _ in given}
         found: dict[str, InitialValue] = {}
@@ -446,8 +451,8 @@ class Initial(_Numbers):
         hint = "start values are those of positions and velocities"
         if kind not in STARTED:
             text = f"`{name}` is {kind.text} and has no start value"
-            own = "its value belongs in `parameters`"
-            hint = own if kind is Kind.PARAMETER else hint
+            if kind in (Kind.PARAMETER, Kind.MODE):
+                hint = f"its value belongs in `{kind.text[2:]}s`"
             faults.add("not-a-start-value", text, key.place, hint)
             return False, None
         definition = self.x.definitions.get(base)
@@ -503,7 +508,7 @@ class Initial(_Numbers):
                 hint = self.x.meant(scalar) or hint
             hint = hint or f"give `{name}` a value in `parameters`"
             code = "unknown-name"
-        elif name in self._above or meaning.kind is Kind.PARAMETER:
+        elif name in self._above or meaning.kind in (Kind.PARAMETER, Kind.MODE):
             return False  # faulty itself, and reported
         else:
             hint = "a start value may use parameters and the start values above it"

@@ -148,7 +148,7 @@ def frames_of(equations: Equations, columns: Sequence[str]) -> Frames:
     """Return what keeps of rows with `columns` what a film of the model needs."""
     scene = stage(equations.model)
     names = ["t", *equations.state, *equations.accelerations]
-    names += equations.multipliers
+    names += [*equations.multipliers, *sorted(equations.model.modes)]
     known = frozenset(columns)
     names += ENERGIES
     names += [f"reaction.{name}" for name in equations.model.output.reactions]

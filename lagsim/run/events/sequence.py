@@ -93,12 +93,12 @@ class Sequence:
             longest = former
         return longest
 
-    def is_stuck(self) -> bool:
-        """Whether the last switches took no time."""
+    def is_stuck(self, part: float = NO_TIME) -> bool:
+        """Whether the last switches took no time: this part of the run at most."""
         if len(self.recent) < STUCK:
             return False
         took = self.recent[-1][0] - self.recent[-STUCK][0]
-        return took <= NO_TIME * max(self.span, abs(self.last))
+        return took <= max(part * self.span, NO_TIME * abs(self.last))
 
 
 class Flights:

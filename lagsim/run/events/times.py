@@ -31,9 +31,10 @@ from lagsim.run.events.sequence import Sequence
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator, Mapping
 
     from lagsim.language.arrays import Floats
+    from lagsim.language.graph import Graph
     from lagsim.program.localized import Indicator
     from lagsim.run.arc import Arc
 
@@ -46,20 +47,38 @@ WINDOW, FEWEST, SHORT = 250, 1000, 1e-3
 class _Ahead(Source):
     """Future breaks or features of a run, in order, found as the run gets to them.
 
-    A run that is resumed finds it anew, past what it has taken.
+    A run that is resumed finds it anew, past what it has taken; so does one whose
+    events set modes on which it depends, from then on.
     """
 
     DERIVED = ("_coming",)
 
-    def __init__(self, arc: Arc) -> None:
-        self._arc = arc
+    def __init__(self, arc: Arc, nodes: Iterable[int]) -> None:
+        self._arc, self._start = arc, arc.settings.start
+        names = arc.equations.model.modes
+        self._names = sorted(names & arc.equations.graph.depends(nodes) if names else ())
+        self._modes = {name: arc.modes[name] for name in self._names}
         self._cautions: list[Caution] = []
         self._taken = 0
         self._coming: Iterator[Any] | None = None
 
     def _all(self) -> Iterator[Any]:
-        """Find all of it, from the start of the run."""
+        """Find all of it, from `_start` on."""
         raise NotImplementedError
+
+    @property
+    def _values(self) -> dict[str, float]:
+        """The parameters, and the modes that it depends on."""
+        return self._arc.parameters | self._modes
+
+    def _is_other(self, arc: Arc) -> bool:
+        """Whether modes have been set that it depends on; then it begins anew."""
+        modes = {name: arc.modes[name] for name in self._names}
+        if modes == self._modes:
+            return False
+        self._modes, self._start = modes, arc.t
+        self._taken, self._coming = 0, None if arc.t < arc.settings.end else iter(())
+        return True
 
     def _following(self, last: Any) -> Any:
         """Next of it; `last` after all of it."""
@@ -76,7 +95,7 @@ class TimeBreaks(_Ahead):
     """The breaks in time of a run."""
 
     def __init__(self, arc: Arc) -> None:
-        super().__init__(arc)
+        super().__init__(arc, [mode.discrete for mode in arc.system.switches.modes])
         self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
@@ -84,12 +103,14 @@ class TimeBreaks(_Ahead):
     def _all(self) -> Iterator[float]:
         arc, settings = self._arc, self._arc.settings
         discrete = [mode.discrete for mode in arc.system.switches.modes]
-        g, ends = arc.equations.graph, (settings.start, settings.end)
-        return break_times(g, discrete, arc.parameters, *ends)
+        g, ends = arc.equations.graph, (self._start, settings.end)
+        return break_times(g, discrete, self._values, *ends)
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
         switches = arc.system.switches
+        if self._is_other(arc):
+            self._next = self._following(inf)
         if switches.modes:
             end = min(self._next, arc.settings.end)
             arc.system.set_modes(switches.mode_values(arc.t, end, arc.parameters))
@@ -145,21 +166,23 @@ class Features(_Ahead):
     """Future features of a run, in order."""
 
     def __init__(self, arc: Arc) -> None:
-        super().__init__(arc)
+        super().__init__(arc, [x.node for x in _indicators(arc)])
         self._next: Feature | None = self._following(None)
         self._now: Feature | None = None
 
     def _all(self) -> Iterator[Feature]:
-        arc, equations = self._arc, self._arc.system.equations
+        ends = self._start, self._arc.settings.end
+        graph, report = self._arc.equations.graph, self._cautions.append
         lines = [
-            _Line(arc, indicator, self._cautions.append)
-            for indicator in indicators_in_time(equations, equations.of_motion)
-            if equations.graph.depends([indicator.node]) <= {"t", *arc.parameters}
+            _Line(graph, self._values, ends, indicator, report)
+            for indicator in _indicators(self._arc)
         ]
         return heapq.merge(*(line.features() for line in lines if not line.shallow))
 
     def set_out(self, arc: Arc) -> Decision:
         """Store the next feature after the time reached for the kernel."""
+        if self._is_other(arc):
+            self._next, self._now = self._following(None), None
         found = self._first(arc)._replace(cautions=tuple(self._cautions))
         self._cautions.clear()
         return found
@@ -194,6 +217,13 @@ class Features(_Ahead):
         return over
 
 
+def _indicators(arc: Arc) -> list[Indicator]:
+    """Indicators of what depends on t alone, parameters and modes."""
+    e = arc.system.equations
+    found = indicators_in_time(e, e.of_motion)
+    return [x for x in found if e.graph.depends([x.node]) <= {"t", *arc.parameters}]
+
+
 def _expected(arc: Arc, now: Feature, part: float) -> Floats:
     """Sizes of the motion (size,) with what is about to happen.
 
@@ -218,13 +248,17 @@ class _Line:
     """The moments at which one argument may wake something."""
 
     def __init__(
-        self, arc: Arc, indicator: Indicator, report: Callable[[Caution], None]
+        self,
+        g: Graph,
+        values: Mapping[str, float],
+        ends: tuple[float, float],
+        indicator: Indicator,
+        report: Callable[[Caution], None],
     ) -> None:
-        g = self.g = arc.equations.graph
-        start, end = arc.settings.start, arc.settings.end
+        self.g, self.values = g, values
         self.report, self.text = report, expression_text(g, indicator.node)
-        values = self.values = arc.parameters
-        self.indicator, self.start, self.end = indicator, start, end
+        self.indicator = indicator
+        start, end = self.start, self.end = ends
         self.argument = Values(g, [indicator.node], values)
         # Below the least step of a run nothing happens.
         self.finest = 2.0**-40 * (end - start)

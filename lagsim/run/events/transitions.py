@@ -1,0 +1,238 @@
+"""Events of the file, which set modes: at located conditions, or every period.
+
+Modes are words of the parameters, constant in an arc. At an event the arc ends, the
+modes are set, and another begins. Events at one time act in the order of the file; what
+becomes true by them acts next, at the same time. Conditions are located by the kernels
+(`methods.parts.driver`), as `until` is: each counts once it has been false.
+
+At an event rounding decides whether a condition holds. So one whose event has acted is
+not false before it is by more than rounding, its leeway. Another that is about to
+become false counts as false: beside `v <= c` stands `v >= c` in a relay without
+hysteresis, and where one turns the motion back the other undoes it at once. That ends
+the run.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.methods.parts import state as at
+from lagsim.notes import Event
+from lagsim.run.events.sequence import NO_TIME, Sequence
+from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
+from lagsim.tolerances import RESIDUAL_ROUNDOFF, SAME_TIME
+
+if TYPE_CHECKING:
+    from lagsim.language.arrays import Floats
+    from lagsim.run.arc import Arc
+
+# Within so many leeways of its condition nothing has happened since an event.
+NEAR = 4.0
+# Where `sequence.STUCK` acts take no more than this part of a run, it does not end.
+HARDLY = 1e-9
+
+
+class Acted(NamedTuple):
+    """A located event: its condition, when it acted, its leeway, and modes before."""
+
+    name: str
+    condition: int
+    time: float
+    leeway: float
+    modes: dict[str, float]
+
+
+class Transitions(Source):
+    """The events of a run.
+
+    Attributes
+    ----------
+    next : list of int
+        The number of the next act of each that is periodic; -1 where none follows.
+    lately : list of Acted
+        The located events that have acted since time has passed.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        events, settings = arc.equations.model.events, arc.settings
+        self.next = [1 if x.at is None and not x.once else -1 for x in events]
+        self.lately: list[Acted] = []
+        self.sequence = Sequence(settings.start, settings.duration)
+        self.begun = False
+        self.energetic = arc.system.equations.is_set
+
+    def begin(self, arc: Arc) -> Decision:
+        """List the periodic events, which have acted before the first row."""
+        first = () if self.begun else arc.equations.model.events
+        self.begun = True
+        names = (x.name for x in first if x.at is None)
+        return Decision(tuple(Event(arc.t, "event", name=name) for name in names))
+
+    def limit(self, arc: Arc) -> float:
+        """Time of the next periodic event."""
+        return min(self._time(arc, k) for k in range(len(self.next)))
+
+    def exact(self, arc: Arc, k: int) -> float:
+        """Time of the next act of a periodic event."""
+        return arc.settings.start + self.next[k] * arc.equations.model.events[k].every
+
+    def _time(self, arc: Arc, k: int) -> float:
+        """Return the same, or that of a row, or of the end, within rounding of it."""
+        if self.next[k] < 0:
+            return math.inf
+        time, settings = self.exact(arc, k), arc.settings
+        row = math.floor((time - settings.start) / settings.output_step + 0.5)
+        rows = settings.start + row * settings.output_step, settings.end
+        near = min(rows, key=lambda x: abs(x - time))
+        return near if abs(near - time) <= _same(arc, time) else time
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Let the events act that are due."""
+        if code not in (at.EVENT_FOUND, at.DONE):
+            return None
+        soon = arc.t + _same(arc, arc.t)
+        due = {k for k in range(len(self.next)) if self._time(arc, k) <= soon}
+        moment, found = _Moment(self, arc), int(arc.state.event) - 1
+        if not due and found in (-1, moment.until):
+            return None
+        return moment.through(due, found)
+
+
+def _same(arc: Arc, time: float) -> float:
+    """Difference of times that are one."""
+    return SAME_TIME * math.ulp(max(abs(time), abs(arc.settings.start)))
+
+
+class _Moment:
+    """Events that act at one time.
+
+    Attributes
+    ----------
+    event_of : list of int
+        The events of the conditions.
+    until : int
+        The number of the condition `until`, after these; there may be none.
+    values, rounding : ndarray
+        Of the conditions: functions that are >= 0 where these are true.
+    """
+
+    def __init__(self, run: Transitions, arc: Arc) -> None:
+        self.run, self.arc, self.state = run, arc, arc.state
+        self.events = arc.system.equations.model.events
+        self.event_of = [k for k, x in enumerate(self.events) if x.at is not None]
+        self.until = len(self.event_of)
+        self.count = len(self.state.orientation)
+        self.values = self._conditions("located")
+        self.rounding = self._rounding()
+        self.found: list[Event] = []
+        self.ending: Ending | None = None
+
+    def _conditions(self, name: str, length: int | None = None) -> Floats:
+        arc, length = self.arc, self.count if length is None else length
+        return arc.runner.function(name, length)(arc.t, arc.y) if length else np.zeros(0)
+
+    def _rounding(self) -> Floats:
+        """Bounds of the rounding of conditions, also where all their terms vanish."""
+        sizes, count = self.arc.seen[self.state.dynamic], self.count
+        found = self._conditions("located_slopes", count * (1 + len(sizes)))
+        slopes = np.abs(found[count:]).reshape(count, len(sizes))
+        return RESIDUAL_ROUNDOFF * np.maximum(found[:count], slopes @ sizes)
+
+    def through(self, due: set[int], found: int) -> Decision:
+        """Let events act until none is due: periodic ones, and those of conditions."""
+        arc, energetic = self.arc, self.run.energetic
+        y = arc.y.copy()
+        before = arc.energies(y) if energetic else np.zeros(0)
+        true = self._true_with(found) if found >= 0 else set()
+        while due or true:
+            if self.until in true:
+                self.ending = Ending(Outcome.UNTIL)
+            due |= {self.event_of[c] for c in true if c != self.until}
+            for k in sorted(due):
+                self._set(k)
+            if self.ending is not None:
+                break
+            due, true = set(), self._becoming_true()
+        if energetic:
+            y[arc.state.quadratures][: len(before)] += arc.energies(y) - before
+        return Decision(tuple(self.found), y=y, ending=self.ending, turn=Turn.MODES)
+
+    def _true_with(self, found: int) -> set[int]:
+        """Conditions that become true with the one found, but for rounding.
+
+        Those that are about to become false count as false.
+        """
+        state, rounding = self.state, self.rounding
+        side, misses = state.orientation, self.values * state.orientation
+        comes = (misses <= rounding) & (state.earlier * side - misses > rounding)
+        true = {*np.flatnonzero((side != 0.0) & ((misses <= 0.0) | comes)), found}
+        state.leeway[found] = max(0.0, misses[found])
+        turns = (side == 0.0) & (state.equation == 0.0) & np.isfinite(state.leeway)
+        turns &= np.abs(self.values) <= rounding
+        turns &= state.earlier - self.values > rounding
+        side[turns], state.leeway[turns] = -1.0, rounding[turns]
+        return true
+
+    def _becoming_true(self) -> set[int]:
+        """Conditions that are true by what has been set, and were false."""
+        state, true = self.state, set()
+        self.values = self._conditions("located")
+        for c, value in enumerate(self.values.tolist()):
+            side, leeway = state.orientation[c], state.leeway[c]
+            if side != 0.0 and not value * side + leeway > 0.0:
+                true.add(c)
+            elif side == 0.0 and value < -leeway:
+                state.orientation[c], state.leeway[c] = -1.0, 0.0
+            elif side == 0.0 and state.equation[c] and value > leeway:
+                state.orientation[c], state.leeway[c] = 1.0, 0.0
+        return true
+
+    def _set(self, k: int) -> None:
+        """Let one event set its modes."""
+        arc, run, event = self.arc, self.run, self.events[k]
+        before, first = arc.modes, sum(len(x.sets) for x in self.events[:k])
+        every = sum(len(x.sets) for x in self.events)
+        values = arc.runner.function("sets", every)(arc.t, arc.y)[first:].tolist()
+        for (mode, _), value in zip(event.sets, values, strict=False):
+            arc.system.p.flat[arc.system.place(mode)] = value
+            if not math.isfinite(value):
+                about = f": `{mode}` in the event `{event.name}`"
+                self.ending = Ending(Outcome.NOT_FINITE, about)
+        arc.runner.prepare()
+        time = run.exact(arc, k) if event.at is None else arc.t
+        self.found.append(Event(time, "event", name=event.name))
+        if event.at is None:
+            run.next[k] += 1
+        else:
+            self._note(k, before)
+
+    def _note(self, k: int, before: dict[str, float]) -> None:
+        """Note that a located event has acted; end the run where it undoes another."""
+        arc, run, state = self.arc, self.run, self.state
+        name, c, after = self.events[k].name, self.event_of.index(k), arc.modes
+        run.lately = [x for x in run.lately if self._is_now(x, c)]
+        state.orientation[c] = 0.0
+        state.leeway[c] = 2.0 * (state.leeway[c] + self.rounding[c])
+        run.lately.append(Acted(name, c, arc.t, float(state.leeway[c]), before))
+        run.sequence.add(arc.t, k)
+        undone = after != before and any(x.modes == after for x in run.lately)
+        if undone or run.sequence.is_stuck(HARDLY):
+            about = ", ".join(f"`{x}`" for x in dict.fromkeys(x.name for x in run.lately))
+            self.ending = Ending(Outcome.EVENTS_CHATTER, about)
+        if self.events[k].once:
+            state.leeway[c] = math.inf  # never false again
+
+    def _is_now(self, acted: Acted, acts: int) -> bool:
+        """Whether nothing has happened since an event acted, and condition `acts` now.
+
+        Either no time has passed, or the condition has been neither false since nor
+        clearly true.
+        """
+        arc, c = self.arc, acted.condition
+        if arc.t - acted.time <= NO_TIME * max(arc.settings.duration, abs(arc.t)):
+            return True
+        still = c != acts and self.state.orientation[c] == 0.0
+        return bool(still and abs(self.values[c]) <= NEAR * acted.leeway)
