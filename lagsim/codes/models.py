@@ -412,8 +412,8 @@ output: {reactions: [x]}
         "initial: {theta: 1, w: 1}\n"),
     Row("E236", "not-a-mode",
         "An event sets something else than a mode.",
-        "Events set modes, the names of the section `modes`: coordinates and velocities "
-        "move by forces and impacts alone, parameters never change.",
+        "Events set modes, the names of the section `modes`: coordinates and "
+        "velocities move by forces and impacts alone, parameters never change.",
         "make it a mode, or let a force or a constraint depend on a mode",
         "modes: {held: 1}\n"
         "events: {swing: {at: theta <= 0, set: {theta: 1, held: 0}}}\n"),

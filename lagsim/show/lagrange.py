@@ -429,7 +429,7 @@ class _Derivation:
                 zip((s.name for s in model.states), rates, strict=True)
             )
         if model.events:
-            document["events"] = {event.name: self._event(event) for event in model.events}
+            document["events"] = {x.name: self._event(x) for x in model.events}
         if x.equations.is_set and conserved:
             notes.append("what is conserved is so between events: they set the energy")
         if x.tidy.cut:

@@ -122,6 +122,7 @@ def test_an_interrupted_run_says_that_it_can_go_on(lagsim, begun):
         ("rocking-block", ("--no-plots",)),
         ("dry-friction", ("--no-plots",)),
         ("dc-motor", ("--no-plots",)),
+        ("hopper", ("--no-plots",)),
     ],
 )
 def test_every_kind_of_scene_goes_on(lagsim, begun, model, more, kind, after):
@@ -238,7 +239,7 @@ def test_where_others_may_write_there_is_no_key(monkeypatch):
 METHODS = "rk4 euler verlet kahan-li6 kahan-li8 midpoint gauss4 generalized-alpha"
 METHODS = f"{METHODS} rattle moreau radau dop853 taylor"
 KEPT = "ball-on-a-vibrating-table bouncing-ball car-axis dry-friction newtons-cradle"
-KEPT = f"{KEPT} rocking-block slack-string sliding-ladder stick-slip"
+KEPT = f"{KEPT} rocking-block slack-string sliding-ladder stick-slip cart-pole hopper"
 KEPT = f"{KEPT} failing/pulse failing/square-wave failing/graze"
 
 

@@ -434,9 +434,9 @@ def record_speed(
 
 # --- events: the first switch, or condition, within a step ----------------------------
 # Each surface has an event function: how far the state is from leaving the
-# mode it is in; so has each condition, while it is false. Margins are evaluated at several
-# points of a step, and once more between each two: where the value there does not
-# follow from values and slopes at both, the points come closer until it does. One
+# mode it is in; so has each condition, while it is false. Margins are evaluated at
+# several points of a step, and once more between each two: where the value there does
+# not follow from values and slopes at both, the points come closer until it does. One
 # that has become negative, and by the slopes one that has been so in between (a touch,
 # a narrow pulse), ends the step. The first root is located by bisection on the dense
 # output, to the last bit. A step that needs more points than are allowed ends where
@@ -523,7 +523,7 @@ def follow_true(s: State, p: Parameters) -> None:
 
 def follows(s: State, k: int) -> bool:
     """Whether condition k is an inequality that is true, and watched for its end."""
-    return s.orientation[k] > 0.0 and s.equation[k] == 0.0
+    return not (s.orientation[k] <= 0.0 or s.equation[k] > 0.0)
 
 
 def search(s: State, p: Parameters, low: float) -> None:

@@ -259,9 +259,7 @@ class _Numbers:
 class Parameters(_Numbers):
     """Reads the parameters."""
 
-    def read(
-        self, given: list[Entry], modes: list[Entry]
-    ) -> tuple[Parameter, ...]:
+    def read(self, given: list[Entry], modes: list[Entry]) -> tuple[Parameter, ...]:
         """Give parameters and modes, with what `--set` gives; faults are reported."""
         self._check_names()
         below = {key.text for key, _ in given}  # the parameter being read, and later

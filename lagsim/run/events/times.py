@@ -55,8 +55,8 @@ class _Ahead(Source):
 
     def __init__(self, arc: Arc, nodes: Iterable[int]) -> None:
         self._arc, self._start = arc, arc.settings.start
-        names = arc.equations.model.modes
-        self._names = sorted(names & arc.equations.graph.depends(nodes) if names else ())
+        names, depends = arc.equations.model.modes, arc.equations.graph.depends
+        self._names = sorted(names & depends(nodes)) if names else []
         self._modes = {name: arc.modes[name] for name in self._names}
         self._cautions: list[Caution] = []
         self._taken = 0
@@ -218,7 +218,7 @@ class Features(_Ahead):
 
 
 def _indicators(arc: Arc) -> list[Indicator]:
-    """Indicators of what depends on t alone, parameters and modes."""
+    """Find the indicators of what depends on t alone, parameters and modes."""
     e = arc.system.equations
     found = indicators_in_time(e, e.of_motion)
     return [x for x in found if e.graph.depends([x.node]) <= {"t", *arc.parameters}]

@@ -132,7 +132,9 @@ class _Moment:
 
     def _conditions(self, name: str, length: int | None = None) -> Floats:
         arc, length = self.arc, self.count if length is None else length
-        return arc.runner.function(name, length)(arc.t, arc.y) if length else np.zeros(0)
+        if not self.count:
+            return np.zeros(0)
+        return arc.runner.function(name, length)(arc.t, arc.y)
 
     def _rounding(self) -> Floats:
         """Bounds of the rounding of conditions, also where all their terms vanish."""
@@ -202,7 +204,9 @@ class _Moment:
                 about = f": `{mode}` in the event `{event.name}`"
                 self.ending = Ending(Outcome.NOT_FINITE, about)
         arc.runner.prepare()
-        time = run.exact(arc, k) if event.at is None else arc.t
+        # Within rounding of a located event they are at its time.
+        exact = event.at is None and self.state.event == 0.0
+        time = run.exact(arc, k) if exact else arc.t
         self.found.append(Event(time, "event", name=event.name))
         if event.at is None:
             run.next[k] += 1
@@ -220,8 +224,8 @@ class _Moment:
         run.sequence.add(arc.t, k)
         undone = after != before and any(x.modes == after for x in run.lately)
         if undone or run.sequence.is_stuck(HARDLY):
-            about = ", ".join(f"`{x}`" for x in dict.fromkeys(x.name for x in run.lately))
-            self.ending = Ending(Outcome.EVENTS_CHATTER, about)
+            names = dict.fromkeys(f"`{x.name}`" for x in run.lately)
+            self.ending = Ending(Outcome.EVENTS_CHATTER, ", ".join(names))
         if self.events[k].once:
             state.leeway[c] = math.inf  # never false again
 
