@@ -126,12 +126,14 @@ def numberless(unit: str) -> str:
     return ""
 
 
-def events_table(events: Iterable[Event]) -> bytes:
-    """Return events.csv; what does not go with a kind of event is empty."""
-    events = list(events)
+def events_table(events: Iterable[Event], *, named: bool) -> bytes:
+    """Return events.csv; what does not go with a kind of event is empty.
+
+    `named` : the file has events.
+    """
     columns = (
         "time", "kind", "constraint", "rate_before", "rate_after", "energy", "switch",
-        *(["name"] if any(event.name for event in events) else []),
+        *(["name"] if named else []),
     )  # fmt: skip
     return table_of(columns, map(attrgetter(*columns), events))
 

@@ -70,9 +70,9 @@ def module(runner: Runner, state: State) -> bytes:
     """
     system = runner.system
     beside = system.watched or system.switches.modes or system.plan.parts
-    if beside or state.extras:
-        text = "switches, contacts, subsystems apart and moments beside the rows need "
-        raise engine.NativeError(f"{text}Python between arcs: they have no module")
+    if beside or state.extras or system.model.events:
+        text = "switches, contacts, events, subsystems apart and moments need Python "
+        raise engine.NativeError(f"{text}between arcs: they have no module")
     target = engine.wasm_target()
     code = cache.linked(runner.program, wasm.STACK_IR, EXPORTS, target)
     rows, width = runner.block.shape

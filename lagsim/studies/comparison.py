@@ -67,7 +67,7 @@ def on_grid(rows: Floats, settings: Settings) -> Floats:
 def _by_what(events: Iterable[Event]) -> dict[tuple[str | None, ...], Floats]:
     found: dict[tuple[str | None, ...], list[float]] = {}
     for e in events:
-        found.setdefault((e.kind, e.constraint, e.switch), []).append(e.time)
+        found.setdefault((e.kind, e.constraint, e.switch, e.name), []).append(e.time)
     return {what: np.unique(times) for what, times in found.items()}
 
 

@@ -35,7 +35,8 @@ if TYPE_CHECKING:
 def events(made: Attempt) -> Iterator[Made]:
     """Give name and content of the table of events, of a model that has one."""
     if made.session.lists_events:
-        yield "events.csv", events_table(made.trajectory.events)
+        named = bool(made.session.case.equations.model.events)
+        yield "events.csv", events_table(made.trajectory.events, named=named)
 
 
 def drawings(

@@ -50,7 +50,7 @@ from lagsim.tolerances import (
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from lagsim.errors import Place
@@ -227,14 +227,20 @@ MOST_IMPACTS = 6
 ALONE = 4.0
 
 
-def clear(base: Motion, others: Sequence[Motion], spacing: float) -> list[int]:
+def clear(
+    base: Motion,
+    others: Sequence[Motion],
+    spacing: float,
+    periodic: Collection[str] = (),
+) -> list[int]:
     """Return the indices of rows away from events, with the ends and some impacts.
 
     Of these some, evenly: both rows of each. They have times of their own, which other
-    runs move.
+    runs move, but for `periodic` events: at their times a row is what holds after them.
     """
     t = base.rows[:, 0]
     events = [e for e in base.trajectory.events if e.kind != "until"]
+    events = [e for e in events if e.name not in periodic]
     times = np.unique([e.time for e in events])
     reach = np.full(len(times), NEAR_EVENT * spacing)
     common = t[before_impacts(t)]
@@ -360,7 +366,8 @@ def measure(case: Case) -> tuple[Golden, Motion]:
         stride = _stride(base.trajectory.rows, len(base.columns))
         base = motion_of(case, stride)
     others = [other for _, other in variants(case, base, stride)]
-    rows = base.rows[clear(base, others, spacing)]
+    periodic = [x.name for x in case.equations.model.events if x.at is None]
+    rows = base.rows[clear(base, others, spacing, periodic)]
     with np.errstate(invalid="ignore"):
         largest = np.zeros_like(rows)
         for other in (x for x in others if x.columns == base.columns):
