@@ -158,7 +158,7 @@ class Names:
         both = [(self.places[name], self.variables.pop(name)), (key.place, kind)]
         (there, first), (here, second) = sorted(both, key=lambda one: one[0][1:3])
         text = f"`{name}` is {first.text} already and cannot be {second.text} too"
-        hint = f"the first is in line {there.line}; parameters, coordinates, states "
+        hint = f"the first is in line {there.line}; parameters, coordinates, states, "
         hint += "modes and definitions share one namespace"
         faults.add("name-clash", text, here, hint)
         return False
