@@ -22,6 +22,15 @@ NODES = 1_000_000
 EXPRESSION_LETTERS = 1_000_000
 """Of one expression; its tokens take a hundred times as much."""
 
+MEMBERS = 100_000
+"""Of all families of a file: numbers, so that a vector counts with its components."""
+
+TERMS = 1_000_000
+"""Of all sums over ranges in a file, those in one another multiplied."""
+
+LARGEST_INDEX = 1e15
+"""Of subscripts and ends of ranges, which are whole numbers."""
+
 GRAPH_NODES = 3_000_000
 """Operations in a model and its equations, 260 bytes each, ..."""
 

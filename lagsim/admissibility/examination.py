@@ -48,6 +48,7 @@ from lagsim.admissibility.verdict import (
 )
 from lagsim.language.derivatives import gradient
 from lagsim.language.graph import TooMuchError
+from lagsim.language.names import rate_of
 from lagsim.mechanics.algebra import least_change_metric
 from lagsim.mechanics.constraints import scale_of
 from lagsim.mechanics.equations import Instant
@@ -451,11 +452,11 @@ class _Examiner:
             return self._relations(point, free, velocities=block > 0)
         wanted, every = [], [g.variable(x.name) for x in e.states]
         for k in free:
-            name, rate = e.states[k][:2]
-            A = dict(enumerate(gradient(g, rate, every)))
-            A = {j: slope for j, slope in A.items() if slope != g.zero}
-            size = scale_of(g, rate, (), {})
-            wanted.append(Condition(f"{name}_dot", rate, A, size, 0.0, 0.0))
+            name, slope = e.states[k][:2]
+            A = dict(enumerate(gradient(g, slope, every)))
+            A = {j: a for j, a in A.items() if a != g.zero}
+            size = scale_of(g, slope, (), {})
+            wanted.append(Condition(rate_of(name), slope, A, size, 0.0, 0.0))
         return Relations(point, wanted, free, velocities=True, states=True)
 
     def _guesses(self, relations: Relations) -> Found:

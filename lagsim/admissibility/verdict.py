@@ -29,6 +29,7 @@ from lagsim.admissibility.point import (
 )
 from lagsim.admissibility.rank import analyse
 from lagsim.language.evaluate import evaluate
+from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
@@ -299,7 +300,7 @@ def judge_starts(point: Point) -> list[Verdict]:
     starts = [(x.node, x) for x in point.e.model.initial if x.node is not None]
     rates = {x.name: x.rate for x in point.e.states}
     starts += [
-        (rates[x.name], x._replace(name=f"{x.name}_dot", value=0.0, text="0"))
+        (rates[x.name], x._replace(name=rate_of(x.name), value=0.0, text="0"))
         for x in point.e.model.initial
         if x.guess and x.name in rates
     ]

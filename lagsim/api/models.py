@@ -11,6 +11,7 @@ import numpy as np
 from lagsim.api.arguments import in_python, number_or_text, numbers
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import derive as _derived
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
@@ -208,7 +209,7 @@ class Model(Read):
         for name, value in given.items():
             number_or_text(name, value)
         starts = {x.name for x in self.initial}
-        starts |= {d.name + rate for d in self.definitions for rate in ("", "_dot")}
+        starts |= {rate_of(d.name, k) for d in self.definitions for k in (0, 1)}
         begun = {name: x for name, x in given.items() if name in starts}
         others = {name: x for name, x in given.items() if name not in starts}
         with in_python():
@@ -242,7 +243,7 @@ class Model(Read):
     def _repr_html_(self) -> str:
         start = {x.name: f"{x.value:.6g}" for x in self.initial}
         coordinates = [
-            (c.name, start[c.name], start.get(f"{c.name}_dot", ""), c.unit,
+            (c.name, start[c.name], start.get(rate_of(c.name), ""), c.unit,
              c.description) for c in self.variables
         ]  # fmt: skip
         values = [

@@ -204,6 +204,23 @@ def _piecewise(s: Any, condition: Any, x: Any, y: Any) -> Any:
     return s.Piecewise((x, condition), (y, True), evaluate=False)
 
 
+REMAINDERS = (
+    Function(
+        name="mod", arity=2,
+        value=lambda x, y: x - y * _whole(_quotient(x, y), math.floor),
+        simpler=simpler.remainder,  # the graph has what it is written with
+        native="{a} = fdiv double {0}, {1}\n"
+        "{b} = call double @llvm.floor.f64(double {a})\n"
+        "{c} = fmul double {1}, {b}\nfsub double {0}, {c}",
+        declares=intrinsic("floor")["declares"],
+        python="{0} - {1} * np.floor({0} / {1})",
+        interval=lambda r: lambda x, y: r.sub(
+            x, r.mul(y, r.step(r.np.floor)(r.div(x, y)))
+        ),
+    ),
+)  # fmt: skip
+
+
 CORNERS = (
     Function(
         name="abs", arity=1, value=math.fabs,
@@ -534,6 +551,7 @@ POWERS = (
 
 _ROWS = (
     *NUMBERS, *CONDITIONS, *TRIGONOMETRIC, *HYPERBOLIC, *POWERS, *CORNERS, *JUMPS,
+    *REMAINDERS,
 )  # fmt: skip
 OPERATIONS = {row.name: row for row in _ROWS}
 FUNCTIONS = {name: row for name, row in OPERATIONS.items() if not row.sign}

@@ -64,6 +64,7 @@ class Graph:
         self._left = work
         self.place: Place | None = None
         self._work = work
+        self._allowed = 0
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
         self._payload: dict[int, float | str | bool] = {}
@@ -130,6 +131,14 @@ class Graph:
         if work > self._left:
             raise self._too_much()
         self._left -= work
+
+    def allow(self, letters: int) -> None:
+        """Let an expression be made that a file would have with so many letters."""
+        self._allowed += letters
+        self._most = max(self._most, limits.graph_nodes(self._allowed))
+        more = limits.work(self._allowed) - limits.work(self._allowed - letters)
+        self._left += more
+        self._work += more
 
     def unbind(self) -> None:
         """Count no more: the model is checked, and how it is solved is known."""

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from lagsim.language.graph import Graph
 
 
+# Code of a fault that is reported elsewhere.
+SILENT = "silent"
+
+
 class ExpressionError(Exception):
     """A fault in an expression: where in the text, what, and what to write instead."""
 
@@ -51,7 +55,7 @@ class Token(NamedTuple):
 
 # Of the columns with a point in their names those that expressions may name.
 DOTTED = r"(?:reaction\.)?"
-_TOKEN = re.compile(
+TOKEN = re.compile(
     rf"""(?P<space>\s+)
   | (?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)
   | (?P<name>{DOTTED}[^\W\d_]\w*)
@@ -80,7 +84,7 @@ _WRONG = {
     "≥": "write `>=`",
     "!": "write `not`",
     "⋅": "write `*`",
-    "%": "there is no remainder; `x - y*floor(x/y)` is one",
+    "%": "the remainder is mod(x, y)",
     "[": "group with parentheses",
     "{": "group with parentheses",
     ";": "write `,` between entries, and nothing at the end of one",
@@ -93,11 +97,11 @@ _WRONG = {
 }
 
 
-def tokens(text: str) -> Iterator[Token]:
+def tokens(text: str, pattern: re.Pattern[str] = TOKEN) -> Iterator[Token]:
     """Tokens of `text`, then one of kind `end`."""
     offset = 0
     while offset < len(text):
-        match = _TOKEN.match(text, offset)
+        match = pattern.match(text, offset)
         if match is None:
             raise _bad_character(text, offset)
         kind, word = match.lastgroup or "", match.group()
@@ -229,7 +233,7 @@ _NOT, _COMPARES, _UNARY, _POWER = (
 
 
 @dataclass(slots=True)
-class _Pending:
+class Pending:
     """An operator, parenthesis or call whose end has not been seen."""
 
     op: str  # an operation, "(" or "+" (unary plus)
@@ -239,21 +243,24 @@ class _Pending:
     call: bool = False
 
 
-class _Parser:
+class Parser:
     """Pass over the tokens: `output` is postfix, `kinds` has the kind of each value."""
 
     def __init__(self, text: str, part: list[Token]) -> None:
         self.text = text
         self.part = part
+        self.at = 0
         self.output: list[tuple[str, float | str | int]] = []
         self.kinds: list[tuple[bool, Token]] = []  # (is a condition, begins at)
-        self.pending: list[_Pending] = []
+        self.pending: list[Pending] = []
         self.names: list[Name] = []
 
     def parse(self, *, conditional: bool = False) -> Parsed:
         """Take all tokens; `conditional`: of a condition."""
         operand_next = True
-        for token in self.part:
+        while self.at < len(self.part):
+            token = self.part[self.at]
+            self.at += 1
             step = self._operand if operand_next else self._after_operand
             operand_next = step(token)
         condition, at = self.kinds[-1]
@@ -264,24 +271,24 @@ class _Parser:
     def _operand(self, token: Token) -> bool:
         """Take the beginning of an operand; return whether one is still expected."""
         if token.kind == "number":
-            self._value(token, ("number", float(token.text)))
+            self._value(token, "number", float(token.text))
             return False
         if token.kind == "name":
             self.names.append(Name(token.text, token.offset))
-            self._value(token, ("name", token.text))
+            self._value(token, "name", token.text)
             return False
         if token.kind == "function":
             self._function(token)
         elif token.kind == "open":
             if not (self.pending and self.pending[-1].call and self._just_named(token)):
-                self.pending.append(_Pending("(", 0, token))
+                self.pending.append(Pending("(", 0, token))
         elif token.kind == "operator" and token.text in ("+", "-", "not"):
             op, power = {
                 "+": ("+", _UNARY),
                 "-": ("neg", _UNARY),
                 "not": ("not", _NOT),
             }[token.text]
-            self.pending.append(_Pending(op, power, token))
+            self.pending.append(Pending(op, power, token))
         else:
             raise self._missing_operand(token)
         return True
@@ -312,10 +319,13 @@ class _Parser:
             hint = f"did you mean `{near[0]}`?" if near else ""
             text = f"there is no function `{token.text}`"
             raise token.fault(text, hint, "unknown-function")
-        self.pending.append(_Pending(token.text, 0, token, call=True))
+        self.pending.append(Pending(token.text, 0, token, call=True))
 
-    def _value(self, token: Token, item: tuple[str, float | str | int]) -> None:
-        self.output.append(item)
+    def _emit(self, token: Token, op: str, payload: float | str) -> None:  # noqa: ARG002
+        self.output.append((op, payload))
+
+    def _value(self, token: Token, op: str, payload: float | str) -> None:
+        self._emit(token, op, payload)
         self.kinds.append((False, token))
 
     def _after_operand(self, token: Token) -> bool:
@@ -324,7 +334,7 @@ class _Parser:
             power, op = _BINARY[token.text]
             # `^` is right-associative; `2^-1` leaves its unary minus on the stack.
             self._reduce(power + 1 if power == _POWER else power, token)
-            self.pending.append(_Pending(op, power, token, arity=2))
+            self.pending.append(Pending(op, power, token, arity=2))
             return True
         if token.kind in ("close", "comma"):
             self._reduce(1, token)
@@ -358,15 +368,15 @@ class _Parser:
                 raise token.fault("comparisons do not chain", "write a < b and b < c")
             self._apply(top)
 
-    def _apply(self, top: _Pending) -> None:
+    def _apply(self, top: Pending) -> None:
         first = self.kinds[-top.arity][1] if top.arity == 2 else top.token
         condition = top.op in JOINING
         self._take(top, [condition] * top.arity)
         self.kinds.append((condition or top.power == _COMPARES, first))
         if top.op != "+":
-            self.output.append((top.op, top.arity))
+            self._emit(top.token, top.op, top.arity)
 
-    def _take(self, top: _Pending, wanted: Sequence[bool]) -> None:
+    def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
         """Take the arguments of an operation, which tells which are conditions."""
         args = self.kinds[-len(wanted) :]
         for (condition, at), conditional in zip(args, wanted, strict=True):
@@ -394,7 +404,7 @@ class _Parser:
             raise top.token.fault(text, "", "arity")
         self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
         self.kinds.append((False, top.token))
-        self.output.append((top.op, top.arity))
+        self._emit(top.token, top.op, top.arity)
         return False
 
 
@@ -429,7 +439,7 @@ def parse(text: str) -> Parsed:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    return _Parser(text, list(tokens(text))).parse()
+    return Parser(text, list(tokens(text))).parse()
 
 
 def parse_condition(text: str) -> Parsed:
@@ -440,7 +450,7 @@ def parse_condition(text: str) -> Parsed:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    return _Parser(text, list(tokens(text))).parse(conditional=True)
+    return Parser(text, list(tokens(text))).parse(conditional=True)
 
 
 def parse_relation(text: str) -> ParsedRelation:
@@ -451,7 +461,22 @@ def parse_relation(text: str) -> ParsedRelation:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    found = list(tokens(text))
+    left, right, sense = sides(text, list(tokens(text)))
+    return ParsedRelation(
+        Parser(text, left).parse(),
+        Parser(text, right).parse() if right else None,
+        sense,
+    )
+
+
+def sides(text: str, found: list[Token]) -> tuple[list[Token], list[Token] | None, str]:
+    """Tokens of both sides of a relation (None for a bare expression) and its sign.
+
+    Raises
+    ------
+    ExpressionError
+        Where it has several signs, or a strict one.
+    """
     depth, at = 0, []
     for i, token in enumerate(found):
         depth += (token.kind == "open") - (token.kind == "close")
@@ -464,10 +489,7 @@ def parse_relation(text: str) -> ParsedRelation:
         text = "a relation has one `=`, `<=` or `>=`"
         raise found[at[1]].fault(text, "write two constraints")
     if not at:
-        return ParsedRelation(_Parser(text, found).parse(), None, "=")
+        return found, None, "="
     middle = found[at[0]]
     left = [*found[: at[0]], Token("end", "", middle.offset)]
-    right = found[at[0] + 1 :]
-    return ParsedRelation(
-        _Parser(text, left).parse(), _Parser(text, right).parse(), middle.text
-    )
+    return left, found[at[0] + 1 :], middle.text

@@ -324,3 +324,9 @@ def choice(g: Builder, condition: int, x: int, y: int) -> int | None:
 def extreme(_: Builder, x: int, y: int) -> int | None:
     """Simplify min(x, y) or max(x, y)."""
     return x if x == y else None
+
+
+def remainder(g: Builder, x: int, y: int) -> int:
+    """Write mod(x, y), of the sign of y, with `floor`, which jumps where it does."""
+    whole = g.call("floor", g.call("div", x, y))
+    return g.call("sub", x, g.call("mul", y, whole))

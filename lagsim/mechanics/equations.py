@@ -32,6 +32,7 @@ from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.forms import fewer_terms
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import VARIABLE, memoize
+from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets, SparseVector
 from lagsim.mechanics.chains import ChainedMass, inertial_forces, shorter_chains
 from lagsim.mechanics.constraints import Flow, Law, Row, constraint_row, laws_of
@@ -260,7 +261,7 @@ class Equations:
     @property
     def accelerations(self) -> tuple[str, ...]:
         """The names of the variables q''."""
-        return tuple(f"{q}_ddot" for q in self.q)
+        return tuple(rate_of(q, 2) for q in self.q)
 
     @property
     def state(self) -> tuple[str, ...]:
@@ -434,7 +435,7 @@ def derive(model: Model, *, chained: bool = True) -> Equations:
     """
     g = model.graph
     q = tuple(c.name for c in model.coordinates)
-    velocities = tuple(f"{name}_dot" for name in q)
+    velocities = tuple(map(rate_of, q))
     flow = Flow(g, q, velocities, model.states)
     positions, rates = flow.positions, flow.rates
     time = g.variable("t")
@@ -539,8 +540,8 @@ def pushes(e: Equations) -> list[int]:
     rates = (*e.f, *e.other_rates)
     unsolved = g.dependent(rates, (*e.multipliers, *e.accelerations))
     return [
-        g.sum(g.call("abs", n) for n in addends(g, rate) if n not in unsolved)
-        for rate in rates
+        g.sum(g.call("abs", n) for n in addends(g, slope) if n not in unsolved)
+        for slope in rates
     ]
 
 
@@ -578,14 +579,15 @@ def _motion(e: Equations) -> dict[int, int]:
     g = e.graph
     seed = {**e.flow.forward}
     for q in e.q:
-        seed[g.variable(q)] = g.variable(f"{q}_dot")
-        seed[g.variable(f"{q}_dot")] = g.variable(f"{q}_ddot")
+        seed[g.variable(q)] = g.variable(rate_of(q))
+        seed[g.variable(rate_of(q))] = g.variable(rate_of(q, 2))
     found = {d.name: d.node for d in e.model.definitions}
     names = e.model.output.reactions
     new: dict[int, int] = {}
     nodes = [found[name] for name in names]
-    for order in ("", "_dot", "_ddot"):
-        new |= dict(zip((g.variable(n + order) for n in names), nodes, strict=True))
+    for order in range(3):
+        variables = (g.variable(rate_of(n, order)) for n in names)
+        new |= dict(zip(variables, nodes, strict=True))
         nodes = tangent(g, nodes, seed)
     return new
 

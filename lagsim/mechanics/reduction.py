@@ -34,6 +34,7 @@ from lagsim.language.derivatives import local_slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
+from lagsim.language.names import rate_of
 from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.constraints import Row
 from lagsim.mechanics.equations import Quadrature, Work
@@ -227,8 +228,8 @@ def eliminated(e: Equations, k: int, c: int) -> tuple[Equations, dict[int, int]]
     full = substituted(e, given)
     moved = bend
     for j, slope in J.items():
-        moved = plus(g, moved, slope, g.variable(f"{e.q[j]}_ddot"))
-    acceleration = g.variable(f"{e.q[c]}_ddot")
+        moved = plus(g, moved, slope, g.variable(rate_of(e.q[j], 2)))
+    acceleration = g.variable(rate_of(e.q[c], 2))
     lam = g.variable(f"lambda_{e.rows[k].name}")
     # The equation of c, without the multiplier, by what this pushes with.
     without = {acceleration: moved, lam: g.zero}
@@ -339,10 +340,10 @@ def ignored(
     factors = Factorisation(g, rows, Budget(limit), some=coordinates)
     f = factors.forward(dict(enumerate(full.f)))
     M = {(i, j): node for i in left for j, node in factors.rows[i].items()}
-    given = {j: g.variable(f"{e.q[j]}_ddot") for j in left}
+    given = {j: g.variable(rate_of(e.q[j], 2)) for j in left}
     bends = factors.backward(f, given)
     recovered = new | {
-        g.variable(f"{e.q[c]}_ddot"): bends.get(c, g.zero) for c in coordinates
+        g.variable(rate_of(e.q[c], 2)): bends.get(c, g.zero) for c in coordinates
     }
     quadratures = tuple(
         Quadrature(e.q[c], rate, full.M[c][c])
@@ -435,7 +436,7 @@ class Reduction(NamedTuple):
         values = {p.name: p.value for p in model.parameters} | {"t": start.t}
         for k, c in enumerate(model.coordinates):
             values[c.name] = float(start.q[k])
-            values[f"{c.name}_dot"] = float(start.v[k])
+            values[rate_of(c.name)] = float(start.v[k])
         found = evaluate(model.graph, list(self.momenta.values()), values)
         return dict(zip(self.momenta, found, strict=True))
 

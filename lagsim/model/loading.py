@@ -262,8 +262,10 @@ class _Builder:
         whole: list[Node] = []
         step, i = 1 + mapping, 0
         while i < len(parts):
+            keys = _keys(parts, i) if mapping else []
+            i += max(0, len(keys) - 1) * step
             pieces = _pieces(parts, i + mapping, step)
-            whole += parts[i : i + mapping]
+            whole += [self._in_one(keys)] if len(keys) > 1 else keys
             whole.append(self._in_one(pieces) if len(pieces) > 1 else pieces[0])
             i += step * len(pieces)
         return whole
@@ -275,6 +277,22 @@ class _Builder:
         for before, piece in itertools.pairwise(pieces):
             text += ("," if _is_decimal(before, piece) else ", ") + piece.text
         return Scalar(text, place, self.source, start, end)
+
+
+def _keys(parts: list[Node], i: int) -> list[Any]:
+    """Give key i with those that follow up to where its parentheses close.
+
+    In `{c(i = 1..2, j = 1..3): x}` YAML sees two keys, the first without a value.
+    """
+    keys, depth = [parts[i]], _left_open(parts[i])
+    while depth > 0 and i + 2 < len(parts):
+        value, key = parts[i + 1 : i + 3]
+        if not (isinstance(value, Scalar) and value.empty and isinstance(key, Scalar)):
+            break
+        keys.append(key)
+        depth += _left_open(key)
+        i += 2
+    return keys if depth == 0 else keys[:1]
 
 
 def _pieces(parts: list[Node], i: int, step: int) -> list[Any]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 import re
 from bisect import bisect_right
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from lagsim.errors import Place
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Collection, Iterable, Iterator
 
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
@@ -62,11 +62,22 @@ class Source:
         return Place(self.file, line + 1, column + 1, length, self._shown[line])
 
 
+class Reading(Protocol):
+    """How the text of a scalar is read that an expansion has made: for one member."""
+
+    def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
+        """Give what the parser would give for a file without families."""
+
+    def words(self, text: str) -> Collection[str]:
+        """Give the names in the expression."""
+
+
 class Scalar(NamedTuple):
     """A text; YAML's own types play no part.
 
     From `start` to `end` it stands in its source; `style` is the sign of YAML that it
-    begins with there, `=` on a command line, or empty.
+    begins with there, `=` on a command line, or empty. `reading`: of a file with
+    families or vectors.
     """
 
     text: str
@@ -75,11 +86,19 @@ class Scalar(NamedTuple):
     start: int
     end: int
     style: str = ""
+    reading: Reading | None = None
 
     @property
     def empty(self) -> bool:
         """Whether the file gives nothing here, or YAML's null."""
         return not self.style and self.text in ("", "~", "null", "Null", "NULL")
+
+    def place_of_name(self, name: str, offset: int) -> Place:
+        """Give the place of a name: of that in the text, where it is a member's."""
+        if self.text.startswith(name, offset):
+            return self.place_of(offset, len(name))
+        word = _WORD.match(self.text, offset)
+        return self.place_of(offset, len(word[0]) if word else 1)
 
     def place_of(self, offset: int, length: int = 1) -> Place:
         """Give the place in the file of `length` characters of the text."""
@@ -207,5 +226,9 @@ def words(*roots: Node) -> set[str]:
         for root in roots
         for name, scalar in leaves(root)
         if name.rpartition(".")[2] not in _TEXTS
-        for word in _WORD.findall(scalar.text)
+        for word in (
+            scalar.reading.words(scalar.text)
+            if scalar.reading
+            else _WORD.findall(scalar.text)
+        )
     }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from lagsim.language.names import rated
 from lagsim.show.names import GREEK, Name, UnicodeNames
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-RATES = {"_dot": 1, "_ddot": 2}
 # Columns that go with a name: constraint forces, multipliers and what they miss.
 PREFIXES = {"Qc_": "Qc", "lambda_": "λ", "residual_": "residual"}
 
@@ -69,9 +69,9 @@ class Letters:
                 rest = self.name(name.removeprefix(prefix)).translate(_DIGITS)
                 below = _SUBSCRIPT.sub(r",\1", rest)
                 return f"{written}{BELOW}{below}{END}"
-        for ending, order in RATES.items():
-            if name.endswith(ending):
-                return self._typeset.show(Name(name.removesuffix(ending), order))
+        base, order = rated(name)
+        if "." not in name or self._typeset.knows(base):
+            return self._typeset.show(Name(base, order))
         head, point, rest = name.partition(".")
         if point:
             return f"{head}.{'.'.join(self.name(part) for part in rest.split('.'))}"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import memoize
+from lagsim.language.names import rate_of
 from lagsim.mechanics.equations import ACTION
 from lagsim.model.model import Level
 from lagsim.outputs import ENERGIES
@@ -224,11 +225,11 @@ def stated_units(equations: Equations, columns: Iterable[str]) -> dict[str, str]
     for c in model.coordinates:
         if c.unit:
             found[c.name] = c.unit
-            found[f"{c.name}_dot"] = f"{c.unit}/s"
-            found[f"{c.name}_ddot"] = found[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
+            found[rate_of(c.name)] = f"{c.unit}/s"
+            found[rate_of(c.name, 2)] = found[f"gauss.a_{c.name}"] = f"{c.unit}/s^2"
     for s in model.states:
         if s.unit:
-            found[s.name], found[f"{s.name}_dot"] = s.unit, f"{s.unit}/s"
+            found[s.name], found[rate_of(s.name)] = s.unit, f"{s.unit}/s"
     found |= {p.name: p.unit for p in model.parameters if p.mode and p.unit}
     found |= {d.name: d.unit for d in model.definitions if d.unit}
     return {name: found.get(name, "") for name in columns}

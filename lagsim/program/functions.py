@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import roundings
+from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Kind, scale_of
 from lagsim.mechanics.equations import (
     ACTION,
@@ -55,7 +56,7 @@ class Columns:
         for group in (equations.q, equations.velocities, equations.accelerations):
             nodes.update((name, g.variable(name)) for name in group)
         nodes |= {x.name: g.variable(x.name) for x in equations.states}
-        nodes |= {f"{x.name}_dot": x.rate for x in equations.states}
+        nodes |= {rate_of(x.name): x.rate for x in equations.states}
         nodes |= {p.name: g.variable(p.name) for p in model.parameters if p.mode}
         defined = {d.name: d.node for d in model.definitions}
         nodes.update((name, defined[name]) for name in model.output.columns)

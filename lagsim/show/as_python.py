@@ -162,7 +162,8 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
         if e.graph.ops[n] != VARIABLE:
             continue
         name = str(e.graph.payload(n))
-        local = name if name.isidentifier() else f"x{n}"
+        local = name.replace(".", "_")  # of a member
+        local = local if local.isidentifier() else f"x{n}"
         # `t` is an argument already, and becomes what divides without raising.
         while local in taken and name != "t":
             local += "_"

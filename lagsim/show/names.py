@@ -12,6 +12,8 @@ import unicodedata
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
+from lagsim.language.names import rate_of
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -81,6 +83,10 @@ class ModelNames:
             taken.add(self.joined(*parts, 0))
             self._shown[name] = parts
 
+    def knows(self, name: str) -> bool:
+        """Tell whether it is a name of the file."""
+        return name in self._shown
+
     def show(self, name: Name) -> str:
         """Give `name` typeset."""
         if name.kind == "multiplier":
@@ -104,7 +110,7 @@ class ModelNames:
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put letter, subscript and derivative together: `q`, `q_dot`, `q_ddot`."""
-        return f"{base}{below}" + (f"_{DOTS[order]}" if order else "")
+        return rate_of(f"{base}{below}", order)
 
 
 class UnicodeNames(ModelNames):
@@ -113,12 +119,16 @@ class UnicodeNames(ModelNames):
     of_multiplier, unconstrained = "λ_{}", ("a_{}", "a\u0304_{}")
 
     def split(self, name: str) -> tuple[str, str]:
-        """Give θ, ₁ for `theta1`."""
-        match = _PARTS.match(name)
+        """Give θ, ₁ for `theta1`, q, ₁,₂ for `q.1.2`, and r, .x for `r.x`."""
+        head, *member = name.split(".")
+        match = _PARTS.match(head)
         if match is None:
             return name, ""
         word, digits, rest = match.groups("")
-        return GREEK.get(word, word), digits.translate(_LOWERED) + rest
+        below = digits.translate(_LOWERED) + rest
+        below += ",".join(part.translate(_LOWERED) for part in member if part.isdigit())
+        below += "".join(f".{part}" for part in member if not part.isdigit())
+        return GREEK.get(word, word), below
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put dots over a letter; of a word they would be those of its first letter."""
@@ -135,12 +145,13 @@ class LatexNames(ModelNames):
 
     def split(self, name: str) -> tuple[str, str]:
         r"""Give \theta, 1 for `theta1`."""
-        match = _PARTS.match(name)
+        head, *member = name.split(".")
+        match = _PARTS.match(head)
         if match is None:
             return self.verbatim(name)
         word, digits, rest = match.groups("")
         below = [digits] if digits else []
-        below += [self._subscript(part) for part in rest.split("_") if part]
+        below += [self._subscript(part) for part in (*rest.split("_"), *member) if part]
         return self._word(word), ",".join(below)
 
     def verbatim(self, name: str) -> tuple[str, str]:

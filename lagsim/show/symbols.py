@@ -25,6 +25,7 @@ import sympy as sp
 from lagsim import limits
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.names import rate_of
 from lagsim.model.model import Level
 from lagsim.show.names import Name
 from lagsim.show.tidy import Tidier, circular, not_finite, too_long
@@ -224,8 +225,8 @@ class Translation:
         self.substitute = substitute
         self.t = symbol("t")
         self.q = [symbol(c.name) for c in model.coordinates]
-        self.v = [symbol(f"{q}_dot") for q in equations.q]
-        self.a = [symbol(f"{q}_ddot") for q in equations.q]
+        self.v = [symbol(rate_of(q)) for q in equations.q]
+        self.a = [symbol(rate_of(q, 2)) for q in equations.q]
         self.states = [symbol(x.name) for x in model.states]
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
         physics = physics_of(model)

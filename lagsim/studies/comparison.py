@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from lagsim.language.names import rate_of, rated
 from lagsim.outputs import ENERGIES
 from lagsim.run.observers.monitors import numbers
 from lagsim.tolerances import COMPUTED_ZERO, SAME_ROW
@@ -100,10 +101,9 @@ def kind(column: str, columns: Collection[str]) -> str:
         return "energy"
     if column == "t":
         return "t"
-    for level, ending in enumerate(("_ddot", "_dot", "")):
-        stem = column.removesuffix(ending) if column.endswith(ending) else ""
-        if stem and {stem, f"{stem}_dot", f"{stem}_ddot"} <= set(columns):
-            return ("acceleration", "velocity", "position")[level]
+    for stem, order in (rated(column), (column, 0)):
+        if all(rate_of(stem, k) in columns for k in range(3)):
+            return ("position", "velocity", "acceleration")[order]
     return "definition"
 
 

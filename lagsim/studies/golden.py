@@ -19,6 +19,7 @@ import orjson
 from lagsim import files
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate_rows, evaluate_with_error
+from lagsim.language.names import rated
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.reduction import MOMENTUM, conserved
 from lagsim.methods import method as method_named
@@ -728,7 +729,7 @@ def _about(model: Model, worst: Sequence[Deviation]) -> list[Place]:
             base = deviation.column.removesuffix(CONSTANT)
             for prefix in ("Qc_", "lambda_", RESIDUAL, "reaction."):
                 base = base.removeprefix(prefix)
-            names = (base, base.removesuffix("_dot"), base.removesuffix("_ddot"))
+            names = (base, rated(base)[0])
             found += [places[name] for name in names if name in places]
     return found
 

@@ -14,6 +14,7 @@ import orjson
 
 from lagsim import files
 from lagsim.errors import InputError, Problem
+from lagsim.language.names import rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
 from lagsim.outputs.animation import film_of_columns, page_units
@@ -151,11 +152,11 @@ def _order(runs: Sequence[Shown]) -> tuple[str, list[float]]:
     if len(differ) == 1:
         return differ[0], [float(each[differ[0]]) for each in every]
     common = _common(runs)
-    moving = [c for c in common if f"{c}_dot" in common]
+    moving = [c for c in common if rate_of(c) in common]
     starts = {
         name: [float(run.table[name][0]) for run in runs]
         for c in moving
-        for name in (c, f"{c}_dot")
+        for name in (c, rate_of(c))
     }
     told = [name for name, values in starts.items() if len(set(values)) > 1]
     if not differ and len(told) == 1 and np.isfinite(starts[told[0]]).all():
@@ -173,8 +174,8 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
         With a problem for each run that lacks one, or where all have nothing in common.
     """
     if names is None:
-        found = [c for c in _common(runs) if f"{c}_dot" in runs[0].table.columns]
-        found = [c for c in found if not c.endswith("_dot")]
+        found = [c for c in _common(runs) if rate_of(c) in runs[0].table.columns]
+        found = [c for c in found if not rated(c)[1]]
         if found:
             return found[:MOST_COLUMNS]
         what = "these results have no coordinate in common"

@@ -65,6 +65,9 @@ CASES: dict[str, Case] = {
     ),
     "floor": Case(mp.floor, (EVERYWHERE,), smooth=False),
     "ceil": Case(mp.ceil, (EVERYWHERE,), smooth=False),
+    "mod": Case(  # to an ulp while the quotient is less than 2
+        lambda x, y: x - y * mp.floor(x / y), ((-0.9, 1.9), (1.0, 1.8)), smooth=False
+    ),
     "min": Case(min, (EVERYWHERE, EVERYWHERE), smooth=False),
     "max": Case(max, (EVERYWHERE, EVERYWHERE), smooth=False),
 }

@@ -115,7 +115,7 @@ FAULTS = [
     ("x − y", 2, 1, "unexpected character", "plain minus"),
     ("x × y", 2, 1, "unexpected character", "write `*`"),
     ("x ≤ y", 2, 1, "unexpected character", "write `<=`"),
-    ("x % y", 2, 1, "unexpected character", "floor"),
+    ("x % y", 2, 1, "unexpected character", "mod"),
     ("[x]", 0, 1, "unexpected character", "parentheses"),
     ("x; y", 1, 1, "unexpected character", "nothing at the end"),
     ("x'", 1, 1, "unexpected character", "q_dot"),

@@ -26,6 +26,7 @@ from lagsim.model.nodes import (
     Mapping,
     Node,
     Scalar,
+    Sequence,
     argument,
     entries_of,
     leaves,
@@ -34,6 +35,7 @@ from lagsim.model.nodes import (
 from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
+from lagsim.model.reader.quantities import is_unit
 from lagsim.model.reader.scene import check_sizes, read_scene
 from lagsim.model.reader.sections import (
     OUTPUT_KEYS,
@@ -49,6 +51,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from collections.abc import Mapping as MappingType
 
+    from lagsim.model.expansion.scope import Scope
     from lagsim.model.model import Settings
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
@@ -121,7 +124,8 @@ def read(
         raise unusable("empty-file", "the file is empty", file)
     data = text.encode(errors="surrogatepass")
     graph = Graph(limits.graph_nodes(len(data)), limits.work(len(data)))
-    found = File(document.root, file, faults, graph, overrides or {}, options or {})
+    root = document.root
+    found = File(root, file, faults, graph, overrides or {}, options or {})
     return found.read(hashlib.sha256(data).hexdigest())
 
 
@@ -150,16 +154,27 @@ class File:
         options: MappingType[str, str],
     ) -> None:
         self.file = file
-        node = _in_place(root, faults)
+        self._given = node = _in_place(root, faults)
+        self.scope: Scope | None = None
+        reading, broken = None, set[str]()
+        if has_members(node):
+            from lagsim.model.expansion import Expansion
+
+            faults.once = set()
+            written = Expansion(node, overrides, faults.add, is_unit, graph)
+            node, reading, self.scope = written.node, written.plain, written.scope
+            broken = written.broken
         self.node, self.root = node, node.place
         self.top = top = fields(node, "the file", SECTIONS, faults, node.place)
         if not top.sound:
             faults.raise_if_any()
         self.energy = equations.energy_fields(top)
         self.names = names = Names("lagrangian" in self.energy)
+        names.faulty |= broken
         for _, value in top.unknown:
             names.faulty |= {name.text for name, _ in entries_of(value)}
         self.x = x = Expressions(graph, names, faults)
+        x.reading = reading
         self.options = options
         self._check_version()
         self.name = self._name()
@@ -208,7 +223,8 @@ class File:
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
-        named = words(self.node)
+        scope = self.scope
+        named = scope.used | scope.structural if scope else words(self.node)
         return Model(
             name=self.name,
             file=self.file,
@@ -287,7 +303,15 @@ class File:
         initial: MappingType[str, str],
     ) -> Model:
         """Give a model of this file with other values, see `Model.bind`."""
-        faults, new = Faults(self.file), copy(self)
+        faults = Faults(self.file)
+        if self.scope and not self.scope.structural.isdisjoint(parameters):
+            given = {**self.instead, **self.starting, **parameters, **initial}
+            graph = Graph(limits.graph_nodes(0), limits.work(0))
+            read_again = File(
+                self._given, self.file, faults, graph, given, self.options
+            )
+            return read_again.read(model.sha256)
+        new = copy(self)
         x = new.x = self.x.over(faults, {})
         new.instead = {**self.instead, **parameters}
         new.starting = {**self.starting, **initial}
@@ -340,6 +364,8 @@ class File:
         """Tell whether other numbers follow these, see `Model.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
+        if self.scope and not self.scope.structural.isdisjoint(names):
+            return True
         given = {**self._numbers(), **asked}
         others = (node for name, node in given.items() if name not in names)
         return not words(*others).isdisjoint(names)
@@ -373,7 +399,7 @@ class File:
         names = replace(old.names, variables={**old.names.variables, **held})
         faults = Faults(model.file)
         x = Expressions(old.graph, names, faults)
-        x.known = old.known
+        x.known, x.reading = old.known, old.reading
         Definitions(self.definitions, x).build(Level.POSITION, Level.VELOCITY)
         states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x)
@@ -393,6 +419,28 @@ class File:
         _check_roots(model, found)
         nodes = ((name, x.definitions[name].node) for name in held)
         return (found, {k: n for k, n in nodes if n is not None})
+
+
+# A range, a vector, or sections of them, wherever they stand in a file.
+_OF_MEMBERS = re.compile(
+    r"[\w)]\s*\.\.\s*[\w(-]|\bvec\s*\(|\bcomponents\s*:"
+    r"|^(?:frames|bodies|gravity)\s*:",
+    re.MULTILINE,
+)
+# Lengths of a list that is a vector; six numbers are a matrix of inertia.
+_SIZES = (2, 3, 6)
+
+
+def has_members(root: Node) -> bool:
+    """Tell whether a file has families or vectors."""
+    top = {key.text: node for key, node in entries_of(root)}
+    for section in ("parameters", "definitions", "forces"):
+        for _, node in entries_of(top.get(section)):
+            value = next((v for k, v in entries_of(node) if k.text == "value"), node)
+            if isinstance(value, Sequence) and len(value.items) in _SIZES:
+                return True
+    first = next(iter(entries_of(root)), None)
+    return first is not None and bool(_OF_MEMBERS.search(first[0].source.text))
 
 
 def _letter(name: str) -> str:

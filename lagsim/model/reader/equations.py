@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.language.names import rate_of, rated
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import Constraint, Force, Level, OneSided, Relation, State
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, items_of
@@ -81,19 +82,19 @@ def read_states(given: list[Entry], x: Expressions) -> tuple[State, ...]:
         name, what = key.text, f"the state `{key.text}`"
         below = fields(node, what, STATE, x.faults, key.place)
         if "rate" not in below and below.sound:
-            hint = f"write {name}: {{rate: ...}}: what `{name}_dot` is"
+            hint = f"write {name}: {{rate: ...}}: what `{rate_of(name)}` is"
             x.faults.add("missing-key", f"{what} has no `rate`", key.place, hint)
-        rate = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
-        if rate is not None:
+        built = x.compile(below.value("rate"), f"the rate of {what}", Level.VELOCITY)
+        if built is not None:
             found[name] = State(
-                name, rate, below.text("unit"), below.text("description")
+                name, built, below.text("unit"), below.text("description")
             )
     g, rates = x.graph, {name: s.rate for name, s in found.items()}
     for _ in found:
-        new = {g.variable(f"{s}_dot"): rate for s, rate in rates.items()}
+        new = {g.variable(rate_of(s)): node for s, node in rates.items()}
         rates = dict(zip(rates, g.substitute(rates.values(), new), strict=True))
     for key, _ in given:
-        if f"{key.text}_dot" in g.depends([rates.get(key.text, g.zero)]):
+        if rate_of(key.text) in g.depends([rates.get(key.text, g.zero)]):
             text = f"the rate of the state `{key.text}` depends on itself"
             x.faults.add("cycle", text, key.place)
     if given:
@@ -182,7 +183,7 @@ def read_relation(
         sides = (gap, x.build(parsed.right))
         gap = x.graph.call("sub", *(sides[::-1] if parsed.sense == "<=" else sides))
     kinds = x.names.variables
-    used = (kinds.get(n.removesuffix("_dot")) for n in x.graph.depends([gap]))
+    used = (kinds.get(rated(n)[0]) for n in x.graph.depends([gap]))
     moving = {Kind.COORDINATE, Kind.STATE, *([Kind.MODE] if modes else ())}
     if moving.isdisjoint(used):
         text = f"{what} depends on no coordinate and no velocity"
@@ -414,7 +415,7 @@ class _Reader:
             if not _has_velocity(slip, x):
                 text, hint = f"{what} contains no velocity", "it is a sliding velocity"
                 if isinstance(part, Scalar) and part.text in x.names.moving():
-                    hint = f"write {part.text}_dot"
+                    hint = f"write {rate_of(part.text)}"
                 x.faults.add("not-affine", text, part.place, hint)
             elif not _is_affine(slip, x):
                 text = f"{what} is not affine in the velocities"
@@ -430,7 +431,7 @@ def _once(relation: Relation, x: Expressions) -> Relation:
     """Take a multiple root once."""
     moving, kinds = (Kind.COORDINATE, Kind.VELOCITY), x.names.variables
     used = x.graph.depends([relation.node])
-    names = {n for n in used if kinds.get(n.removesuffix("_dot")) in moving}
+    names = {n for n in used if kinds.get(rated(n)[0]) in moving}
     root = simple_root(x.graph, relation.node, names)
     return relation._replace(node=root, multiple=root != relation.node)
 

@@ -9,13 +9,15 @@ from copy import copy
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from lagsim import limits
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import FUNCTIONS, JOINING
+from lagsim.language.names import HIDDEN, rate_of
 from lagsim.language.parser import (
+    SILENT,
     ExpressionError,
     Parsed,
     ParsedRelation,
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Name
-    from lagsim.model.nodes import Entry
+    from lagsim.model.nodes import Entry, Reading
     from lagsim.model.reader.fields import Faults
 
     # Tells whether a name may stand in an expression; else that is reported.
@@ -127,6 +129,7 @@ class Names:
     reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
+    _known: dict[object, Any] = field(default_factory=dict, init=False)
 
     @property
     def complete(self) -> bool:
@@ -145,7 +148,7 @@ class Names:
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
         """Add a name of the file's variables; give whether it is good."""
-        name = key.text
+        name, self._known = key.text, {}
         if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
             return False
@@ -165,11 +168,20 @@ class Names:
 
     def of(self, kind: Kind) -> list[str]:
         """Give the names of one kind, in the order of the file."""
-        return [name for name, k in self.variables.items() if k is kind]
+        if not self._known:
+            kinds: dict[object, list[str]] = {k: [] for k in Kind}
+            for name, k in self.variables.items():
+                kinds[k].append(name)
+            velocities = frozenset(map(rate_of, kinds[Kind.COORDINATE]))
+            self._known = {**kinds, "velocities": velocities}
+        found: list[str] = self._known[kind]
+        return found
 
-    def velocities(self) -> set[str]:
+    def velocities(self) -> frozenset[str]:
         """Give the names of the velocities."""
-        return {f"{q}_dot" for q in self.of(Kind.COORDINATE)}
+        self.of(Kind.COORDINATE)
+        found: frozenset[str] = self._known["velocities"]
+        return found
 
     def moving(self) -> list[str]:
         """Give the names that have rates: coordinates and definitions."""
@@ -196,7 +208,9 @@ class Names:
 
     def is_faulty(self, name: str) -> bool:
         """Tell whether a fault that is already reported lies behind `name`."""
-        return not self.faulty.isdisjoint((name, *(base for base, _ in _parted(name))))
+        names = [name, *(base for base, _ in _parted(name))]
+        families = [n.partition(".")[0] for n in names]
+        return not self.faulty.isdisjoint([*names, *families])
 
     def unknown(
         self, name: str, faults: Faults, among: Collection[str] | None = None
@@ -256,15 +270,18 @@ class Names:
 
 def _parted(name: str) -> Iterator[tuple[str, _Kinds]]:
     """Give the names that one is made of, and kinds by those of these."""
+    head, dot, tail = name.partition(".")
     for before, after, kinds in _DERIVED:
-        base = name.removeprefix(before).removesuffix(after)
-        if base != name:
-            yield base, kinds
+        base = head.removeprefix(before).removesuffix(after)
+        if base != head:
+            yield f"{base}{dot}{tail}", kinds
 
 
 def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     """Report a key that cannot be a name; give whether it can."""
     name = key.text
+    if key.reading is not None:  # of a member: the name of its family
+        name = name.removeprefix(HIDDEN).partition(".")[0]
     code = "reserved-name"
     if problem := _spelling(name):
         text, hint = problem
@@ -348,6 +365,8 @@ class Expressions:
     ----------
     graph
         The graph of the model.
+    reading
+        How a text is read that no expansion has made; None in a file of numbers alone.
     known
         Value and rounding error of each parameter that is known.
     modes
@@ -366,6 +385,7 @@ class Expressions:
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
         self.graph = graph
+        self.reading: Reading | None = None
         self._longest = 0
         self.names = names
         self.faults = faults
@@ -430,7 +450,10 @@ class Expressions:
             return None
         if many > self._longest:
             self._longest, self.graph.place = many, scalar.place
+        reading = scalar.reading or self.reading
         try:
+            if reading is not None:
+                return scalar, reading.parsed(scalar.text, parser)
             return scalar, parser(scalar.text)
         except ExpressionError as fault:
             self._report(fault, scalar, parser, beside=beside)
@@ -447,11 +470,14 @@ class Expressions:
         """Report what the parser found, in a relation or in another expression."""
         text = scalar.text
         token = text[fault.offset : fault.offset + fault.length]
-        if token in self.names.faulty:
+        if token in self.names.faulty or fault.code == SILENT:
             return
-        hint = self.meant(scalar, parser, beside=beside) or fault.hint
+        code = f"expression-{fault.code}"
         place = scalar.place_of(fault.offset, fault.length)
-        self.faults.add(f"expression-{fault.code}", fault.text, place, hint)
+        if not self.faults.is_known(code, place):
+            own = fault.hint if self.reading else ""
+            hint = own or self.meant(scalar, parser, beside=beside) or fault.hint
+            self.faults.add(code, fault.text, place, hint)
 
     def meant(
         self, scalar: Scalar, parser: hints.Parser = parse, *, beside: bool = False
@@ -521,7 +547,7 @@ class Expressions:
         self, used: Name, scalar: Scalar, code: str, text: str, hint: str = ""
     ) -> bool:
         """Report a name that must not stand where it does; give False."""
-        place = scalar.place_of(used.offset, len(used.text))
+        place = scalar.place_of_name(used.text, used.offset)
         self.faults.add(code, text, place, hint)
         return False
 
@@ -563,6 +589,9 @@ class Expressions:
     def _refuse_unknown(self, used: Name, scalar: Scalar, most: Level) -> None:
         """Refuse a name that means nothing; once where a hint is of several names."""
         name, names = used.text, self.names
+        place = scalar.place_of_name(used.text, used.offset)
+        if self.faults.is_known("unknown-name", place):
+            return
         found = hints.matching(scalar.text, used.offset, parsed=True)
         hint = found[2] if found else ""
         if hint and (scalar, hint) == self._last_hint:
@@ -591,7 +620,7 @@ class Expressions:
         if kind is Kind.DEFINITION:
             node = self.definitions[base].node
         elif kind in (Kind.RATE, Kind.SECOND_RATE):
-            node = self.rate(base, second=kind is Kind.SECOND_RATE)
+            node = self.rate_of(base, second=kind is Kind.SECOND_RATE)
         elif kind is Kind.ENERGY and name != "energy":
             node = self.energies[name]
         elif kind is Kind.STATE_RATE:
@@ -605,15 +634,15 @@ class Expressions:
         """Take the rates of the states, also in the definitions that use them."""
         g, known, self._rates = self.graph, self.definitions, []
         self.states = rates
-        new = {g.variable(f"{s}_dot"): rate for s, rate in rates.items()}
+        new = {g.variable(rate_of(s)): node for s, node in rates.items()}
         built = {name: d.node for name, d in known.items() if d.node is not None}
         nodes = g.substitute(built.values(), new)
         for (name, old), node in zip(built.items(), nodes, strict=True):
             known[name] = known[name]._replace(node=node)
             used = g.depends([old])
-            self.with_rates[name] = {s for s in rates if f"{s}_dot" in used}
-            self.with_rates[f"{name}_dot"] = {s for s in rates if s in used}
-        self.with_rates |= {f"{s}_dot": {s} for s in rates}
+            self.with_rates[name] = {s for s in rates if rate_of(s) in used}
+            self.with_rates[rate_of(name)] = {s for s in rates if s in used}
+        self.with_rates |= {rate_of(s): {s} for s in rates}
 
     def refuse_rates(self, node: Node, what: str) -> None:
         """Report rates of states that depend on the motion, where slopes are taken.
@@ -629,7 +658,7 @@ class Expressions:
                 text += f"`{depends[0]}`"
                 self.faults.add("state-misplaced", text, node.place, hint)
 
-    def rate(self, definition: str, *, second: bool = False) -> int:
+    def rate_of(self, definition: str, *, second: bool = False) -> int:
         """Give the node of the total time derivative of a definition of positions.
 
         All of them are made at once: one sweep over the graph costs no more than one
@@ -650,10 +679,10 @@ class Expressions:
         g = self.graph
         motion = {g.variable("t"): g.one}
         for s in self.names.of(Kind.STATE):
-            motion[g.variable(s)] = self.states.get(s, g.variable(f"{s}_dot"))
+            motion[g.variable(s)] = self.states.get(s, g.variable(rate_of(s)))
         for q in self.names.of(Kind.COORDINATE):
-            motion[g.variable(q)] = g.variable(f"{q}_dot")
-            motion[g.variable(f"{q}_dot")] = g.variable(f"{q}_ddot")
+            motion[g.variable(q)] = g.variable(rate_of(q))
+            motion[g.variable(rate_of(q))] = g.variable(rate_of(q, 2))
         return motion
 
 

@@ -37,10 +37,19 @@ class Faults:
         self._file = file
         self._problems = list(found)
         self._guesses = 0
+        self.once: set[object] | None = None
 
     def add(self, code: str, text: str, place: Place | None, hint: str = "") -> None:
-        """Add a fault."""
+        """Add a fault; of those of members that have one place, the first."""
+        if self.is_known(code, place):
+            return
+        if self.once is not None:
+            self.once.add((code, place))
         self._problems.append(Problem(code, text, place, hint))
+
+    def is_known(self, code: str, place: Place | None) -> bool:
+        """Tell whether another member has this fault already."""
+        return self.once is not None and (code, place) in self.once
 
     def may_guess(self) -> bool:
         """Tell whether a hint may still be looked for, and count it."""

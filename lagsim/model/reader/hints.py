@@ -48,7 +48,7 @@ _REWRITTEN = {word: row for words, row in {
         **{f"{of}d": ("x", f"{of}(x*pi/180)") for of in ("sin", "cos", "tan")},
         **{f"a{of}d": ("x", f"a{of}(x)*180/pi") for of in ("sin", "cos", "tan")},
         "cot ctg cotan": ("x", "1/tan(x)"), "acot arccot": ("x", "atan2(1, x)"),
-        "mod fmod rem": ("x y", "x - y*floor(x/y)"), "round": ("x", "floor(x + 0.5)"),
+        "fmod rem remainder": ("x y", "mod(x, y)"), "round": ("x", "floor(x + 0.5)"),
         "float double": ("x", "x"), "int trunc fix": ("x", "sign(x)*floor(abs(x))"),
         "clip clamp": ("x a b", "max(a, min(x, b))"), "norm": ("x y", "hypot(x, y)"),
         "where ifelse iif ite cond piecewise": ("condition a b", "if(condition, a, b)"),
@@ -206,7 +206,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (rf"({_TERM})\s*(==|!=|<>|≠)\s*({_TERM})", _compared),
     (rf"(?<=\bif\()\s*({_TERM})\s*(=)\s*({_TERM})", _compared),
     (r"([\w.]+)(?:\s+(?:mod|rem)\s+|\s*%\s*)([\w.]+)",
-     "write {0} - {1}*floor({0}/{1})"),
+     "write mod({0}, {1})"),
     (r"([\w.]+)\s+div\s+([\w.]+)", "write floor({0}/{1})"),
     *(
         (rf"\b({CALLED})\s*{power}", _power_of_call)

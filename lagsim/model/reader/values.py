@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
+from lagsim.language.names import HIDDEN, rate_of, rated
 from lagsim.language.parser import parse
 from lagsim.model.model import Coordinate, Definition, InitialValue, Level, Parameter
 from lagsim.model.nodes import (
@@ -141,7 +142,7 @@ class Definitions:
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
         about = f"the definition `{cycle[0]}` depends on itself: "
         about += " -> ".join([*shown, cycle[0]])
-        place = scalar.place_of(at.offset, len(at.text))
+        place = scalar.place_of_name(at.text, at.offset)
         self.x.faults.add("cycle", about, place)
 
     def _find_levels(self) -> None:
@@ -174,6 +175,7 @@ class Definitions:
             Definition(name, known.node, known.level, *about)
             for name, about in self._about.items()
             if (known := self.x.definitions.get(name)) and known.node is not None
+            if name[:1] != HIDDEN
         )
 
 
@@ -287,12 +289,12 @@ class Parameters(_Numbers):
             if kind in (Kind.PARAMETER, Kind.MODE) or names.is_faulty(name):
                 continue
             moving, states = names.moving(), names.of(Kind.STATE)
-            rates = (f"{q}_dot" for q in moving)
+            rates = map(rate_of, moving)
             modes = names.of(Kind.MODE)
             among = [*names.of(Kind.PARAMETER), *modes, *moving, *states, *rates]
             hint = faults.did_you_mean(name, among)
             text = f"there is no parameter or start value `{name}`"
-            if "." in name:
+            if "." in name and self.x.reading is None:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
             elif kind is not None:
                 text = f"`{name}` is {kind.text}"
@@ -368,11 +370,11 @@ class Initial(_Numbers):
         self, found: dict[str, InitialValue], place: Place
     ) -> tuple[InitialValue, ...]:
         coordinates = self.x.names.of(Kind.COORDINATE)
-        rates = [f"{q}_dot" for q in coordinates]
-        for rate in rates:
-            if rate not in self._all:  # a velocity not named is stated to be 0
-                found[rate] = InitialValue(rate, 0.0, 0.0, False, "0", place)
-        order = [*coordinates, *rates, *self.x.names.of(Kind.STATE), *found]
+        velocities = list(map(rate_of, coordinates))
+        for name in velocities:
+            if name not in self._all:  # a velocity not named is stated to be 0
+                found[name] = InitialValue(name, 0.0, 0.0, False, "0", place)
+        order = [*coordinates, *velocities, *self.x.names.of(Kind.STATE), *found]
         return tuple(found[name] for name in dict.fromkeys(order) if name in found)
 
     def _start(self, key: Scalar, node: Node) -> InitialValue | None:
@@ -397,7 +399,7 @@ class Initial(_Numbers):
         faults, broken = self.x.faults, (Broken(node.place), True)
         if both := self._with_rate(key.text, node):
             text = f"{what} must be one expression, found {kind_of(node)}"
-            hint = f"write `{key.text}: {both[0]}` and `{key.text}_dot: {both[1]}`"
+            hint = f"write `{key.text}: {both[0]}` and `{rate_of(key.text)}: {both[1]}`"
             faults.add("not-an-expression", text, node.place, hint)
             return broken
         if not isinstance(node, Mapping):
@@ -466,7 +468,7 @@ class Initial(_Numbers):
             faults.add("no-rate", text, key.place)
             return False, None
         if kind is Kind.RATE and node is not None:
-            node = self.x.rate(base)
+            node = self.x.rate_of(base)
         return node is not None, node
 
     def _report_unknown(self, key: Scalar) -> None:
@@ -476,12 +478,12 @@ class Initial(_Numbers):
         near = near if near in moving else hints.rate_of(name, moving)
         near = near or hints.rate_within(name, moving)
         if not near and name in hints.SPEEDS and len(coordinates) == 1:
-            near = f"{coordinates[0]}_dot"
-        if not near and name.removesuffix("_dot") not in self._above:
-            among = [*moving, *names.of(Kind.STATE), *(f"{q}_dot" for q in moving)]
+            near = rate_of(coordinates[0])
+        if not near and rated(name)[0] not in self._above:
+            among = [*moving, *names.of(Kind.STATE), *map(rate_of, moving)]
             near = faults.guess(name, among)
         hint = "start values are those of coordinates, definitions and their rates"
-        hint += f", such as {moving[0]}_dot" if moving else ""
+        hint += f", such as {rate_of(moving[0])}" if moving else ""
         if near:  # read as that, or it would be reported as missing too
             hint = f"did you mean `{near}`?"
             self._all.add(near)

@@ -30,6 +30,7 @@ import numpy as np
 
 from lagsim.language.derivatives import slopes, tangent
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.names import rate_of
 from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
@@ -449,7 +450,7 @@ def film_of_columns(
     if not {"t", "x", "y"} <= columns.keys():
         return None
     axes = [axis for axis in "xyz" if axis in columns]
-    rates = [f"{axis}_dot" for axis in axes]
+    rates = list(map(rate_of, axes))
     known = set(rates) <= columns.keys()
     names = ["t", *axes, *(rates if known else ())]
     names += [energy for energy in ENERGIES if energy in columns]

@@ -32,6 +32,7 @@ import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.language.names import rate_of, rated
 from lagsim.mechanics.equations import derive
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format
@@ -105,7 +106,7 @@ class Axis(NamedTuple):
             _check_start(model, name)
             units = {x.name: x.unit for x in model.variables}
             units |= {d.name: d.unit for d in model.definitions}
-            base = name.removesuffix("_dot")
+            base = rated(name)[0]
             unit = units.get(name) or (f"{u}/s" if (u := units.get(base, "")) else "")
         values: list[float] = []
         for text in texts:
@@ -247,7 +248,7 @@ def _plain(text: str) -> float | None:
 
 def _check_start(model: Model, name: str) -> None:
     moving = [c.name for c in model.coordinates] + [d.name for d in model.definitions]
-    known = [*moving, *(f"{q}_dot" for q in moving), *(x.name for x in model.initial)]
+    known = [*moving, *map(rate_of, moving), *(x.name for x in model.initial)]
     if name in known:
         return
     near = difflib.get_close_matches(

@@ -1,0 +1,26 @@
+"""Names of columns made of those of coordinates, definitions and their members.
+
+A member of a family or a component of a vector has a name with dots, `q.3`, `G.3.x`;
+what stands before the first dot gets the ending: `q_dot.3`, `G_ddot.3.x`.
+"""
+
+from __future__ import annotations
+
+# What begins the names of definitions that are no columns; no name of a file does.
+HIDDEN = "~"
+ENDINGS = ("", "_dot", "_ddot")
+
+
+def rate_of(name: str, order: int = 1) -> str:
+    """Name of a rate (order 1), or of the second rate."""
+    head, dot, tail = name.partition(".")
+    return f"{head}{ENDINGS[order]}{dot}{tail}"
+
+
+def rated(name: str) -> tuple[str, int]:
+    """Name of which this is the rate, and the order; the name itself, and 0."""
+    head, dot, tail = name.partition(".")
+    for order in (2, 1):
+        if head.endswith(ENDINGS[order]):
+            return f"{head.removesuffix(ENDINGS[order])}{dot}{tail}", order
+    return name, 0

@@ -1,0 +1,816 @@
+"""Families, vectors, frames and bodies of a file written out by members.
+
+Between the nodes of YAML and the reader: `Expansion` gives nodes with one entry for
+each member and component, under names with dots (`q.3`, `G.3.x`), whose scalars carry
+how their text is read for it. The reader after it knows numbers only.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from lagsim import limits
+from lagsim.language.functions import FUNCTIONS
+from lagsim.language.names import HIDDEN
+from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
+from lagsim.model.expansion import trees
+from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES, steps, tokens
+from lagsim.model.expansion.scope import (
+    Family,
+    Made,
+    Reading,
+    Scope,
+    UnresolvedError,
+    dotted,
+)
+from lagsim.model.nodes import (
+    Broken,
+    Entry,
+    Mapping,
+    Node,
+    Scalar,
+    Sequence,
+    entries_of,
+    items_of,
+    leaves,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from collections.abc import Mapping as MappingType
+
+    from lagsim.language.graph import Graph
+    from lagsim.language.parser import Token
+    from lagsim.model.expansion.grammar import Steps
+    from lagsim.model.expansion.scope import Indices
+
+# Keys of the value in what an entry of a section is given by.
+_VALUES = {
+    "parameters": ("value",), "definitions": ("value",), "constraints": ("relation",),
+    "initial": ("guess", "steady"), "states": ("rate",),
+}  # fmt: skip
+_DECLARING = ("parameters", "coordinates", "states", "constraints", "definitions")
+_SIZES = (2, 3)
+# Of a parameter: the entries of a symmetric matrix, too.
+_MATRIX = 6
+_COMPONENTS = {"xy": 2, "xyz": 3}
+
+
+class _Subscript(NamedTuple):
+    """A range `index = first..last`, or a single subscript."""
+
+    runs: str
+    first: Steps
+    last: Steps | None
+    token: Token
+
+
+class _Key(NamedTuple):
+    """A name with subscripts and a component, as they stand in a key or in a list."""
+
+    name: str
+    subscripts: tuple[_Subscript, ...] = ()
+    letter: str = ""
+
+    @property
+    def ranged(self) -> bool:
+        """Return whether it denotes several members."""
+        return any(s.last is not None for s in self.subscripts)
+
+
+Members = list[tuple["Indices", tuple[int, ...]]]
+_ONE: Members = [({}, ())]
+
+
+class _Given(NamedTuple):
+    """An entry of a section, with the members that it is for."""
+
+    key: Scalar
+    node: Node
+    family: Family
+    form: str  # of names: "{}", or "{}_dot" of rates
+    parsed: _Key
+    members: Members
+
+
+def _parsed_key(text: str) -> _Key | None:
+    """Return key of a text; None where it is not of this form.
+
+    Raises
+    ------
+    ExpressionError
+        With the fault of a range.
+    """
+    if not ("(" in text or "." in text):
+        return _Key(text)
+    try:
+        found = tokens(text)
+    except ExpressionError:
+        return None
+    letter = ""
+    if len(found) > 1 and found[-2].kind == "component":
+        letter = found.pop(-2).text[1:].strip()
+    if [t.kind for t in found] == ["name", "end"]:
+        return _Key(found[0].text, (), letter)
+    kinds = [found[0].kind, *(t.kind for t in found[-2:])]
+    if kinds != ["function", "close", "end"]:
+        return None
+    parts: list[list[Token]] = [[]]
+    depth = 0
+    for token in found[2:-2]:
+        depth += (token.kind == "open") - (token.kind == "close")
+        if token.kind == "comma" and depth == 0:
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    return _Key(
+        found[0].text, tuple(_subscript(text, p, found[-2]) for p in parts), letter
+    )
+
+
+def _subscript(text: str, part: list[Token], end: Token) -> _Subscript:
+    index = ""
+    if [t.kind for t in part[:2]] == ["name", "relation"]:
+        index, part = part[0].text, part[2:]
+    at = next((k for k, t in enumerate(part) if t.kind == "range"), None)
+    close = end._replace(kind="end", text="")
+    if at is None:
+        if index:
+            hint = f"write {index} = 1..n"
+            raise end.fault(f"the range of `{index}` has no end", hint, "range")
+        return _Subscript("", steps(text, [*part, close]), None, (part or [end])[0])
+    ends = (
+        [*part[:at], close._replace(offset=part[at].offset)],
+        [*part[at + 1 :], close],
+    )
+    first, last = (steps(text, side) for side in ends)
+    return _Subscript(index, first, last, part[at])
+
+
+class Expansion:
+    """A file written out by members.
+
+    Parameters
+    ----------
+    root
+        The file.
+    instead
+        Expressions that replace those of parameters, by their names with dots.
+    report
+        Takes code, text, place and hint of a fault.
+    is_unit
+        Tells whether a text is a unit.
+    graph
+        Where the expressions will be built.
+
+    Attributes
+    ----------
+    node : Node
+        The file.
+    scope : Scope
+        Its names.
+    broken : set of str
+        Names whose declaration has a fault.
+    """
+
+    def __init__(
+        self,
+        root: Node,
+        instead: MappingType[str, str],
+        report: Callable[..., None],
+        is_unit: Callable[[str], bool],
+        graph: Graph,
+    ) -> None:
+        self.scope = Scope(graph)
+        self._report, self._is_unit = report, is_unit
+        self.broken: set[str] = set()
+        self.plain = Reading(self.scope, {}, None, 1)
+        self.hidden: list[Entry] = []
+        self._instead = instead
+        self._count = 0
+        self.node = root
+        if isinstance(root, Mapping):
+            self._top = {key.text: (key, value) for key, value in root.entries}
+            self._vectors = _mentions_vectors(root)
+            new = self._sections()
+            entries = ((k, new.get(k.text) or self._plain(v)) for k, v in root.entries)
+            self.node = root._replace(entries=tuple(entries))
+
+    def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
+        """Enter a hidden definition, see `trees`; give what refers to it.
+
+        `at`: the scalar whose text has the offsets of the value's names.
+        """
+        parts = (value,) if isinstance(value, trees.Tree) else value
+        letters = (
+            ("",) if isinstance(value, trees.Tree) else trees.components(len(parts))
+        )
+        names = [dotted(f"{HIDDEN}{name}", (), letter) for letter in letters]
+        for full, part in zip(names, parts, strict=True):
+            reading = Made(self.scope, trees.parsed(part, at.text))
+            key = at._replace(text=full, reading=reading)
+            self.hidden.append((key, at._replace(reading=reading)))
+        found = tuple(trees.name(full) for full in names)
+        return found[0] if isinstance(value, trees.Tree) else found
+
+    def _sections(self) -> dict[str, Node]:
+        """Return sections that are written out."""
+        given: dict[str, list[_Given]] = {}
+        new: dict[str, list[Entry]] = {}
+        new["parameters"] = list(self._parameters())
+        for section in _DECLARING[1:]:
+            declared = map(self._declared, *self._entries(section))
+            given[section] = [one for one in declared if one]
+        self._resolve(given["definitions"])
+        for section in _DECLARING[1:]:
+            new[section] = [e for one in given[section] for e in self._written(one)]
+        for section in ("forces", "initial"):
+            new[section] = self._referring(section)
+        new["definitions"] += self.hidden
+        found: dict[str, Node] = {}
+        for section, entries in new.items():
+            node = self._top[section][1] if section in self._top else None
+            if isinstance(node, Mapping):
+                found[section] = node._replace(entries=tuple(entries))
+        for section, rule in (("scene", self._scene), ("output", self._output)):
+            if section in self._top:
+                found[section] = rule(self._top[section][1])
+        return found
+
+    def _entries(self, section: str) -> tuple[list[Scalar], list[Node], list[str]]:
+        """Return keys, values and the section's name of each entry."""
+        node = self._top[section][1] if section in self._top else None
+        found = entries_of(node)
+        return [k for k, _ in found], [v for _, v in found], [section] * len(found)
+
+    def _plain(self, node: Node, reading: Reading | None = None) -> Node:
+        """Return a node whose scalars are read for a member, or outside of families."""
+        reading = reading or self.plain
+        if isinstance(node, Scalar):
+            return node._replace(reading=reading)
+        if isinstance(node, Sequence):
+            return node._replace(
+                items=tuple(self._plain(n, reading) for n in node.items)
+            )
+        if isinstance(node, Mapping):
+            rules = {"slip": self._spread}
+            entries = (
+                (k, rules.get(k.text, self._plain)(v, reading)) for k, v in node.entries
+            )
+            return node._replace(entries=tuple(entries))
+        return node
+
+    # Keys, and their members
+
+    def fault(self, fault: ExpressionError, scalar: Scalar) -> None:
+        """Report a fault in a scalar."""
+        if fault.code != SILENT:
+            place = scalar.place_of(fault.offset, fault.length)
+            self._report(f"expression-{fault.code}", fault.text, place, fault.hint)
+
+    def _key(self, key: Scalar) -> tuple[_Key, Members] | None:
+        """Return a key and its members; None where it is faulty, or no such key."""
+        try:
+            parsed = _parsed_key(key.text)
+            return parsed and (parsed, self._members(parsed))
+        except ExpressionError as fault:
+            self.fault(fault, key)
+            self.broken.add(key.text.partition("(")[0])
+        return None
+
+    def _members(self, key: _Key) -> Members:
+        """Return members that a key denotes.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        found = _ONE
+        for subscript in key.subscripts:
+            token, index = subscript.token, subscript.runs
+            new: Members = []
+            ranges = []
+            for indices, member in found:
+                if index in indices:
+                    text = f"the index `{index}` is given twice"
+                    raise token.fault(
+                        text, "each range has an index of its own", "range"
+                    )
+                first = self.scope.whole(
+                    self.scope.value(subscript.first, indices), token
+                )
+                last = first
+                if subscript.last is not None:
+                    last = self.scope.whole(
+                        self.scope.value(subscript.last, indices), token
+                    )
+                ranges.append((indices, member, first, last))
+            count = sum(max(0, last - first + 1) for *_, first, last in ranges)
+            if self._count + count > limits.MEMBERS:
+                text = (
+                    f"the families of this file have {self._count + count:,} members, "
+                )
+                text += f"more than {limits.MEMBERS:,}"
+                raise token.fault(text, "", "too-many")
+            for indices, member, first, last in ranges:
+                for k in range(first, last + 1):
+                    inner = {**indices, index: k} if index else indices
+                    new.append((dict(inner), (*member, k)))
+            found = new
+        return found
+
+    def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
+        """Return an entry that declares its name."""
+        found = self._key(key)
+        if found is None or found[0].letter:
+            parsed, members = _Key(key.text), _ONE  # the reader refuses the name
+            if key.text.partition("(")[0] in self.broken:
+                self._break(key.text.partition("(")[0], section, key)
+                return None
+        else:
+            parsed, members = found
+        name, indexed = parsed.name, bool(parsed.subscripts)
+        space = self.scope.variables
+        if section == "constraints":
+            space = self.scope.constraints
+        family = space.get(name)
+        if family is None:
+            family = space[name] = Family(name, section, key.place, indexed)
+            family.resolved = section != "definitions"
+        if section == "coordinates":
+            family.letters = self._components(node)
+        if indexed and not self._may_be(name, family, section, key):
+            return None
+        return self._join(_Given(key, node, family, "{}", parsed, members))
+
+    def _break(self, name: str, section: str, key: Scalar) -> None:
+        space = self.scope.variables
+        if section == "constraints":
+            space = self.scope.constraints
+        family = space.setdefault(name, Family(name, section, key.place, True))
+        family.broken = True
+
+    def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
+        """Report a family whose name is another's already."""
+        if name in (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES):
+            text = f"`{name}` is a function and cannot be the name of a family"
+            self._report("reserved-name", text, key.place)
+        elif (family.section, family.indexed) != (section, True):
+            text = f"`{name}` is given already in `{family.section}` and cannot be a "
+            hint = f"the first is in line {family.place.line}"
+            self._report("name-clash", f"{text}family too", key.place, hint)
+        else:
+            return True
+        family.broken = True
+        self.broken.add(name)
+        return False
+
+    def _join(self, one: _Given) -> _Given | None:
+        """Add members to their family; those that it has are reported."""
+        family, members = one.family, one.members
+        if not one.parsed.subscripts:
+            family.members.add(())
+            return one
+        counts = {len(m) for m in family.members} | {len(m) for _, m in members}
+        if len(counts) > 1:
+            text = f"members of `{family.name}` have {min(counts)} or {max(counts)} "
+            self._report("wrong-count", f"{text}subscripts", one.key.place)
+            return None
+        again = next((m for _, m in members if m in family.members), None)
+        if again is not None:
+            name = dotted(family.name, again)
+            text = f"the member `{name}` of `{family.name}` is given twice"
+            self._report("duplicate-member", text, one.key.place)
+            return None
+        family.members.update(m for _, m in members)
+        self._count += len(members)
+        return one
+
+    # Values
+
+    def _parameters(self) -> Iterator[Entry]:
+        """Return the parameters, and note their values for ranges and subscripts."""
+        for key, node, section in zip(*self._entries("parameters"), strict=True):
+            one = self._declared(key, node, section)
+            if one is None:
+                continue
+            for name, value in self._written(one):
+                yield name, value
+                self._evaluate(name.text, value)
+
+    def _evaluate(self, name: str, node: Node) -> None:
+        given = _inner(node, _VALUES["parameters"])
+        if name in self._instead:
+            text, reading = self._instead[name], None
+        elif isinstance(given, Scalar):
+            text, reading = given.text, given.reading
+        else:
+            return
+        try:
+            parsed = (reading or self.plain).parsed(text, parse)
+            self.scope.uses[name] = {used.text for used in parsed.names}
+            self.scope.numbers[name] = self.scope.number(parsed)
+        except (ExpressionError, UnresolvedError):
+            return  # the reader reports it
+
+    def _resolve(self, given: list[_Given]) -> None:
+        """Find the sizes of definitions, each after those that it uses."""
+        waiting = [one for one in given if one.members]
+        progress = self._vectors
+        while waiting and progress:
+            left = [one for one in waiting if not self._resolved(one)]
+            progress = len(left) < len(waiting)
+            waiting = left
+        for one in given:
+            one.family.resolved = True
+
+    def _resolved(self, one: _Given) -> bool:
+        """Return whether the size of a definition could be found."""
+        try:
+            letters = self._letters(one)
+        except UnresolvedError:
+            return False
+        if not one.family.resolved:
+            one.family.letters, one.family.resolved = letters, True
+        return True
+
+    def _letters(self, one: _Given) -> tuple[str, ...]:
+        """Return components of what an entry gives its first member.
+
+        Raises
+        ------
+        UnresolvedError
+        """
+        section, node = one.family.section, one.node
+        if section == "coordinates":
+            return one.family.letters
+        node = _inner(node, _VALUES[section])
+        if one.parsed.ranged and isinstance(node, Sequence) and node.items:
+            node = node.items[0]
+        if isinstance(node, Sequence):
+            sizes = (*_SIZES, _MATRIX) if section == "parameters" else _SIZES
+            fits = len(node.items) in sizes and not self._with_unit(node)
+            return trees.components(len(node.items)) if fits else ()
+        if not isinstance(node, Scalar) or not (self._vectors and one.members):
+            return ()
+        parser: Callable[[str], Any] = parse
+        if section == "constraints":
+            parser = parse_relation
+        try:
+            left, right, _ = self.scope.values(node.text, parser, one.members[0][0])
+        except ExpressionError:
+            return ()
+        size = max(trees.size(left), 1 if right is None else trees.size(right))
+        return trees.components(size) if size > 1 else ()
+
+    def _components(self, given: Node) -> tuple[str, ...]:
+        """Return the components that a coordinate is said to have."""
+        for key, node in entries_of(given):
+            if key.text == "components" and isinstance(node, Scalar):
+                if node.text in _COMPONENTS:
+                    return trees.components(_COMPONENTS[node.text])
+                text = f"`components` must be `xy` or `xyz`, found `{node.text}`"
+                self._report("expression-component", text, node.place)
+        return ()
+
+    def _with_unit(self, node: Sequence) -> bool:
+        """Return whether a list is a number with its unit, which the reader refuses."""
+        last = node.items[-1]
+        return (
+            len(node.items) == len(("number", "unit"))
+            and isinstance(last, Scalar)
+            and self._is_unit(last.text)
+            and last.text not in self.scope.variables
+        )
+
+    def _written(self, one: _Given) -> Iterator[Entry]:
+        """Return entries of the members of an entry, and of their components."""
+        family, section = one.family, one.family.section
+        letters = family.letters
+        if section != "definitions" and one.form == "{}":
+            letters = self._letters(one)
+            if one.members and not family.letters:
+                family.letters = letters
+        yield from self._by_members(one, _VALUES.get(section, ()), letters)
+
+    def _by_members(
+        self, one: _Given, keys: tuple[str, ...], letters: tuple[str, ...]
+    ) -> Iterator[Entry]:
+        key, parsed = one.key, one.parsed
+        if one.family.section == "coordinates" and isinstance(one.node, Mapping):
+            kept = (e for e in one.node.entries if e[0].text != "components")
+            one = one._replace(node=one.node._replace(entries=tuple(kept)))
+        self._count += max(0, len(letters) - 1) * len(one.members)
+        inner = _inner(one.node, keys)
+        several = parsed.ranged and isinstance(inner, Sequence)
+        if (
+            isinstance(inner, Sequence)
+            and several
+            and len(inner.items) != len(one.members)
+        ):
+            text = f"`{key.text}` has {len(one.members)} members, and the list "
+            hint = "a list beside a range has one value a member"
+            text += f"{len(inner.items)} values"
+            self._report("wrong-count", text, inner.place, hint)
+            one, several = one._replace(node=Broken(inner.place)), False
+        name = one.form.format(one.family.name)
+        if not (letters or parsed.subscripts):
+            yield key, self._plain(one.node)
+            return
+        for k, (indices, member) in enumerate(one.members):
+            node = one.node
+            if isinstance(inner, Sequence) and several:
+                node = _with_inner(node, keys, inner.items[k])
+            for c, letter in enumerate(letters or ("",)):
+                full = dotted(name, member, letter)
+                if parsed.letter and letter != parsed.letter:
+                    continue
+                size = len(letters)
+                component = c if letters and not parsed.letter else None
+                reading = Reading(self.scope, indices, component, size or 1)
+                value = self._placed(node, keys, reading, key)
+                yield key._replace(text=full, reading=reading), value
+
+    def _placed(
+        self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar
+    ) -> Node:
+        """Return what an entry gives a component of a member."""
+        inner, c = _inner(node, keys), reading.component
+        outer = reading
+        if c is not None:
+            outer = Reading(self.scope, reading.indices, None, 1)
+        if isinstance(inner, Sequence) and c is not None:
+            if len(inner.items) != reading.size:
+                text = f"`{key.text}` is a vector of {reading.size}, found a list of "
+                text += f"{len(inner.items)}"
+                self._report("wrong-count", text, inner.place)
+                return Broken(inner.place)
+            inner = self._plain(inner.items[c], outer)
+        else:
+            inner = self._plain(inner, reading)
+        if isinstance(node, Mapping) and inner is not node:
+            return _with_inner(self._plain(node, outer), keys, inner)
+        return inner
+
+    # Sections that refer to names
+
+    def _referring(self, section: str) -> list[Entry]:
+        """Return entries of forces or start values, of which a single member's wins."""
+        found: dict[str, tuple[Entry, bool]] = {}
+        for key, node, _ in zip(*self._entries(section), strict=True):
+            one = self._referred(key, node)
+            if one is None:
+                continue
+            if isinstance(one, tuple) and not isinstance(one, _Given):
+                found[key.text] = one, False
+                continue
+            ranged, again = one.parsed.ranged, ""
+            for entry in self._by_members(
+                one, _VALUES.get(section, ()), one.family.letters
+            ):
+                name = entry[0].text
+                _, other = found.get(name, (entry, not ranged))
+                if other == ranged or section != "initial":
+                    again = again or name * (name in found)
+                if not ranged or name not in found:
+                    found.pop(name, None)  # to stand where the one that wins does
+                    found[name] = entry, ranged
+            if again:
+                text = f"`{again}` is given twice"
+                self._report("duplicate-member", text, key.place)
+        return [entry for entry, _ in found.values()]
+
+    def _referred(self, key: Scalar, node: Node) -> _Given | Entry | None:
+        """Return an entry for members; as it is where its name is no family's."""
+        found = self._key(key)
+        if found is None:
+            known = key.text.partition("(")[0] in self.broken
+            return None if known else (key, self._plain(node))
+        parsed, members = found
+        meant = self.scope.reference(parsed.name)
+        if meant is None:
+            return key, self._plain(node)
+        family, form = meant
+        fault = "", "", ""
+        if family.broken:
+            return None
+        if family.indexed != bool(parsed.subscripts):
+            fault = (
+                "subscript",
+                f"`{parsed.name}` is a family: a subscript is missing",
+                "",
+            )
+            if not family.indexed:
+                fault = "subscript", f"`{parsed.name}` is no family", ""
+        elif missing := [m for _, m in members if m not in family.members]:
+            text = (
+                f"there is no `{dotted(parsed.name, missing[0])}`: {family.described()}"
+            )
+            fault = "member", text, ""
+        elif parsed.letter and parsed.letter not in family.letters:
+            fault = (
+                "component",
+                f"`{parsed.name}` has no component `.{parsed.letter}`",
+                "",
+            )
+        if fault[0]:
+            self._report(f"expression-{fault[0]}", fault[1], key.place, fault[2])
+            return None
+        return _Given(key, node, family, form, parsed, members)
+
+    def _spread(self, node: Node, reading: Reading) -> Node:
+        """Return a list of components for a vector that stands where a list does."""
+        if not isinstance(node, Scalar) or not self._vectors:
+            return self._plain(node, reading)
+        try:
+            size = trees.size(self.scope.values(node.text, parse, reading.indices)[0])
+        except ExpressionError:
+            size = 1
+        if size == 1:
+            return self._plain(node, reading)
+        readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
+        return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
+
+    def _scene(self, node: Node) -> Node:
+        """Return the scene: points by members, and links between these."""
+        points: dict[str, Family] = {}
+        entries = []
+        for key, value in entries_of(node):
+            new = self._plain(value)
+            if key.text == "points" and isinstance(value, Mapping):
+                found = [
+                    e for k, v in value.entries for e in self._points(k, v, points)
+                ]
+                new = value._replace(entries=tuple(found))
+            elif key.text == "links" and isinstance(value, Sequence):
+                links = [n for link in value.items for n in self._links(link, points)]
+                new = value._replace(items=tuple(links))
+            entries.append((key, new))
+        return (
+            node._replace(entries=tuple(entries)) if isinstance(node, Mapping) else node
+        )
+
+    def _points(
+        self, key: Scalar, node: Node, points: dict[str, Family]
+    ) -> Iterator[Entry]:
+        found = self._key(key)
+        if found is None or not found[0].subscripts:
+            yield key, self._spread(node, self.plain)
+            return
+        parsed, members = found
+        new = Family(parsed.name, "points", key.place, True)
+        family = points.setdefault(parsed.name, new)
+        if self._join(_Given(key, node, family, "{}", parsed, members)) is None:
+            return
+        several = parsed.ranged and any(isinstance(n, Sequence) for n in items_of(node))
+        if several and len(items_of(node)) != len(members):
+            text = f"`{key.text}` has {len(members)} members, and the list "
+            text += f"{len(items_of(node))} points"
+            self._report("wrong-count", text, node.place)
+            return
+        for k, (indices, member) in enumerate(members):
+            reading = Reading(self.scope, indices, None, 1)
+            one = items_of(node)[k] if several else node
+            full = key._replace(text=dotted(parsed.name, member), reading=reading)
+            yield full, self._spread(one, reading)
+
+    def _links(self, node: Node, points: dict[str, Family]) -> list[Node]:
+        """Return a link, or those between consecutive points of a family."""
+        if isinstance(node, Mapping):
+            below = {k.text: v for k, v in node.entries}
+            ends = self._links(below.get("points", node), points)
+            return [_with_inner(node, ("points",), end) for end in ends]
+        if not isinstance(node, Sequence):
+            return [node]
+        names = [n for item in node.items for n in self._denoted(item, points)]
+        if len(names) == len(node.items):
+            return [node._replace(items=tuple(names))]
+        return [node._replace(items=pair) for pair in pairwise(names)]
+
+    def _denoted(
+        self, node: Node, space: dict[str, Family] | None = None
+    ) -> list[Node]:
+        """Return the names that an item of a list denotes: members, and components."""
+        if not isinstance(node, Scalar):
+            return [node]
+        found = self._key(node)
+        if found is None:
+            return [Broken(node.place)]
+        parsed, members = found
+        meant = self.scope.reference(parsed.name) if space is None else None
+        family = space.get(parsed.name) if space is not None else meant and meant[0]
+        if family is None or family.broken:
+            return [node if family is None else Broken(node.place)]
+        if not parsed.subscripts:
+            members = [({}, m) for m in sorted(family.members)]
+        if missing := [m for _, m in members if m not in family.members]:
+            text = (
+                f"there is no `{dotted(parsed.name, missing[0])}`: {family.described()}"
+            )
+            self._report("expression-member", text, node.place)
+            return [Broken(node.place)]
+        letters = (parsed.letter,) if parsed.letter else family.letters or ("",)
+        return [
+            node._replace(text=dotted(parsed.name, m, c), reading=self.plain)
+            for _, m in members
+            for c in letters
+        ]
+
+    def _output(self, node: Node) -> Node:
+        """Return columns and reactions by members; the curves of plots."""
+        entries = []
+        for key, value in entries_of(node):
+            new = self._plain(value)
+            if key.text in ("columns", "reactions") and isinstance(value, Sequence):
+                items = (n for item in value.items for n in self._denoted(item))
+                new = value._replace(items=tuple(items))
+            elif key.text == "plots" and isinstance(value, Sequence):
+                new = value._replace(items=tuple(map(self._plot, value.items)))
+            entries.append((key, new))
+        return (
+            node._replace(entries=tuple(entries)) if isinstance(node, Mapping) else node
+        )
+
+    def _plot(self, node: Node) -> Node:
+        if not isinstance(node, Mapping):
+            return self._plain(node)
+        entries = []
+        for key, value in node.entries:
+            new = self._plain(value)
+            if key.text in ("y", "y2"):
+                curves = [c for item in items_of(value) for c in self._curves(item)]
+                several = len(curves) != 1 or isinstance(value, Sequence)
+                new = Sequence(tuple(curves), value.place) if several else curves[0]
+            entries.append((key, new))
+        return node._replace(entries=tuple(entries))
+
+    def _curves(self, node: Node) -> list[Node]:
+        """Return expressions that are curves: of each member, and of each component."""
+        if not isinstance(node, Scalar):
+            return [node]
+        try:
+            parsed = _parsed_key(node.text)
+        except ExpressionError:
+            parsed = None
+        meant = parsed and self.scope.reference(parsed.name)
+        if (
+            parsed
+            and meant
+            and not meant[0].broken
+            and (parsed.ranged or not parsed.subscripts)
+        ):
+            return [
+                self._plain(n._replace(text=_written(*n.text.split("."))))
+                if isinstance(n, Scalar)
+                else n
+                for n in self._denoted(node)
+            ]
+        spread = self._spread(node, self.plain)
+        if not isinstance(spread, Sequence):
+            return [spread]
+        return [
+            self._plain(node._replace(text=f"({node.text}).{c}"))
+            for c in trees.components(len(spread.items))
+        ]
+
+
+def _written(name: str, *rest: str) -> str:
+    """Return name of a member or a component as expressions have it: `G(3).x`."""
+    numbers = [part for part in rest if not part[0].isalpha()]
+    letters = [f".{part}" for part in rest if part[0].isalpha()]
+    return name + (f"({', '.join(numbers)})" if numbers else "") + "".join(letters)
+
+
+def _mentions_vectors(root: Mapping) -> bool:
+    """Return whether there may be vectors in a file."""
+    sections = {key.text: node for key, node in root.entries}
+    if any(key in sections for key in ("frames", "bodies", "gravity")):
+        return True
+    below = [
+        e
+        for key in ("parameters", "definitions")
+        for e in entries_of(sections.get(key))
+    ]
+    if any(isinstance(_inner(node, ("value",)), Sequence) for _, node in below):
+        return True
+    coordinates = entries_of(sections.get("coordinates"))
+    if any(
+        key.text == "components" for _, n in coordinates for key, _ in entries_of(n)
+    ):
+        return True
+    return any("vec(" in leaf.text.replace(" ", "") for _, leaf in leaves(root))
+
+
+def _inner(node: Node, keys: tuple[str, ...]) -> Node:
+    """Return what a mapping has at one of some keys; else the node."""
+    below = {key.text: value for key, value in entries_of(node)}
+    return next((below[key] for key in keys if key in below), node)
+
+
+def _with_inner(node: Node, keys: tuple[str, ...], new: Node) -> Node:
+    """Return a node with something else there."""
+    if not isinstance(node, Mapping) or _inner(node, keys) is node:
+        return new
+    entries = ((k, new if k.text in keys else v) for k, v in node.entries)
+    return node._replace(entries=tuple(entries))

@@ -1,0 +1,160 @@
+"""Expressions of families and vectors -> steps, in postfix, to be evaluated by members.
+
+The language's parser, extended: a name followed by `(` that is no function is a member,
+`q(i-1)`; `.x` takes a component; `sum`, `min` and `max` run over `i = a..b`; functions
+of vectors. A text is parsed once, for whatever number of members.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from lagsim.language import parser
+from lagsim.language.functions import FUNCTIONS
+from lagsim.language.parser import Parser, Pending, Token
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_MORE = re.compile(
+    parser.TOKEN.pattern.replace(r"[0-9]+\.?[0-9]*", r"[0-9]+(?:\.(?!\.)[0-9]*)?")
+    + r"""
+  | (?P<range>\.\.)
+  | (?P<component>\.\s*[^\W\d_]\w*)""",
+    re.VERBOSE,
+)
+
+# What runs over a range, and what joins its terms.
+OVER_RANGES = {"sum": "add", "min": "min", "max": "max"}
+# Functions of vectors, and how many arguments they take.
+OF_VECTORS = {"vec": (2, 3), "dot": (2,), "cross": (2,), "norm": (1,), "unit": (1,)}
+NESTED = 16
+_RANGE = "such as sum(i = 1..n, m(i))"
+
+
+class Step(NamedTuple):
+    """An operation on a stack of values; `payload` is a number, a name or a count.
+
+    Of what runs over a range: the index, and the steps of a term.
+    """
+
+    op: str
+    payload: float | str | int | tuple[str, Steps]
+    token: Token
+
+
+Steps: TypeAlias = tuple[Step, ...]
+
+
+@dataclass(slots=True)
+class _Over(Pending):
+    """A sum whose end has not been seen: its index, and where its terms begin."""
+
+    index: str = ""
+    ranged: bool = False
+    begin: int = -1
+
+
+class _Extended(Parser):
+    """Parser of expressions with members, components and ranges."""
+
+    def __init__(self, text: str, part: list[Token]) -> None:
+        super().__init__(text, part)
+        self.steps: list[Step] = []
+
+    def _emit(
+        self, token: Token, op: str, payload: float | str | tuple[str, Steps]
+    ) -> None:
+        self.steps.append(Step(op, payload, token))
+
+    def _function(self, token: Token) -> None:
+        name, ahead = token.text, self.part[self.at : self.at + 3]
+        if name in OVER_RANGES and [t.kind for t in ahead] == _HEAD:
+            if sum(isinstance(p, _Over) for p in self.pending) == NESTED:
+                text = f"more than {NESTED} sums in one another"
+                raise token.fault(text, "define the inner ones", "range")
+            over = _Over(name, 0, token, call=True, index=ahead[1].text)
+            self.at += len(ahead)
+            self.pending.append(over)
+        elif name == "sum":
+            raise token.fault("`sum` takes a range", _RANGE, "range")
+        elif name in FUNCTIONS:
+            super()._function(token)
+        else:
+            self.pending.append(Pending(name, 0, token, call=True))
+
+    def _after_operand(self, token: Token) -> bool:
+        if token.kind == "component":
+            self._emit(token, "component", token.text[1:].strip())
+            return False
+        if token.kind != "range":
+            return super()._after_operand(token)
+        self._reduce(1, token)
+        top = self.pending[-1] if self.pending else None
+        if not isinstance(top, _Over) or top.ranged:
+            raise token.fault(
+                "`..` has no meaning here", f"a range is {_RANGE}", "range"
+            )
+        top.ranged = True
+        return True
+
+    def _comma(self, token: Token) -> bool:
+        top = self.pending[-1] if self.pending else None
+        if not isinstance(top, _Over):
+            return super()._comma(token)
+        if not top.ranged or top.begin >= 0:
+            text = f"`{top.op}` takes a range and one expression"
+            raise token.fault(text, _RANGE, "range")
+        top.begin = len(self.steps)
+        return True
+
+    def _close(self, token: Token) -> bool:
+        top = self.pending[-1] if self.pending else None
+        if (
+            not top
+            or not top.call
+            or (top.op in FUNCTIONS and not isinstance(top, _Over))
+        ):
+            return super()._close(token)
+        self.pending.pop()
+        payload: int | tuple[str, Steps] = top.arity
+        op = top.op
+        if isinstance(top, _Over):
+            if top.begin < 0:
+                text = f"`{top.op}` takes a range and an expression"
+                raise top.token.fault(text, _RANGE, "range")
+            payload, op = (top.index, tuple(self.steps[top.begin :])), f"over {top.op}"
+            del self.steps[top.begin :]
+        elif top.op not in OF_VECTORS:
+            op = "member"
+        elif top.arity not in OF_VECTORS[top.op]:
+            counts = " or ".join(map(str, OF_VECTORS[top.op]))
+            text = f"`{top.op}` takes {counts} arguments, found {top.arity}"
+            raise top.token.fault(text, "", "arity")
+        self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
+        self.kinds.append((False, top.token))
+        self._emit(top.token, op, payload)
+        return False
+
+
+_HEAD = ["open", "name", "relation"]
+
+
+def tokens(text: str) -> list[Token]:
+    """Return tokens of a text, then one of kind `end`."""
+    return list(parser.tokens(text, _MORE))
+
+
+def steps(text: str, part: Sequence[Token], *, conditional: bool = False) -> Steps:
+    """Return steps of the tokens of a text, or of a part of it that `end` closes.
+
+    Raises
+    ------
+    ExpressionError
+        With the place of the first fault.
+    """
+    found = _Extended(text, [*part])
+    found.parse(conditional=conditional)
+    return tuple(found.steps)

@@ -1,0 +1,517 @@
+"""Names of families and vectors, and the values of expressions of them for a member.
+
+A `Family` is what one name of the file denotes: members by their subscripts, each a
+number or a vector. `Scope.value` runs the steps of an expression for given indices and
+gives trees of scalars. `Reading` is what an expanded scalar carries: it gives the
+reader the expression of that member, with offsets in the text of the file.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+
+from lagsim import limits
+from lagsim.language.functions import FUNCTIONS, OPERATIONS
+from lagsim.language.names import ENDINGS
+from lagsim.language.parser import (
+    SILENT,
+    ExpressionError,
+    ParsedRelation,
+    parse,
+    parse_condition,
+    parse_relation,
+    sides,
+)
+from lagsim.model.expansion import trees
+from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES, Step, steps, tokens
+from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from lagsim.errors import Place
+    from lagsim.language.graph import Graph
+    from lagsim.language.parser import Parsed, Token
+    from lagsim.model.expansion.grammar import Steps
+
+    Indices = dict[str, int]
+    Parser = Callable[[str], Any]
+
+# A file has so many for each operation.
+_LETTERS = 3
+# A subscript is whole to so many units in the last place.
+_WHOLE = 4 * sys.float_info.epsilon
+
+
+class Family:
+    """Meaning of a name: its members by subscripts, and their components.
+
+    Attributes
+    ----------
+    section : str
+        That of the file which declares it.
+    indexed : bool
+        Whether it has subscripts; else it has one member, ().
+    members : set of tuple of int
+    letters : tuple of str
+        Names of components; none of numbers.
+    resolved : bool
+        Whether `letters` are known.
+    broken : bool
+        Whether a fault in its declaration is reported.
+    """
+
+    __slots__ = (
+        "broken", "indexed", "letters", "members", "name", "place", "resolved",
+        "section",
+    )  # fmt: skip
+
+    def __init__(self, name: str, section: str, place: Place, indexed: bool) -> None:
+        self.name, self.section, self.place = name, section, place
+        self.indexed = indexed
+        self.members: set[tuple[int, ...]] = set()
+        self.letters: tuple[str, ...] = ()
+        self.resolved = True
+        self.broken = False
+
+    def described(self) -> str:
+        """Return text on its members, for messages."""
+        if not self.members:
+            return f"`{self.name}` has no members"
+        ends = (min(self.members), max(self.members))
+        first, last = (_called(self.name, m) for m in ends)
+        return f"`{self.name}` has the members {first} to {last}"
+
+
+def dotted(name: str, member: tuple[int, ...] = (), letter: str = "") -> str:
+    """Name of a member, or of its component, as columns have it: `G.3.x`."""
+    return ".".join([name, *map(str, member), *([letter] if letter else [])])
+
+
+def _called(name: str, member: tuple[int, ...]) -> str:
+    return f"`{name}({', '.join(map(str, member))})`"
+
+
+class UnresolvedError(Exception):
+    """The size of a definition is needed and not known yet."""
+
+
+class _Source(NamedTuple):
+    """Steps of an expression, or of the sides of a relation with its sign's place."""
+
+    left: Steps
+    right: Steps | None = None
+    sense: str = ""
+    at: int = 0
+
+
+class Scope:
+    """Families of a file, values of its parameters, and expressions of them."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph = graph
+        self.variables: dict[str, Family] = {}
+        self.constraints: dict[str, Family] = {}
+        self.numbers = {"pi": math.pi}
+        self.uses: dict[str, set[str]] = {}
+        self.used: set[str] = set()
+        self._asked: set[str] = set()
+        self._terms = 0
+        self._sources: dict[tuple[str, object], _Source | ExpressionError] = {}
+        self._references: dict[str, tuple[Family, str] | None] = {}
+        self._last: tuple[object, ...] = (None,) * 3
+        self._value: tuple[Value, Value | None, str] = EMPTY, None, ""
+
+    @property
+    def structural(self) -> set[str]:
+        """Return parameters on which ranges and subscripts depend."""
+        found, new = set[str](), set(self._asked)
+        while new:
+            found |= new
+            new = {use for name in new for use in self.uses.get(name, ())} - found
+        return found
+
+    def noted(self, parsed: Parsed) -> Parsed:
+        """Note that the names of an expression are used; return it."""
+        self.used.update(name.text for name in parsed.names)
+        self._graph.allow(_LETTERS * len(parsed.postfix))
+        return parsed
+
+    # Texts
+
+    def source(self, text: str, parser: Parser) -> _Source:
+        """Return steps of a text, parsed once.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        key = text, parser
+        if key not in self._sources:
+            try:
+                self._sources[key] = _parsed(text, parser)
+            except ExpressionError as fault:
+                self._sources[key] = fault
+        found = self._sources[key]
+        if isinstance(found, ExpressionError):
+            raise found
+        return found
+
+    def values(
+        self, text: str, parser: Parser, indices: Indices
+    ) -> tuple[Value, Value | None, str]:
+        """Return both sides of an expression (None: there is one) for a member.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        last = self._last
+        if last[:2] != (text, parser) or last[2] is not indices:
+            source = self.source(text, parser)
+            left, right = self.value(source.left, indices), None
+            if source.right is not None:
+                right = self.value(source.right, indices)
+                sizes = trees.size(left), trees.size(right)
+                if len({*sizes}) > 1 and left is not EMPTY and right is not EMPTY:
+                    about = f"both sides must have one size, found {sizes[0]} and "
+                    raise ExpressionError(
+                        source.at, 1, f"{about}{sizes[1]}", "", "size"
+                    )
+            self._last, self._value = (
+                (text, parser, indices),
+                (left, right, source.sense),
+            )
+        return self._value
+
+    # Steps
+
+    def value(self, steps: Steps, indices: Indices) -> Value:
+        """Return value of steps for a member.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        stack: list[Value] = []
+        for step in steps:
+            op, payload, token = step
+            if op == "number":
+                assert isinstance(payload, float)
+                stack.append(trees.number(payload))
+            elif op == "name":
+                found = indices.get(token.text)
+                named = self._named(token) if found is None else trees.number(found)
+                stack.append(named)
+            else:
+                count = payload if isinstance(payload, int) else _POPPED[op[:4]]
+                args = stack[-count:]
+                del stack[-count:]
+                stack.append(self._applied(step, args, indices))
+        return stack.pop()
+
+    def _applied(self, step: Step, args: list[Value], indices: Indices) -> Value:
+        op, payload, token = step
+        if op == "member":
+            return self._member(token, args)
+        try:
+            if isinstance(payload, tuple):
+                return self._over(step, args, indices)
+            if op == "component":
+                return _component(args[0], str(payload))
+            return _operation(op, args, token)
+        except UnfitError as fault:
+            code = "component" if op == "component" else "size"
+            raise token.fault(fault.text, fault.hint, code) from None
+
+    def reference(self, name: str) -> tuple[Family, str] | None:
+        """Return the family of a name, as of a rate or force, and the form of names."""
+        if name not in self._references:
+            self._references[name] = self._find(name)
+        return self._references[name]
+
+    def _find(self, name: str) -> tuple[Family, str] | None:
+        if family := self.variables.get(name):
+            return family, "{}"
+        forms = [("", ENDINGS[2]), ("", ENDINGS[1]), ("Qc_", ""), ("reaction.", "")]
+        for before, after in forms:
+            base = name.removeprefix(before).removesuffix(after)
+            if len(base) + len(before + after) == len(name) and base in self.variables:
+                return self.variables[base], before + "{}" + after
+        family = self.constraints.get(name.removeprefix("lambda_"))
+        return (family, "lambda_{}") if family and family.name != name else None
+
+    def _named(self, token: Token) -> Value:
+        """Return value of a name without subscripts."""
+        found = self.reference(token.text)
+        if found is None:
+            return trees.name(token.text, token.offset)
+        family, _ = found
+        _check(family)
+        if family.indexed:
+            hint = f"{family.described()}; or write sum(i = ..., {token.text}(i))"
+            text = f"`{token.text}` is a family: a subscript is missing"
+            raise token.fault(text, hint, "subscript")
+        return _of(family, token.text, (), token.offset)
+
+    def _member(self, token: Token, args: list[Value]) -> Value:
+        """Return value of a name with subscripts."""
+        name, found = token.text, self.reference(token.text)
+        if found is None:
+            self._no_family(token)
+        family, _ = found
+        _check(family)
+        member = tuple(self.whole(arg, token) for arg in args)
+        if not family.indexed:
+            return _numbered(family, token, member)
+        if member not in family.members:
+            count = len(next(iter(family.members), member))
+            text = f"there is no {_called(name, member)}: {family.described()}"
+            if len(member) != count:
+                text = f"`{name}` has {count} subscripts, found {len(member)}"
+            hint = ""
+            if family.section == "definitions" and len(member) == 1:
+                hint = f"give it beside the range: {name}({member[0]}): ..."
+            raise token.fault(text, hint, "member")
+        return _of(family, name, member, token.offset)
+
+    def _no_family(self, token: Token) -> NoReturn:
+        name = token.text
+        known = [*FUNCTIONS, *OF_VECTORS, *OVER_RANGES]
+        known += [f.name for f in self.variables.values() if f.indexed]
+        near = get_close_matches(name, known, 1) if name[1:] else []
+        hint = f"did you mean `{near[0]}`?" if near else ""
+        text = f"there is no function or family `{name}`"
+        raise token.fault(text, hint, "unknown-function")
+
+    def _over(self, step: Step, args: list[Value], indices: Indices) -> Value:
+        """Return sum, least or greatest value of terms over a range."""
+        assert isinstance(step.payload, tuple)
+        token, (index, terms) = step.token, step.payload
+        first, last = (self.whole(arg, token) for arg in args)
+        count = max(0, last - first + 1)
+        self._terms += count
+        if self._terms > limits.TERMS:
+            text = f"the sums of this file have more than {limits.TERMS:,} terms"
+            raise token.fault(text, f"this one has {count:,}", "too-many")
+        op = OVER_RANGES[token.text]
+        if not count and op != "add":
+            text = f"`{token.text}` over an empty range, {first}..{last}"
+            raise token.fault(text, "", "range")
+        total: Value = EMPTY
+        inner = dict(indices)
+        for k in range(first, last + 1):
+            inner[index] = k
+            term = self.value(terms, inner)
+            total = term if k == first else _operation(op, [total, term], token)
+        return total
+
+    # Numbers
+
+    def whole(self, value: Value, token: Token) -> int:
+        """Return value of a subscript or of an end of a range.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        if not isinstance(value, Tree):
+            text = f"a subscript is one number, found {trees.said(value)}"
+            raise token.fault(text, "", "subscript")
+        if value.op == "number":
+            found = float(value.value)
+        else:
+            parsed = trees.parsed(value, "")
+            found = self.number(parsed)
+            self._asked |= {name.text for name in parsed.names}
+        nearest = round(found) if abs(found) < limits.LARGEST_INDEX else None
+        if nearest is None or abs(found - nearest) > _WHOLE * abs(found):
+            text = f"a subscript must be a whole number, found {found:g}"
+            raise token.fault(text, "", "subscript")
+        return nearest
+
+    def number(self, found: Parsed) -> float:
+        """Return value of an expression of numbers and parameters.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        for name in found.names:
+            self._check_number(name.text, name.offset)
+        stack: list[float] = []
+        for op, payload in found.postfix:
+            if op == "number":
+                stack.append(float(payload))
+            elif op == "name":
+                stack.append(self.numbers[str(payload)])
+            else:
+                args = stack[-int(payload) :]
+                del stack[-int(payload) :]
+                stack.append(OPERATIONS[op](*args))
+        return stack.pop()
+
+    def _check_number(self, name: str, offset: int) -> None:
+        """Raise where a name has no value that ranges may use."""
+        if name in self.numbers:
+            return
+        family = self.variables.get(name.partition(".")[0])
+        if family and family.section == "parameters":
+            raise ExpressionError(offset, len(name), "", code=SILENT)
+        text = "ranges and subscripts are made of indices and parameters above them; "
+        about = f"`{name}` is none"
+        raise ExpressionError(offset, len(name), text + about, "", "subscript")
+
+
+_POPPED = {"over": 2, "comp": 1}
+
+
+def _parsed(text: str, parser: Parser) -> _Source:
+    found = tokens(text)
+    if parser is not parse_relation:
+        return _Source(steps(text, found, conditional=parser is parse_condition))
+    left, right, sense = sides(text, found)
+    if right is None:
+        return _Source(steps(text, left), None, sense)
+    at = left[-1].offset
+    return _Source(steps(text, left), steps(text, right), sense, at)
+
+
+def _check(family: Family) -> None:
+    if family.broken:
+        raise ExpressionError(0, 1, "", code=SILENT)
+    if not family.resolved:
+        raise UnresolvedError
+
+
+def _of(family: Family, name: str, member: tuple[int, ...], offset: int) -> Value:
+    """Return trees of a member; `name` is the family's, or its rate's."""
+    if not family.letters:
+        return trees.name(dotted(name, member), offset)
+    return tuple(trees.name(dotted(name, member, c), offset) for c in family.letters)
+
+
+def _numbered(family: Family, token: Token, member: tuple[int, ...]) -> Value:
+    """Return component of a vector that is no family, by its number from 1."""
+    count = len(family.letters)
+    if not count:
+        text = f"`{token.text}` is no family, and has no subscripts"
+        raise token.fault(text, "a product is written with `*`", "subscript")
+    if len(member) != 1 or not 1 <= member[0] <= count:
+        text = f"`{token.text}` has the components 1 to {count}, found "
+        raise token.fault(text + ", ".join(map(str, member)), "", "member")
+    found = _of(family, token.text, (), token.offset)
+    return found[member[0] - 1] if not isinstance(found, Tree) else found
+
+
+def _component(value: Value, letter: str) -> Tree:
+    if isinstance(value, Tree):
+        raise UnfitError(f"a number has no component `.{letter}`")
+    letters = trees.components(len(value))
+    if letter not in letters:
+        raise UnfitError(f"{trees.said(value)} has no component `.{letter}`")
+    return value[letters.index(letter)]
+
+
+_HINTS = {"pow": "write dot(a, a)", "abs": "write norm(a)", "sqrt": "write norm(a)"}
+_RULES: dict[str, Callable[..., Value]] = {
+    "add": lambda a, b: trees.plus("add", a, b),
+    "sub": lambda a, b: trees.plus("sub", a, b),
+    "mul": lambda a, b: trees.times("mul", a, b),
+    "div": lambda a, b: trees.times("div", a, b),
+    "neg": trees.negative,
+    "if": trees.choice,
+    "vec": lambda *args: tuple(trees.scalar(a, "a component") for a in args),
+    "dot": trees.dot,
+    "cross": trees.cross,
+    "norm": trees.norm,
+    "unit": trees.unit,
+}
+
+
+def _operation(op: str, args: list[Value], token: Token) -> Value:
+    """Return value of an operation or a function."""
+    if op in _RULES:
+        return _RULES[op](*args)
+    sizes = [trees.size(a) for a in args]
+    if max(sizes) > 1:
+        text = f"`{token.text}` takes numbers, found {trees.said(args[_first(sizes)])}"
+        raise UnfitError(text, _HINTS.get(op, ""))
+    return Tree(op, args=tuple(a for a in args if isinstance(a, Tree)))
+
+
+def _first(sizes: list[int]) -> int:
+    return next(k for k, n in enumerate(sizes) if n > 1)
+
+
+class Reading:
+    """Reading of the text of an expanded scalar: for a member, and a component of it.
+
+    `component` is its number, of `size`; None where a number is expected.
+    """
+
+    __slots__ = ("component", "indices", "scope", "size")
+
+    def __init__(
+        self, scope: Scope, indices: Indices, component: int | None, size: int
+    ) -> None:
+        self.scope, self.indices = scope, indices
+        self.component, self.size = component, size
+
+    def parsed(self, text: str, parser: Parser) -> Any:
+        """Return what the parser would give for the expression of this member.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        left, right, sense = self.scope.values(text, parser, self.indices)
+        found = self._part(left, text)
+        if parser is not parse_relation:
+            return found
+        other = None if right is None else self._part(right, text)
+        return ParsedRelation(found, other, sense)
+
+    def _part(self, value: Value, text: str) -> Parsed:
+        if self.component is not None and not isinstance(value, Tree):
+            if len(value) == self.size:
+                value = value[self.component]
+        elif self.component is not None and value is not EMPTY:
+            about = f"a vector of {self.size} is expected here, found a number"
+            raise ExpressionError(0, len(text), about, "write vec(a, b)", "size")
+        if not isinstance(value, Tree):
+            wanted = f"a vector of {self.size}" if self.size > 1 else "a number"
+            about = f"{wanted} is expected here, found {trees.said(value)}"
+            hint = "" if self.size > 1 else "write a component, `.x`, or `norm(...)`"
+            raise ExpressionError(0, len(text), about, hint, "size")
+        found = trees.parsed(value, text)
+        return self.scope.noted(found)
+
+    def words(self, text: str) -> set[str]:
+        """Return names in the expression of this member."""
+        for parser in (parse, parse_relation, parse_condition):
+            try:
+                return {name.text for name in self.parsed(text, parser).names}
+            except ExpressionError:
+                continue
+        return set()
+
+
+class Made:
+    """How a hidden definition is read: as it was made."""
+
+    __slots__ = ("_parsed", "scope")
+
+    def __init__(self, scope: Scope, parsed: Parsed) -> None:
+        self.scope, self._parsed = scope, parsed
+
+    def parsed(self, text: str, parser: Parser) -> Parsed:  # noqa: ARG002
+        """Return the expression; the text is that of what needed it."""
+        return self.scope.noted(self._parsed)
+
+    def words(self, text: str) -> set[str]:  # noqa: ARG002
+        """Return the names in it."""
+        return {name.text for name in self._parsed.names}

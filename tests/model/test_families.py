@@ -1,0 +1,304 @@
+"""Families and vectors mean what the file written out by hand means."""
+
+import re
+
+import numpy as np
+import pytest
+
+import lagsim
+from lagsim.errors import InputError
+from tests.model import test_faults as faults
+from tests.model._files import model, problems
+
+
+def columns(text, **options):
+    """Give the columns of a run, by name."""
+    result = lagsim.simulate(lagsim.load(text), **options)
+    assert result.complete
+    return {name: result[name] for name in result.columns}
+
+
+CHAIN = """
+parameters: {n: 4, l: 1/n, m(1..n): [1, 1, 2, 1], g: 9.81, c: 0.1}
+coordinates: {q(1..n): {unit: rad}}
+definitions:
+  x(0): 0
+  y(0): 0
+  x(i = 1..n): x(i-1) + l*sin(q(i))
+  y(i = 1..n): {value: y(i-1) - l*cos(q(i)), unit: m}
+  height: sum(i = 1..n, m(i)*y(i))
+energy:
+  kinetic: sum(i = 1..n, m(i)*(x_dot(i)^2 + y_dot(i)^2))/2
+  potential: g*height
+forces: {q(i = 1..n): -c*q_dot(i)*i, x(n): 0.3*t}
+initial: {q(1..n): pi/2, q(3): 0.1, q_dot(1..n): [0, 0, 1, 0]}
+simulation: {duration: 0.5, output_step: 0.01, until: x(2) <= -0.4}
+scene: {points: {p(i = 0..n): [x(i), y(i)]}, links: [[p(0..n)]]}
+output: {plots: [{x: x(n), y: "y(1..n)"}]}
+"""
+
+
+def chain_by_hand(n=4, masses=(1, 1, 2, 1)):
+    """Write the same file without families: every name has its number behind it."""
+    k = range(1, n + 1)
+    lines = [f"parameters: {{n: {n}, l: 1/n, g: 9.81, c: 0.1"]
+    lines[0] += "".join(f", m{i}: {m}" for i, m in zip(k, masses, strict=True)) + "}"
+    lines += ["coordinates:", *(f"  q{i}: {{unit: rad}}" for i in k)]
+    lines += ["definitions:", "  x0: 0", "  y0: 0"]
+    lines += [f"  x{i}: x{i - 1} + l*sin(q{i})" for i in k]
+    lines += [f"  y{i}: y{i - 1} - l*cos(q{i})" for i in k]
+    lines += [f"  height: {' + '.join(f'm{i}*y{i}' for i in k)}"]
+    squares = " + ".join(f"m{i}*(x{i}_dot^2 + y{i}_dot^2)" for i in k)
+    lines += [f"energy: {{kinetic: ({squares})/2, potential: g*height}}", "forces:"]
+    lines += [f"  q{i}: -c*q{i}_dot*{i}" for i in k] + [f"  x{n}: 0.3*t"]
+    starts = (f"q{i}: {0.1 if i == 3 else 'pi/2'}" for i in k)
+    lines += [f"initial: {{{', '.join(starts)}, q3_dot: 1}}"]
+    lines += ["simulation: {duration: 0.5, output_step: 0.01, until: x2 <= -0.4}"]
+    return "\n".join(lines) + "\n"
+
+
+def test_a_family_is_the_chain_written_by_hand():
+    family, hand = columns(CHAIN), columns(chain_by_hand())
+    plain = {
+        re.sub(r"^(\w+?)(_d*dot)?\.(\d+)$", r"\1\3\2", k): v for k, v in family.items()
+    }
+    assert plain.keys() == hand.keys()
+    for name, values in hand.items():
+        np.testing.assert_array_equal(plain[name], values, err_msg=name)
+
+
+BODIES = 4
+PLANETS = f"""
+parameters: {{n: {BODIES}, m(1..n): [1, 0.1, 0.2, 0.05], k: 0.02, b: [0.01, 0, -0.02]}}
+coordinates: {{r(1..n): {{components: xyz, unit: m}}}}
+definitions:
+  centre: sum(i = 1..n, m(i)*r(i))/sum(i = 1..n, m(i))
+  L: sum(i = 1..n, m(i)*cross(r(i), r_dot(i)))
+  d(i = 1..n, j = i+1..n): norm(r(j) - r(i))
+energy:
+  kinetic: sum(i = 1..n, m(i)*dot(r_dot(i), r_dot(i)))/2
+  potential: -sum(i = 1..n, sum(j = i+1..n, m(i)*m(j)/d(i, j)))
+forces: {{"r(i = 1..n)": -k*r_dot(i) + m(i)*b}}
+constraints: {{level: unit(r(2) - r(1)).z = 0.1}}
+initial:
+  r(1..n): [[0, 0, 0], {{guess: [1, 0, 0.1]}}, [0, 2, 0], [-2, -2, 0.5]]
+  r_dot(i = 1..n): {{guess: vec(0, m(i), 0)}}
+simulation: {{duration: 0.5, output_step: 0.05}}
+"""
+
+
+def planets_by_hand():
+    """Write the same file by components."""
+    n, k = BODIES, range(1, BODIES + 1)
+    m = [1, 0.1, 0.2, 0.05]
+    pairs = [(i, j) for i in k for j in k if i < j]
+    lines = ["parameters: {k: 0.02, bx: 0.01, by: 0, bz: -0.02"]
+    lines[0] += "".join(f", m{i}: {m[i - 1]}" for i in k) + "}"
+    lines += ["coordinates:", *(f"  {c}{i}: {{unit: m}}" for i in k for c in "xyz")]
+    lines += ["definitions:"]
+    for i, j in pairs:
+        squares = " + ".join(f"({c}{j} - {c}{i})^2" for c in "xyz")
+        lines += [f"  d{i}{j}: sqrt({squares})"]
+    kinetic = " + ".join(f"m{i}*(x{i}_dot^2 + y{i}_dot^2 + z{i}_dot^2)" for i in k)
+    potential = " - ".join(f"m{i}*m{j}/d{i}{j}" for i, j in pairs)
+    lines += [f"energy: {{kinetic: ({kinetic})/2, potential: -{potential}}}", "forces:"]
+    lines += [f"  {c}{i}: -k*{c}{i}_dot + m{i}*b{c}" for i in k for c in "xyz"]
+    lines += ["constraints: {level: (z2 - z1)/d12 = 0.1}", "initial:"]
+    starts = [(0, 0, 0), (1, 0, 0.1), (0, 2, 0), (-2, -2, 0.5)]
+    for i in k:
+        texts = [f"{{guess: {x}}}" if i == 2 else x for x in starts[i - 1]]
+        lines += [f"  {c}{i}: {x}" for c, x in zip("xyz", texts, strict=True)]
+        lines += [
+            f"  {c}{i}_dot: {{guess: {m[i - 1] if c == 'y' else 0}}}" for c in "xyz"
+        ]
+    lines += ["simulation: {duration: 0.5, output_step: 0.05}"]
+    assert n == len(m)
+    return "\n".join(lines) + "\n"
+
+
+def test_vectors_are_their_components():
+    family, hand = columns(PLANETS), columns(planets_by_hand())
+    for i in range(1, BODIES + 1):
+        for c in "xyz":
+            for order in ("", "_dot", "_ddot"):
+                np.testing.assert_allclose(
+                    family[f"r{order}.{i}.{c}"], hand[f"{c}{i}{order}"], atol=1e-11
+                )
+    np.testing.assert_allclose(family["lambda_level"], hand["lambda_level"], atol=1e-10)
+    r = np.array([[family[f"r.{i}.{c}"] for c in "xyz"] for i in range(1, BODIES + 1)])
+    v = np.array(
+        [[family[f"r_dot.{i}.{c}"] for c in "xyz"] for i in range(1, BODIES + 1)]
+    )
+    m = np.array([1, 0.1, 0.2, 0.05])
+    centre = np.einsum("i,ict->ct", m, r) / m.sum()
+    momentum = np.einsum("i,ict->ct", m, np.cross(r, v, axis=1))
+    for k, c in enumerate("xyz"):
+        np.testing.assert_allclose(family[f"centre.{c}"], centre[k], atol=1e-14)
+        np.testing.assert_allclose(family[f"L.{c}"], momentum[k], atol=1e-14)
+
+
+def test_another_number_of_members():
+    """A structural parameter reads the file again; others are bound as ever."""
+    text = CHAIN.replace("[1, 1, 2, 1]", "1").replace("q(3): 0.1, ", "")
+    text = text.replace("[0, 0, 1, 0]", "0").replace("x(2)", "x(1)")
+    text = text.replace("y(1..n)", "y(1)")
+    loaded = lagsim.load(text)
+    for n in (1, 2, 7):
+        bound = loaded.bind(n=n)
+        read = lagsim.load(text.replace("n: 4", f"n: {n}"))
+        assert [c.name for c in bound.coordinates] == [
+            f"q.{i}" for i in range(1, n + 1)
+        ]
+        assert [x.value for x in bound.initial] == [x.value for x in read.initial]
+        one, other = lagsim.simulate(bound), lagsim.simulate(read)
+        np.testing.assert_array_equal(one["q.1"], other["q.1"])
+    back = loaded.bind(n=2).bind({"m.2": 3, "q.2": 1.0}).bind(n=4)
+    values = {p.name: p.value for p in back.parameters}
+    assert (values["m.2"], values["m.3"], len(back.coordinates)) == (3.0, 1.0, 4)
+    assert loaded.bind({"m.2": 3}).graph is loaded.graph
+
+
+def starts(text):
+    return {x.name: x.value for x in model(text).initial}
+
+
+def test_values_by_members():
+    found = model("""
+parameters: {n: 3, a: 2, k(i = 1..n): a*i^2, m(1..n): [a, 5, a + 1], e(1..0): 1,
+  next(i = 1..n): mod(i, n) + 1, w: [1, a], J: [1, 2, 3, 4, 5, 6]}
+definitions:
+  empty: sum(i = 1..0, k(i)) + 7
+  ring: sum(i = 1..n, k(next(i))*i)
+  top: max(i = 1..n, k(i))
+  least: min(i = n-1..n, -m(i))
+  pairs(i = 1..n, j = i+1..n): i*10 + j
+  all: sum(i = 1..n, sum(j = i+1..n, pairs(i, j)))
+  F(0): 0
+  F(1): 1
+  F(i = 2..10): F(i-1) + F(i-2)
+  second: w(2) + J.xy
+  turned: vec(-w.y, w.x)
+  chosen: if(a > 1, turned, w)
+  z: cross(w, 3*turned)/2
+""")
+    values = {d.name: found.graph.value(d.node) for d in found.definitions}
+    parameters = {p.name: p.value for p in found.parameters}
+    known = lagsim.language.evaluate.evaluate(
+        found.graph, [d.node for d in found.definitions], parameters
+    )
+    values = dict(zip(values, known, strict=True))
+    assert [parameters[f"k.{i}"] for i in (1, 2, 3)] == [2, 8, 18]
+    assert [parameters[f"m.{i}"] for i in (1, 2, 3)] == [2, 5, 3]
+    assert (values["empty"], values["ring"]) == (7, 8 * 1 + 18 * 2 + 2 * 3)
+    assert (values["top"], values["least"]) == (18, -5)
+    assert values["all"] == 12 + 13 + 23
+    assert (values["F.10"], values["second"]) == (55, 2 + 4)
+    assert (values["turned.x"], values["chosen.y"], values["z"]) == (-2, 1, 7.5)
+
+
+def test_start_values_by_members():
+    text = """
+parameters: {n: 3, l: 2}
+coordinates: {q(1..n): {}, r(1..2): {components: xy}, v: {components: xyz}}
+energy: {kinetic: "sum(i = 1..n, q_dot(i)^2) + dot(v_dot, v_dot)", potential: 0}
+initial:
+  q(2): 5
+  q(i = 1..n): {guess: i*l}
+  q_dot(1..n): [1, 2, 3]
+  r(1..2): [[0, 1], vec(l, q(2))]
+  v: [1, l, 3]
+  v_dot: cross(v, vec(0, 0, 1))
+  v_dot.z: 9
+"""
+    with pytest.raises(AssertionError):
+        assert not problems(text)  # `v_dot.z` is given by `v_dot` already
+    found = starts(text.replace("  v_dot.z: 9\n", ""))
+    assert [found[f"q.{i}"] for i in (1, 2, 3)] == [2, 5, 6]
+    assert [found[f"q_dot.{i}"] for i in (1, 2, 3)] == [1, 2, 3]
+    assert [found[f"r.{i}.{c}"] for i in (1, 2) for c in "xy"] == [0, 1, 2, 5]
+    assert [found[f"v_dot.{c}"] for c in "xyz"] == [2, -1, 0]
+
+
+FAULTS = r"""
+# members
+expression-member | has the members `s(1)` to `s(3)` |
+    definitions: {s(1..3): x, a: ⟪s⟫(4)}
+expression-member | `s(0)`: `s` | definitions: {s(i = 1..3): ⟪s⟫(i-1) + x}
+expression-member | `c` has 2 subscripts, found 1 |
+    definitions: {c(1..2, 1..2): x, a: ⟪c⟫(1)}
+expression-member | no members | definitions: {s(1..0): x, a: ⟪s⟫(1)}
+expression-member | no `s.4` | definitions: {s(1..3): x}¶forces: {⟪s(4)⟫: 1}
+expression-member | no `s.0` | definitions: {s(1..3): x}¶output: {columns: [⟪s(0..2)⟫]}
+expression-subscript | whole number, found 1.5 | definitions: {s(1..3): x, a: ⟪s⟫(3/2)}
+expression-subscript | `x` is none | definitions: {s(1..3): x, a: s(⟪x⟫)}
+expression-subscript | a subscript is missing | definitions: {s(1..3): x, a: 2*⟪s⟫}
+expression-subscript | is no family | definitions: {s(1..3): x, a: ⟪x⟫(1)}
+expression-subscript | a subscript is missing |
+    definitions: {s(1..3): x}¶forces: {⟪s⟫: 1}
+expression-unknown-function | did you mean `sum` |
+    definitions: {s(1..3): x, a: ⟪summ⟫(s(1))}
+duplicate-member | `s.3` | definitions: {s(1..3): x, ⟪s(3)⟫: y}
+duplicate-member | `s.2` |
+    definitions: {s(1..3): x}¶initial: {x: 0, y: 0, s(1..2): 0, ⟪s(2..3)⟫: 0}
+wrong-count | 3 members, and the list 2 |
+    parameters: {m(1..3): ⟪[1, 2]⟫}¶definitions: {a: m(3)*x}
+wrong-count | 1 or 2 subscripts | definitions: {s(1..3): x, ⟪s(1, 1)⟫: y}
+name-clash | already in `parameters` | parameters: {s: 1}¶definitions: {⟪s(1..3)⟫: x}
+reserved-name | is a function | definitions: {⟪sin(1..3)⟫: x}
+cycle | s.1 -> s.2 -> s.3 -> s.1 | definitions: {s(i = 1..3): ⟪s⟫(mod(i, 3) + 1)}
+# ranges
+expression-too-many | 1,000,000,000 members | definitions: {s(i = 1⟪..⟫10^9): x}
+expression-too-many | 1,000,000 terms |
+    definitions: {s(1..2): x, a: "⟪sum⟫(i = 1..10^7, x)"}
+expression-range | takes a range | definitions: {s(1..2): x, a: ⟪sum⟫(s(1))}
+expression-range | no meaning | definitions: {s(1..2): x, a: 1 ⟪..⟫ 2}
+expression-range | empty range, 1..0 |
+    definitions: {s(1..2): x, a: "⟪max⟫(i = 1..0, x)"}
+expression-subscript | whole number, found 1.5 | definitions: {s(i = 1⟪..⟫3/2): x}
+expression-subscript | `x` is none | definitions: {s(i = 1..⟪x⟫): x}
+later-parameter | which is below it | parameters: {m(1..2): ⟪l⟫, l: 1}
+unknown-name | `zz` | definitions: {s(i = 1..3): i*⟪zz⟫}
+expression-syntax | a value is expected | definitions: {s(i = 1..3): (i*⟪)⟫}
+# vectors
+expression-size | found 2 and 3 | definitions: {a: [x, y], b: [x, y, 1], c: a ⟪+⟫ b}
+expression-size | found 2 and 1 | definitions: {a: [x, y], c: a ⟪-⟫ 1}
+expression-size | dot(a, b) or cross | definitions: {a: [x, y], c: a⟪*⟫a}
+expression-size | write dot(a, a) | definitions: {a: [x, y], c: a⟪^⟫2}
+expression-size | write norm(a) | definitions: {a: [x, y], c: ⟪abs⟫(a)}
+expression-size | found a vector of 2 |
+    definitions: {a: [x, y]}¶energy: {kinetic: x_dot^2 + y_dot^2, potential: ⟪a⟫}
+expression-size | one size, found 2 and 1 |
+    definitions: {a: [x, y]}¶constraints: {c: a ⟪=⟫ 0}
+expression-component | no component `.z` | definitions: {a: [x, y], c: a⟪.z⟫}
+expression-component | a number has | definitions: {a: [x, y], c: x⟪.x⟫}
+wrong-count | is a vector of 2 | definitions: {a: [x, y]}¶forces: {a: ⟪[1, 2, 3]⟫}
+expression-member | components 1 to 2 | definitions: {a: [x, y], c: ⟪a⟫(3)}
+not-an-expression | a list | definitions: {a: [x, y], c: ⟪[x]⟫}
+"""
+FAULTS = {row[2].replace("\n", "¶"): row for row in faults.table(FAULTS)}
+
+
+@pytest.mark.parametrize("case", FAULTS.values(), ids=FAULTS.keys())
+def test_faults_name_the_place_in_the_file(case):
+    faults.test_fault(case)
+
+
+def test_a_fault_of_many_members_is_reported_once_and_quickly():
+    text = "definitions: {s(i = 1..50000): i*zz, a: s(50001)}"
+    assert [p.code for p in problems(text)] == ["unknown-name", "expression-member"]
+
+
+@pytest.mark.parametrize(
+    ("given", "text"),
+    [
+        ({"m.4": "1"}, "there is no parameter or start value `m.4`"),
+        ({"m": "1"}, "there is no parameter or start value `m`"),
+        ({"n": "1.5"}, "a subscript must be a whole number, found 1.5"),
+        ({"n": "10^6"}, "more than 100,000"),
+    ],
+)
+def test_values_that_replace_others(given, text):
+    with pytest.raises(InputError, match=re.escape(text)):
+        model(
+            "parameters: {n: 3, m(1..n): 1}\ndefinitions: {a: m(1)*x}", overrides=given
+        )
