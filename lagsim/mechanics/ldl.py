@@ -23,9 +23,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.forms import Collected
-from lagsim.language.sparse import Budget, fill, minimum_degree, squares
+from lagsim.language.graph import memoize
+from lagsim.language.sparse import Budget, TooLongError, fill, minimum_degree, squares
 from lagsim.mechanics.factorisation import Factorisation, Vector, symmetric
-from lagsim.mechanics.tensions import accelerations
+from lagsim.mechanics.tensions import accelerations, has_masses
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -90,6 +91,30 @@ def affordable(n: int, m: int) -> int:
 def dense_operations(n: int, m: int) -> int:
     """Return about how many multiplications `dense` makes: M factored, the rows, QR."""
     return n**3 // 6 + m * n**2 // 2 + m**2 * (n - m // 3)
+
+
+def turns(e: Equations) -> bool:
+    """Whether there are angles, and no rows."""
+    g = e.graph
+    below = [] if e.rows else g.cone([e.model.lagrangian])
+    return any(g.ops[node] in ("sin", "cos") for node in below)
+
+
+def eliminated(equations: Equations) -> Elimination | None:
+    """Elimination, made once for equations; None where loops are faster.
+
+    It is the same for all values of parameters that agree whether links have masses.
+    """
+    e = equations
+    key = (Elimination, e.nodes, e.model.lagrangian, turns(e) and has_masses(e))
+
+    def found() -> Elimination | None:
+        try:
+            return Elimination(e, affordable(len(e.q), len(e.rows)))
+        except TooLongError:
+            return None
+
+    return memoize(e.graph, key, found)
 
 
 def without_rows(equations: Equations) -> Elimination:
@@ -202,9 +227,7 @@ class Elimination:
     def _along_links(self) -> list[int] | None:
         """Return q'' by the forces in massless links, where that is shorter."""
         g, e = self.g, self.equations
-        below = [] if e.rows else g.cone([e.model.lagrangian])
-        turns = any(g.ops[node] in ("sin", "cos") for node in below)
-        found = accelerations(e) if turns else None
+        found = accelerations(e) if turns(e) else None
         costs = [g.cost(x, e.moving) for x in (found or (), self._motion[0])]
         # `operations` stays that of L D L^T: tapes pay as early as before.
         return found if costs[0] < costs[1] else None

@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.derivatives import rate_of, slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.forms import common_factor, fewer_terms, normal_form
+from lagsim.language.graph import memoize
 from lagsim.language.sparse import Budget, DisjointSets
 from lagsim.mechanics.chains import chains, rates_of_places
 from lagsim.mechanics.constraints import Flow
@@ -377,14 +378,28 @@ class Squares(Factorisation):
         return self.g.call("div", node, self.pivots[k][0])
 
 
+def _laws(e: Equations) -> Newton | None:
+    """Newton's laws of equations without constraints, found once."""
+    g = e.graph
+    changing = e.model.modes.union(x.name for x in e.states)
+    if e.rows or e.laws or changing & g.depends([e.model.lagrangian]):
+        return None
+    return memoize(g, (newton, e.nodes, e.model.lagrangian), lambda: newton(e))
+
+
+def has_masses(e: Equations) -> bool:
+    """Whether all masses on massless links, if all is these, are positive."""
+    laws = _laws(e)
+    given = {p.name: p.value for p in e.model.parameters}
+    masses = [] if laws is None else [*laws.masses.values()]
+    return min(evaluate(e.graph, masses, given), default=1) > 0
+
+
 def accelerations(e: Equations) -> list[int] | None:
     """Return q'' (n,); None where not all is masses on massless links."""
     g, n = e.graph, len(e.q)
-    changing = e.model.modes.union(x.name for x in e.states)
-    changing &= g.depends([e.model.lagrangian])
-    laws = None if e.rows or e.laws or changing else newton(e)
-    given = {p.name: p.value for p in e.model.parameters}
-    if laws is None or min(evaluate(g, [*laws.masses.values()], given), default=1) <= 0:
+    laws = _laws(e)
+    if laws is None or not has_masses(e):
         return None
     moving = frozenset(e.moving)
     held, leaders = _led(g, laws, n)

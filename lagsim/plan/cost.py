@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.ldl import Elimination, affordable, dense_operations
+from lagsim.mechanics.ldl import dense_operations, eliminated
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from lagsim.mechanics.equations import Equations
+    from lagsim.mechanics.ldl import Elimination
 
 # Evaluations in a step of order 8, and solves for its projection.
 STAGES = 12
@@ -31,13 +31,12 @@ def evaluation_cost(equations: Equations, nodes: Sequence[int], *, loops: bool) 
 
 def step_cost(equations: Equations) -> float:
     """Operations of a step, projection included."""
-    n, m = len(equations.q), len(equations.rows)
-    try:
-        return sum(step_parts(equations, Elimination(equations, affordable(n, m))))
-    except TooLongError:
-        nodes = [*equations.mass_nodes, *equations.f, *_rates(equations)]
-        nodes += [a for row in equations.rows for a in row.A.entries.values()]
-        return sum(_parts(equations, evaluation_cost(equations, nodes, loops=True)))
+    solved = eliminated(equations)
+    if solved is not None:
+        return sum(step_parts(equations, solved))
+    nodes = [*equations.mass_nodes, *equations.f, *_rates(equations)]
+    nodes += [a for row in equations.rows for a in row.A.entries.values()]
+    return sum(_parts(equations, evaluation_cost(equations, nodes, loops=True)))
 
 
 def step_parts(equations: Equations, solved: Elimination) -> tuple[float, float]:

@@ -18,8 +18,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
-from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.ldl import BUDGET, Elimination, affordable, dense_operations
+from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
     from lagsim.admissibility.examination import Start
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.equations import Equations, Instant
+    from lagsim.mechanics.ldl import Elimination
     from lagsim.methods import Structure
     from lagsim.model.model import Settings
 
@@ -264,9 +264,8 @@ def eliminate(
     if close and dense <= CHEAP:
         choices.append(Choice("solve: loops with QR", reason))
         return None
-    try:
-        elimination = Elimination(equations, affordable(n, m))
-    except TooLongError:
+    elimination = eliminated(equations)
+    if elimination is None:
         text = f"elimination saves too little of their {dense} multiplications"
         choices.append(Choice("solve: loops", text))
         return None

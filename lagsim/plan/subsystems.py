@@ -151,12 +151,13 @@ def saving(equations: Equations, parts: Sequence[Subsystem], duration: float) ->
     """Return about how many operations it saves to integrate the parts apart."""
     steps = duration / RADIANS
     paces = [pace(part) for part in parts]
+    whole = steps * max(paces) * step_cost(equations) - COMPILING * len(parts)
+    if not whole > 0.0:  # whatever the parts cost
+        return float(whole)
     apart = sum(
         p * step_cost(part.equations) for p, part in zip(paces, parts, strict=True)
     )
-    return float(
-        steps * (max(paces) * step_cost(equations) - apart) - COMPILING * len(parts)
-    )
+    return float(whole - steps * apart)
 
 
 def pace(part: Subsystem) -> float:

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from lagsim.methods.parts.driver import State
     from lagsim.model.model import Model
     from lagsim.native.graph.keys import Functions
-    from lagsim.native.graph.straight_line import Code
+    from lagsim.native.graph.lines import Code
     from lagsim.plan.plan import Plan
     from lagsim.program.localized import Indicator
 

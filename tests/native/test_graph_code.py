@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from lagsim.language.evaluate import evaluate, evaluate_with_error
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
-from lagsim.native.graph import keys, tapes
+from lagsim.native.graph import keys, straight_line, tapes
 from lagsim.native.graph.keys import Layout
 from lagsim.native.graph.lines import number
 from lagsim.native.graph.straight_line import Code, generate
@@ -195,6 +195,12 @@ def test_pieces_and_tapes_give_the_same_bits(
     ir = code.code.ir
     assert ("@f.1" in ir) == ("optnone" in ir) == (piece < 100)
     assert piece >= 50 or "@prepare.1" in ir
+    # What is called seldom may be a tape beside code.
+    monkeypatch.setattr(straight_line, "RARE", 0)
+    beside = Compiled(g, functions, partial(generate, seldom=("f",)))
+    assert ("@tape.f" in beside.code.ir, "@tape.h" in beside.code.ir) == (True, False)
+    for name in functions:
+        assert bits(beside.at(VALUES, name)) == bits(code.at(VALUES, name))
     expected = evaluate(g, functions["f"], VALUES)
     assert code.at(VALUES) == pytest.approx(expected, rel=1e-12)
 

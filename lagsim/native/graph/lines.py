@@ -15,12 +15,13 @@ from __future__ import annotations
 import functools
 import math
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import OPERATIONS
+from lagsim.language.graph import VARIABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
 
@@ -69,6 +70,36 @@ _HALVES = frozenset(k for k in range(-12, 13) if k not in (0, 2))
 def exponent_of(g: Graph, n: int) -> float | None:
     """Exponent of a power where it is a number; None for all else."""
     return g.value(g.args[n][1]) if g.ops[n] == "pow" else None
+
+
+class Code(NamedTuple):
+    """LLVM IR of all functions, and the length of p that they need."""
+
+    ir: str
+    p_size: int
+
+
+def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
+    """Operations without `moving` variables that others, or roots, use."""
+    used, varying = set(roots), set[int]()
+    for n in g.cone(roots):
+        if n in moving or any(a in varying for a in g.args[n]):
+            varying.add(n)
+            used.update(g.args[n])
+    return sorted(n for n in used if n not in varying and g.args[n])
+
+
+def fixed_nodes(
+    g: Graph, functions: Mapping[str, Sequence[int]], constant: Collection[str]
+) -> list[int]:
+    """Operations on `constant` variables, which are done once, by `prepare`."""
+    roots = sorted({node for nodes in functions.values() for node in nodes})
+    moving = {
+        n
+        for n in g.cone(roots)
+        if g.ops[n] == VARIABLE and g.payload(n) not in constant
+    }
+    return hoisted(g, roots, moving)
 
 
 def number(x: float) -> str:

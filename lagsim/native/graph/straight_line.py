@@ -16,13 +16,22 @@ order 0, and the rows of the orders from 1 on.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.series import ORDERS
-from lagsim.native.graph import keys
-from lagsim.native.graph.lines import CIRCULAR, LANES, Lines, exponent_of, number
+from lagsim.native.graph import keys, tapes
+from lagsim.native.graph.lines import (
+    CIRCULAR,
+    LANES,
+    Code,
+    Lines,
+    exponent_of,
+    fixed_nodes,
+    hoisted,
+    number,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -36,18 +45,10 @@ CLEAR = "llvm.memset.p0.i64"
 # Functions of more pieces are translated one instruction after the other: compiled in
 # less than half the time, and run 5 % longer (40 links; an arm of seven joints).
 LONG = 6
+# Of functions that are called seldom, the length from which a tape is ready sooner.
+RARE = 2000
 # An array of a function, and an index there.
 Place = tuple[str, int]
-
-
-def hoisted(g: Graph, roots: Sequence[int], moving: set[int]) -> list[int]:
-    """Operations without `moving` variables that others, or roots, use."""
-    used, varying = set(roots), set[int]()
-    for n in g.cone(roots):
-        if n in moving or any(a in varying for a in g.args[n]):
-            varying.add(n)
-            used.update(g.args[n])
-    return sorted(n for n in used if n not in varying and g.args[n])
 
 
 def ordered(
@@ -448,13 +449,6 @@ def _with_edges(
 FEW_ZEROS = 100
 
 
-class Code(NamedTuple):
-    """LLVM IR of all functions, and the length of p that they need."""
-
-    ir: str
-    p_size: int
-
-
 def generate(
     g: Graph,
     functions: Functions,
@@ -468,14 +462,21 @@ def generate(
     In those named in `contracted` a product may be added without being rounded first,
     where the processor can: last digits then depend on it. Those named in `sparse` do
     not write what is zero identically: they find zeros. Those named in `seldom` are
-    called too rarely for their translation to be worth time.
+    called too rarely for their translation to be worth time; long ones become tapes.
     """
-    fixed = fixed_nodes(g, keys.nodes_of(functions), layout)
+    fixed = fixed_nodes(g, keys.nodes_of(functions), layout.fixed)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
     scratch = layout.size + len(fixed)
+    long = {
+        name: nodes
+        for name, nodes in keys.nodes_of(functions).items()
+        if name in seldom and len(g.cone(nodes)) > RARE
+    }
     writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
+        if name in long:
+            continue
         writer = Writer(g, layout, scratch, contract=name in contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
@@ -488,20 +489,12 @@ def generate(
             stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
         rare = name in seldom
         writer.function(name, stores, places, cleared=at_once, seldom=rare)
-    declared = sorted(set().union(*(writer.declared for writer in writers)))
-    lines = [line for writer in writers for line in writer.lines]
-    used = max(writer.scratch_used for writer in writers)
-    return Code("\n".join([*declared, *lines, ""]), scratch + used)
-
-
-def fixed_nodes(
-    g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout
-) -> list[int]:
-    """Operations that are done once, by `prepare`."""
-    roots = sorted({node for nodes in functions.values() for node in nodes})
-    moving = {
-        n
-        for n in g.cone(roots)
-        if g.ops[n] == VARIABLE and g.payload(n) not in layout.fixed
-    }
-    return hoisted(g, roots, moving)
+    size = scratch + max(writer.scratch_used for writer in writers)
+    made: list[Lines] = [*writers]
+    if long:
+        found = tapes.beside(g, long, layout, places, size)
+        size = found.size
+        made.append(found)
+    declared = sorted(set().union(*(x.declared for x in made)))
+    lines = [line for x in made for line in x.lines]
+    return Code("\n".join([*declared, *lines, ""]), size)

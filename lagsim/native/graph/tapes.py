@@ -20,8 +20,15 @@ import numpy as np
 
 from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.graph import VARIABLE
-from lagsim.native.graph.lines import CIRCULAR, LANES, Lines, exponent_of, number
-from lagsim.native.graph.straight_line import Code, fixed_nodes
+from lagsim.native.graph.lines import (
+    CIRCULAR,
+    LANES,
+    Code,
+    Lines,
+    exponent_of,
+    fixed_nodes,
+    number,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -93,31 +100,45 @@ def generate(
 
     Those named in `sparse` do not write what is zero identically: they find zeros.
     """
-    tapes = _Tapes(g, layout, functions)
-    state = _copied("%y", tapes.time + 1, tapes.states)
+    nodes = fixed_nodes(g, functions, layout.fixed)
+    fixed = {node: layout.size + k for k, node in enumerate(nodes)}
+    tapes = _Tapes(g, layout, functions, layout.size + len(fixed))
     lines = []
-    for name, nodes in functions.items():
-        written = [(n, k) for k, n in enumerate(nodes)]
+    for name, made in functions.items():
+        written = [(n, k) for k, n in enumerate(made)]
         if name in sparse:
             written = [(n, k) for n, k in written if n != g.zero]
-        lines += _function(name, tapes.tape(written, tapes.fixed, {}), state)
-    filled = [f"double {number(float(g.payload(n)))}" for n in tapes.numbers]
-    table = f"[{len(filled)} x double]"
-    numbers = _copied("@numbers", tapes.first_number, len(filled))
-    lines += [
-        f"@numbers = private constant {table} [{', '.join(filled)}]",
-        "declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)",
-        *_function("prepare", tapes.tape([], {}, tapes.fixed), numbers),
-    ]
-    machine = _Interpreter(tapes.opcodes, tapes.time).text()
-    return Code("\n".join([machine, *lines, ""]), tapes.size)
+        lines += _function(name, tapes.tape(written, fixed, {}), tapes.state)
+    lines += _function("prepare", tapes.tape([], {}, fixed), tapes.filled)
+    whole = tapes.interpreter(lines)
+    return Code("\n".join([*sorted(whole.declared), *whole.lines, ""]), tapes.size)
 
 
-def _copied(array: str, first: int, count: int) -> str:
+def beside(
+    g: Graph,
+    functions: Mapping[str, Sequence[int]],
+    layout: Layout,
+    places: Mapping[int, tuple[str, int]],
+    size: int,
+) -> Interpreter:
+    """Tapes of functions beside other code, in whose `places` in p nodes are known.
+
+    They use p from index `size` on, and prepare nothing.
+    """
+    tapes = _Tapes(g, layout, functions, size)
+    known = {node: k for node, (_, k) in places.items()}
+    lines = []
+    for name, nodes in functions.items():
+        code = tapes.tape([(n, k) for k, n in enumerate(nodes)], known, {})
+        lines += _function(name, code, f"{tapes.filled}\n{tapes.state}")
+    return tapes.interpreter(lines)
+
+
+def _copied(array: str, name: str, first: int, count: int) -> str:
     """Write the copy of an array to p, from index `first` on."""
     return (
-        f"%to = getelementptr double, ptr %p, i64 {first}\ncall void "
-        f"@llvm.memcpy.p0.p0.i64(ptr %to, ptr {array}, i64 {8 * count}, i1 0)"
+        f"%{name} = getelementptr double, ptr %p, i64 {first}\ncall void "
+        f"@llvm.memcpy.p0.p0.i64(ptr %{name}, ptr {array}, i64 {8 * count}, i1 0)"
     )
 
 
@@ -140,8 +161,8 @@ class _Tapes:
 
     Attributes
     ----------
-    fixed, numbers : dict of int to int
-        Node -> index in p: of what `prepare` computes, and of constants.
+    numbers : dict of int to int
+        Node -> index in p, of constants.
     time, states : int
         The index of t, which y follows, and the length of y.
     nowhere : int
@@ -150,21 +171,22 @@ class _Tapes:
         The length of p.
     opcodes : dict
         Of the kinds that occur.
+    state, filled : str
+        What copies y, and the constants, to p.
     """
 
     def __init__(
-        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]]
-    ) -> None:
+        self, g: Graph, layout: Layout, functions: Mapping[str, Sequence[int]],
+        first: int,
+    ) -> None:  # fmt: skip
         self.g, self.layout = g, layout
         self.opcodes: dict[Kind, int] = {}
-        fixed = fixed_nodes(g, functions, layout)
-        self.fixed = {node: layout.size + k for k, node in enumerate(fixed)}
-        self.first_number = layout.size + len(fixed)
         cone = g.cone(chain.from_iterable(functions.values()))
         leaves = [n for n in cone if not g.args[n] and g.ops[n] != VARIABLE]
-        self.numbers = {n: self.first_number + k for k, n in enumerate(leaves)}
-        self.time = self.first_number + len(leaves)
-        self.states = 1 + max(layout.y.values(), default=-1)
+        self.numbers = {n: first + k for k, n in enumerate(leaves)}
+        self.time = first + len(leaves)
+        read = {g.payload(n) for n in cone if g.ops[n] == VARIABLE}
+        self.states = 1 + max([k for x, k in layout.y.items() if x in read] or (-1,))
         self.nowhere = self.time + self.states + 1
         self.size = self.nowhere + 1
         self.leaves = self.numbers | {g.variable("t"): self.time}
@@ -172,6 +194,16 @@ class _Tapes:
         y = {g.variable(name): self.time + 1 + k for name, k in layout.y.items()}
         self.leaves |= y
         self.free: list[int] = []  # indices of values that are not used again
+        self.state = _copied("%y", "state", self.time + 1, self.states)
+        self.filled = _copied("@numbers", "numbers", first, len(leaves))
+
+    def interpreter(self, lines: Sequence[str]) -> Interpreter:
+        """Interpreter of what has been made, and functions that call it."""
+        values = [f"double {number(float(self.g.payload(n)))}" for n in self.numbers]
+        table = f"[{len(values)} x double] [{', '.join(values)}]"
+        found = Interpreter(self.opcodes, self.time, self.size)
+        found.lines += [f"@numbers = private constant {table}", *lines]
+        return found
 
     def tape(
         self,
@@ -294,12 +326,16 @@ class _Tapes:
             self.free.append(index.pop(n))
 
 
-class _Interpreter(Lines):
-    """The function that runs a tape: a loop for each opcode."""
+class Interpreter(Lines):
+    """The function that runs a tape: a loop for each opcode.
 
-    def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
+    size : the length of p that the tapes need
+    """
+
+    def __init__(self, opcodes: Mapping[Kind, int], time: int, size: int) -> None:
         super().__init__()
-        self.opcodes, self.time = opcodes, time
+        self.size = size
+        self.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         for kind, k in opcodes.items():
             self.lines += [
                 f"op{k}:",
@@ -318,6 +354,24 @@ class _Interpreter(Lines):
                 f"%more{k} = icmp ne i32 %less{k}, 0",
                 f"br i1 %more{k}, label %loop{k}, label %next",
             ]
+        codes = opcodes.values()
+        ends = "".join(f", [%after{k}, %loop{k}]" for k in codes)
+        cases = " ".join(f"i32 {k}, label %op{k}" for k in codes)
+        self.lines = [
+            f"define internal void @tape.run(ptr readonly %tape, {SIGNATURE}) {{",
+            "begin:",
+            f"%time = getelementptr double, ptr %p, i64 {time}",
+            "store double %t, ptr %time",
+            "br label %next",
+            "next:",
+            f"%pc = phi ptr [%tape, %begin]{ends}",
+            "%opcode = load i32, ptr %pc",
+            f"switch i32 %opcode, label %stop [{cases}]",
+            *self.lines,
+            "stop:",
+            "ret void",
+            "}",
+        ]
 
     def _evaluation(self, kind: Kind, at: str) -> int:
         """Write the evaluation of a kind; return how many fields it has."""
@@ -358,27 +412,3 @@ class _Interpreter(Lines):
 
     def _store(self, value: str, array: str, at: str, k: int) -> None:
         self.lines.append(f"store double {value}, ptr {self._address(array, at, k)}")
-
-    def text(self) -> str:
-        """Whole function."""
-        codes = self.opcodes.values()
-        ends = "".join(f", [%after{k}, %loop{k}]" for k in codes)
-        cases = " ".join(f"i32 {k}, label %op{k}" for k in codes)
-        return "\n".join(
-            [
-                *sorted(self.declared),
-                f"define internal void @tape.run(ptr readonly %tape, {SIGNATURE}) {{",
-                "begin:",
-                f"%time = getelementptr double, ptr %p, i64 {self.time}",
-                "store double %t, ptr %time",
-                "br label %next",
-                "next:",
-                f"%pc = phi ptr [%tape, %begin]{ends}",
-                "%opcode = load i32, ptr %pc",
-                f"switch i32 %opcode, label %stop [{cases}]",
-                *self.lines,
-                "stop:",
-                "ret void",
-                "}",
-            ]
-        )
