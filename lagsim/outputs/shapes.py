@@ -125,7 +125,9 @@ def bodies(
     seed
         Nodes of variables, and of their rates: for rates of what is drawn.
     """
-    values: dict[str, float | Floats] = {p.name: p.value for p in model.parameters}
+    # A constraint force without constraints has no column.
+    values: dict[str, float | Floats] = dict.fromkeys(needed(model), 0.0)
+    values |= {p.name: p.value for p in model.parameters}
     values |= columns
     return [_body(model, shape, values, count, seed) for shape in model.scene.shapes]
 

@@ -310,7 +310,8 @@ def _bodies(record: Record, model: Model) -> list[Body]:
     """Return the shapes in a few hundred rows, the first and the last among them."""
     count = len(record.rows.sampled("t"))
     rows = np.unique(np.linspace(0, count - 1, 500).astype(int))
-    columns = {name: record.rows.sampled(name)[rows] for name in needed(model)}
+    known = [name for name in needed(model) if name in record.rows]
+    columns = {name: record.rows.sampled(name)[rows] for name in known}
     return bodies(model, columns, len(rows))
 
 

@@ -136,8 +136,9 @@ def test_curves_stand_change_and_have_gaps():
 
 def test_forces_and_grounds_that_move():
     shapes = "pull: {arrow: [0, -a_ddot - y_dot], at: rim, scale: 2}, "
-    shapes += "table: {ground: [[0, y], [1, y]]}"
-    arrow, table = bodies(PLANE, shapes)
+    shapes += "table: {ground: [[0, y], [1, y]]}, none: {arrow: [Qc_a, 0]}"
+    arrow, table, none = bodies(PLANE, shapes)
+    assert not none.corners.place.any()  # without a constraint there is no column
     t = np.linspace(0, 3, 31)
     assert np.allclose(arrow.corners.place[:, 1, 1], -6 * np.cos(t), atol=1e-8)
     assert np.allclose(table.corners.place[:, 1, 1], -2 + 3 * np.sin(t), atol=1e-9)
