@@ -267,7 +267,7 @@ class Views:
     def _draw_bodies(self, axes: Axes, view: Array) -> None:
         """Draw the shapes, seen with the rows of `view` (2, d) right and up."""
         drawn = list(zip(self._bodies, self._colours(), strict=True))
-        last = max((len(b.at.place) for b in self._bodies), default=1) - 1
+        last = max((len(b.at) for b in self._bodies), default=1) - 1
         between = [last * k // (BETWEEN_TIMES + 1) for k in range(1, BETWEEN_TIMES + 1)]
         times = [(0, START_EDGE, 0.35), *((row, THIN_EDGE, 0.0) for row in between)]
         for level, (row, pen, full) in enumerate([*times, (last, END_EDGE, 0.8)]):
@@ -275,8 +275,8 @@ class Views:
             for body, colour in drawn:
                 if not body.moves and row != last:
                     continue
-                if body.shape.kind == "ground" and not body.shape.corners:
-                    _plane(axes, view, body.mesh.corners[0, 2], self._extents)
+                if body.height is not None:
+                    _plane(axes, view, body.height, self._extents)
                 elif (shown := seen(body, row, view)) is not None:
                     found.append((shown, body, colour))
             for shown, body, colour in sorted(found, key=lambda one: one[0].depth):

@@ -61,12 +61,10 @@ def sheet(text, shapes):
 # --- Bodies
 
 
-def test_a_turned_box_and_its_rates():
+def test_a_turned_box():
     [body] = bodies(PLANE, BLOCK)
     t = np.linspace(0, 3, 31)
-    assert np.allclose(body.placed(list(range(31))), [block(x) for x in t], atol=1e-9)
-    assert np.allclose(body.at.rate[:, 0], -3 * np.sin(t), atol=1e-9)
-    assert np.allclose(body.axes.rate[:, 0, 0], -2 * np.sin(2 * t), atol=1e-9)
+    assert np.allclose(body.placed(range(31)), [block(x) for x in t], atol=1e-9)
 
 
 def test_rows_of_a_rotation_matrix():
@@ -75,9 +73,9 @@ def test_rows_of_a_rotation_matrix():
     wheel, other = bodies(SPACE, shapes)
     t = np.linspace(0, 3, 31)
     # The first corner, where the spoke ends: in the plane across x; across z.
-    found = wheel.placed(list(range(31)))[:, 0]
+    found = wheel.placed(range(31))[:, 0]
     assert np.allclose(found, np.stack((0 * t, np.cos(t), np.sin(t)), 1), atol=1e-9)
-    found = other.placed(list(range(31)))[:, 0]
+    found = other.placed(range(31))[:, 0]
     assert np.allclose(found, np.stack((np.cos(t), np.sin(t), 0 * t), 1), atol=1e-9)
 
 
@@ -93,7 +91,7 @@ VOLUMES = {
 @pytest.mark.parametrize("shape", VOLUMES)
 def test_faces_look_outwards_and_close_a_body(shape):
     [body] = bodies(SPACE, f"it: {{{shape}}}")
-    corners, faces, edges, seams = body.mesh
+    [corners], faces, edges, seams = body[3:7]
     volume = 0.0
     for a, *others in faces:
         for b, c in pairwise(others):
@@ -106,9 +104,10 @@ def test_faces_look_outwards_and_close_a_body(shape):
 
 def test_a_cone_stands_on_its_tip_and_a_cylinder_has_its_middle_there():
     cone, cylinder = bodies(SPACE, "a: {cone: [1, 2]}, b: {cylinder: [1, 2]}")
-    assert set(cone.mesh.corners[:, 2]) == {0.0, 2.0}
-    assert cone.mesh.corners[cone.mesh.corners[:, 2] == 0].tolist() == [[0, 0, 0]]
-    assert set(cylinder.mesh.corners[:, 2]) == {-1.0, 1.0}
+    [corners] = cone.corners
+    assert set(corners[:, 2]) == {0.0, 2.0}
+    assert corners[corners[:, 2] == 0].tolist() == [[0, 0, 0]]
+    assert set(cylinder.corners[0, :, 2]) == {-1.0, 1.0}
 
 
 def test_edges_behind_are_hidden():
@@ -127,22 +126,21 @@ def test_curves_stand_change_and_have_gaps():
     shapes += "root: {curve: [s, sqrt(s)], s: [-1, 1]}, "
     shapes += "wave: {curve: [s, sin(s - t)], s: [0, 9]}"
     ellipse, root, wave = bodies(PLANE, shapes)
-    x, y = ellipse.corners.place[0].T
+    x, y = ellipse.corners[0].T
     assert np.allclose((x / 2) ** 2 + y**2, 1)
-    assert np.isnan(root.corners.place[0, :500, 1]).all()
+    assert np.isnan(root.corners[0, :500, 1]).all()
     s, t = np.linspace(0, 9, 64), np.linspace(0, 3, 31)
-    assert np.allclose(wave.corners.place[:, :, 1], np.sin(s - t[:, np.newaxis]))
+    assert np.allclose(wave.corners[:, :, 1], np.sin(s - t[:, np.newaxis]))
 
 
 def test_forces_and_grounds_that_move():
     shapes = "pull: {arrow: [0, -a_ddot - y_dot], at: rim, scale: 2}, "
     shapes += "table: {ground: [[0, y], [1, y]]}, none: {arrow: [Qc_a, 0]}"
     arrow, table, none = bodies(PLANE, shapes)
-    assert not none.corners.place.any()  # without a constraint there is no column
+    assert not none.corners.any()  # without a constraint there is no column
     t = np.linspace(0, 3, 31)
-    assert np.allclose(arrow.corners.place[:, 1, 1], -6 * np.cos(t), atol=1e-8)
-    assert np.allclose(table.corners.place[:, 1, 1], -2 + 3 * np.sin(t), atol=1e-9)
-    assert np.allclose(table.corners.rate[:, 0, 1], 3 * np.cos(t), atol=1e-9)
+    assert np.allclose(arrow.corners[:, 1, 1], -6 * np.cos(t), atol=1e-8)
+    assert np.allclose(table.corners[:, 1, 1], -2 + 3 * np.sin(t), atol=1e-9)
 
 
 def test_nothing_of_it_enters_the_run():
@@ -156,7 +154,7 @@ def test_nothing_of_it_enters_the_run():
 def test_other_sizes_follow_a_binding():
     model = lagsim.load(filled(PLANE, BLOCK))
     [body] = filmed_of(model.bind(w=1.0))
-    assert np.ptp(body.mesh.corners[:, 0]) == 1
+    assert np.ptp(body.corners[0, :, 0]) == 1
     with pytest.raises(lagsim.InputError, match=r"box `block` is -1; it must not be"):
         model.bind(w=-1.0)
 

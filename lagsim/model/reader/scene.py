@@ -240,7 +240,7 @@ class _Shapes:
             return None
         at, point = self._at(what, known)
         axes = self._axes(what, known.value("frame"))
-        near = (self._lying.get(place, "") for place in (at, *corners) if place)
+        near = (self._lying.get(place, "") for place in ((at,) if at else corners))
         return Shape(
             name, kind, tuple(size for size, _ in sizes if size is not None), corners,
             at, axes, point or next(filter(None, near), ""),

@@ -35,7 +35,7 @@ from lagsim.model.model import Level, Scene
 from lagsim.notes import Caution
 from lagsim.outputs import ENERGIES
 from lagsim.outputs.record import merged
-from lagsim.outputs.shapes import Track, bodies, needed, reached, words
+from lagsim.outputs.shapes import bodies, needed, reached, words
 from lagsim.run.observers.thinning import Frames
 from lagsim.tolerances import COMPUTED_ZERO, DEPENDENT_ROWS, HALF_OF_DIGITS, SATISFIED
 
@@ -64,6 +64,13 @@ SWIFT = 3.0
 TRIED, MOSTLY = 9, 0.75
 # Pairs that no link joins are tried among so many points, and forces shown.
 FEW_POINTS, MOST_PUSHES = 24, 64
+
+
+class Track(NamedTuple):
+    """Position and velocity of a point, each (frames, components)."""
+
+    place: Floats
+    rate: Floats
 
 
 class Push(NamedTuple):
@@ -119,8 +126,8 @@ class Film(NamedTuple):
     @property
     def dimension(self) -> int:
         """How many components places have."""
-        places = [*self.tracks.values(), *(body.at for body in self.shapes)]
-        return int(places[0].place.shape[1])
+        places = [track.place for track in self.tracks.values()]
+        return int([*places, *(body.at for body in self.shapes)][0].shape[1])
 
 
 def stage(model: Model) -> Scene:
@@ -188,9 +195,8 @@ def film(
     columns = {name: table[:, k] for k, name in enumerate(frames.names)}
     values: dict[str, float | Floats] = {p.name: p.value for p in model.parameters}
     values |= columns
-    seed = _rates(equations)
-    tracks = _tracks(equations, scene, values, len(table), seed)
-    shapes = bodies(model, columns, len(table), seed) if scene.shapes else []
+    tracks = _tracks(equations, scene, values, len(table))
+    shapes = bodies(model, columns, len(table)) if scene.shapes else []
     with np.errstate(all="ignore"):
         carriers = Carriers(equations, scene, values, len(table))
         pushes = [*carriers.pushes, *reactions(model, scene, columns)]
@@ -226,22 +232,14 @@ def page_units(lengths: AbstractSet[str], energy: str) -> dict[str, str]:
     return {"length": length, "energy": energy, "force": force}
 
 
-def _rates(e: Equations) -> dict[int, int]:
-    """Return the rate of everything that moves."""
-    accelerations = map(e.graph.variable, e.accelerations)
-    return e.flow.forward | dict(zip(e.flow.rates, accelerations, strict=True))
-
-
 def _tracks(
-    e: Equations,
-    scene: Scene,
-    values: Mapping[str, float | Floats],
-    count: int,
-    seed: Mapping[int, int],
+    e: Equations, scene: Scene, values: Mapping[str, float | Floats], count: int
 ) -> dict[str, Track]:
     """Evaluate the points and their rates; a plane lies at z = 0 of a space."""
     g = e.graph
     nodes = [node for parts in scene.points.values() for node in parts]
+    accelerations = map(g.variable, e.accelerations)
+    seed = e.flow.forward | dict(zip(e.flow.rates, accelerations, strict=True))
     rates = tangent(g, nodes, seed)
     found = evaluate_rows(g, [*nodes, *rates], values, count)
     dimension = scene.dimension
@@ -573,9 +571,8 @@ def _floor(film: Film, every: Floats, box: Sequence[Sequence[float]]) -> float |
 
     In space, that of the first ground that the scene has.
     """
-    for body in film.shapes:
-        if body.shape.kind == "ground" and not body.shape.corners:
-            return float(body.mesh.corners[0, 2])
+    if levels := [b.height for b in film.shapes if b.height is not None]:
+        return levels[0]
     last = [track.place[:, -1] for track in film.tracks.values()]
     heights = np.concatenate([*last, every[:, -1]])
     lowest = float(heights[np.isfinite(heights)].min(initial=box[-1][0]))
@@ -597,28 +594,21 @@ def _box(every: Floats) -> list[list[float]]:
 def _shape(body: Body, names: Sequence[str]) -> dict[str, Any]:
     """Return a shape; of its axes the last follows from the others."""
     shape = body.shape
-    axes = (x[..., :-1].swapaxes(-1, -2) if x.size else x for x in body.axes)
-    parts = {"at": body.at, "axes": Track(*axes), "corners": body.corners}
+    axes = body.axes.swapaxes(1, 2)[:, :-1]
+    parts = {"at": body.at, "axes": axes, "corners": body.corners}
     return {
-        "name": shape.name,
-        "kind": shape.kind,
+        "name": shape.name, "kind": shape.kind, "moves": body.moves,
         "point": names.index(shape.point) if shape.point else None,
-        "moves": body.moves,
-        "radius": body.radius,
-        "faces": body.mesh.faces,
-        "edges": body.mesh.edges,
-        "seams": body.mesh.seams,
-        **{key: _coded(track) for key, track in parts.items()},
-    }
+        "carried": bool(shape.point) and bool(shape.at), "radius": body.radius,
+        "faces": body.faces, "edges": body.edges, "seams": body.seams,
+        **{key: _coded(place) for key, place in parts.items()},
+    }  # fmt: skip
 
 
-def _coded(track: Track) -> dict[str, str]:
-    """Return what moves, or what is the same in all frames; with its rate if known."""
-    place, rate = track
-    if np.array_equal(place, np.broadcast_to(place[:1], place.shape)):
-        return {"fixed": _packed(place[0])}
-    moving = {"place": _packed(place)}
-    return moving | ({"rate": _packed(rate)} if rate.size else {})
+def _coded(place: Floats) -> dict[str, str]:
+    """Return what moves, or what is the same in all frames."""
+    same = np.array_equal(place, np.broadcast_to(place[:1], place.shape))
+    return {"fixed" if same else "place": _packed(place[0] if same else place)}
 
 
 def _link(

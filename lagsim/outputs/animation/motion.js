@@ -30,9 +30,7 @@ class Run {
     this.points = data.points.map((p) => p.fixed ? p : {
       ...p, place: unpacked(p.place, Float32Array), rate: unpacked(p.rate, Float32Array),
     });
-    const track = (x) => x.fixed ? {fixed: unpacked(x.fixed, Float32Array)} : {
-      place: unpacked(x.place, Float32Array), rate: x.rate && unpacked(x.rate, Float32Array),
-    };
+    const track = (x) => ({...x, [x.fixed ? "fixed" : "place"]: unpacked(x.fixed || x.place, Float32Array)});
     this.shapes = (data.shapes || []).map((s) => ({
       ...s, at: track(s.at), axes: track(s.axes), corners: track(s.corners),
     }));
@@ -67,10 +65,10 @@ class Run {
     return {t, i, step, part: step ? (t - this.t[i]) / step : 0};
   }
 
-  place(k, moment) { return this.placed(this.points[k], this.dimension, moment); }
-
   // Positions by Hermite's cubic: right at both frames, and so are the velocities. What
   // has none goes straight.
+  place(k, moment) { return this.placed(this.points[k], this.dimension, moment); }
+
   placed(p, d, {i, step, part: s}) {
     if (p.fixed) return p.fixed;
     const straight = !p.rate || this.broken.has(i), found = [];
@@ -86,17 +84,16 @@ class Run {
     return found;
   }
 
-  // The corners of a shape, and its origin. Its axes are set upright again: between two
-  // frames their entries are those of no rotation.
+  // The origin of a shape, which goes with its point, and its corners. Its axes are set
+  // upright again: between two frames their entries are those of no rotation.
   corners(shape, moment) {
     const d = this.dimension, {corners} = shape;
-    const at = this.placed(shape.at, d, moment), own = this.placed(shape.axes, d * (d - 1), moment);
-    const axes = upright(Array.from(own), d);
-    const count = (corners.fixed || corners.place).length / (corners.fixed ? 1 : this.t.length);
+    const at = shape.carried ? this.place(shape.point, moment) : this.placed(shape.at, d, moment);
+    const axes = upright(Array.from(this.placed(shape.axes, d * (d - 1), moment)), d);
+    const count = corners.fixed ? corners.fixed.length : corners.place.length / this.t.length;
     const places = this.placed(corners, count, moment), found = [];
-    for (let k = 0; k < count; k += d) {
+    for (let k = 0; k < count; k += d)
       found.push(Array.from(at, (x, c) => axes.reduce((sum, axis, n) => sum + axis[c] * places[k + n], x)));
-    }
     return {at, found};
   }
 
