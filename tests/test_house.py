@@ -7,7 +7,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 232
-LINES = 69_370
+LINES = 69_280
 LINES_OF_TESTS = 51_320
 
 
