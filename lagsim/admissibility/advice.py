@@ -235,6 +235,8 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
     for name in model.unused:
         text = f"the parameter `{name}` is given and used nowhere"
         yield Caution("unused-parameter", text)
+    for text in model.idle:
+        yield Caution("no-effect", text)
     yield from about_angles(model)
     for constraint in model.constraints:
         if constraint.relation.multiple:

@@ -31,6 +31,7 @@ from lagsim.admissibility.point import (
 )
 from lagsim.admissibility.rank import LEVELS, RankReport, analyse
 from lagsim.admissibility.refusal import (
+    gimbal_lock,
     needs_constraints,
     out_of_scale,
     refuse_infinite,
@@ -291,6 +292,11 @@ class _Examiner:
             verdicts, reach = classified(here, verdicts)
         lasting = judged.ranks if e is self.always else analyse(always)
         sticking = 0
+        if classify and (frame := gimbal_lock(here, e.q)):
+            text = f"at the start the angles of the frame `{frame}` are near gimbal "
+            text += "lock, where their rates have no bounds; take other `axes`, put it "
+            text += "`on` a turned frame, or give a `quaternion`"
+            self._warn("coordinate-singularity", text)
         if classify and laws:
             laws, sticking, cautions = contact_status(
                 here, laws, judged.ranks.rank, sound=sound and satisfied
@@ -489,7 +495,7 @@ class _Examiner:
         return found
 
     def _undetermined(self, names: Sequence[str], what: str) -> None:
-        for name in names:
+        for name in (x for x in names if self.initial[x].text):
             text = f"{what} the guess `{name}`: it stays as given"
             self._warn("undetermined-guess", text)
 

@@ -293,6 +293,22 @@ def admitted_inertia(point: Point, i: int) -> float:
     return float(size[i] ** 2 / moved) if moved > 0.0 else math.inf
 
 
+# A gimbal is as good as locked where the sine between its outer axes is below this.
+LOCKED = 3e-3
+
+
+def gimbal_lock(point: Point, names: Collection[str]) -> str:
+    """Name of the frame in gimbal lock whose angles these coordinates are, or none."""
+    g = point.g
+    for gimbal in point.e.model.gimbals:
+        if not g.depends(gimbal.angles) & {*names}:
+            continue
+        known = g.depends([gimbal.node]) <= point.values.keys()
+        if known and abs(point.array([gimbal.node])[0]) < LOCKED:
+            return gimbal.frame
+    return ""
+
+
 def _scaled(point: Point) -> tuple[Floats, Floats, Floats]:
     """Sizes of coordinates (n,), and scaled by them M (n, n) and A (m, n).
 
@@ -336,13 +352,14 @@ def _of_inertia(
             place,
             "look for a negative mass or a wrong sign in `kinetic`",
         )
-    return Problem(
-        "no-inertia",
-        f"the {what} {along} has no inertia at the start, and no constraint"
-        f"{which} determines its acceleration",
-        place,
-        "give it a mass in `kinetic`, a constraint, or make it a definition",
-    )
+    moving = [q for q, c in zip(names, direction, strict=True) if abs(c) > 0.0]
+    hint = "give it a mass in `kinetic`, a constraint, or make it a definition"
+    text = f"the {what} {along} has no inertia at the start, and no constraint"
+    text += f"{which} determines its acceleration"
+    if frame := gimbal_lock(point, moving):
+        text += f": the angles of the frame `{frame}` are in gimbal lock"
+        hint = "take other `axes`, put it `on` a turned frame, or give a `quaternion`"
+    return Problem("no-inertia", text, place, hint)
 
 
 # --- Many starts of one scene at once: those that need no closer examination

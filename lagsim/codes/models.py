@@ -456,6 +456,12 @@ output: {reactions: [x]}
         "a single member may replace that of a range.",
         "leave one of the two out",
         "definitions: {s(0..3): theta, s(3): 0, y: -l*cos(s(1))}\n"),
+    Row("E260", "expression-frame",
+        "A frame is named that the file does not have.",
+        "`rotate`, `unrotate`, `omega`, `omega_space`, `on` and the `frame` of a body "
+        "name a frame of the section `frames`, or `space`.",
+        "look for a name that is spelt otherwise",
+        "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
     # E3xx: the start of a model.
     Row("E301", "inadmissible",
         "The start violates a constraint, or the time derivative of one.",

@@ -408,6 +408,18 @@ class Transition(NamedTuple):
     place: Place
 
 
+class Gimbal(NamedTuple):
+    """Three angles of a frame, whose nodes are `angles`.
+
+    `node`, the sine or the cosine of the second, is 0 at gimbal lock, where the first
+    and the last turn about one axis.
+    """
+
+    frame: str
+    node: int
+    angles: tuple[int, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class Model:
     """Mechanical model: all that the file holds but the settings of its integration.
@@ -418,7 +430,9 @@ class Model:
     and the start values of definitions. Modes are the last of `parameters`, which
     `events` set; `until` ends a run. `stated` is what `bind` and
     `settings` evaluate. `unused` are parameters that nothing names. `places` are those
-    of parameters, coordinates, definitions and energies in the file.
+    of parameters, coordinates, definitions and energies in the file. `gimbals` are the
+    frames by three angles, `quaternions` the constraints that hold their lengths;
+    `idle` says what of the file has no effect.
     """
 
     name: str
@@ -444,6 +458,9 @@ class Model:
     unused: tuple[str, ...] = ()
     states: tuple[State, ...] = ()
     events: tuple[Transition, ...] = ()
+    gimbals: tuple[Gimbal, ...] = ()
+    quaternions: frozenset[str] = frozenset()
+    idle: tuple[str, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property

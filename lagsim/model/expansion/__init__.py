@@ -7,6 +7,7 @@ how their text is read for it. The reader after it knows numbers only.
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -41,7 +42,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Token
+    from lagsim.language.parser import Parsed, ParsedRelation, Token
+    from lagsim.model.expansion.bodies import Drawn
+    from lagsim.model.expansion.frames import Frames
     from lagsim.model.expansion.grammar import Steps
     from lagsim.model.expansion.scope import Indices
 
@@ -55,6 +58,7 @@ _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
 _MATRIX = 6
 _COMPONENTS = {"xy": 2, "xyz": 3}
+_NAME = re.compile(r"[^\W\d_]\w*")
 
 
 class _Subscript(NamedTuple):
@@ -184,6 +188,12 @@ class Expansion:
     ) -> None:
         self.scope = Scope(graph)
         self._report, self._is_unit = report, is_unit
+        self.report = report
+        self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
+        self.units: frozenset[str] = frozenset()
+        self._drawn: list[Drawn] = []
+        self.points: dict[str, Family] = {}
+        self.idle: list[str] = []
         self.broken: set[str] = set()
         self.plain = Reading(self.scope, {}, None, 1)
         self.hidden: list[Entry] = []
@@ -194,7 +204,12 @@ class Expansion:
             self._top = {key.text: (key, value) for key, value in root.entries}
             self._vectors = _mentions_vectors(root)
             new = self._sections()
-            entries = ((k, new.get(k.text) or self._plain(v)) for k, v in root.entries)
+            entries = [(k, new.get(k.text) or self.bound(v)) for k, v in root.entries]
+            entries += [
+                (n.entries[0][0]._replace(text=k, reading=None), n)
+                for k, n in new.items()
+                if k not in self._top and isinstance(n, Mapping)
+            ]
             self.node = root._replace(entries=tuple(entries))
 
     def hide(self, name: str, value: trees.Value, at: Scalar) -> trees.Value:
@@ -222,9 +237,13 @@ class Expansion:
         for section in _DECLARING[1:]:
             declared = map(self._declared, *self._entries(section))
             given[section] = [one for one in declared if one]
+        frames = self._frames()
         self._resolve(given["definitions"])
+        units = frames.all() if frames else []
         for section in _DECLARING[1:]:
             new[section] = [e for one in given[section] for e in self._written(one)]
+        new["constraints"] += units
+        new["energy"] = self._energy(frames)
         for section in ("forces", "initial"):
             new[section] = self._referring(section)
         new["definitions"] += self.hidden
@@ -233,10 +252,71 @@ class Expansion:
             node = self._top[section][1] if section in self._top else None
             if isinstance(node, Mapping):
                 found[section] = node._replace(entries=tuple(entries))
-        for section, rule in (("scene", self._scene), ("output", self._output)):
-            if section in self._top:
-                found[section] = rule(self._top[section][1])
+            elif entries:  # which the file does not write
+                found[section] = Mapping(tuple(entries), entries[0][0].place)
+        if "output" in self._top:
+            found["output"] = self._output(self._top["output"][1])
+        scene = self._top["scene"][1] if "scene" in self._top else None
+        if scene or self._drawn:
+            found["scene"] = self._scene(scene)
         return found
+
+    def _frames(self) -> Frames | None:
+        """Return the frames, if any, each of which is made when it is asked for."""
+        if "frames" not in self._top:
+            return None
+        from lagsim.model.expansion.frames import Frames
+
+        frames = self.scope.frames = Frames(self, self._top["frames"][1])
+        return frames
+
+    def _energy(self, frames: Frames | None) -> list[Entry]:
+        """Return the energies, in which the word `bodies` is what it denotes there."""
+        node = self._top["energy"][1] if "energy" in self._top else None
+        found = [(key, self.bound(value)) for key, value in entries_of(node)]
+        given = [self._top.get(key, (None, None))[1] for key in ("bodies", "gravity")]
+        if given == [None, None]:
+            return found
+        from lagsim.model.expansion.bodies import Bodies
+
+        bodies = Bodies(self, frames, *given)
+        self._drawn = bodies.drawn
+        for k, (key, value) in enumerate(entries_of(node)):
+            if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):
+                reading = Reading(self.scope, {"bodies": tree}, None, 1)
+                found[k] = key, self.bound(value, reading)
+        self.idle = bodies.idle()
+        return found
+
+    def members(self, key: Scalar, what: str) -> tuple[_Key, Members] | None:
+        """Name and members of a key of frames or bodies; a fault is reported."""
+        try:
+            parsed = _parsed_key(key.text)
+            if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
+                named = parsed.subscripts or what == "a frame"
+                if named and parsed.name in (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES):
+                    text = f"`{parsed.name}` is a function and cannot be {what}"
+                    self.report("reserved-name", text, key.place)
+                    return None
+                return parsed, self._members(parsed)
+            text = f"`{key.text}` cannot be the name of {what}"
+            self.report("bad-name", text, key.place, "such as arm or link(i = 1..n)")
+        except ExpressionError as fault:
+            self.fault(fault, key)
+        return None
+
+    def made(
+        self, name: str, text: str, parsed: Parsed | ParsedRelation, at: Scalar
+    ) -> Entry:
+        """Entry of a section that the file does not write; `at` is why it is there."""
+        reading = Made(self.scope, parsed)
+        key = at._replace(text=name, reading=reading)
+        return key, at._replace(text=text, reading=reading)
+
+    def made_scalar(self, tree: trees.Tree, at: Scalar) -> Scalar:
+        """Return a scalar that is read as a tree."""
+        reading = Made(self.scope, trees.parsed(tree, ""))
+        return at._replace(text=f"{HIDDEN}{at.text}", reading=reading)
 
     def _entries(self, section: str) -> tuple[list[Scalar], list[Node], list[str]]:
         """Return keys, values and the section's name of each entry."""
@@ -244,19 +324,19 @@ class Expansion:
         found = entries_of(node)
         return [k for k, _ in found], [v for _, v in found], [section] * len(found)
 
-    def _plain(self, node: Node, reading: Reading | None = None) -> Node:
+    def bound(self, node: Node, reading: Reading | None = None) -> Node:
         """Return a node whose scalars are read for a member, or outside of families."""
         reading = reading or self.plain
         if isinstance(node, Scalar):
             return node._replace(reading=reading)
         if isinstance(node, Sequence):
             return node._replace(
-                items=tuple(self._plain(n, reading) for n in node.items)
+                items=tuple(self.bound(n, reading) for n in node.items)
             )
         if isinstance(node, Mapping):
-            rules = {"slip": self._spread}
+            rules = {"slip": self.spread}
             entries = (
-                (k, rules.get(k.text, self._plain)(v, reading)) for k, v in node.entries
+                (k, rules.get(k.text, self.bound)(v, reading)) for k, v in node.entries
             )
             return node._replace(entries=tuple(entries))
         return node
@@ -516,7 +596,7 @@ class Expansion:
             one, several = one._replace(node=Broken(inner.place)), False
         name = one.form.format(one.family.name)
         if not (letters or parsed.subscripts):
-            yield key, self._plain(one.node)
+            yield key, self.bound(one.node)
             return
         for k, (indices, member) in enumerate(one.members):
             node = one.node
@@ -546,11 +626,11 @@ class Expansion:
                 text += f"{len(inner.items)}"
                 self._report("wrong-count", text, inner.place)
                 return Broken(inner.place)
-            inner = self._plain(inner.items[c], outer)
+            inner = self.bound(inner.items[c], outer)
         else:
-            inner = self._plain(inner, reading)
+            inner = self.bound(inner, reading)
         if isinstance(node, Mapping) and inner is not node:
-            return _with_inner(self._plain(node, outer), keys, inner)
+            return _with_inner(self.bound(node, outer), keys, inner)
         return inner
 
     # Sections that refer to names
@@ -586,11 +666,11 @@ class Expansion:
         found = self._key(key)
         if found is None:
             known = key.text.partition("(")[0] in self.broken
-            return None if known else (key, self._plain(node))
+            return None if known else (key, self.bound(node))
         parsed, members = found
         meant = self.scope.reference(parsed.name)
         if meant is None:
-            return key, self._plain(node)
+            return key, self.bound(node)
         family, form = meant
         fault = "", "", ""
         if family.broken:
@@ -619,25 +699,27 @@ class Expansion:
             return None
         return _Given(key, node, family, form, parsed, members)
 
-    def _spread(self, node: Node, reading: Reading) -> Node:
+    def spread(self, node: Node, reading: Reading) -> Node:
         """Return a list of components for a vector that stands where a list does."""
         if not isinstance(node, Scalar) or not self._vectors:
-            return self._plain(node, reading)
+            return self.bound(node, reading)
         try:
             size = trees.size(self.scope.values(node.text, parse, reading.indices)[0])
         except ExpressionError:
             size = 1
         if size == 1:
-            return self._plain(node, reading)
+            return self.bound(node, reading)
         readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
 
-    def _scene(self, node: Node) -> Node:
-        """Return the scene: points by members, and links between these."""
-        points: dict[str, Family] = {}
+    def _scene(self, node: Node | None) -> Node:
+        """Return the scene: points and shapes by members, links between points."""
+        if node is not None and not isinstance(node, Mapping):
+            return node
+        points = self.points
         entries = []
         for key, value in entries_of(node):
-            new = self._plain(value)
+            new = self.bound(value)
             if key.text == "points" and isinstance(value, Mapping):
                 found = [
                     e for k, v in value.entries for e in self._points(k, v, points)
@@ -647,16 +729,30 @@ class Expansion:
                 links = [n for link in value.items for n in self._links(link, points)]
                 new = value._replace(items=tuple(links))
             entries.append((key, new))
-        return (
-            node._replace(entries=tuple(entries)) if isinstance(node, Mapping) else node
-        )
+        return self._shapes(entries, node)
+
+    def _shapes(self, entries: list[Entry], node: Mapping | None) -> Node:
+        """Return the scene with its shapes, and those of bodies."""
+        given = next((e for e in entries if e[0].text == "shapes"), None)
+        if self._drawn or (given and isinstance(given[1], Mapping)):
+            from lagsim.model.expansion.shapes import Shapes
+
+            at = given[0] if given else self._drawn[0].kind[0]
+            writer = Shapes(self)
+            old = given[1] if given else None
+            found = (*writer.given(old), *writer.of_bodies(self._drawn))
+            new = at._replace(text="shapes"), Mapping(found, at.place)
+            entries = [new if e is given else e for e in entries]
+            entries += [] if given else [new]
+        place = node.place if node else entries[0][0].place
+        return Mapping(tuple(entries), place)
 
     def _points(
         self, key: Scalar, node: Node, points: dict[str, Family]
     ) -> Iterator[Entry]:
         found = self._key(key)
         if found is None or not found[0].subscripts:
-            yield key, self._spread(node, self.plain)
+            yield key, self.spread(node, self.plain)
             return
         parsed, members = found
         new = Family(parsed.name, "points", key.place, True)
@@ -673,7 +769,7 @@ class Expansion:
             reading = Reading(self.scope, indices, None, 1)
             one = items_of(node)[k] if several else node
             full = key._replace(text=dotted(parsed.name, member), reading=reading)
-            yield full, self._spread(one, reading)
+            yield full, self.spread(one, reading)
 
     def _links(self, node: Node, points: dict[str, Family]) -> list[Node]:
         """Return a link, or those between consecutive points of a family."""
@@ -721,7 +817,7 @@ class Expansion:
         """Return columns and reactions by members; the curves of plots."""
         entries = []
         for key, value in entries_of(node):
-            new = self._plain(value)
+            new = self.bound(value)
             if key.text in ("columns", "reactions") and isinstance(value, Sequence):
                 items = (n for item in value.items for n in self._denoted(item))
                 new = value._replace(items=tuple(items))
@@ -734,10 +830,10 @@ class Expansion:
 
     def _plot(self, node: Node) -> Node:
         if not isinstance(node, Mapping):
-            return self._plain(node)
+            return self.bound(node)
         entries = []
         for key, value in node.entries:
-            new = self._plain(value)
+            new = self.bound(value)
             if key.text in ("y", "y2"):
                 curves = [c for item in items_of(value) for c in self._curves(item)]
                 several = len(curves) != 1 or isinstance(value, Sequence)
@@ -761,16 +857,16 @@ class Expansion:
             and (parsed.ranged or not parsed.subscripts)
         ):
             return [
-                self._plain(n._replace(text=_written(*n.text.split("."))))
+                self.bound(n._replace(text=_written(*n.text.split("."))))
                 if isinstance(n, Scalar)
                 else n
                 for n in self._denoted(node)
             ]
-        spread = self._spread(node, self.plain)
+        spread = self.spread(node, self.plain)
         if not isinstance(spread, Sequence):
             return [spread]
         return [
-            self._plain(node._replace(text=f"({node.text}).{c}"))
+            self.bound(node._replace(text=f"({node.text}).{c}"))
             for c in trees.components(len(spread.items))
         ]
 

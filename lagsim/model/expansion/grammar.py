@@ -30,6 +30,9 @@ _MORE = re.compile(
 OVER_RANGES = {"sum": "add", "min": "min", "max": "max"}
 # Functions of vectors, and how many arguments they take.
 OF_VECTORS = {"vec": (2, 3), "dot": (2,), "cross": (2,), "norm": (1,), "unit": (1,)}
+# The same of frames, which are named first.
+OF_FRAMES = {"rotate": (2,), "unrotate": (2,), "omega": (1,), "omega_space": (1,)}
+OF_VECTORS |= {"spin": (2,), **OF_FRAMES}
 NESTED = 16
 _RANGE = "such as sum(i = 1..n, m(i))"
 
@@ -37,7 +40,8 @@ _RANGE = "such as sum(i = 1..n, m(i))"
 class Step(NamedTuple):
     """An operation on a stack of values; `payload` is a number, a name or a count.
 
-    Of what runs over a range: the index, and the steps of a term.
+    Of what runs over a range: the index, and the steps of a term; of a function of
+    frames: the steps that name one.
     """
 
     op: str
@@ -55,6 +59,14 @@ class _Over(Pending):
     index: str = ""
     ranged: bool = False
     begin: int = -1
+
+
+@dataclass(slots=True)
+class _OfFrame(Pending):
+    """A function of a frame: where the steps that name it begin, and these."""
+
+    begin: int = 0
+    frame: Steps = ()
 
 
 class _Extended(Parser):
@@ -82,6 +94,9 @@ class _Extended(Parser):
             raise token.fault("`sum` takes a range", _RANGE, "range")
         elif name in FUNCTIONS:
             super()._function(token)
+        elif name in OF_FRAMES:
+            begin = len(self.steps)
+            self.pending.append(_OfFrame(name, 0, token, call=True, begin=begin))
         else:
             self.pending.append(Pending(name, 0, token, call=True))
 
@@ -102,6 +117,7 @@ class _Extended(Parser):
 
     def _comma(self, token: Token) -> bool:
         top = self.pending[-1] if self.pending else None
+        self._name_frame(top)
         if not isinstance(top, _Over):
             return super()._comma(token)
         if not top.ranged or top.begin >= 0:
@@ -110,8 +126,15 @@ class _Extended(Parser):
         top.begin = len(self.steps)
         return True
 
+    def _name_frame(self, top: Pending | None) -> None:
+        """Take the steps of the first argument of a function of frames."""
+        if isinstance(top, _OfFrame) and not top.frame:
+            top.frame = tuple(self.steps[top.begin :])
+            del self.steps[top.begin :]
+
     def _close(self, token: Token) -> bool:
         top = self.pending[-1] if self.pending else None
+        self._name_frame(top)
         if (
             not top
             or not top.call
@@ -133,6 +156,8 @@ class _Extended(Parser):
             counts = " or ".join(map(str, OF_VECTORS[top.op]))
             text = f"`{top.op}` takes {counts} arguments, found {top.arity}"
             raise top.token.fault(text, "", "arity")
+        elif isinstance(top, _OfFrame):
+            payload = "", top.frame
         self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
         self.kinds.append((False, top.token))
         self._emit(top.token, op, payload)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
 
 from lagsim import limits
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
@@ -19,6 +19,7 @@ from lagsim.language.names import ENDINGS
 from lagsim.language.parser import (
     SILENT,
     ExpressionError,
+    Parsed,
     ParsedRelation,
     parse,
     parse_condition,
@@ -26,7 +27,15 @@ from lagsim.language.parser import (
     sides,
 )
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES, Step, steps, tokens
+from lagsim.model.expansion.grammar import (
+    OF_FRAMES,
+    OF_VECTORS,
+    OVER_RANGES,
+    Step,
+    steps,
+    tokens,
+)
+from lagsim.model.expansion.rotations import OF_A_FRAME, spin
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
 if TYPE_CHECKING:
@@ -34,10 +43,12 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Parsed, Token
+    from lagsim.language.parser import Token
     from lagsim.model.expansion.grammar import Steps
+    from lagsim.model.expansion.rotations import Frame
 
-    Indices = dict[str, int]
+    # A number, or what the word `bodies` denotes.
+    Indices = dict[str, int | Tree]
     Parser = Callable[[str], Any]
 
 # A file has so many for each operation.
@@ -108,6 +119,16 @@ class _Source(NamedTuple):
     at: int = 0
 
 
+class Frames(Protocol):
+    """The frames of a file, by name and subscripts."""
+
+    def called(self, steps: Steps, indices: Indices, /) -> tuple[str, tuple[int, ...]]:
+        """Return the name that an expression has."""
+
+    def made(self, called: tuple[str, tuple[int, ...]], /) -> Frame:
+        """Return the frame of a name."""
+
+
 class Scope:
     """Families of a file, values of its parameters, and expressions of them."""
 
@@ -118,6 +139,7 @@ class Scope:
         self.numbers = {"pi": math.pi}
         self.uses: dict[str, set[str]] = {}
         self.used: set[str] = set()
+        self.frames: Frames | None = None
         self._asked: set[str] = set()
         self._terms = 0
         self._sources: dict[tuple[str, object], _Source | ExpressionError] = {}
@@ -196,6 +218,15 @@ class Scope:
         ------
         ExpressionError
         """
+        return self.run(steps, indices).pop()
+
+    def run(self, steps: Steps, indices: Indices) -> list[Value]:
+        """Return the values that steps leave.
+
+        Raises
+        ------
+        ExpressionError
+        """
         stack: list[Value] = []
         for step in steps:
             op, payload, token = step
@@ -204,20 +235,23 @@ class Scope:
                 stack.append(trees.number(payload))
             elif op == "name":
                 found = indices.get(token.text)
-                named = self._named(token) if found is None else trees.number(found)
-                stack.append(named)
+                named = self._named(token) if found is None else found
+                stack.append(trees.number(named) if isinstance(named, int) else named)
             else:
                 count = payload if isinstance(payload, int) else _POPPED[op[:4]]
-                args = stack[-count:]
-                del stack[-count:]
+                at = len(stack) - count
+                args = stack[at:]
+                del stack[at:]
                 stack.append(self._applied(step, args, indices))
-        return stack.pop()
+        return stack
 
     def _applied(self, step: Step, args: list[Value], indices: Indices) -> Value:
         op, payload, token = step
         if op == "member":
             return self._member(token, args)
         try:
+            if op in OF_FRAMES:
+                return self._of_frame(step, args, indices)
             if isinstance(payload, tuple):
                 return self._over(step, args, indices)
             if op == "component":
@@ -226,6 +260,17 @@ class Scope:
         except UnfitError as fault:
             code = "component" if op == "component" else "size"
             raise token.fault(fault.text, fault.hint, code) from None
+
+    def _of_frame(self, step: Step, args: list[Value], indices: Indices) -> Value:
+        """Value of a function of a frame."""
+        assert isinstance(step.payload, tuple)
+        named = step.payload[1]
+        if self.frames is None:
+            token = named[-1].token
+            text = f"there is no frame `{token.text}`: the file has no `frames`"
+            raise token.fault(text, "", "frame")
+        frame = self.frames.made(self.frames.called(named, indices))
+        return OF_A_FRAME[step.op](frame, *args)
 
     def reference(self, name: str) -> tuple[Family, str] | None:
         """Return the family of a name, as of a rate or force, and the form of names."""
@@ -324,14 +369,18 @@ class Scope:
         if value.op == "number":
             found = float(value.value)
         else:
-            parsed = trees.parsed(value, "")
-            found = self.number(parsed)
-            self._asked |= {name.text for name in parsed.names}
+            found = self.number(trees.parsed(value, ""))
+            self.ask(value)
         nearest = round(found) if abs(found) < limits.LARGEST_INDEX else None
         if nearest is None or abs(found - nearest) > _WHOLE * abs(found):
             text = f"a subscript must be a whole number, found {found:g}"
             raise token.fault(text, "", "subscript")
         return nearest
+
+    def ask(self, *values: Tree) -> None:
+        """Note that the form of the equations follows values of parameters."""
+        parsed = (trees.parsed(value, "") for value in values)
+        self._asked |= {name.text for found in parsed for name in found.names}
 
     def number(self, found: Parsed) -> float:
         """Return value of an expression of numbers and parameters.
@@ -366,7 +415,7 @@ class Scope:
         raise ExpressionError(offset, len(name), text + about, "", "subscript")
 
 
-_POPPED = {"over": 2, "comp": 1}
+_POPPED = {"over": 2, "comp": 1, "rota": 1, "unro": 1, "omeg": 0}
 
 
 def _parsed(text: str, parser: Parser) -> _Source:
@@ -429,6 +478,7 @@ _RULES: dict[str, Callable[..., Value]] = {
     "cross": trees.cross,
     "norm": trees.norm,
     "unit": trees.unit,
+    "spin": spin,
 }
 
 
@@ -505,12 +555,16 @@ class Made:
 
     __slots__ = ("_parsed", "scope")
 
-    def __init__(self, scope: Scope, parsed: Parsed) -> None:
+    def __init__(self, scope: Scope, parsed: Parsed | ParsedRelation) -> None:
         self.scope, self._parsed = scope, parsed
 
-    def parsed(self, text: str, parser: Parser) -> Parsed:  # noqa: ARG002
+    def parsed(self, text: str, parser: Parser) -> Parsed | ParsedRelation:  # noqa: ARG002
         """Return the expression; the text is that of what needed it."""
-        return self.scope.noted(self._parsed)
+        made = self._parsed
+        for side in [made] if isinstance(made, Parsed) else [made.left, made.right]:
+            assert side is not None
+            self.scope.noted(side)
+        return made
 
     def words(self, text: str) -> set[str]:  # noqa: ARG002
         """Return the names in it."""

@@ -19,7 +19,7 @@ from lagsim import limits
 from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
 from lagsim.model.loading import STDIN, load, text_of, unusable
-from lagsim.model.model import Coordinate, Level, Model, Transition
+from lagsim.model.model import Coordinate, Gimbal, Level, Model, Transition
 from lagsim.model.nodes import (
     Broken,
     Entry,
@@ -34,10 +34,19 @@ from lagsim.model.nodes import (
 )
 from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
-from lagsim.model.reader.fields import Faults, belongs, fields, is_mapping, shortened
+from lagsim.model.reader.fields import (
+    Faults,
+    belongs,
+    entries,
+    fields,
+    is_mapping,
+    shortened,
+)
 from lagsim.model.reader.quantities import is_unit
 from lagsim.model.reader.scene import check_sizes, read_scene
 from lagsim.model.reader.sections import (
+    BODY,
+    FRAME,
     OUTPUT_KEYS,
     SCENE,
     SECTIONS,
@@ -51,6 +60,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
     from collections.abc import Mapping as MappingType
 
+    from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.scope import Scope
     from lagsim.model.model import Settings
 
@@ -156,6 +166,7 @@ class File:
         self.file = file
         self._given = node = _in_place(root, faults)
         self.scope: Scope | None = None
+        self.expansion: Expansion | None = None
         reading, broken = None, set[str]()
         if has_members(node):
             from lagsim.model.expansion import Expansion
@@ -163,11 +174,18 @@ class File:
             faults.once = set()
             written = Expansion(node, overrides, faults.add, is_unit, graph)
             node, reading, self.scope = written.node, written.plain, written.scope
-            broken = written.broken
+            broken, self.expansion = written.broken, written
         self.node, self.root = node, node.place
         self.top = top = fields(node, "the file", SECTIONS, faults, node.place)
         if not top.sound:
             faults.raise_if_any()
+        for section, one, keys in (
+            ("frames", "frame", FRAME),
+            ("bodies", "body", BODY),
+        ):
+            for key, below in entries(top.value(section), f"`{section}`", faults):
+                if one == "body" or not isinstance(below, Scalar):
+                    fields(below, f"the {one} `{key.text}`", keys, faults, key.place)
         self.energy = equations.energy_fields(top)
         self.names = names = Names("lagrangian" in self.energy)
         names.faulty |= broken
@@ -233,6 +251,9 @@ class File:
             parameters=parameters,
             unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
             events=events,
+            gimbals=self._gimbals(),
+            quaternions=self.expansion.units if self.expansion else frozenset(),
+            idle=tuple(self.expansion.idle) if self.expansion else (),
             places={**self.names.places, **places},
             coordinates=coordinates,
             states=states,
@@ -247,6 +268,14 @@ class File:
             stated=self,
             description=description,
             source=source,
+        )
+
+    def _gimbals(self) -> tuple[Gimbal, ...]:
+        """Build the frames by three angles."""
+        given, build = self.expansion.gimbals if self.expansion else [], self.x.build
+        return tuple(
+            Gimbal(name, build(lock), tuple(map(build, angles)))
+            for name, lock, angles in given
         )
 
     def _check_names(self) -> None:
@@ -423,7 +452,7 @@ class File:
 
 # A range, a vector, or sections of them, wherever they stand in a file.
 _OF_MEMBERS = re.compile(
-    r"[\w)]\s*\.\.\s*[\w(-]|\bvec\s*\(|\bcomponents\s*:"
+    r"[\w)]\s*\.\.\s*[\w(-]|\b(?:vec|spin)\s*\(|\bcomponents\s*:"
     r"|^(?:frames|bodies|gravity)\s*:",
     re.MULTILINE,
 )

@@ -171,7 +171,8 @@ class Names:
         if not self._known:
             kinds: dict[object, list[str]] = {k: [] for k in Kind}
             for name, k in self.variables.items():
-                kinds[k].append(name)
+                if name[:1] != HIDDEN:
+                    kinds[k].append(name)
             velocities = frozenset(map(rate_of, kinds[Kind.COORDINATE]))
             self._known = {**kinds, "velocities": velocities}
         found: list[str] = self._known[kind]

@@ -371,9 +371,12 @@ class Initial(_Numbers):
     ) -> tuple[InitialValue, ...]:
         coordinates = self.x.names.of(Kind.COORDINATE)
         velocities = list(map(rate_of, coordinates))
+        started = (self.x.definitions.get(name) for name in found)
+        nodes = [d.node for d in started if d and d.level is Level.VELOCITY]
+        free = self.x.graph.depends(n for n in nodes if n is not None)
         for name in velocities:
-            if name not in self._all:  # a velocity not named is stated to be 0
-                found[name] = InitialValue(name, 0.0, 0.0, False, "0", place)
+            if name not in self._all:  # stated to be 0, or left to such a definition
+                found[name] = InitialValue(name, 0.0, 0.0, name in free, "", place)
         order = [*coordinates, *velocities, *self.x.names.of(Kind.STATE), *found]
         return tuple(found[name] for name in dict.fromkeys(order) if name in found)
 

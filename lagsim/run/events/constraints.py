@@ -19,7 +19,7 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import weakest_rows
-from lagsim.admissibility.refusal import admitted_inertia
+from lagsim.admissibility.refusal import admitted_inertia, gimbal_lock
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.equations import Instant
 from lagsim.mechanics.ldl import dense_operations
@@ -158,11 +158,15 @@ def singularity_caution(arc: Arc) -> list[Caution]:
     if k < 0:
         return []
     name, when = arc.system.inertias[k], float(state.inertia_when[k])
+    why = f"`{name}` is nearly undefined there (polar coordinates at the pole, angles "
+    why += "at gimbal lock)"
+    instead = "Cartesian coordinates, or angles with their pole elsewhere, avoid this"
+    if frame := gimbal_lock(_smallest(arc, k), [name]):
+        why = f"the angles of the frame `{frame}` are in gimbal lock there"
+        instead = "a `quaternion`, or other `axes`, avoid this"
     text = (
         f"at t = {when:.9g} the inertia of `{name}` falls to {part:.1g} of its "
-        f"largest value: `{name}` is nearly undefined there (polar coordinates at "
-        "the pole, angles at gimbal lock), which alone makes the steps short; "
-        "Cartesian coordinates, or angles with their pole elsewhere, avoid this"
+        f"largest value: {why}, which alone makes the steps short; {instead}"
     )
     return [Caution("coordinate-singularity", text)]
 
@@ -176,12 +180,17 @@ def _is_held(arc: Arc, k: int) -> bool:
     e, name = arc.system.equations, arc.system.inertias[k]
     if not e.rows or name not in e.q:
         return False
+    found = admitted_inertia(_smallest(arc, k), e.q.index(name))
+    return not found < VANISHING * float(arc.state.inertia_largest[k])
+
+
+def _smallest(arc: Arc, k: int) -> Point:
+    """Point at which an inertia was smallest."""
     state = arc.state
     where = state.inertia_where.reshape(state.inertias, -1)[k]
     blocks = state.positions, state.velocities, state.first_order
     there = Instant(float(state.inertia_when[k]), *(where[x] for x in blocks))
-    found = admitted_inertia(Point(e, there), e.q.index(name))
-    return not found < VANISHING * float(state.inertia_largest[k])
+    return Point(arc.system.equations, there)
 
 
 # Beyond so many multiplications, about a second, the loops are not gone on with.

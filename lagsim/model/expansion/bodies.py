@@ -1,0 +1,310 @@
+"""Bodies: moments of inertia of shapes of uniform density, and energies.
+
+Sources: J. L. Meriam, L. G. Kraige, Engineering Mechanics: Dynamics, table D/4; of a
+polygon, C. Steger, On the Calculation of Arbitrary Moments of Polygons (1996).
+"""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim.language.names import rate_of
+from lagsim.language.parser import ExpressionError
+from lagsim.model.expansion import trees
+from lagsim.model.expansion.frames import Frames, Section, near, unknown
+from lagsim.model.expansion.rotations import ZERO, product, rotate, spin, total
+from lagsim.model.expansion.scope import dotted
+from lagsim.model.expansion.trees import (
+    LETTERS,
+    Tree,
+    Value,
+    Vector,
+    call,
+    cross,
+    number,
+    scalar,
+)
+from lagsim.model.nodes import Scalar, Sequence, entries_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence as SequenceType
+
+    from lagsim.model.expansion import Expansion
+    from lagsim.model.expansion.rotations import Frame
+    from lagsim.model.expansion.scope import Indices
+    from lagsim.model.nodes import Entry, Node
+
+
+class Solid(NamedTuple):
+    """Inertia of a shape about its centre of mass, and where that is in the frame."""
+
+    inertia: Value
+    centre: Vector
+
+
+def _of(m: Tree, *terms: tuple[float, Tree]) -> Tree:
+    """Moment of inertia m (a x^2 + b y^2 + ...) of lengths with their factors."""
+    squares = (product(number(c), call("pow", x, number(2.0))) for c, x in terms)
+    return product(m, total(squares))
+
+
+def _about_z(m: Tree, r: Tree, own: float, *across: tuple[float, Tree]) -> Vector:
+    """Principal moments of a body of revolution about z: own m r^2 about its axis."""
+    return (_of(m, *across),) * 2 + (_of(m, (own, r)),)
+
+
+def solid(kind: str, m: Tree, sizes: SequenceType[Tree], n: int) -> Solid:
+    """Shape of mass m in space (n is 3) or in the plane, with its sizes."""
+    a = sizes[0]
+    b, c = (*sizes[1:], ZERO, ZERO)[:2]
+    nowhere = (ZERO,) * n
+    if n == len("xy"):
+        flat = {"disk": ((0.5, a),), "ring": ((1.0, a),)}
+        box = (1 / 12, a), (1 / 12, b)
+        return Solid(_of(m, *flat.get(kind, box)), nowhere)
+    if kind == "box":
+        x, y, z = (1 / 12, a), (1 / 12, b), (1 / 12, c)
+        return Solid((_of(m, y, z), _of(m, x, z), _of(m, x, y)), nowhere)
+    if kind == "cone":
+        above = ZERO, ZERO, product(number(0.75), b)
+        return Solid(_about_z(m, a, 0.3, (3 / 20, a), (3 / 80, b)), above)
+    if kind == "cylinder":
+        return Solid(_about_z(m, a, 0.5, (1 / 4, a), (1 / 12, b)), nowhere)
+    own, across = {"disk": (0.5, 0.25), "ring": (1.0, 0.5), "sphere": (0.4, 0.4)}[kind]
+    return Solid(_about_z(m, a, own, (across, a)), nowhere)
+
+
+def polygon(m: Tree, corners: SequenceType[Vector]) -> Solid:
+    """Polygon of mass m in the plane; its corners are given either way round."""
+    areas, moments, centres = [], [], []
+    for a, b in zip(corners, (*corners[1:], corners[0]), strict=True):
+        area = cross(a, b)
+        assert isinstance(area, Tree)
+        squares = [product(x, y) for u, v in ((a, a), (a, b), (b, b))
+                   for x, y in zip(u, v, strict=True)]  # fmt: skip
+        areas.append(area)
+        moments.append(product(area, total(squares)))
+        centres.append([product(area, total(pair)) for pair in zip(a, b, strict=True)])
+    whole = total(areas)
+
+    def mean(parts: SequenceType[Tree], factor: float) -> Tree:
+        return call("div", total(parts), product(number(factor), whole))
+
+    centre = tuple(mean(parts, 3.0) for parts in zip(*centres, strict=True))
+    off = total(product(x, x) for x in centre)
+    about = call("sub", mean(moments, 6.0), off)
+    return Solid(product(m, about), centre)
+
+
+# --- The section `bodies`
+
+# Kinds of shapes in the plane and in space, and how many sizes each has.
+SIZES = {
+    2: {"disk": 1, "ring": 1, "box": 2, "polygon": 0},
+    3: {"disk": 1, "ring": 1, "sphere": 1, "cylinder": 2, "cone": 2, "box": 3},
+}
+KEYS = ("mass", "at", "frame", "inertia", "shape")
+_HOW = "write {mass: m, at: [x, y, z], frame: f, inertia: J}, or `shape` for `inertia`"
+
+
+class _Body(NamedTuple):
+    """A body as the file gives it, for one member."""
+
+    what: str
+    name: str
+    below: dict[str, Node]
+    indices: Indices
+
+
+class Drawn(NamedTuple):
+    """Shape of a body: its name, kind with sizes, origin, and frame."""
+
+    name: str
+    kind: Entry
+    indices: Indices
+    origin: Vector
+    frame: Frame | None
+
+
+class Bodies(Section):
+    """The bodies of a file: their energies, and what the scene draws of them.
+
+    Attributes
+    ----------
+    drawn : list of Drawn
+        Their shapes.
+    """
+
+    def __init__(
+        self,
+        x: Expansion,
+        frames: Frames | None,
+        section: Node | None,
+        gravity: Node | None,
+    ) -> None:
+        super().__init__(x)
+        self._frames = frames
+        self._energies: dict[str, list[Tree]] = {"kinetic": [], "potential": []}
+        self._given, self._weighs = bool(entries_of(section)), gravity is not None
+        self._said: set[str] = set()
+        self.drawn: list[Drawn] = []
+        self._gravity: Vector = ()
+        self._names: set[str] = set()
+        if gravity is not None:
+            with suppress(ExpressionError):
+                parts = self.vector(gravity, {}, [2, 3], "`gravity`")
+                pairs = zip(LETTERS, parts, strict=False)
+                self._gravity = tuple(self._kept(f"gravity.{c}", p) for c, p in pairs)
+        for key, node in entries_of(section):
+            with suppress(ExpressionError):  # reported
+                self._entry(key, {k.text: value for k, value in entries_of(node)})
+
+    def word(self, key: str, node: Scalar) -> Tree | None:
+        """Return what the word `bodies` denotes in an energy, if it stands there."""
+        if key not in self._energies or not re.search(r"\bbodies\b", node.text):
+            return None
+        self._said.add(key)
+        if key == "potential" and self._given and not self._gravity:
+            text = "`bodies` in the potential energy needs `gravity`"
+            self.report("missing-key", text, node.place, "such as gravity: [0, 0, -g]")
+        return total(self._energies[key])
+
+    def idle(self) -> list[str]:
+        """Return texts of what has no effect, for warnings."""
+        found = []
+        if self._given and "kinetic" not in self._said:
+            found.append("`bodies` do not act: `kinetic` lacks the word `bodies`")
+        if self._weighs and "potential" not in self._said:
+            found.append("`gravity` does not act: `potential` lacks the word `bodies`")
+        return found
+
+    def _kept(self, hidden: str, found: tuple[Tree, Scalar]) -> Tree:
+        """Return a number, or what refers to a hidden definition."""
+        tree, at = found
+        return (
+            tree if tree.op == "number" else scalar(self.x.hide(hidden, tree, at), "")
+        )
+
+    def _entry(self, key: Scalar, below: dict[str, Node]) -> None:
+        """Add the bodies of an entry."""
+        found, what = self.x.members(key, "a body"), f"the body `{key.text}`"
+        missing = [k for k in ("mass", "at") if k not in below]
+        if "frame" in below and not below.keys() & {"inertia", "shape"}:
+            missing.append("inertia` or `shape")
+        elif "inertia" in below and "frame" not in below:
+            missing.append("frame")
+        if unknown(below, KEYS):
+            return
+        for k in missing:
+            self.report("missing-key", f"{what} has no `{k}`", key.place, _HOW)
+        if found is None or missing:
+            return
+        for indices, member in found[1]:
+            name = dotted(found[0].name, member)
+            if name in self._names:
+                text = f"the body `{name}` is given twice"
+                self.refuse("duplicate-member", text, key.place)
+            self._names.add(name)
+            self._body(_Body(what, name, below, indices))
+
+    def _body(self, one: _Body) -> None:
+        """Add a body; an ExpressionError is one that is reported."""
+        what, name, below, indices = one
+        mass = self.number(below["mass"], indices, f"the mass of {what}")
+        m = self._kept(f"body.{name}.mass", mass)
+        parts = self.vector(below["at"], indices, [2, 3], f"`at` of {what}")
+        pairs = zip(LETTERS, parts, strict=False)
+        at = tuple(
+            scalar(self.x.hide(f"body.{name}.{c}", *part), c) for c, part in pairs
+        )
+        speeds = [trees.name(rate_of(str(x.value))) for x in at]
+        squares = total(product(v, v) for v in speeds)
+        energy = call("div", product(m, squares), number(2.0))
+        if self._gravity:
+            self._same(one, len(self._gravity), "`gravity`", len(at))
+            height = total(
+                product(a, b) for a, b in zip(self._gravity, at, strict=True)
+            )
+            self._energies["potential"].append(call("neg", product(m, height)))
+        frame = self._frame(one, len(at))
+        solid = self._solid(one, m, len(at), frame, at)
+        if frame:
+            inertia = self._inertia(one, len(at)) or (solid and solid.inertia)
+            assert inertia is not None
+            energy = call("add", energy, spin(inertia, frame.omega))
+        self._energies["kinetic"].append(energy)
+
+    def _same(self, one: _Body, n: int, other: str, count: int) -> None:
+        if n != count:
+            text = f"`at` of {one.what} has {count} components, and {other} has {n}"
+            self.refuse("wrong-count", text, one.below["at"].place)
+
+    def _frame(self, one: _Body, n: int) -> Frame | None:
+        node, frames = one.below.get("frame"), self._frames
+        if not isinstance(node, Scalar):
+            return None
+        if frames is None:
+            text = f"there is no frame `{node.text}`: the file has no `frames`"
+            self.refuse("expression-frame", text, node.place)
+        self._same(one, frames.n, "its frame", n)
+        return frames.named(node, one.indices)
+
+    def _inertia(self, one: _Body, n: int) -> Value | None:
+        """Return the moments of inertia that the file gives."""
+        node = one.below.get("inertia")
+        if node is None:
+            return None
+        what, counts = f"the inertia of {one.what}", [1, 3, 6] if n > 2 else [1]
+        parts = self.vector(node, one.indices, counts, what)
+        kept = [
+            self._kept(f"body.{one.name}.J{k}", part) for k, part in enumerate(parts)
+        ]
+        return tuple(kept) if len(kept) > 1 else kept[0]
+
+    def _solid(
+        self, one: _Body, m: Tree, n: int, frame: Frame | None, at: Vector
+    ) -> Solid | None:
+        """Return the shape of a body, if it has one, and have it drawn."""
+        node, what = one.below.get("shape"), f"the shape of {one.what}"
+        if node is None:
+            return None
+        given = entries_of(node)
+        if len(given) != 1:
+            text = f"{what} must be one, such as {{box: [a, b]}}, found {len(given)}"
+            self.refuse("wrong-count", text, node.place)
+        key, value = given[0]
+        kind, known = key.text, SIZES[n]
+        if kind not in known:
+            hint = near(kind, known) or f"there are {', '.join(known)}"
+            text = f"{what} cannot be a `{kind}`"
+            if kind in SIZES[5 - n]:
+                text += " in the plane" if n == len("xy") else " in space"
+            self.refuse("unknown-name", text, key.place, hint)
+        if kind == "polygon":
+            found = self._polygon(one, m, value)
+        else:
+            parts = self.vector(value, one.indices, [known[kind]], what)
+            pairs = enumerate(parts, 1)
+            sizes = [self._kept(f"body.{one.name}.size{k}", part) for k, part in pairs]
+            found = solid(kind, m, sizes, n)
+        off = rotate(frame, found.centre) if frame else found.centre
+        origin = tuple(
+            call("sub", x, c) if c != ZERO else x for x, c in zip(at, off, strict=True)
+        )
+        self.drawn.append(Drawn(one.name, given[0], one.indices, origin, frame))
+        return found
+
+    def _polygon(self, one: _Body, m: Tree, node: Node) -> Solid:
+        what = f"the polygon of {one.what}"
+        if not isinstance(node, Sequence) or len(node.items) < len("xyz"):
+            text = f"{what} must be a list of 3 or more corners [x, y]"
+            self.refuse("wrong-count", text, node.place)
+        corners = []
+        for k, item in enumerate(node.items):
+            parts = self.vector(item, one.indices, [2], f"a corner of {what}")
+            pairs = zip(LETTERS, parts, strict=False)
+            name = f"body.{one.name}.corner{k}"
+            corners.append(tuple(self._kept(f"{name}.{c}", part) for c, part in pairs))
+        return polygon(m, corners)

@@ -1,0 +1,428 @@
+"""The section `frames`: what each is on, and how it is turned there.
+
+A frame is made when it is first asked for, after all those that it is on. The entries
+of its matrix and its angular velocity are hidden definitions, see `trees`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from contextlib import suppress
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
+
+from lagsim.language.names import rate_of
+from lagsim.language.parser import SILENT, ExpressionError, ParsedRelation, parse
+from lagsim.model import nodes
+from lagsim.model.expansion.rotations import (
+    ONE,
+    ZERO,
+    Chart,
+    Frame,
+    about,
+    by_quaternion,
+    composed,
+    product,
+    space,
+    total,
+)
+from lagsim.model.expansion.scope import dotted
+from lagsim.model.expansion.trees import (
+    LETTERS,
+    Tree,
+    Value,
+    Vector,
+    call,
+    name,
+    number,
+    parsed,
+    said,
+    scalar,
+    unit,
+)
+from lagsim.model.nodes import Broken, Mapping, Scalar, entries_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from lagsim.errors import Place
+    from lagsim.language.parser import Parsed
+    from lagsim.model.expansion import Expansion
+    from lagsim.model.expansion.grammar import Steps
+    from lagsim.model.expansion.rotations import Hide
+    from lagsim.model.expansion.scope import Indices
+    from lagsim.model.nodes import Entry, Node
+
+# A frame by its name and subscripts.
+Called = tuple[str, tuple[int, ...]]
+SPACE = "space"
+KEYS = ("on", "axis", "angle", "quaternion", "angles", "axes")
+_SPACE: Called = (SPACE, ())
+_HOW = "write {on: ..., axis: [0, 0, 1], angle: q}, {quaternion: [p0, p1, p2, p3]}, "
+_HOW += "{angles: [a, b, c], axes: zxz}, or in the plane {angle: q}"
+
+
+class _Given(NamedTuple):
+    """A frame as the file gives it: values by their keys, for one member."""
+
+    key: Scalar
+    below: dict[str, Node]
+    indices: Indices
+
+
+def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
+    """Tell whether there are other keys, which the reader reports."""
+    return any(k not in keys and not k.startswith("x-") for k in below)
+
+
+def near(word: str, known: Iterable[str]) -> str:
+    """Hint that names what is most like a word, or no hint."""
+    found = get_close_matches(word, list(known), 1)
+    return f"did you mean `{found[0]}`?" if found else ""
+
+
+class Section:
+    """Values of what stands in a section of frames or bodies; faults are reported."""
+
+    def __init__(self, x: Expansion) -> None:
+        self.x, self.scope, self.report = x, x.scope, x.report
+
+    def refuse(self, code: str, text: str, place: Place, hint: str = "") -> NoReturn:
+        """Report a fault, and raise what stands for one that is reported."""
+        self.report(code, text, place, hint)
+        raise ExpressionError(0, 1, "", code=SILENT)
+
+    def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
+        """Value of an expression, and its scalar.
+
+        Raises
+        ------
+        ExpressionError
+            For a fault that is reported.
+        UnresolvedError
+        """
+        if isinstance(node, Broken):
+            raise ExpressionError(0, 1, "", code=SILENT)
+        if not isinstance(node, Scalar) or node.empty:
+            self.refuse(
+                "not-an-expression", f"{what} must be an expression", node.place
+            )
+        try:
+            return self.scope.values(node.text, parse, indices)[0], node
+        except ExpressionError as fault:
+            self.x.fault(fault, node)
+            raise ExpressionError(0, 1, "", code=SILENT) from None
+
+    def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
+        """Value of an expression that is a number, and its scalar; see `value`."""
+        value, at = self.value(node, indices, what)
+        if not isinstance(value, Tree):
+            text = f"{what} must be a number, found {said(value)}"
+            self.refuse("wrong-count", text, at.place_of(0, len(at.text)))
+        return value, at
+
+    def vector(
+        self, node: Node, indices: Indices, counts: Sequence[int], what: str
+    ) -> list[tuple[Tree, Scalar]]:
+        """Components of a list, or of a vector, each with its scalar; see `value`."""
+        if isinstance(node, nodes.Sequence):
+            found = [self.number(item, indices, what) for item in node.items]
+        else:
+            value, at = self.value(node, indices, what)
+            parts = (value,) if isinstance(value, Tree) else value
+            found = [(part, at) for part in parts]
+        if len(found) not in counts:
+            wanted = " or ".join(map(str, counts))
+            text = f"{what} must have {wanted} components, found {len(found)}"
+            self.refuse("wrong-count", text, node.place)
+        return found
+
+
+class Frames(Section):
+    """The frames of a file, each made when it is first asked for.
+
+    Attributes
+    ----------
+    n : int
+        Dimensions, 2 or 3: those of the frames, which turn in the plane or in space.
+    """
+
+    def __init__(self, x: Expansion, section: Node | None) -> None:
+        super().__init__(x)
+        self._gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
+        self._units: list[Entry] = []
+        self._given: dict[Called, _Given] = {}
+        self._broken: set[str] = set()
+        given = entries_of(section)
+        turning = {key.text for _, node in given for key, _ in entries_of(node)}
+        self.n = 3 if turning & {"axis", "angles", "axes", "quaternion"} else 2
+        self._made: dict[Called, Frame | None] = {_SPACE: space(self.n)}
+        for key, node in given:
+            self._declare(key, node)
+
+    def all(self) -> list[Entry]:
+        """Make all frames; return the constraints that hold their quaternions."""
+        for called in self._given:
+            with suppress(ExpressionError):
+                self.made(called)
+        self.x.gimbals = self._gimbals
+        self.x.units = frozenset(key.text for key, _ in self._units)
+        return self._units
+
+    # What the file gives
+
+    def _declare(self, key: Scalar, node: Node) -> None:
+        below = {k.text: value for k, value in entries_of(node)}
+        if isinstance(node, Scalar) and not node.empty:
+            below = {"on": node}
+        found = self.x.members(key, "a frame")
+        name = key.text.partition("(")[0].strip()
+        sound = self._sound(key, node, below)
+        if found is None or not sound:
+            self._broken.add(name)
+            return
+        for indices, member in found[1]:
+            if (name, member) in self._given or name == SPACE:
+                what = "is built in" if name == SPACE else "is given twice"
+                text = f"the frame `{dotted(name, member)}` {what}"
+                self.report("duplicate-member", text, key.place)
+                return
+            self._given[name, member] = _Given(key, below, indices)
+
+    def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
+        """Report keys that do not make a rotation."""
+        what, report = f"the frame `{key.text}`", self.report
+        ways = [k for k in ("angle", "angles", "quaternion") if k in below]
+        pairs = [("axes", "angles"), ("angles", "axes"), ("axis", "angle")]
+        pairs += [("angle", "axis")] if self.n > len("xy") else []
+        missing = [
+            (k, other) for k, other in pairs if k in below and other not in below
+        ]
+        if not isinstance(node, Mapping) and "on" in below:
+            return True
+        if unknown(below, KEYS):
+            return False
+        if missing:
+            has, wants = missing[0]
+            text = f"{what} has `{has}` but no `{wants}`"
+            report("missing-key", text, key.place, _HOW)
+        elif not ways:
+            report("missing-key", f"{what} has no rotation", key.place, _HOW)
+        elif len(ways) > 1:
+            text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
+            report("both-given", text, key.place, _HOW)
+        return not missing and len(ways) == 1
+
+    # Frames by their names
+
+    def named(self, node: Scalar, indices: Indices) -> Frame:
+        """Frame that an expression names; an ExpressionError is reported."""
+        try:
+            return self.made(
+                self.called(self.scope.source(node.text, parse).left, indices)
+            )
+        except ExpressionError as fault:
+            self.x.fault(fault, node)
+            raise ExpressionError(0, 1, "", code=SILENT) from None
+
+    def called(self, steps: Steps, indices: Indices) -> Called:
+        """Name and subscripts of the frame that an expression names.
+
+        Raises
+        ------
+        ExpressionError
+        """
+        *subscripts, (op, _, token) = steps
+        if op not in ("name", "member"):
+            raise token.fault("the name of a frame is expected here", "", "frame")
+        values = self.scope.run(tuple(subscripts), indices)
+        member = tuple(self.scope.whole(value, token) for value in values)
+        name = token.text
+        if (name, member) in self._given or (name, member) == _SPACE:
+            return name, member
+        if name in self._broken:
+            raise token.fault("", "", SILENT)
+        members = [m for other, m in self._given if other == name]
+        text, hint = f"there is no frame `{dotted(name, member)}`", ""
+        if members:
+            ends = (dotted(name, m) for m in (min(members), max(members)))
+            hint = "there are `{}` to `{}`".format(*ends)
+        else:
+            known = [SPACE, *(other for other, _ in self._given)]
+            hint = near(name, known) or _HOW
+        raise token.fault(text, hint, "frame")
+
+    def made(self, called: Called) -> Frame:
+        """Frame of a name, made after all those that it is on.
+
+        Raises
+        ------
+        ExpressionError, UnresolvedError
+        """
+        chain: list[Called] = []
+        while called not in self._made:
+            if called in chain:
+                self._report_circle([*chain[chain.index(called) :], called])
+                self._made |= dict.fromkeys(chain)
+                break
+            chain.append(called)
+            called = self._parent(called)
+        for one in reversed(chain):
+            if one not in self._made:
+                self._made[one] = self._frame(one)
+        frame = self._made[chain[0] if chain else called]
+        if frame is None:
+            raise ExpressionError(0, 1, "", code=SILENT)
+        return frame
+
+    def _parent(self, called: Called) -> Called:
+        """Name of the frame that one is on; in case of a fault, that is reported."""
+        given = self._given[called]
+        node = given.below.get("on")
+        if not isinstance(node, Scalar):
+            return _SPACE
+        try:
+            return self.called(self.scope.source(node.text, parse).left, given.indices)
+        except ExpressionError as fault:
+            self.x.fault(fault, node)
+            self._made[called] = None
+            return _SPACE
+
+    def _report_circle(self, circle: list[Called]) -> None:
+        shown = " -> ".join(dotted(*one) for one in circle)
+        node = self._given[circle[0]].below["on"]
+        text = f"the frame `{dotted(*circle[0])}` is on itself: {shown}"
+        self.report("cycle", text, node.place)
+
+    def _frame(self, called: Called) -> Frame | None:
+        """Make a frame on one that is made; None where a fault is reported."""
+        given, parent = self._given[called], self._made[self._parent(called)]
+        if parent is None:
+            return None
+        name, below = "frame." + dotted(*called), given.below
+        try:
+            if "angles" in below:
+                return self._by_angles(called, parent, name)
+            if "quaternion" in below:
+                own = self._quaternion(called, name)
+            elif "angle" not in below:
+                return parent  # another name of it
+            elif self.n == len("xy"):
+                return self._planar(given, parent, name)
+            else:
+                turn = self._moving(f"{name}.angle", *self._number(given, "angle"))
+                own = about(self._axis(given, name), *turn)
+        except ExpressionError:
+            return None
+        return composed(name, parent, own, self._hide(given))
+
+    def _hide(self, given: _Given) -> Hide:
+        return lambda name, value: self.x.hide(name, value, given.key)
+
+    def _number(self, given: _Given, key: str) -> tuple[Tree, Scalar]:
+        what = f"the `{key}` of the frame `{given.key.text}`"
+        return self.number(given.below[key], given.indices, what)
+
+    def _moving(self, hidden: str, tree: Tree, at: Scalar) -> tuple[Tree, Tree]:
+        """Return a tree that has a rate, and this."""
+        if tree.op == "number":
+            return tree, ZERO
+        if tree.op != "name" or not self._is_coordinate(tree):
+            tree = scalar(self.x.hide(hidden, tree, at), hidden)
+        return tree, name(rate_of(str(tree.value)))
+
+    def _is_coordinate(self, tree: Tree) -> bool:
+        family = self.scope.variables.get(str(tree.value).partition(".")[0])
+        return family is not None and family.section == "coordinates"
+
+    # Rotations
+
+    def _planar(self, given: _Given, parent: Frame, name: str) -> Frame:
+        """Frame of the plane, by the sum of the angles."""
+        angle, node = self._number(given, "angle")
+        assert parent.angle is not None
+        whole, speed = self._moving(f"{name}.angle", total([parent.angle, angle]), node)
+        c, s = call("cos", whole), call("sin", whole)
+        return Frame(((c, call("neg", s)), (s, c)), speed, whole)
+
+    def _axis(self, given: _Given, name: str) -> Vector:
+        """Return the unit vector of an axis, which is made of parameters.
+
+        One along x, y or z is taken as such, which makes all that follows much shorter:
+        with other values of its parameters the file is read again.
+        """
+        node, what = given.below["axis"], f"the `axis` of the frame `{given.key.text}`"
+        parts = self.vector(node, given.indices, [3], what)
+        values = [self._fixed(tree, at, what) for tree, at in parts]
+        if not any(values) or not all(map(math.isfinite, values)):
+            text = f"{what} has no direction: it is {values}"
+            self.refuse("out-of-range", text, node.place, "such as [0, 0, 1]")
+        if sum(value != 0.0 for value in values) == 1:
+            self.scope.ask(*(tree for tree, _ in parts))
+            signs = (float(value > 0.0) - float(value < 0.0) for value in values)
+            return tuple(map(number, signs))
+        raw = tuple(
+            scalar(self.x.hide(f"{name}.axis.{c}", tree, at), c)
+            for c, (tree, at) in zip(LETTERS, parts, strict=True)
+        )
+        found = self.x.hide(f"{name}.direction", unit(raw), given.key)
+        assert not isinstance(found, Tree)
+        return found
+
+    def _fixed(self, tree: Tree, at: Scalar, what: str) -> float:
+        """Value of a tree of parameters."""
+        for used in parsed(tree, at.text).names:
+            if used.text not in self.scope.numbers:
+                family = self.scope.variables.get(used.text.partition(".")[0])
+                if family and family.section == "parameters":
+                    raise ExpressionError(0, 1, "", code=SILENT)
+                text = f"{what} is made of parameters; `{used.text}` is none"
+                place = at.place_of(used.offset, len(used.text))
+                self.refuse("not-constant", text, place)
+        return self.scope.number(parsed(tree, at.text))
+
+    def _quaternion(self, called: Called, name: str) -> Chart:
+        given = self._given[called]
+        what = f"the quaternion of the frame `{given.key.text}`"
+        node = given.below["quaternion"]
+        parts = self.vector(node, given.indices, [4], what)
+        both = [
+            self._moving(f"{name}.p{k}", tree, at) for k, (tree, at) in enumerate(parts)
+        ]
+        p, speeds = zip(*both, strict=True)
+        square = total(product(x, x) for x in p)
+        if all(x.op == "name" and self._is_coordinate(x) for x in p):
+            text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
+            relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
+            self._units.append(
+                self.x.made(f"unit.{dotted(*called)}", text, relation, given.key)
+            )
+        n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
+        return by_quaternion(p, n, speeds)
+
+    def _by_angles(self, called: Called, parent: Frame, name: str) -> Frame:
+        """Rotations about the frame's own axes, one after the other."""
+        given, axes = self._given[called], self._given[called].below["axes"]
+        what = f"the frame `{given.key.text}`"
+        letters = axes.text if isinstance(axes, Scalar) else ""
+        if not re.fullmatch("[xyz]+", letters) or re.search(r"(.)\1", letters):
+            text = f"`axes` of {what} must be letters x, y and z, none twice in a row"
+            self.refuse("unknown-name", text, axes.place, "such as `axes: zxz`")
+        node, count = given.below["angles"], len(letters)
+        parts = self.vector(node, given.indices, [count], f"`angles` of {what}")
+        both = [
+            self._moving(f"{name}.angle{k}", tree, at)
+            for k, (tree, at) in enumerate(parts, 1)
+        ]
+        frame = parent
+        for k, (letter, turn) in enumerate(zip(letters, both, strict=True), 1):
+            axis = tuple(ONE if letter == c else ZERO for c in LETTERS)
+            step = name if k == count else f"{name}.{k}"
+            frame = composed(step, frame, about(axis, *turn), self._hide(given))
+        if count == len("zxz"):
+            op = "sin" if letters[0] == letters[2] else "cos"
+            angles = tuple(parsed(angle, "") for angle, _ in both)
+            lock = parsed(call(op, both[1][0]), "")
+            self._gimbals.append((dotted(*called), lock, angles))
+        return frame

@@ -1,0 +1,87 @@
+"""The shapes of a scene: frames as entries of matrices, and the shapes of bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lagsim.language.parser import ExpressionError, parse
+from lagsim.model import nodes
+from lagsim.model.expansion.frames import Section
+from lagsim.model.expansion.scope import Reading, dotted
+from lagsim.model.nodes import Mapping, Scalar, entries_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from lagsim.model.expansion.bodies import Drawn
+    from lagsim.model.expansion.rotations import Frame
+    from lagsim.model.expansion.scope import Indices
+    from lagsim.model.expansion.trees import Tree
+    from lagsim.model.nodes import Entry, Node
+
+
+class Shapes(Section):
+    """Writes out the section `shapes`, and adds those of bodies."""
+
+    def given(self, section: Node | None) -> Iterator[Entry]:
+        """Return the shapes of the file, by members."""
+        for key, node in entries_of(section):
+            if "(" not in key.text:
+                yield key, self._written(node, {})
+            elif found := self.x.members(key, "a shape"):
+                for indices, member in found[1]:
+                    reading = Reading(self.scope, indices, None, 1)
+                    name = dotted(found[0].name, member)
+                    written = self._written(node, indices)
+                    yield key._replace(text=name, reading=reading), written
+
+    def of_bodies(self, drawn: Iterable[Drawn]) -> Iterator[Entry]:
+        """Return the shapes of bodies."""
+        for one in drawn:
+            key, value = one.kind
+            reading = Reading(self.scope, one.indices, None, 1)
+            below = [(key, self.x.bound(value, reading))]
+            below.append((key._replace(text="at"), self._list(one.origin, key)))
+            if one.frame:
+                axes = self._axes(one.frame, key)
+                below.append((key._replace(text="frame"), axes))
+            name = key._replace(text=one.name, reading=reading)
+            yield name, Mapping(tuple(below), key.place)
+
+    def _written(self, node: Node, indices: Indices) -> Node:
+        if not isinstance(node, Mapping):
+            return node
+        reading = Reading(self.scope, indices, None, 1)
+        rules = {"frame": self._turned, "at": self._point, "arrow": self.x.spread}
+        return node._replace(
+            entries=tuple(
+                (key, rules.get(key.text, self.x.bound)(value, reading))
+                for key, value in node.entries
+            )
+        )
+
+    def _turned(self, node: Node, reading: Reading) -> Node:
+        """Return the matrix of a frame; an expression is an angle."""
+        frames = self.scope.frames
+        if isinstance(node, Scalar) and frames is not None:
+            try:
+                steps = self.scope.source(node.text, parse).left
+                frame = frames.made(frames.called(steps, reading.indices))
+            except ExpressionError:  # a name that is no frame's, or a faulty frame
+                return self.x.bound(node, reading)
+            return self._axes(frame, node)
+        return self.x.bound(node, reading)
+
+    def _point(self, node: Node, reading: Reading) -> Node:
+        """Return a place: a point, one of a family, or a vector."""
+        if isinstance(node, Scalar) and node.text in self.x.points:
+            return node
+        return self.x.spread(node, reading)
+
+    def _axes(self, frame: Frame, at: Scalar) -> nodes.Sequence:
+        rows = tuple(self._list(row, at) for row in frame.rows)
+        return nodes.Sequence(rows, at.place)
+
+    def _list(self, parts: Iterable[Tree], at: Scalar) -> nodes.Sequence:
+        items = tuple(self.x.made_scalar(part, at) for part in parts)
+        return nodes.Sequence(items, at.place)
