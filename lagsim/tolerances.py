@@ -132,9 +132,6 @@ SETTLED_IMPULSE = 1e-10
 """The change of its own rate, by an impulse, at which iterations for impulses end, as a
 part of the rates around it; and the slip that they leave of what rests."""
 
-SETTLED_POSITION = 1e-11
-"""The step against the size of the positions that ends the search of an equilibrium."""
-
 # --- zero, beside a scale -------------------------------------------------------------
 
 COMPUTED_ZERO = 1e-9

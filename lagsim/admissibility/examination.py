@@ -7,7 +7,6 @@ the rounding error of the expressions that gave the start.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,6 +20,7 @@ from lagsim.admissibility.newton import (
     nearest,
     nearest_sparse,
     reach,
+    unwound,
 )
 from lagsim.admissibility.point import (
     Condition,
@@ -42,6 +42,7 @@ from lagsim.admissibility.verdict import (
     in_force,
     judge,
     judge_laws,
+    judge_rest,
     judge_starts,
     one_sided,
     out_of_force,
@@ -54,13 +55,14 @@ from lagsim.mechanics.algebra import least_change_metric
 from lagsim.mechanics.constraints import scale_of
 from lagsim.mechanics.equations import Instant
 from lagsim.notes import Caution
-from lagsim.tolerances import COMPUTED_ZERO, HALF_OF_DIGITS, STATE_ROUNDOFF
+from lagsim.tolerances import HALF_OF_DIGITS, STATE_ROUNDOFF
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lagsim.admissibility.integrability import Reach
     from lagsim.admissibility.rank import Dependence, ThinSet
+    from lagsim.admissibility.rest import AtRest
     from lagsim.language.arrays import Floats
     from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
@@ -88,7 +90,8 @@ class StartReport(NamedTuple):
     state : Instant
         The nearest exact state where the start is admissible, else the stated one.
     verdicts : tuple of Verdict
-        The constraints, then the start values of definitions that are not satisfied.
+        The constraints, then the start values of definitions that are not satisfied;
+        where rest is asked for, the velocities and accelerations that are not zero.
     ranks : RankReport
         Which equalities in force depend on others; at the nearest admissible state
         where the start is not admissible and one was found.
@@ -96,6 +99,8 @@ class StartReport(NamedTuple):
         The same of those that are always in force.
     sticking : int
         By how much the limited equalities that hold raise the rank.
+    rest : dict or None
+        The guesses at rest, where that was asked for and found: name -> value.
     augmented : bool
         M alone is singular, but with the constraints every acceleration is determined.
     reach : Reach or None
@@ -125,6 +130,7 @@ class StartReport(NamedTuple):
     warnings: tuple[Caution, ...]
     lasting: RankReport
     sticking: int = 0
+    rest: dict[str, float] | None = None
 
     @property
     def start(self) -> Start:
@@ -168,14 +174,16 @@ SIMPLE = "write the equivalent simple relations, each with a gradient that is no
 # Other roots are looked for from this many starts around the guess, this far away.
 OTHER_STARTS = 16
 AROUND = 1.0
-# A whole turn of an angle.
-TURN = 2.0 * math.pi
 # Whether a dense M (n, n) is positive takes n**3 / DECOMPOSED operations.
 DECOMPOSED = 2000.0
 
 
 def examine(
-    equations: Equations, time: float = 0.0, *, classify: bool = False
+    equations: Equations,
+    time: float = 0.0,
+    *,
+    rest: bool = False,
+    classify: bool = False,
 ) -> StartReport:
     """Judge the initial state of a model.
 
@@ -183,6 +191,8 @@ def examine(
     ----------
     time
         When the run begins.
+    rest
+        Guesses are solved so that velocities and accelerations vanish, too.
     classify
         Also decide which velocity constraints are integrable, and what contacts,
         freewheels and limited equalities do.
@@ -193,7 +203,7 @@ def examine(
         Where energies or forces are not finite, numbers lie too far apart to be
         computed with, or a coordinate has no inertia that no constraint determines.
     """
-    examiner = _Examiner(equations, time)
+    examiner = _Examiner(equations, time, rest=rest)
     try:
         return examiner.report(classify=classify)
     except np.linalg.LinAlgError:
@@ -239,7 +249,8 @@ class _Examiner:
         Positions were found as a double root, and are known to half of the digits.
     """
 
-    def __init__(self, equations: Equations, time: float) -> None:
+    def __init__(self, equations: Equations, time: float, *, rest: bool) -> None:
+        self.rest = rest
         self.always, self.off = equations, out_of_force(equations, time)
         self.e = with_timed(equations, self.off)
         self.initial = {x.name: x for x in equations.model.initial}
@@ -260,12 +271,14 @@ class _Examiner:
     def report(self, *, classify: bool) -> StartReport:
         e, guessed = self.e, any(self.free)
         refuse_infinite(self.stated, self.off, rows=not guessed)
-        point, unsolved = self._guessed()
+        point, unsolved = self._at_rest() if self.rest else self._guessed()
         if guessed:
             refuse_infinite(point, self.off, rows=True)
         verdicts, laws = judge(point), judge_laws(point, self.off)
         starts = judge_starts(point)
         unmet = [x for x in starts if not x.satisfied]
+        if self.rest:
+            unmet += [x for x in judge_rest(point, laws) if not x.satisfied]
         warnings = self.warnings
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
@@ -319,7 +332,11 @@ class _Examiner:
             unsolved=judged.unsolved or unsolved,
             changes=self._changes(point, here) if satisfied else {},
             warnings=tuple(warnings),
+            rest=self._guesses_at(here) if self.rest and satisfied else None,
         )
+
+    def _guesses_at(self, point: Point) -> dict[str, float]:
+        return {x: point.values[x] for x in self.e.state if self.initial[x].guess}
 
     def _warn(self, code: str, text: str) -> None:
         if (caution := Caution(code, text)) not in self.warnings:
@@ -336,12 +353,20 @@ class _Examiner:
         definitions: bool = True,
     ) -> Relations:
         """Return what is asked of the values `free`, positions or velocities."""
-        e, g, n = self.e, self.e.graph, self.n
+        e = self.e
         # What is touched has no rate to keep: an impact decides that.
         touching = self.touching.values()
         rows = [*e.rows, *(r for r in touching if not (velocities and r.holonomic))]
         wanted = conditions(rows, velocities=velocities)
-        for x in e.model.initial if definitions else ():
+        if definitions:
+            wanted += self._defined(point, velocities=velocities)
+        return Relations(point, wanted, free, velocities=velocities)
+
+    def _defined(self, point: Point, *, velocities: bool) -> list[Condition]:
+        """Return what start values of definitions ask of positions, or velocities."""
+        e, g, n = self.e, self.e.graph, self.n
+        wanted = []
+        for x in e.model.initial:
             if x.node is None:
                 continue
             slopes = gradient_of(point, x.node)
@@ -353,7 +378,7 @@ class _Examiner:
                 }
                 size, name = g.call("abs", x.node), f"{x.name}: {x.text}"
                 wanted.append(Condition(name, x.node, A, size, x.value, x.error))
-        return Relations(point, wanted, free, velocities=velocities)
+        return wanted
 
     def _metric(self, relations: Relations) -> Floats:
         """Metric of least change on the values: M as it was stated; none of states."""
@@ -451,6 +476,30 @@ class _Examiner:
             point = solved.at(errors=self.errors)
         return point, ""
 
+    def _at_rest(self) -> tuple[Point, str]:
+        """Solve guesses for a rest; say why that fails."""
+        found = self._rest(self.free[0], self.free[2])
+        if found is None:
+            return self._guessed()[0], "no rest was found near the guesses"
+        rates = self.stated.v.copy()
+        rates[self.free[1]] = 0.0
+        self.touching |= one_sided(self.e, found.touching)
+        self._undetermined(found.undetermined, "nothing determines")
+        solved, errors = found.point, found.point.solved_errors(self.origin)
+        for name in self._guesses_at(solved):
+            if solved.values[name] != self.stated.values[name]:
+                size = STATE_ROUNDOFF * abs(solved.values[name])
+                self.errors[name] = errors.get(name, size)
+        return solved.at(v=rates, errors=self.errors), ""
+
+    def _rest(self, positions: Sequence[int], states: Sequence[int]) -> AtRest | None:
+        """Find a rest by some values."""
+        from lagsim.admissibility.rest import find_rest
+
+        still = self.stated.at(v=np.zeros(self.n))
+        stated = self._defined(still, velocities=False)
+        return find_rest(still, stated, (positions, states), self.off)
+
     def _asked(self, point: Point, block: int) -> Relations:
         """Return what is asked of guesses; of states, that their rates vanish."""
         e, g, free = self.e, self.e.graph, self.free[block]
@@ -510,13 +559,13 @@ class _Examiner:
         size = np.maximum(_spread(relations, found.x), np.abs(x0 - found.x))
         size[size == 0] = 1.0
         metric = self._metric(relations)
-        roots = [_unwound(relations, found.x)]
+        roots = [unwound(relations, found.x)]
         for _ in range(OTHER_STARTS):
             start = x0 + AROUND * size * random.standard_normal(k)
             other = reach(relations, start, metric, x0)
             if not other.converged:
                 continue
-            x = _unwound(relations, other.x)
+            x = unwound(relations, other.x)
             if all(np.max(np.abs(x - r) / size) > HALF_OF_DIGITS for r in roots):
                 roots.append(x)
         if len(roots) == 1:
@@ -574,6 +623,8 @@ class _Examiner:
         Where there is none, what contradicts at the point of least residuals.
         """
         near, everything = self.stated.at(errors=self.errors), range(self.n)
+        if self.rest:
+            return self._at_other_rest(point)
         for k, velocities in enumerate((False, True)):
             relations = self._relations(near, everything, velocities=velocities)
             found = self._solved(relations)
@@ -590,6 +641,16 @@ class _Examiner:
         if judged.contradictions or judged.ranks.thin:
             return judged
         return judged._replace(repair={name: new for name, (_, new) in changed.items()})
+
+    def _at_other_rest(self, point: Point) -> _Judged:
+        """Judge a rest near the start over all values; name those to change."""
+        near = self._rest(range(self.n), range(len(self.e.states)))
+        if near is None:
+            why = "no rest was found near the start, whatever may change"
+            return self._analysed(point, ())._replace(unsolved=why)
+        changed = self._changes(self.stated, near.point)
+        repair = {name: new for name, (_, new) in changed.items()}
+        return self._analysed(near.point, LEVELS)._replace(repair=repair)
 
     def _touch(
         self, point: Point, *, velocities: bool, free: Sequence[int] | None = None
@@ -631,27 +692,6 @@ def _spread(relations: Relations, x: Floats) -> Floats:
         return np.full(len(x), np.max(np.abs([relations.x0, x]), initial=0.0))
     lengths = Lengths(relations.at(x), relations.wanted)
     return np.asarray(lengths.spread[relations.free])
-
-
-def _unwound(relations: Relations, x: Floats) -> Floats:
-    """Root without the whole turns of its angles that lead away from a guess.
-
-    An angle is a component whose turn changes no relation: at the root, and beside it.
-    """
-    if relations.velocities:
-        return x
-    near = relations.x0
-    turns = np.rint((x - near) / TURN)
-    for k in np.flatnonzero(turns):
-        turn = np.zeros(len(x))
-        turn[k] = TURN
-        for at in (x, near + 0.1 * (x - near)):
-            (r, J), (turned, slopes) = relations(at), relations(at + turn)
-            size = COMPUTED_ZERO * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
-            same = np.all(np.abs(turned - r) <= size)
-            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
-                turns[k] = 0.0
-    return np.asarray(x - TURN * turns)
 
 
 def _listed(names: Sequence[str], values: Floats) -> str:

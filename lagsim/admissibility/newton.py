@@ -10,6 +10,7 @@ says why.
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,7 +27,13 @@ from lagsim.mechanics.algebra import (
     null_space,
     scaled,
 )
-from lagsim.tolerances import CONVERGED, HALF_OF_DIGITS, STATE_ROUNDOFF, TERM_ROUNDOFF
+from lagsim.tolerances import (
+    COMPUTED_ZERO,
+    CONVERGED,
+    HALF_OF_DIGITS,
+    STATE_ROUNDOFF,
+    TERM_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -62,15 +69,24 @@ class Relations:
         velocities: bool,
         states: bool = False,
     ) -> None:
-        self.point, self.wanted = point, wanted
-        self.free, self.velocities = list(free), velocities
-        self.block = velocities + states
-        self.nodes = [x.node for x in wanted]
-        self.targets = np.array([x.target for x in wanted])
+        self.free, self.block = list(free), velocities + states
         e = point.e
         names = (e.q, e.velocities, [x.name for x in e.states])[self.block]
         self.names = [names[j] for j in self.free]
         place = {j: k for k, j in enumerate(self.free)}
+        self._ask(point, wanted, place, velocities=velocities)
+
+    def _ask(
+        self,
+        point: Point,
+        wanted: Sequence[Condition],
+        place: Mapping[int, int],
+        *,
+        velocities: bool,
+    ) -> None:
+        self.point, self.wanted, self.velocities = point, wanted, velocities
+        self.nodes = [x.node for x in wanted]
+        self.targets = np.array([x.target for x in wanted])
         # Of each node by the values: index among these -> node.
         self.slopes = [
             {place[j]: s for j, s in x.A.items() if j in place} for x in wanted
@@ -79,6 +95,11 @@ class Relations:
     @property
     def _state(self) -> tuple[Floats, Floats, Floats]:
         return self.point.q, self.point.v, self.point.state.s
+
+    @property
+    def angles(self) -> int:
+        """So many values, the first ones, may be angles."""
+        return 0 if self.velocities else len(self.names)
 
     @property
     def x0(self) -> Floats:
@@ -111,7 +132,7 @@ class Relations:
 
     def curvature(self, x: Floats, multipliers: Floats) -> Floats:
         """Sum of multiplier_i d2r_i/dx dx, (k, k)."""
-        found = np.zeros((len(self.free), len(self.free)))
+        found = np.zeros((len(self.names), len(self.names)))
         values = self.at(x).array([entry[3] for entry in self._second])
         for (i, j, k, _), value in zip(self._second, values, strict=True):
             found[j, k] += multipliers[i] * value
@@ -119,10 +140,14 @@ class Relations:
 
     def __call__(self, x: Floats) -> tuple[Floats, Floats]:
         """Return r (m,) and dr/dx (m, k)."""
-        m, k = len(self.targets), len(self.free)
+        m, k = len(self.targets), len(self.names)
         self.point.g.count(m * k * min(m, k) / STEP)
+        return self.looked_at(x)
+
+    def looked_at(self, x: Floats) -> tuple[Floats, Floats]:
+        """Return the same where no equations are solved with it."""
         r, entries = self._with_entries(x)
-        return r, entries.dense(m, k)
+        return r, entries.dense(len(r), len(self.names))
 
     def sparse(self, x: Floats) -> tuple[Floats, Any]:
         """Return r (m,) and dr/dx (m, k) as a sparse matrix."""
@@ -242,6 +267,8 @@ FEW = 8
 # A step of a sparse iteration that is no shorter than this part of the one before is
 # the last.
 SHORTER = 0.9
+# A whole turn of an angle.
+TURN = 2.0 * math.pi
 
 
 class Trouble(Enum):
@@ -281,13 +308,13 @@ def nearest(relations: Relations, metric: Floats, *, far: bool = True) -> Found:
         # In the metric the path can be a narrow valley.
         other = reach(relations, x0, _by_size(x0, metric))
         reached = other if other.converged else reached
-    best = _descend(relations, x0, reached.x, metric) if reached.converged else None
+    best = descend(relations, x0, reached.x, metric) if reached.converged else None
     if far and (best is None or len(x0) <= FEW):
         for start in _others(relations, x0, best, metric):
             other = reach(relations, start, metric, x0)
             if not other.converged:
                 continue
-            x = _descend(relations, x0, other.x, metric)
+            x = descend(relations, x0, other.x, metric)
             if best is None:
                 reached, best = other, x
             elif _square(x - x0, metric) < (1 - HALF_OF_DIGITS) * _square(
@@ -399,7 +426,7 @@ def _reached(relations: Relations, x0: Floats, metric: Floats, guess: Floats) ->
             break
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
             return Found(x, converged=False, trouble=Trouble.NOT_FINITE)
-        Y, lengths = _rows(J, L)
+        Y, lengths = rows_of_length_one(J, L)
         step = np.asarray(np.linalg.solve(L.T, least_squares(Y, -r / lengths)), float)
         length = float(np.sqrt(_square(step, metric)))
         part = length / (last or 1.0)
@@ -449,7 +476,7 @@ def _damped(
     return None
 
 
-def _rows(J: Floats, L: Floats) -> tuple[Floats, Floats]:
+def rows_of_length_one(J: Floats, L: Floats) -> tuple[Floats, Floats]:
     """Rows of J in the metric L L^T to length 1, and their lengths or 1."""
     Y, lengths = scaled(J, L)
     lengths[lengths == 0] = 1.0
@@ -463,7 +490,7 @@ def _explained(relations: Relations, reached: Found, metric: Floats) -> Found:
     from scipy.optimize import least_squares  # slow to load, and only failures need it
 
     L = cholesky(metric)
-    _, weights = _rows(np.nan_to_num(relations(reached.x)[1]), L)
+    _, weights = rows_of_length_one(np.nan_to_num(relations(reached.x)[1]), L)
 
     # In z = L^T x, so that units do not matter.
     def back(z: Floats) -> Floats:
@@ -496,7 +523,7 @@ class _Slope:
     ) -> None:
         self.relations, self.x0, self.x, self.metric = relations, x0, x, metric
         J, L = relations(x)[1], cholesky(metric)
-        Y, lengths = _rows(J, L)
+        Y, lengths = rows_of_length_one(J, L)
         gap = L.T @ (x - x0)
         self.multipliers = least_squares(Y.T, gap) / lengths
         self.kernel = np.linalg.solve(L.T, null_space(Y))
@@ -545,7 +572,7 @@ class _Slope:
         return None
 
 
-def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
+def descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Floats:
     """Go along the relations from a point that satisfies them to the nearest one."""
     try:
         here = _Slope(relations, x0, x, metric)
@@ -561,3 +588,23 @@ def _descend(relations: Relations, x0: Floats, x: Floats, metric: Floats) -> Flo
 
 def _square(x: Floats, metric: Floats) -> float:
     return float(x @ metric @ x)
+
+
+def unwound(relations: Relations, x: Floats) -> Floats:
+    """Root without the whole turns of its angles that lead away from a guess.
+
+    An angle is a component whose turn changes no relation: at the root, and beside it.
+    """
+    near = relations.x0
+    turns = np.rint((x - near) / TURN)
+    turns[relations.angles :] = 0.0
+    for k in np.flatnonzero(turns):
+        turn = np.zeros(len(x))
+        turn[k] = TURN
+        for at in (x, near + 0.1 * (x - near)):
+            (r, J), (turned, slopes) = relations(at), relations(at + turn)
+            size = COMPUTED_ZERO * (np.abs(r) + TURN * np.linalg.norm(J, axis=1))
+            same = np.all(np.abs(turned - r) <= size)
+            if not (same and np.all(np.abs(slopes - J) <= size[:, None])):
+                turns[k] = 0.0
+    return np.asarray(x - TURN * turns)

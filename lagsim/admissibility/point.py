@@ -59,6 +59,11 @@ class Point:
     errors
         Bounds of the rounding errors of values, by name. Without one a parameter that
         is no whole number has been rounded, and all else is exact.
+
+    Attributes
+    ----------
+    multipliers : mapping of str to float
+        Those that are variables of an expression, by name; else none.
     """
 
     # Coordinates from which on a dense decomposition takes longer than loading scipy.
@@ -72,6 +77,7 @@ class Point:
     ) -> None:
         self.e, self.g, self.n = equations, equations.graph, len(equations.q)
         self.state, self.errors = state, errors or {}
+        self.multipliers: dict[str, float] = {}
         self.t, self.q, self.v = state.t, state.q, state.v
         self._sizes: list[Floats] = []
 
@@ -105,7 +111,8 @@ class Point:
         """The value of every variable."""
         values = {p.name: p.value for p in self.e.model.parameters} | {"t": self.t}
         state = np.concatenate([self.q, self.v, self.state.s]).tolist()
-        return values | dict(zip(self.e.state, state, strict=True))
+        values |= dict(zip(self.e.state, state, strict=True))
+        return values | self.multipliers
 
     def array(self, nodes: Sequence[int]) -> Floats:
         """Return the values of `nodes`."""

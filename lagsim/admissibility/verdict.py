@@ -28,7 +28,7 @@ from lagsim.admissibility.point import (
     of_rows,
 )
 from lagsim.admissibility.rank import analyse
-from lagsim.language.evaluate import evaluate
+from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 ONE_SIDED = "one-sided"
 START_VALUE = "start value"
+AT_REST = "at rest"
 # The bound of rounding errors is to first order; this keeps it a bound.
 CAUTION = 4.0
 # The part of the motion that a rate counts as at least.
@@ -332,6 +333,48 @@ def _against_levers(
     return [_of_size(residual, x) for residual, x in zip(found, own, strict=True)]
 
 
+def judge_rest(point: Point, laws: Sequence[Verdict]) -> list[Verdict]:
+    """Judge velocities, or, where these vanish, accelerations: all are to be zero.
+
+    laws : the verdicts on these, of which those that are active act.
+    """
+    e = point.e
+    moving = [
+        _at_rest(name, rate, abs(point.errors.get(name, 0.0)))
+        for name, rate in zip(e.velocities, point.v.tolist(), strict=True)
+        if rate
+    ]
+    if not all(x.satisfied for x in moving):
+        return moving
+    own = acting(point, laws)
+    a, terms, K = _accelerations(point)
+    pushes, sizes = point.jacobian(own.rows).T @ own.multipliers, point.sizes
+    f, A = point.array(e.f) + pushes, point.gradients
+    lam = np.zeros(0)
+    if len(A):
+        lam = least_squares(A.T / sizes[:, None], -f / sizes)
+    sums = [addends(point.g, node) for node in e.f]
+    values = np.abs(point.array([x for row in sums for x in row]))
+    place = np.repeat(np.arange(point.n), [len(row) for row in sums])
+    bounds = SATISFIED * np.bincount(place, values, point.n)
+    bounds += CAUTION * point.rounding(e.f)
+    # Of the constraint forces A^T lambda, their size and the rounding of A.
+    for row, multiplier in zip(
+        (*e.rows, *own.rows), np.abs([*lam, *own.multipliers]), strict=True
+    ):
+        nodes, columns = [*row.A.entries.values()], [*row.A.entries]
+        bounds[columns] += multiplier * (
+            SATISFIED * np.abs(point.array(nodes)) + CAUTION * point.rounding(nodes)
+        )
+    bounds = np.abs(K) @ np.nan_to_num(bounds) + RESIDUAL_ROUNDOFF * terms
+    pairs = zip(e.accelerations, a + K @ pushes, bounds, strict=True)
+    return [_at_rest(name, float(x), float(bound)) for name, x, bound in pairs]
+
+
+def _at_rest(name: str, value: float, bound: float) -> Verdict:
+    return Verdict(name, AT_REST, True, None, Residual(value, 0.0, bound), None)
+
+
 # --- What the laws of constraints do at the start
 
 
@@ -408,8 +451,9 @@ def contact_status(
     """
     found, paradox = list(verdicts), False
     if sound:
-        decided, struck, paradox = _modes(point, verdicts)
-        found = [_with_mode(x, decided, struck, point) for x in verdicts]
+        laws = acting(point, verdicts)
+        paradox = laws.paradox
+        found = [_with_mode(x, laws.modes, laws.struck, point) for x in verdicts]
     limited = {x.constraint: x.row for x in point.e.laws if x.kind is Kind.LIMITED}
     held = [
         limited[x.name]
@@ -423,19 +467,41 @@ def contact_status(
     return found, raised, [_PARADOX] if paradox else []
 
 
-def _modes(
-    point: Point, verdicts: Sequence[Verdict]
-) -> tuple[dict[int, Mode], set[str], bool]:
-    """Modes of laws by number, the contacts that are struck, and a paradox."""
+class Acting(NamedTuple):
+    """Acts of laws: their modes by number, and contacts that are struck.
+
+    Attributes
+    ----------
+    rows : list of Row
+        Those that may act.
+    multipliers : ndarray
+        One for each of these.
+    """
+
+    modes: Mapping[int, Mode]
+    struck: Collection[str]
+    paradox: bool
+    rows: list[Row]
+    multipliers: Floats
+
+    @property
+    def holding(self) -> set[int]:
+        """The laws whose rows hold, by their numbers."""
+        return {k for k, mode in self.modes.items() if mode in _HELD}
+
+
+def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
+    """Decide what laws do, of which those whose verdicts are active act."""
     active = {v.name for v in verdicts if v.active}
     laws = point.e.laws
+    idle = Acting({}, (), False, [], np.zeros(0))
     chosen = [
         k
         for k, law in enumerate(laws)
         if law.constraint in active and law.kind is not Kind.TIMED
     ]
     if not chosen:
-        return {}, set(), False
+        return idle
     before = _Rows(point, chosen)
     rates, rounding = before.rates, before.rounding
     struck = {
@@ -455,11 +521,12 @@ def _modes(
     }
     left = [k for k in chosen if k not in gone and laws[k].normal not in gone]
     if not left:
-        return {}, struck, False
+        return idle._replace(struck=struck)
     after = _Rows(point, left)
     small = rounding[[chosen.index(k) for k in left]]
     found = modes(after.closed, *after.accelerations(), small)
-    return dict(zip(left, found.mode, strict=True)), struck, found.paradox
+    decided = dict(zip(left, found.mode, strict=True))
+    return Acting(decided, struck, found.paradox, after.rows, found.multipliers)
 
 
 class _Rows:
@@ -490,18 +557,25 @@ class _Rows:
 
     def accelerations(self) -> tuple[Floats, Floats, Floats]:
         """Accelerations without the forces of these laws; rates; their roundoff."""
-        point, e = self.point, self.point.e
-        M, A, R = point.mass_matrix, point.gradients, self.R
-        f, b = point.array(e.f), point.array([row.b for row in self.rows])
-        forced = np.zeros(point.n)
-        if len(A):
-            asked = point.array([row.b for row in e.rows])
-            forced = least_squares(A / point.sizes, asked, None) / point.sizes
-        K = delassus(M, A, np.eye(point.n)).response
-        a = forced + K @ (f - M @ forced)
-        terms = np.abs(K) @ (np.abs(f) + np.abs(M) @ np.abs(forced)) + np.abs(forced)
+        R, b = self.R, self.point.array([row.b for row in self.rows])
+        a, terms, _ = _accelerations(self.point)
         rounding = RESIDUAL_ROUNDOFF * (np.abs(R) @ terms + np.abs(b))
         return R @ a - b, self.rates, rounding
+
+
+def _accelerations(point: Point) -> tuple[Floats, Floats, Floats]:
+    """Accelerations (n,) by the rows alone, their terms (n,), and K (n, n).
+
+    K f is what forces f (n,) add to them.
+    """
+    M, A, e = point.mass_matrix, point.gradients, point.e
+    f, forced = point.array(e.f), np.zeros(point.n)
+    if len(A):
+        asked = point.array([row.b for row in e.rows])
+        forced = least_squares(A / point.sizes, asked, None) / point.sizes
+    K = delassus(M, A, np.eye(point.n)).response
+    terms = np.abs(K) @ (np.abs(f) + np.abs(M) @ np.abs(forced)) + np.abs(forced)
+    return forced + K @ (f - M @ forced), terms, K
 
 
 def _with_mode(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from lagsim.admissibility.verdict import ONE_SIDED, START_VALUE
+from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
@@ -30,7 +30,8 @@ def report(
     rows: Sequence[object] = equations.rows
     if equations.laws:
         rows = equations.model.constraints
-    two_sided = any(v.kind not in (ONE_SIDED, START_VALUE) for v in start.verdicts)
+    others = (ONE_SIDED, START_VALUE, AT_REST)
+    two_sided = any(v.kind not in others for v in start.verdicts)
     rank = f" of rank {start.rank}" if two_sided else ""
     freedom = counted(start.degrees_of_freedom, "degree")
     if start.admissible:
@@ -70,6 +71,8 @@ def faults(start: StartReport) -> list[str]:
 
 def _violation(verdict: Verdict) -> str:
     position, velocity = verdict.position, verdict.velocity
+    if verdict.kind == AT_REST:
+        return f"no rest: {verdict.name} is {position.value:.6g}"
     if verdict.kind == START_VALUE:
         return f"the start value `{verdict.name}` is missed by {position.value:.6g}"
     if velocity is not None and position.satisfied:
@@ -85,6 +88,8 @@ def _described(verdict: Verdict) -> str:
     residual = verdict.position.value + 0.0  # no -0
     if verdict.kind == START_VALUE:
         return f"start value, missed by {residual:.3g}"
+    if verdict.kind == AT_REST:
+        return f"{residual:.3g}, at rest it is 0"
     words = [verdict.kind, "scleronomic" if verdict.scleronomic else "rheonomic"]
     if verdict.pfaffian is not None:
         words.append("Pfaffian" if verdict.pfaffian else "not Pfaffian")
@@ -140,6 +145,8 @@ def _reached(equations: Equations, start: StartReport) -> list[str]:
 def _repair(start: StartReport) -> list[str]:
     """Return what to write into `initial:`, or why there is nothing to write."""
     if start.admissible:
+        if start.rest:
+            return ["  the rest, for `initial:`", *_pasteable(start.rest)]
         if not start.changes:
             return ["  nothing to repair"]
         exact = {name: new for name, (_, new) in start.changes.items()}

@@ -464,8 +464,10 @@ output: {reactions: [x]}
         "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
     # E3xx: the start of a model.
     Row("E301", "inadmissible",
-        "The start violates a constraint, or the time derivative of one.",
-        "The start satisfies all constraints and their time derivatives.",
+        "The start violates a constraint, or the time derivative of one; or it is not "
+        "at rest, where `begin: rest` asks for that.",
+        "The start satisfies all constraints and their time derivatives, and with "
+        "`begin: rest` has no velocities and no accelerations.",
         "take the nearest state that is shown, or write `{guess: ...}` for values "
         "that lagsim is to solve for",
         _ROD + "initial: {x: 1, y: 0.5}\n"),
@@ -525,6 +527,11 @@ output: {reactions: [x]}
         "coordinates: {theta: {unit: rad}, u: {}}\n"
         "constraints: {held: u = theta}\ninitial: {theta: 1, u: 1}\n",
         ("lagsim derive pendulum.yaml --gauss",)),
+    Row("E311", "unknown-begin",
+        "`begin` has a value that it does not know.",
+        "`begin` is `initial` or `rest`.",
+        "leave it out, or write `rest` for a start whose guesses are solved for a rest",
+        "simulation: {duration: 1, begin: still}\n"),
     # E4xx: methods and settings of a run.
     Row("E401", "unknown-method",
         "The method does not exist.",

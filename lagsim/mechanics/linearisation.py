@@ -18,6 +18,7 @@ local coordinates.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from lagsim.language.derivatives import gradient, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.mechanics.algebra import Metric
-from lagsim.tolerances import TINY
+from lagsim.tolerances import HALF_OF_DIGITS, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -98,15 +99,8 @@ class Linear(NamedTuple):
         What a stands for: dq = Zh a.
     Z : ndarray, shape (n, d)
         The velocities which the constraints let through.
-    force : ndarray, shape (d,)
-        Z^T (f + A^T lambda), by the mass that is one: how far from an equilibrium.
     lengths : ndarray, shape (n, n)
         L^T, where L L^T is the metric: |L^T dq| measures changes.
-    restoring : ndarray, shape (n, m)
-        -Ah^+, which takes residuals of holonomic rows to the dq that meets them.
-    residuals : ndarray, shape (m,)
-        Of the holonomic rows, else 0.
-    rates : ndarray, shape (m,)
     first_order : ndarray, shape (l,)
         The rates of the first-order states.
     """
@@ -114,23 +108,13 @@ class Linear(NamedTuple):
     R: Floats
     Zh: Floats
     Z: Floats
-    force: Floats
     lengths: Floats
-    restoring: Floats
-    residuals: Floats
-    rates: Floats
     first_order: Floats
 
     def eigenvalues(self) -> Complexes:
         """Return them, by falling size."""
         found = np.linalg.eigvals(self.R).astype(complex)
         return np.asarray(found[np.argsort(-np.abs(found), kind="stable")])
-
-    @property
-    def stiffness(self) -> Floats:
-        """Return d(force)/da (d, k), with its sign turned."""
-        k, d = self.Zh.shape[1], self.Z.shape[1]
-        return -self.R[k : k + d, :k]
 
 
 class Linearisation:
@@ -156,9 +140,7 @@ class Linearisation:
         A = [node for row in e.rows for node in row.A]
         self._terms = [
             *(node for row in e.M for node in row), *A, *e.f,
-            *(row.b for row in e.rows),
-            *(row.residual if row.holonomic else g.zero for row in e.rows),
-            *(row.rate for row in e.rows), *(x.rate for x in e.states),
+            *(row.b for row in e.rows), *(x.rate for x in e.states),
         ]  # fmt: skip
         rates, state = e.flow.rates, [g.variable(name) for name in e.state]
         flow = e.flow.forward | dict(zip(rates, accelerations, strict=True))
@@ -172,18 +154,13 @@ class Linearisation:
         self.nodes = len(g.cone(self._terms)) + len(g.cone(self._slopes))
         self._holonomic = np.array([row.holonomic for row in e.rows], dtype=bool)
 
-    def at(
-        self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = (), *,
-        resting: bool = False,
-    ) -> Linear:  # fmt: skip
+    def at(self, t: float, q: Floats, v: Floats, s: Floats | tuple[()] = ()) -> Linear:
         """Linearise about a state.
 
         Parameters
         ----------
         t, q, v, s
             Time, coordinates and velocities (n,), first-order states (l,).
-        resting
-            As if the accelerations were zero: the forces that this takes are told.
 
         Raises
         ------
@@ -194,13 +171,10 @@ class Linearisation:
         values = self._parameters | {"t": t}
         values |= dict(zip(e.state, np.concatenate([q, v, s]).tolist(), strict=True))
         found = self._evaluated(self._terms, values)
-        cuts = np.cumsum([n * n, m * n, n, m, m, m])
-        M, A, f, b, residuals, rates, first_order = np.split(found, cuts)
+        M, A, f, b, rates = np.split(found, np.cumsum([n * n, m * n, n, m]))
         M, A = M.reshape(n, n), A.reshape(m, n)
         metric = Metric(M, A)
-        acceleration, lam = np.zeros(n), metric.multipliers(f)
-        if not resting:
-            acceleration, lam = metric.motion(f, b)
+        acceleration, lam = metric.motion(f, b)
         values |= dict(zip(e.accelerations, map(float, acceleration), strict=True))
         values |= dict(zip(e.multipliers, map(float, lam), strict=True))
         slopes = self._evaluated(self._slopes, values)
@@ -226,13 +200,56 @@ class Linearisation:
         R = np.vstack([
             Zh.T @ G @ dv, turned.T @ G @ K - Z.T @ (r @ change), of_first @ change
         ])  # fmt: skip
-        return Linear(
-            R, Zh, Z, Z.T @ f, np.asarray(metric.L.T), -held.inverse, residuals, rates,
-            first_order,
-        )  # fmt: skip
+        return Linear(R, Zh, Z, np.asarray(metric.L.T), rates)
 
     def _evaluated(self, nodes: list[int], values: dict[str, float]) -> Floats:
         found = np.array(evaluate(self.g, nodes, values), dtype=float)
         if not np.all(np.isfinite(found)):
             raise ValueError
         return found
+
+
+class Mode(NamedTuple):
+    """Mode of the linearised equations.
+
+    Attributes
+    ----------
+    eigenvalue : complex
+        The one with the imaginary part >= 0.
+    shape : ndarray of complex, shape (n,)
+        Of the coordinates; the largest is 1.
+    """
+
+    eigenvalue: complex
+    shape: np.ndarray[tuple[int], np.dtype[np.complex128]]
+
+    @property
+    def frequency(self) -> float:
+        """Cycles per unit of time; 0 where it does not oscillate."""
+        return self.eigenvalue.imag / (2.0 * math.pi)
+
+    @property
+    def period(self) -> float | None:
+        """The time of a cycle; None where it does not oscillate."""
+        return 1.0 / self.frequency if self.frequency > 0.0 else None
+
+    @property
+    def damping_ratio(self) -> float:
+        """Of critical damping; below 0 where it grows."""
+        return -self.eigenvalue.real / abs(self.eigenvalue)
+
+
+def modes(linear: Linear) -> tuple[Mode, ...]:
+    """Modes by rising frequency; neutral directions are left out."""
+    moving = eigenmodes(linear.R, lambda x: x > HALF_OF_DIGITS * np.max(x, initial=0.0))
+    found = []
+    k = linear.Zh.shape[1]
+    for value, vector in zip(moving.values, moving.right.T, strict=True):
+        if value.imag < 0.0:
+            continue
+        shape = linear.Zh @ vector[:k].astype(complex)
+        top = shape[np.argmax(np.abs(shape))] if len(shape) else 1.0
+        if top == 0.0:
+            continue  # a velocity alone
+        found.append(Mode(complex(value), shape / top))
+    return tuple(sorted(found, key=lambda mode: abs(mode.eigenvalue)))

@@ -43,6 +43,8 @@ class Settings(NamedTuple):
         The same where no length of the run is given.
     output_step : float
         Spacing of the rows.
+    rest : bool
+        Guesses of the start are solved for a state at rest.
     step : float or None
         Of fixed-step methods.
     gain : float or None
@@ -66,6 +68,7 @@ class Settings(NamedTuple):
     method_place: Place | None = None
     formulation_place: Place | None = None
     moments: tuple[float, ...] = ()
+    rest: bool = False
 
     @property
     def duration(self) -> float:

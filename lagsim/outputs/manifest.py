@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import orjson
 
-from lagsim.admissibility.verdict import START_VALUE
+from lagsim.admissibility.verdict import AT_REST, START_VALUE
 from lagsim.codes import failure
 from lagsim.outputs.units import of_table
 from lagsim.version import __version__
@@ -112,6 +112,7 @@ def examination(
     """Return the content of `check --json`."""
     model, ranks, reach = equations.model, start.ranks, start.reach
     missed = [v for v in start.verdicts if v.kind == START_VALUE]
+    moving = {v.name: v.position.value for v in start.verdicts if v.kind == AT_REST}
     return {
         "model": _named(model),
         "admissible": start.admissible,
@@ -124,7 +125,9 @@ def examination(
         "multipliers_not_unique": list(ranks.not_unique),
         "mass_matrix": "singular alone" if start.augmented else "regular",
         "constraints": [
-            _constraint(v) for v in start.verdicts if v.kind != START_VALUE
+            _constraint(v)
+            for v in start.verdicts
+            if v.kind not in (START_VALUE, AT_REST)
         ],
         "contradictions": [
             _combined(d, levels=d.contradictions) for d in start.contradictions
@@ -153,6 +156,8 @@ def examination(
         "unsolved": start.unsolved,
         "plan": _choices(choices),
         "warnings": [w.record for w in start.warnings],
+        **({"rest": start.rest} if start.rest is not None else {}),
+        **({"not_at_rest": moving} if moving else {}),
     }
 
 

@@ -253,7 +253,7 @@ def open_case(
 
 def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
     clock.lap("import")
-    equations, examined = _begun(equations, settings.start)
+    equations, examined = _begun(equations, settings)
     clock.lap("derive")
     if not examined.admissible:
         raise StartError(equations, examined)
@@ -261,15 +261,17 @@ def _examined(equations: Equations, settings: Settings, clock: Clock) -> Case:
 
 
 def _begun(
-    equations: Equations, time: float, *, classify: bool = False
+    equations: Equations, settings: Settings, *, classify: bool = False
 ) -> tuple[Equations, StartReport]:
     """Examine a start, with the modes that periodic events set there."""
     from lagsim.admissibility.examination import examine
 
-    report = examine(equations, time, classify=classify)
+    time, rest = settings.start, settings.rest
+    report = examine(equations, time, rest=rest, classify=classify)
     begun = equations.begun(report.state) if equations.model.events else equations
     if begun is not equations:
-        equations, report = begun, examine(begun, time, classify=classify)
+        equations = begun
+        report = examine(begun, time, rest=rest, classify=classify)
     return equations, report
 
 
@@ -296,7 +298,7 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations, examined = _begun(derive(model), settings.start, classify=True)
+    equations, examined = _begun(derive(model), settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 MAX_ROWS = 10**8
 # Keys of one time.
 TIMES = ("duration", "end", "output_step", "step")
+# What the start is: what `initial` states, with guesses solved for it, or at rest.
+BEGIN = ("initial", "rest")
 
 # --- When to start and stop, how finely, and how to integrate
 
@@ -74,6 +76,7 @@ class _Simulation:
             gain=gain, options=tuple((k, v) for k, v in own if v is not None),
             method_place=self._place("method"),
             formulation_place=self._place("formulation"),
+            rest=self._begin() == "rest",
         )  # fmt: skip
         if start is None or end is None:
             return asked._replace(start=start or 0.0, end=start or 0.0)
@@ -130,6 +133,13 @@ class _Simulation:
         if text:
             self._fault("out-of-range", text, key)
         return None if text else end
+
+    def _begin(self) -> str:
+        name = self.given.text("begin")
+        if name not in ("", *BEGIN):
+            text, hint = f"`begin` is `{name}`", f"write {' or '.join(BEGIN)}"
+            self._fault("unknown-begin", text, "begin", hint)
+        return name
 
     def _name(self, key: str, hint: str) -> str:
         name = self.given.text(key)

@@ -16,17 +16,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.point import Point
+from lagsim.admissibility.rest import lowest
 from lagsim.errors import InputError, LagsimError, Problem
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.mechanics.equations import Instant
-from lagsim.mechanics.equilibrium import (
-    Mode,
-    NoEquilibriumError,
-    find_equilibrium,
-    modes,
-    named,
-)
-from lagsim.mechanics.linearisation import Linearisation
+from lagsim.mechanics.linearisation import Linearisation, Mode, modes
 from lagsim.mechanics.structure import structure
 from lagsim.methods import method as method_named
 from lagsim.methods import names
@@ -47,6 +42,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
+    from lagsim.mechanics.equations import Equations
     from lagsim.run.session import Case
 
     CaseAt = Callable[[float | None], Case]
@@ -659,10 +655,11 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
     about: tuple[Mode, ...] = ()
     if linearisation is not None:
         q0 = subject.case.start.q
-        try:
-            q = find_equilibrium(e, linearisation, start.t, start.q, subject.size)
-        except NoEquilibriumError as fault:
-            reason = str(fault)
+        reason, q = _no_rest(e), None
+        if not reason:
+            q = lowest(Point(e, start))
+            reason = "the search from the start did not come to rest at one"
+        if q is None:
             if structure(e).linear and not subject.unknown:
                 about = modes(linearisation.at(start.t, start.q, start.v, start.s))
         else:
@@ -672,13 +669,20 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
             far = float(np.max(np.abs(q - q0), initial=0.0))
             near = far <= COMPUTED_ZERO * float(np.max(np.abs(q), initial=0.0))
             is_start = bool(near and not np.any(subject.case.start.v))
-            at = named(e.q, np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0))
+            plain = np.where(np.abs(q) > COMPUTED_ZERO * size, q, 0.0).tolist()
+            at = dict(zip(e.q, plain, strict=True))
     return {
         "equilibrium": at,
         "equilibrium_is_start": is_start,
         "equilibrium_reason": reason or None,
         "modes": [_mode(mode, e.q) for mode in about],
     }
+
+
+def _no_rest(e: Equations) -> str:
+    if not structure(e).autonomous:
+        return "the equations depend on time"
+    return "the model has first-order states" if e.states else ""
 
 
 def _mode(mode: Mode, names: Sequence[str]) -> dict[str, Any]:

@@ -574,7 +574,7 @@ class Batch:
         self._follow = equations.model.stated.depends_on(names) or bool(words & names)
         powers = names_in_exponents(equations, ())
         self.refusal = refusal(session)
-        if not needs_no_solve(equations):
+        if session.case.settings.rest or not needs_no_solve(equations):
             self.refusal = "start values are solved for by the constraints"
         elif powers and (self._follow or not powers.isdisjoint(names)):
             self.refusal = "a swept value is in an exponent"

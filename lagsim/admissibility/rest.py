@@ -1,0 +1,423 @@
+"""A start at rest: guesses for which velocities and accelerations vanish.
+
+Unknowns are the positions and first-order states that are guesses, and the multipliers
+of all rows that hold, of f + A^T lambda = 0 beside the relations of the positions, at
+q' = 0 and the time of the start. Newton's method is taken from the guess where each of
+its steps is clearly shorter than the one before: a rest this near may be an unstable
+one. Elsewhere the way goes downhill in the energy, as far as there is one, and damped
+steps of least change end it.
+
+Contacts that touch at the guess hold, with their friction. One that would be passed is
+added, one that would pull is left, friction that would slide is left out, and the next
+contact is tried where nothing is found. What these do in the end is decided elsewhere,
+by their laws.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from lagsim.admissibility.newton import (
+    MOST_STEPS,
+    SMALLEST_DAMPING,
+    Found,
+    Relations,
+    descend,
+    nearest,
+    reach,
+    rows_of_length_one,
+    unwound,
+)
+from lagsim.admissibility.point import Condition, Lengths, conditions
+from lagsim.admissibility.verdict import acting, judge, judge_laws
+from lagsim.language.derivatives import gradient, slopes
+from lagsim.language.names import rate_of
+from lagsim.mechanics.algebra import (
+    cholesky,
+    least_squares,
+    null_space,
+    rank_metric,
+)
+from lagsim.mechanics.constraints import Kind, scale_of
+from lagsim.tolerances import COMPUTED_ZERO, SAME_RESULT, STATE_ROUNDOFF, TINY
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+    from lagsim.admissibility.point import Point
+    from lagsim.language.arrays import Flags, Floats
+    from lagsim.mechanics.constraints import Law, Row
+
+# Newton's method converges at once where slopes change by at most this part along each
+# step, and the next step is at most this part of it.
+CONTRACTION = 0.5
+# The distance that a multiplier moves counts as this part of what its force would move.
+LIGHT = 1e-2
+# A step is taken as far as it gains this part of what the slopes at its beginning say.
+FAITHFUL = 0.25
+# A curvature of the energy counts as this part of the greatest at least.
+FLAT = 1e-6
+# A step is at most so many times as long as the relations.
+FAR = 1e3
+
+
+class Rest(Relations):
+    """Residuals of a state at rest, by its guesses and the multipliers of its rows.
+
+    Parameters
+    ----------
+    point
+        With velocities of zero.
+    stated
+        What else is asked of the positions.
+    held
+        The rows of the laws that hold.
+    free
+        The positions, and the states, that are guesses, by their numbers.
+    """
+
+    def __init__(
+        self,
+        point: Point,
+        stated: Sequence[Condition],
+        held: Sequence[Row],
+        free: tuple[Sequence[int], Sequence[int]],
+    ) -> None:
+        e, g = point.e, point.g
+        self.rows, self.positions, self.states = [*e.rows, *held], *map(list, free)
+        q = [e.q[j] for j in self.positions]
+        lam = [f"lambda/{k}" for k in range(len(self.rows))]
+        names = [*q, *(e.states[j].name for j in self.states), *lam]
+        place = {g.variable(name): k for k, name in enumerate(names)}
+        forces = [[f] for f in e.f]
+        for row, name in zip(self.rows, lam, strict=True):
+            for j, entry in row.A.entries.items():
+                forces[j].append(g.call("mul", entry, g.variable(name)))
+        sums = map(g.sum, forces)
+        nodes = [*zip(e.accelerations, sums, strict=True)]
+        nodes += [(rate_of(e.states[j].name), e.states[j].rate) for j in self.states]
+        own = {j: k for k, j in enumerate(self.positions)}
+        self.stated = [*conditions(self.rows, velocities=False), *stated]
+        wanted = [
+            x._replace(A={own[j]: s for j, s in x.A.items() if j in own})
+            for x in self.stated
+        ]
+        self.relations = len(wanted)
+        for name, node in nodes:
+            found = slopes(g, node, frozenset(place))
+            A = {place[x]: slope for x, slope in found.items()}
+            wanted.append(Condition(name, node, A, scale_of(g, node, (), {})))
+        self.names = names
+        self._ask(point, wanted, {k: k for k in place.values()}, velocities=False)
+        self._x0 = self.first(point)
+
+    def first(self, point: Point) -> Floats:
+        """Return the guesses, and the multipliers that come closest to rest there."""
+        A, lam = point.jacobian(self.rows), np.zeros(len(self.rows))
+        if len(A):
+            sizes = self.point.sizes
+            lam = least_squares(A.T / sizes[:, None], -point.array(point.e.f) / sizes)
+        return np.concatenate([
+            point.q[self.positions], point.state.s[self.states], lam
+        ])  # fmt: skip
+
+    @property
+    def angles(self) -> int:
+        """So many values, the first ones, may be angles."""
+        return len(self.positions)
+
+    @property
+    def x0(self) -> Floats:
+        """Guesses and multipliers as they are at the point, (k,)."""
+        return self._x0
+
+    def at(self, x: Floats, errors: Floats | None = None) -> Point:
+        """Point with these values, which may have other errors."""
+        q, s = self.point.q.copy(), self.point.state.s.copy()
+        k, own = len(self.positions), None
+        n = k + len(self.states)
+        q[self.positions], s[self.states] = x[:k], x[k:n]
+        if errors is not None:
+            named = zip(self.names, errors.tolist(), strict=True)
+            own = {**self.point.errors, **dict(named)}
+        point = self.point.at(q, errors=own, s=s)
+        point.multipliers = dict(zip(self.names[n:], x[n:].tolist(), strict=True))
+        return point
+
+    def violated(self, x: Floats, errors: Floats) -> Flags:
+        """Whether each residual is more than rounding, (m,).
+
+        That of all multipliers, and of the way from the guess, is in each.
+        """
+        guesses = len(self.positions) + len(self.states)
+        weights = np.sqrt(np.diag(self.metric))
+        far = weights * np.concatenate([x[:guesses] - self.x0[:guesses], x[guesses:]])
+        parts = [np.full(len(y), np.linalg.norm(y)) for y in np.split(far, [guesses])]
+        own = STATE_ROUNDOFF * np.concatenate(parts) / weights
+        return super().violated(x, errors + own)
+
+    @cached_property
+    def metric(self) -> Floats:
+        """Metric of changes (k, k): M of positions, other unknowns by what they move.
+
+        Their forces move positions as far as the stiffness around the start lets them.
+        """
+        point, k = self.point, len(self.positions)
+        M = point.mass_entries(self.positions).dense(k, k)
+        J = np.nan_to_num(np.abs(self(self.x0)[1]))[self.relations :][: point.n]
+        J /= point.sizes[:, None]
+        stiffness = J[:, :k] / point.sizes[self.positions]
+        time = 1.0 / (np.max(stiffness, initial=0.0) or 1.0)
+        others = LIGHT * time * np.linalg.norm(J[:, k:], axis=0)
+        others[others == 0.0] = 1.0
+        found = np.diag(np.concatenate([np.zeros(k), others**2]))
+        if k:
+            A = point.jacobian(self.rows)[:, self.positions]
+            found[:k, :k] = rank_metric(M, A)
+        return found
+
+    def errors(self, x: Floats) -> dict[str, float]:
+        """Return the errors of guesses that were solved for."""
+        point = self.at(x)
+        found = point.solved_errors((self.point.q, self.point.v))
+        return {**self.point.errors, **{n: found[n] for n in self.names if n in found}}
+
+    def pulls(self, x: Floats) -> Floats:
+        """Return with what force each row pulls, (rows,); 0 where it does not."""
+        own = np.linalg.norm(self.at(x).jacobian(self.rows) / self.point.sizes, axis=1)
+        pushes = x[len(x) - len(self.rows) :] * own
+        small = COMPUTED_ZERO * np.max(np.abs(pushes), initial=0.0)
+        return np.where(pushes < -small, -pushes, 0.0)
+
+    def undetermined(self, x: Floats) -> list[str]:
+        """Return the guesses that nothing determines, there or where they were."""
+        flat = np.all([
+            np.all(np.nan_to_num(self(at)[1]) == 0.0, axis=0) for at in (self.x0, x)
+        ], axis=0)  # fmt: skip
+        guesses = len(self.positions) + len(self.states)
+        return [self.names[k] for k in np.flatnonzero(flat[:guesses])]
+
+
+def _contracted(rest: Rest, metric: Floats) -> Floats | None:
+    """Return where Newton's method converges at once; None where it does not.
+
+    Along each step the slopes change by no more than half of what they are, and the
+    next step is no longer than half (L. V. Kantorovich's conditions, where they count).
+    """
+    x, L = rest.x0, cholesky(metric)
+    r, J = rest(x)
+    last = math.inf
+    for _ in range(MOST_STEPS):
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+            return None
+        if rest.hold(x, STATE_ROUNDOFF * np.abs(x)):
+            return x
+        Y, lengths = rows_of_length_one(J, L)
+        z = least_squares(Y, -r / lengths)
+        step, before = np.linalg.solve(L.T, z), J
+        x = x + step
+        r, J = rest(x)
+        turned = least_squares(Y, np.nan_to_num((J - before) @ step) / lengths)
+        length = float(np.linalg.norm(z))
+        if not length <= last or np.linalg.norm(turned) > CONTRACTION * length:
+            return None
+        last = CONTRACTION * length
+    return None
+
+
+def _downhill(rest: Rest) -> Floats | None:
+    """Return a minimum of the energy below the guess; None where there is no energy.
+
+    Newton's method with each curvature by its size, along the relations and back onto
+    them. How far to go decides the energy, with a penalty for what is missed of the
+    relations (Nocedal and Wright, chapter 18), whose gradients must not turn by much.
+    """
+    point, k, m, x = rest.point, len(rest.positions), rest.relations, rest.x0
+    e, g, weights, moved = point.e, point.g, np.zeros(rest.relations), 0.0
+    if not k:
+        return None
+    sizes, own = point.sizes[rest.positions], [m + j for j in rest.positions]
+    f = [e.f[j] for j in rest.positions]
+    f += gradient(g, e.energy, [g.variable(e.q[j]) for j in rest.positions])
+
+    lengths = (Lengths(point, rest.stated).spread * point.sizes)[rest.positions]
+    farthest = FAR * np.max(lengths[np.isfinite(lengths)], initial=0.0) or math.inf
+    for _ in range(MOST_STEPS):
+        r, J = rest(x)
+        push, slope = rest.at(x).array(f).reshape(2, k)
+        if not (np.all(np.isfinite(r)) and np.all(np.isfinite(J))):
+            return None
+        if np.any(np.abs(push + slope) > SAME_RESULT * np.max(np.abs(push))):
+            return None  # forces that are no slopes of an energy
+        Y, lengths = rows_of_length_one(J[:m, :k] / sizes, np.eye(k))
+        H, N = -J[own, :k] / sizes / sizes[:, None], null_space(Y)
+        back = least_squares(Y, -r[:m] / lengths)
+        w, U = np.linalg.eigh(N.T @ (H + H.T) @ N / 2.0)
+        along = U.T @ (N.T @ (push / sizes - H @ back))
+        w = np.maximum(np.abs(w), FLAT * np.max(np.abs(w), initial=0.0))
+        w = np.maximum(w, np.linalg.norm(along) / farthest)
+        if not np.all(w):
+            return None if np.any(along) else x  # a straight energy has no minimum
+        down = N @ (U @ (along / w))
+        step = np.pad((back + down) / sizes, (0, len(x) - k))
+        if np.linalg.norm(sizes * step[:k]) <= SAME_RESULT * moved:
+            return x
+        held = np.abs(least_squares(Y.T, push / sizes)) / lengths
+        weights = np.maximum(weights, 2.0 * held)
+        gain = float(push @ step[:k] + weights @ np.abs(r[:m]))
+        part = _part(rest, x, step, weights, gain)
+        if not part:
+            return x
+        x = x + part * step
+        moved = max(moved, float(np.linalg.norm(sizes * (x - rest.x0)[:k])))
+        x = np.concatenate([x[:k], rest.first(rest.at(x))[k:]])
+    return x
+
+
+def _part(rest: Rest, x: Floats, step: Floats, weights: Floats, gain: float) -> float:
+    """Return how much of a step is taken; 0 where no part of it gains enough.
+
+    gain : what the slopes at its beginning say.
+    """
+    m, part, (r, J) = rest.relations, 1.0, rest.looked_at(x)
+    lengths = np.linalg.norm(J[:m] / np.sqrt(np.diag(rest.metric)), axis=1)
+    lengths = np.maximum(lengths, TINY)[:, None]
+
+    def height(x: Floats, r: Floats) -> float:
+        return float(rest.at(x).array([rest.point.e.energy])[0] + weights @ np.abs(r))
+
+    before = height(x, r[:m])
+    while part > SMALLEST_DAMPING:
+        other, slopes_there = rest.looked_at(x + part * step)
+        turned = (slopes_there - J)[:m] * step / lengths
+        whole = np.where(turned, J[:m] * step / lengths, 0.0)
+        straight = np.linalg.norm(turned) <= CONTRACTION * np.linalg.norm(whole)
+        gained = before - height(x + part * step, other[:m])
+        if straight and gained > FAITHFUL * gain * part * (2.0 - part):
+            return part
+        part /= 2.0
+    return 0.0
+
+
+def _solved(rest: Rest, *, far: bool = False, down: bool = False) -> Found:
+    """Find a rest from the guess; with `far` from other starts; or only `down`."""
+    x0 = rest.x0
+    if rest.exact(x0) or not len(x0):
+        return Found(x0, converged=rest.exact(x0))
+    metric = rest.metric
+    if far:
+        return nearest(rest, metric)
+    x = None if down else _contracted(rest, metric)
+    x = _downhill(rest) if x is None else x
+    reached = reach(rest, x0 if x is None else x, metric, x0)
+    if reached.converged:
+        x = descend(rest, x0, unwound(rest, reached.x), metric)
+        return Found(x, converged=True)
+    return Found(x0, converged=False)
+
+
+def lowest(point: Point) -> Floats | None:
+    """Positions (n,) of a minimum of the energy below a state; itself if it rests.
+
+    Where forces have no energy, of a rest near it; None where there is none.
+    """
+    rest = Rest(point.at(v=np.zeros(point.n)), (), (), (range(point.n), ()))
+    found = _solved(rest, down=True)
+    return found.x[: point.n] if found.converged else None
+
+
+class AtRest(NamedTuple):
+    """State at rest.
+
+    Attributes
+    ----------
+    point : Point
+    touching : set of str
+        The contacts that hold there.
+    undetermined : list of str
+        Guesses that stay as given, for nothing determines them.
+    """
+
+    point: Point
+    touching: set[str]
+    undetermined: list[str]
+
+
+def find_rest(
+    point: Point,
+    stated: Sequence[Condition],
+    free: tuple[Sequence[int], Sequence[int]],
+    off: Collection[str],
+) -> AtRest | None:
+    """Find a state at rest; None where there is none near the guess.
+
+    Parameters
+    ----------
+    point
+        The guess, with velocities of zero.
+    stated
+        What is asked of the positions beside the rows.
+    free
+        The positions, and the first-order states, that are guesses.
+    off
+        Constraints that are out of force.
+    """
+    laws = point.e.laws
+    apart = [k for k in _by_gap(point) if laws[k].constraint not in off]
+    begun = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
+    for far in (False, True):
+        held, tried = begun, set[frozenset[int]]()
+        while frozenset(held) not in tried:
+            tried.add(frozenset(held))
+            rest = Rest(point, stated, [laws[k].row for k in sorted(held)], free)
+            end = _solved(rest, far=far)
+            if end.converged:
+                there = rest.at(end.x).at(errors=rest.errors(end.x))
+                changes = _changes(rest, end.x, there, held, off)
+                if not all(x.satisfied for x in judge(there)):
+                    return None  # a relation that moves
+                if not changes:
+                    sided = {k for k in held if laws[k].kind.one_sided}
+                    touching = {laws[k].constraint for k in sided}
+                    return AtRest(there, touching, rest.undetermined(end.x))
+            else:
+                more = [laws[k].constraint for k in apart if k not in held]
+                changes = _of(laws, more[:1])
+            held = held ^ changes
+    return None
+
+
+def _changes(
+    rest: Rest, x: Floats, there: Point, held: set[int], off: Collection[str]
+) -> set[int]:
+    """Return the laws that begin to hold, or no longer do, at a rest of those held."""
+    laws, verdicts = there.e.laws, judge_laws(there, off)
+    if passed := _of(laws, {x.name for x in verdicts if not x.satisfied}):
+        return passed - held
+    pulls = dict(
+        zip(sorted(held), rest.pulls(x)[len(rest.rows) - len(held) :], strict=True)
+    )
+    pulling = [k for k in held if laws[k].kind.one_sided and pulls[k] > 0.0]
+    if pulling:
+        most = max(pulling, key=lambda k: pulls[k])
+        return _of(laws, {laws[most].constraint}) & held
+    sliding = held - acting(there, verdicts).holding
+    return {k for k in sliding if laws[k].kind.bounded}
+
+
+def _of(laws: Sequence[Law], names: Collection[str]) -> set[int]:
+    """Return the laws of these constraints, by their numbers."""
+    return {k for k, law in enumerate(laws) if law.constraint in names}
+
+
+def _by_gap(point: Point) -> list[int]:
+    """Return the contacts by how far they are from closing."""
+    contacts = [k for k, x in enumerate(point.e.laws) if x.kind is Kind.CONTACT]
+    rows = [point.e.laws[k].row for k in contacts]
+    lengths = np.linalg.norm(point.jacobian(rows) / point.sizes, axis=1)
+    gaps = point.array([row.residual for row in rows]) / np.maximum(lengths, TINY)
+    return [contacts[k] for k in np.argsort(gaps, kind="stable")]
