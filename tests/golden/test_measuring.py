@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import orjson
@@ -10,6 +9,7 @@ import pytest
 
 from lagsim.errors import InputError
 from lagsim.model.reader import read
+from lagsim.notes import Event
 from lagsim.run.session import open_case
 from lagsim.studies.golden import (
     _asked,
@@ -154,8 +154,7 @@ def test_without_any_spread_a_bound_is_tolerance_and_rounding(measured):
 
 
 def test_rows_beside_events_are_left_out(measured, monkeypatch):
-    event = SimpleNamespace(time=5.0 + 1e-5, kind="switch")
-    end = SimpleNamespace(time=3.0, kind="until")
+    event, end = Event(5.0 + 1e-5, "switch"), Event(3.0, "until")
 
     def with_events(case, stride):
         base = motion_of(case, stride)

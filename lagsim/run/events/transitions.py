@@ -15,6 +15,7 @@ the run.
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -115,7 +116,7 @@ class _Moment:
         The events of the conditions.
     until : int
         The number of the condition `until`, after these; there may be none.
-    values, rounding : ndarray
+    values : ndarray
         Of the conditions: functions that are >= 0 where these are true.
     """
 
@@ -126,7 +127,6 @@ class _Moment:
         self.until = len(self.event_of)
         self.count = len(self.state.orientation)
         self.values = self._conditions("located")
-        self.rounding = self._rounding()
         self.found: list[Event] = []
         self.ending: Ending | None = None
 
@@ -136,7 +136,8 @@ class _Moment:
             return np.zeros(0)
         return arc.runner.function(name, length)(arc.t, arc.y)
 
-    def _rounding(self) -> Floats:
+    @cached_property
+    def rounding(self) -> Floats:
         """Bounds of the rounding of conditions, also where all their terms vanish."""
         sizes, count = self.arc.seen[self.state.dynamic], self.count
         found = self._conditions("located_slopes", count * (1 + len(sizes)))

@@ -116,7 +116,7 @@ class Subject:
     at_start, along : ndarray of complex
         Eigenvalues at the start, and at `states` states of the motion.
     arcs : float
-        About how many switches end an arc, per unit of time.
+        About how many switches and events end an arc, per unit of time.
     unknown : str
         Why there are no eigenvalues; "" where there are.
     systems : dict of str to System
@@ -156,8 +156,8 @@ class Subject:
         places = self.equations.state_columns
         kept = Keep(columns=places[-1] + 1)
         trajectory = session.run([kept], interrupt=self.interrupt)
-        switched = sum(event.kind == "switch" for event in trajectory.events)
-        self.arcs = switched / self.span
+        ends = [event.kind in ("switch", "event") for event in trajectory.events]
+        self.arcs = sum(ends) / self.span
         rows = kept.table[:, places]
         return np.asarray(rows[np.all(np.isfinite(rows), axis=1)])
 
