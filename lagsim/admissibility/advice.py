@@ -233,7 +233,8 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
     """
     model, g = equations.model, equations.graph
     for name in model.unused:
-        text = f"the parameter `{name}` is given and used nowhere"
+        what = "mode" if name in model.modes else "parameter"
+        text = f"the {what} `{name}` is given and used nowhere"
         yield Caution("unused-parameter", text)
     for text in model.idle:
         yield Caution("no-effect", text)

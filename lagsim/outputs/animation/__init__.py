@@ -544,7 +544,8 @@ def record(film: Film) -> dict[str, Any]:
         ],
         "energies": {name: _packed(values) for name, values in film.energies.items()},
         "events": [
-            {"t": e.time, "kind": e.kind, "what": e.constraint or e.switch or "",
+            {"t": e.time, "kind": e.kind,
+             "what": e.constraint or e.switch or e.name or "",
              "points": [names.index(p) for p in film.struck.get(e.constraint, ())]}
             for e in events[:MOST_EVENTS]
         ],

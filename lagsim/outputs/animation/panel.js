@@ -14,9 +14,10 @@ const EVENTS = {
   slip: ["M0-5L4.5 0L0 5L-4.5 0Z", "kinetic", "slip"],
   zeno: ["M0-5L4 4H-4Z", "total", "at rest"],
   switch: ["M0-5V5", "dim", "switch"],
+  event: ["M0-5V5", "total", "event"],
   rank: ["M-3.5-3.5L3.5 3.5M3.5-3.5L-3.5 3.5", "force", "loss of rank"],
 };
-const HOLLOW = new Set(["release", "switch", "rank"]);
+const HOLLOW = new Set(["release", "switch", "event", "rank"]);
 const eventLook = (kind) => EVENTS[kind] || ["M0-5V5", "dim", kind];
 
 function element(tag, attributes = {}, ...children) {
