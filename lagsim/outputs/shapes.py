@@ -81,7 +81,7 @@ class Body(NamedTuple):
 
 def _moving(model: Model, nodes: Iterable[int]) -> frozenset[str]:
     """Return the columns on which nodes depend."""
-    fixed = {p.name for p in model.parameters} | {CURVE}
+    fixed = {p.name for p in model.parameters} - model.modes | {CURVE}
     return model.graph.depends(nodes) - fixed
 
 
