@@ -65,7 +65,6 @@ QUADRATURES = True
 STATES = True
 
 CONSTRAINED = True
-UNTIL = True
 LOCALIZED = True
 SWITCHES = True
 
@@ -241,7 +240,7 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
     row = s.row_start + s.row * s.row_step
     watched = CONSTRAINED and s.watched > 0.0
     watched = watched or (LOCALIZED and s.feature_possible > 0.0)
-    if UNTIL or watched or (row < s.row_limit and row < s.t):
+    if s.located > 0.0 or watched or (row < s.row_limit and row < s.t):
         prepare_dense(s, p)
     elif s.extras > 0.0 and s.extra < s.t:
         counted = s.evaluations

@@ -48,7 +48,6 @@ amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
-UNTIL = True
 
 
 class KahanLi6(Composition):

@@ -62,7 +62,6 @@ amplification = partial(composed_amplification, WEIGHTS)
 NEEDS = ("power",)
 
 CONSTRAINED = False  # for what is shared with methods that can be
-UNTIL = True
 
 
 # --- symmetric compositions of Verlet steps, and rows within them ---------------------
@@ -122,7 +121,7 @@ def make_dense(s: Composition, p: Parameters) -> None:
     quintic(s)
     row = s.row_start + s.row * s.row_step
     extra = s.extras > 0.0 and s.extra < s.t
-    if UNTIL or extra or (row < s.row_limit and row < s.t):
+    if s.located > 0.0 or extra or (row < s.row_limit and row < s.t):
         look_within(s, p)
         for i in range(n):
             for m in unrolled(4):

@@ -492,6 +492,8 @@ class Runner:
             conditions=len(system.equations.model.located),
             **{key: x for key, x in sizes.items() if key in self.method.STATE.fields},
         )
+        ends = bool(system.equations.model.located) or system.watched > 0
+        state.located = float(ends)
         state.kinds[:] = [x.kind for x in system.indicators]
         state.powers[:] = [x.power for x in system.indicators]
         rows = system.equations.rows
@@ -583,8 +585,6 @@ def of_method(
     """Kernels of a method, and what is known of the system they work on."""
     by, statics = method(name), _statics(system, name)
     del statics["ADAPTIVE"]
-    # What a method must make ready for `until` it must for switches.
-    statics["UNTIL"] = statics["UNTIL"] or statics["SWITCHES"]
     statics["SPARSE"] = system.newton is not None
     kernels = [by.start, by.step, by.interpolate]
     kernels.append(by.interpolate_rates if by.ADAPTIVE else by.make)

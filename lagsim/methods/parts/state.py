@@ -55,6 +55,7 @@ class Output(Clock):
     extras: float  # states asked for beside the rows that are still to be written ...
     extra: float  # ... and the time of the next
     emitted: float  # rows written by this call
+    located: float  # 1 if arcs may end within a step: every step is interpolated
     cut: (
         float  # the fraction of the last step that counts, until rows are written; or 0
     )
