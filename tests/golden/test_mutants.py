@@ -297,12 +297,12 @@ def test_functions_do_round_otherwise(request):
 def other_targets():
     """Give processors that this one can run code for."""
     if platform.machine().lower() not in ("x86_64", "amd64"):
-        return ["generic"]
+        return ["generic", "portable"]
     from llvmlite.binding import get_host_cpu_features
 
     has = get_host_cpu_features()
     v3 = all(has.get(f) for f in ("avx2", "fma", "bmi2", "lzcnt", "movbe", "f16c"))
-    return ["generic", "x86-64", *(["x86-64-v3"] if v3 else [])]
+    return ["generic", "portable", "x86-64", *(["x86-64-v3"] if v3 else [])]
 
 
 @pytest.mark.parametrize("target", some_nightly(other_targets(), ["generic"]))
