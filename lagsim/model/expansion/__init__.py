@@ -38,7 +38,7 @@ from lagsim.model.nodes import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.graph import Graph
@@ -51,9 +51,11 @@ if TYPE_CHECKING:
 # Keys of the value in what an entry of a section is given by.
 _VALUES = {
     "parameters": ("value",), "definitions": ("value",), "constraints": ("relation",),
-    "initial": ("guess", "steady"), "states": ("rate",),
+    "initial": ("guess", "steady"), "states": ("rate",), "modes": ("value",),
 }  # fmt: skip
-_DECLARING = ("parameters", "coordinates", "states", "constraints", "definitions")
+_DECLARING = (
+    "parameters", "modes", "coordinates", "states", "constraints", "definitions",
+)  # fmt: skip
 _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
 _MATRIX = 6
@@ -235,7 +237,7 @@ class Expansion:
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
         for section in _DECLARING[1:]:
-            declared = map(self._declared, *self._entries(section))
+            declared = (self._declared(*e, section) for e in self._entries(section))
             given[section] = [one for one in declared if one]
         frames = self._frames()
         self._resolve(given["definitions"])
@@ -245,11 +247,14 @@ class Expansion:
         new["constraints"] += units
         new["energy"] = self._energy(frames)
         for section in ("forces", "initial"):
-            new[section] = self._referring(section)
+            new[section] = self._referring(section, self._entries(section))
+        events: dict[str, Family] = {}
+        for key, value in self._entries("events"):
+            new.setdefault("events", []).extend(self._event(key, value, events))
         new["definitions"] += self.hidden
         found: dict[str, Node] = {}
         for section, entries in new.items():
-            node = self._top[section][1] if section in self._top else None
+            _, node = self._top.get(section, (None, None))
             if isinstance(node, Mapping):
                 found[section] = node._replace(entries=tuple(entries))
             elif entries:  # which the file does not write
@@ -298,7 +303,7 @@ class Expansion:
                     text = f"`{parsed.name}` is a function and cannot be {what}"
                     self.report("reserved-name", text, key.place)
                     return None
-                return parsed, self._members(parsed)
+                return parsed, self._members(parsed, {})
             text = f"`{key.text}` cannot be the name of {what}"
             self.report("bad-name", text, key.place, "such as arm or link(i = 1..n)")
         except ExpressionError as fault:
@@ -318,11 +323,9 @@ class Expansion:
         reading = Made(self.scope, trees.parsed(tree, ""))
         return at._replace(text=f"{HIDDEN}{at.text}", reading=reading)
 
-    def _entries(self, section: str) -> tuple[list[Scalar], list[Node], list[str]]:
-        """Return keys, values and the section's name of each entry."""
-        node = self._top[section][1] if section in self._top else None
-        found = entries_of(node)
-        return [k for k, _ in found], [v for _, v in found], [section] * len(found)
+    def _entries(self, section: str) -> tuple[Entry, ...]:
+        """Return the entries of a section."""
+        return entries_of(self._top[section][1]) if section in self._top else ()
 
     def bound(self, node: Node, reading: Reading | None = None) -> Node:
         """Return a node whose scalars are read for a member, or outside of families."""
@@ -349,24 +352,26 @@ class Expansion:
             place = scalar.place_of(fault.offset, fault.length)
             self._report(f"expression-{fault.code}", fault.text, place, fault.hint)
 
-    def _key(self, key: Scalar) -> tuple[_Key, Members] | None:
+    def _key(
+        self, key: Scalar, outer: Indices | None = None
+    ) -> tuple[_Key, Members] | None:
         """Return a key and its members; None where it is faulty, or no such key."""
         try:
             parsed = _parsed_key(key.text)
-            return parsed and (parsed, self._members(parsed))
+            return parsed and (parsed, self._members(parsed, outer or {}))
         except ExpressionError as fault:
             self.fault(fault, key)
             self.broken.add(key.text.partition("(")[0])
         return None
 
-    def _members(self, key: _Key) -> Members:
-        """Return members that a key denotes.
+    def _members(self, key: _Key, outer: Indices) -> Members:
+        """Return the members that a key denotes, within those of `outer` indices.
 
         Raises
         ------
         ExpressionError
         """
-        found = _ONE
+        found: Members = [(outer, ())]
         for subscript in key.subscripts:
             token, index = subscript.token, subscript.runs
             new: Members = []
@@ -433,7 +438,8 @@ class Expansion:
 
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
         """Report a family whose name is another's already."""
-        if name in (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES):
+        functions = (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES)
+        if name in functions and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
             self._report("reserved-name", text, key.place)
         elif (family.section, family.indexed) != (section, True):
@@ -471,8 +477,8 @@ class Expansion:
 
     def _parameters(self) -> Iterator[Entry]:
         """Return the parameters, and note their values for ranges and subscripts."""
-        for key, node, section in zip(*self._entries("parameters"), strict=True):
-            one = self._declared(key, node, section)
+        for key, node in self._entries("parameters"):
+            one = self._declared(key, node, "parameters")
             if one is None:
                 continue
             for name, value in self._written(one):
@@ -635,11 +641,13 @@ class Expansion:
 
     # Sections that refer to names
 
-    def _referring(self, section: str) -> list[Entry]:
-        """Return entries of forces or start values, of which a single member's wins."""
+    def _referring(
+        self, section: str, given: Iterable[Entry], outer: Indices | None = None
+    ) -> list[Entry]:
+        """Return entries for members: of start values a single one's wins."""
         found: dict[str, tuple[Entry, bool]] = {}
-        for key, node, _ in zip(*self._entries(section), strict=True):
-            one = self._referred(key, node)
+        for key, node in given:
+            one = self._referred(key, node, outer)
             if one is None:
                 continue
             if isinstance(one, tuple) and not isinstance(one, _Given):
@@ -661,16 +669,19 @@ class Expansion:
                 self._report("duplicate-member", text, key.place)
         return [entry for entry, _ in found.values()]
 
-    def _referred(self, key: Scalar, node: Node) -> _Given | Entry | None:
+    def _referred(
+        self, key: Scalar, node: Node, outer: Indices | None
+    ) -> _Given | Entry | None:
         """Return an entry for members; as it is where its name is no family's."""
-        found = self._key(key)
+        found = self._key(key, outer)
+        inner = Reading(self.scope, outer, None, 1) if outer else self.plain
         if found is None:
             known = key.text.partition("(")[0] in self.broken
-            return None if known else (key, self.bound(node))
+            return None if known else (key, self.bound(node, inner))
         parsed, members = found
         meant = self.scope.reference(parsed.name)
         if meant is None:
-            return key, self.bound(node)
+            return key, self.bound(node, inner)
         family, form = meant
         fault = "", "", ""
         if family.broken:
@@ -722,7 +733,9 @@ class Expansion:
             new = self.bound(value)
             if key.text == "points" and isinstance(value, Mapping):
                 found = [
-                    e for k, v in value.entries for e in self._points(k, v, points)
+                    (full, self.spread(one, reading))
+                    for k, v in value.entries
+                    for full, reading, one in self._named(k, v, points)
                 ]
                 new = value._replace(entries=tuple(found))
             elif key.text == "links" and isinstance(value, Sequence):
@@ -747,29 +760,41 @@ class Expansion:
         place = node.place if node else entries[0][0].place
         return Mapping(tuple(entries), place)
 
-    def _points(
-        self, key: Scalar, node: Node, points: dict[str, Family]
-    ) -> Iterator[Entry]:
+    def _named(
+        self, key: Scalar, node: Node, space: dict[str, Family]
+    ) -> Iterator[tuple[Scalar, Reading, Node]]:
+        """Return key, reading and value for each member of what has its own names."""
         found = self._key(key)
         if found is None or not found[0].subscripts:
-            yield key, self.spread(node, self.plain)
+            yield key, self.plain, node
             return
         parsed, members = found
-        new = Family(parsed.name, "points", key.place, True)
-        family = points.setdefault(parsed.name, new)
+        family = Family(parsed.name, "", key.place, True)
+        family = space.setdefault(parsed.name, family)
         if self._join(_Given(key, node, family, "{}", parsed, members)) is None:
             return
-        several = parsed.ranged and any(isinstance(n, Sequence) for n in items_of(node))
-        if several and len(items_of(node)) != len(members):
-            text = f"`{key.text}` has {len(members)} members, and the list "
-            text += f"{len(items_of(node))} points"
-            self._report("wrong-count", text, node.place)
+        items = items_of(node)
+        several = parsed.ranged and any(isinstance(n, Sequence) for n in items)
+        if several and len(items) != len(members):
+            text = f"`{key.text}` has {len(members)} members, and the list {len(items)}"
+            self.report("wrong-count", text, node.place)
             return
         for k, (indices, member) in enumerate(members):
             reading = Reading(self.scope, indices, None, 1)
-            one = items_of(node)[k] if several else node
             full = key._replace(text=dotted(parsed.name, member), reading=reading)
-            yield full, self.spread(one, reading)
+            yield full, reading, items[k] if several else node
+
+    def _event(
+        self, key: Scalar, node: Node, events: dict[str, Family]
+    ) -> Iterator[Entry]:
+        """Return an event for each member, with the modes that it sets."""
+        for full, reading, one in self._named(key, node, events):
+            new = self.bound(one, reading)
+            sets = _inner(one, ("set",))
+            if isinstance(sets, Mapping) and sets is not one:
+                found = self._referring("", sets.entries, reading.indices)
+                new = _with_inner(new, ("set",), sets._replace(entries=tuple(found)))
+            yield full, new
 
     def _links(self, node: Node, points: dict[str, Family]) -> list[Node]:
         """Return a link, or those between consecutive points of a family."""
@@ -779,18 +804,21 @@ class Expansion:
             return [_with_inner(node, ("points",), end) for end in ends]
         if not isinstance(node, Sequence):
             return [node]
-        names = [n for item in node.items for n in self._denoted(item, points)]
+        names = [n for item in node.items for n in self.denoted(item, points)]
         if len(names) == len(node.items):
             return [node._replace(items=tuple(names))]
         return [node._replace(items=pair) for pair in pairwise(names)]
 
-    def _denoted(
-        self, node: Node, space: dict[str, Family] | None = None
+    def denoted(
+        self,
+        node: Node,
+        space: dict[str, Family] | None = None,
+        outer: Indices | None = None,
     ) -> list[Node]:
         """Return the names that an item of a list denotes: members, and components."""
         if not isinstance(node, Scalar):
             return [node]
-        found = self._key(node)
+        found = self._key(node, outer)
         if found is None:
             return [Broken(node.place)]
         parsed, members = found
@@ -819,7 +847,7 @@ class Expansion:
         for key, value in entries_of(node):
             new = self.bound(value)
             if key.text in ("columns", "reactions") and isinstance(value, Sequence):
-                items = (n for item in value.items for n in self._denoted(item))
+                items = (n for item in value.items for n in self.denoted(item))
                 new = value._replace(items=tuple(items))
             elif key.text == "plots" and isinstance(value, Sequence):
                 new = value._replace(items=tuple(map(self._plot, value.items)))
@@ -860,7 +888,7 @@ class Expansion:
                 self.bound(n._replace(text=_written(*n.text.split("."))))
                 if isinstance(n, Scalar)
                 else n
-                for n in self._denoted(node)
+                for n in self.denoted(node)
             ]
         spread = self.spread(node, self.plain)
         if not isinstance(spread, Sequence):

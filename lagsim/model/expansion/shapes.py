@@ -74,8 +74,9 @@ class Shapes(Section):
 
     def _point(self, node: Node, reading: Reading) -> Node:
         """Return a place: a point, one of a family, or a vector."""
-        if isinstance(node, Scalar) and node.text in self.x.points:
-            return node
+        name = node.text.partition("(")[0] if isinstance(node, Scalar) else ""
+        if name in self.x.points:
+            return self.x.denoted(node, self.x.points, reading.indices)[0]
         return self.x.spread(node, reading)
 
     def _axes(self, frame: Frame, at: Scalar) -> nodes.Sequence:

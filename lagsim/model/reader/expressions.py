@@ -650,6 +650,8 @@ class Expressions:
 
         Such a rate counts as given in time, with no slope of its own.
         """
+        if not self.with_rates:
+            return
         moving = self.names.velocities().union(self.names.of(Kind.COORDINATE))
         used = {s for word in words(node) for s in self.with_rates.get(word, ())}
         for s in sorted(used):

@@ -278,7 +278,7 @@ class _Shapes:
         node, points = known.value("at"), self._points
         if node is None or isinstance(node, Broken):
             return (), ""
-        if not isinstance(node, Scalar) or re.search(r"[^\w ]", node.text):
+        if not isinstance(node, Scalar) or re.search(r"[^\w. ]", node.text):
             return _point(f"`at` of {what}", node, self._x), ""
         if node.text in points:
             return points[node.text], node.text
