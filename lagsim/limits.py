@@ -16,6 +16,9 @@ DOCUMENT_BYTES = 256 << 20
 TABLE_BYTES = 4 << 30
 """Of a table of results; what is read of one takes as much memory."""
 
+TABLE_NUMBERS = 1_000_000
+"""Coefficients of a table of a model: of a cubic curve four for each point."""
+
 NODES = 1_000_000
 """Scalars and collections of YAML in a model file, half a kilobyte each."""
 

@@ -12,6 +12,7 @@ from tests.support import ROOT
 # The row of the page's table, and the budgets in it in the order of the text.
 PROMISED = {
     "a model file, also from a pipe": ["MODEL_BYTES", "NODES", "MAX_DEPTH"],
+    "the file of a table in a model": ["MODEL_BYTES", "TABLE_NUMBERS"],
     "one expression": ["EXPRESSION_LETTERS"],
     "the equations": ["GRAPH_NODES", "GRAPH_NODES_PER_BYTE", "INERTIAS", None],
     "checking and planning": ["WORK", "WORK_PER_BYTE", "USUAL_BYTES"],

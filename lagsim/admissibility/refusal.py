@@ -13,6 +13,8 @@ import numpy as np
 from lagsim.errors import InputError, Problem
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate_rows
+from lagsim.language.graph import DATA
+from lagsim.language.tables import arguments, written
 from lagsim.mechanics.algebra import null_space, sizes_of
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.surfaces import expression_text
@@ -36,6 +38,10 @@ NO_VALUE = (
     "check the initial values against what it divides by and the arguments of its "
     "roots and logarithms; the point of a cone, as that of hypot(x, y) at 0, has no "
     "gradient: start, or guess, beside it"
+)
+BEYOND = (
+    "start, or guess, between the first and the last point of the table `{}`, or say "
+    "what is `outside`"
 )
 DIRECTION = (
     "a velocity that is 0 has no direction: friction in a plane by "
@@ -187,7 +193,7 @@ def _problem(
     inner, instead = _innermost(point, source.node if source else faulty[0][1])
     where = f" in {source.what}" if source else ""
     text = f"`{expression_text(g, inner)}`{where} {instead} at the start"
-    args = [a for a in dict.fromkeys(g.args[inner]) if g.value(a) is None]
+    args = [a for a in dict.fromkeys(arguments(g, inner)) if g.value(a) is None]
     values = zip(args, point.array(args), strict=True)
     texts = [f"{expression_text(g, a)} is {value:g}" for a, value in values]
     text += f", where {' and '.join(texts)}" if texts else ""
@@ -201,7 +207,7 @@ def _innermost(point: Point, node: int) -> tuple[int, str]:
 
     And what it has instead: its arguments have both.
     """
-    cone = point.g.cone([node])
+    cone = [n for n in point.g.cone([node]) if point.g.ops[n] != DATA]
     values, slopes = np.isfinite(_values_and_slopes(point, cone))
     if not np.all(values):
         inner = cone[int(np.argmin(values))]
@@ -213,8 +219,11 @@ def _hint(point: Point, node: int) -> str:
     g = point.g
     op, args = g.ops[node], g.args[node]
     rates = zip(point.e.velocities, point.v, strict=True)
-    if g.depends([node]) & {name for name, rate in rates if not rate}:
+    still = {name for name, rate in rates if not rate}
+    if g.depends([node]) & still and not op.startswith("table."):
         return DIRECTION
+    if op.startswith("table."):
+        return BEYOND.format(written(g, node).name)
     values = point.array(args)
     if op in ("sqrt", "log", "log10") and values[0] < 0.0:
         return f"start, or guess, where {expression_text(g, args[0])} is positive"

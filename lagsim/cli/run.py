@@ -275,7 +275,7 @@ class Job:
 
             more = wish.error_bars, wish.show_units, wish.plots, wish.animate
             options = f"{sorted(wishes.items())} {more}"
-            identity = {"model text": model.sha256, "set of options": options}
+            identity = {"model text": model.content, "set of options": options}
             return Restart(folder, wish.table.file, identity)
 
         first = restart().rescue if wish.resume else None

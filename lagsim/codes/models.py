@@ -418,6 +418,32 @@ output: {reactions: [x]}
         "make it a mode, or let a force or a constraint depend on a mode",
         "modes: {held: 1}\n"
         "events: {swing: {at: theta <= 0, set: {theta: 1, held: 0}}}\n"),
+    Row("E237", "table-file",
+        "The file of a table cannot be used.",
+        "It is a CSV in the model's folder or below it, through no link that leads "
+        "out, and its first line has each column that `x`, `y` and `z` name, once.",
+        "put the file beside the model, or give `points`",
+        "tables: {torque: {file: ../curve.csv, x: angle, y: torque}}\n"
+        "forces: {theta: torque(theta)}\n"),
+    Row("E238", "table-points",
+        "The points of a table make no function.",
+        "There are at least two points, all numbers finite, x increases, a function of "
+        "two arguments has a full grid, and one that repeats ends as it begins.",
+        "look at the row that is named",
+        "tables: {torque: {points: [[0, 0], [2, 1], [1, 3]]}}\n"
+        "forces: {theta: torque(theta)}\n"),
+    Row("E239", "unknown-interpolation",
+        "`interpolation` or `outside` is none of those that there are.",
+        "`interpolation` is `linear`, `cubic` or, of one argument, `monotone`; "
+        "`outside` is `error`, `hold`, `extend` or `repeat`.",
+        "write one of these, or leave it out",
+        "tables: {torque: {points: [[0, 0], [2, 1]], interpolation: spline}}\n"
+        "forces: {theta: torque(theta)}\n"),
+    Row("E240", "unused-table",
+        "Nothing calls a table.",
+        "Each table is called in an expression, as `torque(theta)`.",
+        "call it, or leave it out",
+        "tables: {torque: {points: [[0, 0], [2, 1]]}}\n"),
     Row("E241", "expression-size",
         "A vector stands where a number does, or values of two sizes meet.",
         "Both sides of `+`, `-`, `=` and the arguments of `dot`, `cross` and `if` have "

@@ -130,6 +130,13 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "  on: {at: theta_dot <= -1, set: {push: 1}}\n"
         "  off: {at: theta_dot >= -1, set: {push: 0}}\n",
         ("lagsim run pendulum.yaml --no-plots",)),
+    Row("E513", "table-ends",
+        "The argument of a table came to the last of its points, or the first.",
+        "Within a run tables are called between their first and their last point, but "
+        "for those that say what is `outside`.",
+        "give more points, or `outside: hold`, `extend` or `repeat`; or stop before",
+        "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
+        _RUN),
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
     Row("E601", "differs",
         "Two results differ by more than the bound.",

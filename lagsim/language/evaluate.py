@@ -14,7 +14,7 @@ from itertools import product, repeat, starmap
 from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.tolerances import UNIT_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def evaluate(
         op = g.ops[n]
         if op == VARIABLE:
             found[n] = values[str(g.payload(n))]
-        elif op in (CONSTANT, TRUTH):
+        elif op in (CONSTANT, TRUTH, DATA):
             found[n] = g.payload(n)
         else:
             row = OPERATIONS[op]
@@ -80,7 +80,7 @@ def evaluate_rows(
                 moving[n] = value.tolist()
             else:
                 fixed[n] = value
-        elif op in (CONSTANT, TRUTH):
+        elif op in (CONSTANT, TRUTH, DATA):
             fixed[n] = g.payload(n)
         elif any(a in moving for a in args):
             rows = [moving[a] if a in moving else repeat(fixed[a]) for a in args]
@@ -118,7 +118,7 @@ def evaluate_with_error(
         op = g.ops[n]
         if op == VARIABLE:
             found[n] = values[str(g.payload(n))]
-        elif op == TRUTH:
+        elif op in (TRUTH, DATA):
             found[n] = g.payload(n), 0.0
         elif op == CONSTANT:
             c = g.value(n)

@@ -13,7 +13,7 @@ from collections import Counter, deque
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
-from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.graph import CONSTANT, VARIABLE
 from lagsim.language.simpler import is_normal
 from lagsim.language.sparse import Budget, TooLongError
 
@@ -458,7 +458,7 @@ class _Form:
         """Sum that moving node `n` is, those of its arguments being known."""
         g = self.g
         op, args = g.ops[n], g.args[n]
-        if op in (VARIABLE, CONSTANT, TRUTH):
+        if not args:
             return {((n, Fraction(1)),): g.one}
         below = [self.sums[a] for a in args]
         if op in ("add", "sub"):

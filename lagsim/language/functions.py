@@ -12,7 +12,7 @@ import math
 import operator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.language import simpler
+from lagsim.language import simpler, tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -74,6 +74,8 @@ class Function(NamedTuple):
         The graph has a corner or a jump; it is flat but for jumps.
     decided_by
         The step that tells on which side of its corner the function is.
+    data
+        How many of its first arguments are data, see `tables`.
     binds, sign
         Of operators: how tightly they bind, and how they are written.
     """
@@ -100,6 +102,7 @@ class Function(NamedTuple):
     switch: bool = False
     step: bool = False
     decided_by: str = ""
+    data: int = 0
     binds: int = 0
     sign: str = ""
 
@@ -549,12 +552,60 @@ POWERS = (
 )  # fmt: skip
 
 
+READS = "nounwind memory(argmem: read)"
+
+
+def _of_table(name: str, data: int, numbers: int, **more: Any) -> Function:
+    """Row of what reads `data` arrays of a table, and is given so many numbers."""
+    kernel = getattr(tables, f"table_{name}")
+    arity = data + numbers
+    kinds = ["ptr"] * data + ["double"] * numbers
+    operands = ", ".join(f"{kind} {{{i}}}" for i, kind in enumerate(kinds))
+    symbol = f"double @{kernel.__name__}"
+    return Function(
+        name=f"table.{name}",
+        arity=arity,
+        value=tables.on_data(kernel, data),
+        native=f"call {symbol}({operands})",
+        declares=(f"declare {symbol}({', '.join(kinds)}) {READS}",),
+        python=f"{kernel.__name__}({', '.join(f'{{{i}}}' for i in range(arity))})",
+        interval=lambda r: getattr(r, kernel.__name__),
+        cost=TRANSCENDENTAL,
+        data=data,
+        **more,
+    )
+
+
+def _piece(op: str, count: int) -> Partials:
+    """Partial derivatives of a piece of `count` arguments: in these alone."""
+    return lambda g, a, _: (
+        *(g.zero,) * (1 + 2 * count),
+        *(tables.differentiated(g, op, a, k) for k in range(count)),
+        *(g.zero,) * count,
+    )
+
+
+# What a file's `tables` are made of; their names have a point, so no file can use them.
+TABLES = (
+    _of_table(
+        "knot", 1, 1,
+        partials=lambda g, a, _: (g.zero, g.call("table.rate", *a)),
+    ),
+    _of_table("rate", 1, 1, partials=lambda g, a, _: (g.zero, g.zero)),
+    _of_table("piece", 2, 3, partials=_piece("table.piece", 1)),
+    _of_table("piece2", 3, 6, partials=_piece("table.piece2", 2)),
+)  # fmt: skip
+
+
 _ROWS = (
     *NUMBERS, *CONDITIONS, *TRIGONOMETRIC, *HYPERBOLIC, *POWERS, *CORNERS, *JUMPS,
     *REMAINDERS,
+    *TABLES,
 )  # fmt: skip
 OPERATIONS = {row.name: row for row in _ROWS}
-FUNCTIONS = {name: row for name, row in OPERATIONS.items() if not row.sign}
+FUNCTIONS = {
+    name: row for name, row in OPERATIONS.items() if not (row.sign or row.data)
+}
 # Operators that join conditions, and are words.
 JOINING = tuple(name for name, row in OPERATIONS.items() if row.sign.strip() == name)
 # What selects among its arguments.

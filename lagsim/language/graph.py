@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
     from lagsim.language.functions import Function
+    from lagsim.language.simpler import Payload
+    from lagsim.language.tables import Data
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -26,6 +28,7 @@ Found = TypeVar("Found")
 CONSTANT = "constant"
 VARIABLE = "variable"
 TRUTH = "truth"
+DATA = "data"
 # Degrees up to this are distinguished; chained squares would have millions.
 MOST_DEGREE = 32
 # To look at so many nodes takes as long as to make one.
@@ -49,8 +52,8 @@ class Graph:
     Attributes
     ----------
     ops : list of str
-        The operation of each node: a key of OPERATIONS, "constant", "variable" or
-        "truth".
+        The operation of each node: a key of OPERATIONS, "constant", "variable",
+        "truth" or "data".
     args : list of tuple of int
         The arguments of each node.
     place : Place or None
@@ -67,7 +70,7 @@ class Graph:
         self._allowed = 0
         self.ops: list[str] = []
         self.args: list[tuple[int, ...]] = []
-        self._payload: dict[int, float | str | bool] = {}
+        self._payload: dict[int, Payload] = {}
         self._known: dict[str, dict[object, int]] = {}  # operation -> args or payload
         self.memoized: dict[object, Any] = {}
         self.zero = self.constant(0.0)
@@ -84,7 +87,7 @@ class Graph:
         self,
         op: str,
         args: tuple[int, ...] = (),
-        payload: float | str | bool | None = None,
+        payload: Payload | None = None,
     ) -> int:
         """Node of `op` on `args` as it is, or of a leaf.
 
@@ -156,6 +159,10 @@ class Graph:
         """Node of a truth value."""
         return self.kept(TRUTH, payload=bool(x))
 
+    def data(self, numbers: Data) -> int:
+        """Node of an array that operations read."""
+        return self.kept(DATA, payload=numbers)
+
     def variable(self, name: str) -> int:
         """Node of the variable `name`, the same one each time."""
         return self.kept(VARIABLE, payload=name)
@@ -168,8 +175,8 @@ class Graph:
         assert isinstance(payload, float)
         return payload
 
-    def payload(self, node: int) -> float | str | bool:
-        """Return the number, the name or the truth value of a leaf."""
+    def payload(self, node: int) -> Any:
+        """Return the number, the name, the truth value or the array of a leaf."""
         return self._payload[node]
 
     def call(self, op: str, *args: int) -> int:
@@ -263,7 +270,7 @@ class Graph:
             if op == VARIABLE:
                 inside = self._payload[n] in names
                 found[n] = frozenset((1,)) if inside else flat
-            elif op in (CONSTANT, TRUTH):
+            elif op in (CONSTANT, TRUTH, DATA):
                 found[n] = frozenset() if n == self.zero else flat
             else:
                 found[n] = self._degree_of(n, op, [found[a] for a in self.args[n]])

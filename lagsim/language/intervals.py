@@ -14,12 +14,14 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
+from lagsim.language.tables import FIRST, Data, table_power
 from lagsim.tolerances import TERM_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -430,6 +432,108 @@ def extreme(choose: Any) -> Callable[[Interval, Interval], Interval]:
     return rule
 
 
+# ---------------------------------------------------------------------- tables
+
+
+def table_knot(axis: Data, x: Interval) -> Interval:
+    """Enclose the number of a knot, which increases and is computed so."""
+    return _strict(lambda x: interval(*_each("table.knot", axis, x)))(x)
+
+
+def table_rate(axis: Data, x: Interval) -> Interval:
+    """Enclose its slope: of one cell, or of two."""
+    (first, last), own = _cells(axis, x, None), _each("table.rate", axis, x)
+    far = last - first > 1.0
+    lo, hi = outward(
+        np.where(far, 0.0, own.min(0)), np.where(far, math.inf, own.max(0))
+    )
+    return _strict(lambda _: interval(np.maximum(lo, 0.0), hi, False, last > first))(x)
+
+
+def table_piece(axis: Data, pieces: Data, *numbers: Interval) -> Interval:
+    """Enclose a piece of one argument: its order, the argument, the piece."""
+    return _table((axis,), pieces, numbers)
+
+
+def table_piece2(axis: Data, other: Data, pieces: Data, *numbers: Interval) -> Interval:
+    """Enclose a piece of two arguments."""
+    return _table((axis, other), pieces, numbers)
+
+
+def _each(op: str, axis: Data, x: Interval) -> Floats:
+    """Return values (2, k) at the lower ends and at the upper ones."""
+    ends = np.concatenate([x.lo, x.hi]).tolist()
+    return np.array([OPERATIONS[op](axis, e) for e in ends]).reshape(2, -1)
+
+
+def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
+    """First and last cells (2, k) that x, or a piece of it, runs through."""
+    smooth, period = axis.numbers[1:3]
+    if piece is not None and not smooth:
+        return np.floor([piece.lo, piece.hi])
+    found = np.floor(np.nan_to_num(_each("table.knot", axis, x)))
+    if piece is not None and not period:
+        m = axis.numbers[0]
+        low, high = (
+            np.select([p < 0.0, p < 1.0], [-1.0, e], m)
+            for p, e in ((piece.lo, 0.0), (piece.hi, m - 1.0))
+        )
+        return np.clip(found, low, high)
+    return found
+
+
+def _table(
+    axes: tuple[Data, ...], pieces: Data, numbers: tuple[Interval, ...]
+) -> Interval:
+    """Hull of the polynomials of up to two cells of each argument; of more, all."""
+    n, p = len(axes), int(pieces.numbers[0])
+    orders = [int(order.lo[0]) for order in numbers[:n]]
+    c = pieces.numbers[1:].reshape(*(int(a.numbers[0]) + 2 for a in axes), *[p] * n)
+
+    def rule(*numbers: Interval) -> Interval:
+        x, chosen = numbers[:n], numbers[n:]
+        spans = [_cells(*each) for each in zip(axes, x, chosen, strict=True)]
+        far = np.any([last - first > 1.0 for first, last in spans], axis=0)
+        found = []
+        for ends in product((0, 1), repeat=n):
+            parts = zip(axes, x, spans, ends, strict=True)
+            rows, distances = zip(*(_part(*each) for each in parts), strict=True)
+            found.append(_horner(c[rows], orders, distances))
+        lo = np.fmin.reduce([value.lo for value in found])
+        hi = np.fmax.reduce([value.hi for value in found])
+        doubt = far | np.any([np.isnan(value.lo) for value in found], axis=0)
+        several = np.any([last > first for first, last in spans], axis=0)
+        lo, hi = np.where(far, -math.inf, lo), np.where(far, math.inf, hi)
+        return interval(lo, hi, doubt, several)
+
+    return _strict(rule)(*numbers[n:])
+
+
+def _part(axis: Data, x: Interval, cells: Floats, end: int) -> tuple[Any, Interval]:
+    """Return the rows (k,) of first or last cells, and distances in these."""
+    m, period, knots = int(axis.numbers[0]), axis.numbers[2], axis.numbers[FIRST:]
+    cell = cells[end]
+    turns = np.floor(cell / m) if period else np.zeros_like(cell)
+    at = np.clip(cell - turns * m, -1, m).astype(int)
+    low, high = (knots[np.clip(k, 0, m)] + turns * period for k in (at, at + 1))
+    single = cells[0] == cells[1]
+    lo = np.where(single | (end == 0), x.lo, low)
+    hi = np.where(single | (end == 1), x.hi, high)
+    return at + 1, interval(*outward(lo - low, hi - low))
+
+
+def _horner(c: Floats, orders: list[int], distances: Any) -> Interval:
+    """Enclose derivatives of polynomials c (k, p) or (k, p, p), from the power 0 on."""
+    found = interval(np.zeros(len(c)), 0.0)
+    for j in reversed(range(orders[0], c.shape[1])):
+        term = interval(c[:, j], c[:, j]) if c.ndim == 2 else point(0.0)
+        if orders[1:]:
+            term = _horner(c[:, j], orders[1:], distances[1:])
+        term = _strict(mul)(term, point(table_power(j, orders[0])))
+        found = _strict(add)(_strict(mul)(found, distances[0]), term)
+    return found
+
+
 def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
     """Pass nan, doubt and jumps of any argument on to the value."""
 
@@ -448,7 +552,7 @@ def _strict(rule: Callable[..., Interval]) -> Callable[..., Interval]:
 
 def _rule(row: Function) -> Callable[..., Interval]:
     rule: Callable[..., Interval] = row.interval(sys.modules[__name__])
-    return rule if row.condition or row.branches else _strict(rule)
+    return rule if row.condition or row.branches or row.data else _strict(rule)
 
 
 RULES = {name: _rule(row) for name, row in OPERATIONS.items()}
@@ -482,8 +586,8 @@ class Enclosures:
         moving = g.dependent(self.nodes, names)
         cone = g.cone(self.nodes)
         fixed = [n for n in cone if n not in moving]
-        self.fixed = {
-            n: point(float(x))
+        self.fixed: dict[int, Any] = {
+            n: x if isinstance(x, Data) else point(float(x))
             for n, x in zip(fixed, evaluate(g, fixed, values), strict=True)
         }
         self.program = [

@@ -13,14 +13,18 @@ import re
 import unicodedata
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+
+    # Of the tables of a file: names and arities; names and what makes their nodes.
+    Arities = tuple[tuple[str, int], ...]
+    Tables = Mapping[str, Any]
 
 
 # Code of a fault that is reported elsewhere.
@@ -188,8 +192,13 @@ class Parsed(NamedTuple):
     postfix: tuple[tuple[str, float | str | int], ...]
     names: tuple[Name, ...]
 
-    def build(self, g: Graph, scope: Callable[[str], int]) -> int:
-        """Node in `g`; `scope` gives the node of each name."""
+    def build(
+        self, g: Graph, scope: Callable[[str], int], tables: Tables | None = None
+    ) -> int:
+        """Node in `g`; `scope` gives the node of each name.
+
+        tables : of the file, the functions that make their nodes.
+        """
         stack: list[int] = []
         for kind, payload in self.postfix:
             if kind == "number":
@@ -201,7 +210,8 @@ class Parsed(NamedTuple):
                 assert isinstance(payload, int)
                 args = stack[-payload:]
                 del stack[-payload:]
-                stack.append(g.call(kind, *args))
+                table = (tables or {}).get(kind)
+                stack.append(table(g, args) if table else g.call(kind, *args))
         return stack.pop()
 
 
@@ -246,8 +256,9 @@ class Pending:
 class Parser:
     """Pass over the tokens: `output` is postfix, `kinds` has the kind of each value."""
 
-    def __init__(self, text: str, part: list[Token]) -> None:
+    def __init__(self, text: str, part: list[Token], tables: Arities = ()) -> None:
         self.text = text
+        self.arities = dict(tables)
         self.part = part
         self.at = 0
         self.output: list[tuple[str, float | str | int]] = []
@@ -309,13 +320,15 @@ class Parser:
             return _relation_inside(token, self.text)
         hint = ""
         if token.kind == "close" and self.pending and self.pending[-1].call:
-            hint = f"`{self.pending[-1].op}` takes {_count(self.pending[-1].op)}"
+            op = self.pending[-1].op
+            hint = f"`{op}` takes {self._count(op)}"
         return token.fault(f"a value is expected before `{token.text}`", hint)
 
     def _function(self, token: Token) -> None:
-        if token.text not in FUNCTIONS:
+        known = {**FUNCTIONS, **self.arities}
+        if token.text not in known:
             # One letter is near to all names of two.
-            near = get_close_matches(token.text, FUNCTIONS, 1) if token.text[1:] else []
+            near = get_close_matches(token.text, known, 1) if token.text[1:] else []
             hint = f"did you mean `{near[0]}`?" if near else ""
             text = f"there is no function `{token.text}`"
             raise token.fault(text, hint, "unknown-function")
@@ -398,21 +411,23 @@ class Parser:
         top = self.pending.pop()
         if not top.call:
             return False
-        row = FUNCTIONS[top.op]
-        if top.arity != row.arity:
-            text = f"`{top.op}` takes {_count(top.op)}, found {top.arity}"
+        if top.arity != self._arity(top.op):
+            text = f"`{top.op}` takes {self._count(top.op)}, found {top.arity}"
             raise top.token.fault(text, "", "arity")
         self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
         self.kinds.append((False, top.token))
         self._emit(top.token, top.op, top.arity)
         return False
 
+    def _arity(self, function: str) -> int:
+        found = self.arities.get(function)
+        return FUNCTIONS[function].arity if found is None else found
 
-def _count(function: str) -> str:
-    arity = FUNCTIONS[function].arity
-    if function == "if":
-        return "3 arguments, if(condition, a, b)"
-    return "1 argument" if arity == 1 else f"{arity} arguments"
+    def _count(self, function: str) -> str:
+        arity = self._arity(function)
+        if function == "if":
+            return "3 arguments, if(condition, a, b)"
+        return "1 argument" if arity == 1 else f"{arity} arguments"
 
 
 def _wrong_kind(expected: str, at: Token, conditional: bool) -> ExpressionError:
@@ -431,18 +446,20 @@ def _relation_inside(token: Token, text: str) -> ExpressionError:
 
 
 @functools.lru_cache(maxsize=1024)
-def parse(text: str) -> Parsed:
+def parse(text: str, tables: Arities = ()) -> Parsed:
     """Parse an expression, once: bindings do so again and again.
+
+    tables : functions of the file, and how many arguments each takes.
 
     Raises
     ------
     ExpressionError
         With the place of the first fault in `text`.
     """
-    return Parser(text, list(tokens(text))).parse()
+    return Parser(text, list(tokens(text)), tables).parse()
 
 
-def parse_condition(text: str) -> Parsed:
+def parse_condition(text: str, tables: Arities = ()) -> Parsed:
     """Parse a condition, as that of `if`.
 
     Raises
@@ -450,10 +467,10 @@ def parse_condition(text: str) -> Parsed:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    return Parser(text, list(tokens(text))).parse(conditional=True)
+    return Parser(text, list(tokens(text)), tables).parse(conditional=True)
 
 
-def parse_relation(text: str) -> ParsedRelation:
+def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
     """Parse `lhs = rhs`, `lhs <= rhs`, `lhs >= rhs` or a bare expression.
 
     Raises
@@ -463,8 +480,8 @@ def parse_relation(text: str) -> ParsedRelation:
     """
     left, right, sense = sides(text, list(tokens(text)))
     return ParsedRelation(
-        Parser(text, left).parse(),
-        Parser(text, right).parse() if right else None,
+        Parser(text, left, tables).parse(),
+        Parser(text, right, tables).parse() if right else None,
         sense,
     )
 

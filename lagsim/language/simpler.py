@@ -15,7 +15,13 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+if TYPE_CHECKING:
+    from lagsim.language.tables import Data
+
+# What a leaf of a graph is.
+Payload: TypeAlias = "float | str | bool | Data"
 
 
 class Builder(Protocol):
@@ -32,8 +38,11 @@ class Builder(Protocol):
     def value(self, node: int) -> float | None:
         """Return the number that a node is, or None."""
 
-    def payload(self, node: int) -> float | str | bool:
-        """Return the number, the name or the truth value of a leaf."""
+    def payload(self, node: int) -> Any:
+        """Return the number, the name, the truth value or the array of a leaf."""
+
+    def data(self, numbers: Data) -> int:
+        """Node of an array."""
 
     def call(self, op: str, *args: int) -> int:
         """Node of an operation, simplified."""

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.tables import written
 
 if TYPE_CHECKING:
     from lagsim.language.graph import Graph
@@ -178,4 +179,7 @@ def _text(g: Graph, n: int, depth: int) -> tuple[int, str]:
             for (p, text), q in zip(parts, least, strict=True)
         ]
         return power, sign + shown[0] if row.arity == 1 else sign.join(shown)
+    if row.data:
+        op, orders, args = written(g, n)
+        op += "'" * sum(orders)
     return 9, f"{op}({expression_text(g, *args, depth=depth - 1)})"

@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoized
+from lagsim.language.tables import written
 from lagsim.mechanics.surfaces import (
     WHOLE,
     Side,
@@ -648,6 +649,9 @@ class _Finder:
         # abs, min and max keep their name where their derivative is a switch too.
         if not plain or discrete not in self.state:
             self.state[discrete] = ("if", (n,)) if row.condition else (op, args)
+            if g.ops[args[0]] == "table.knot":
+                name, _, args_of_table = written(g, args[0])
+                self.state[discrete] = name, args_of_table
         return args
 
 

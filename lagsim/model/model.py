@@ -14,11 +14,14 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from lagsim.language.tables import called
+
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
+    from lagsim.language.tables import Data
     from lagsim.model.nodes import Scalar
 
 
@@ -388,6 +391,25 @@ class Stated(Protocol):
         """
 
 
+class Table(NamedTuple):
+    """Function given by points, those of a `file` with this `sha256`, or of the model.
+
+    axes, pieces : see `language.tables`.
+    """
+
+    name: str
+    axes: tuple[Data, ...]
+    pieces: Data
+    interpolation: str
+    outside: str
+    file: str = ""
+    sha256: str = ""
+
+    def __call__(self, g: Graph, args: list[int]) -> int:
+        """Give the node of its value."""
+        return called(g, self.axes, self.pieces, args)
+
+
 class State(NamedTuple):
     """First-order state s with s' = `rate`, a node of t, q, q' and all states."""
 
@@ -464,7 +486,13 @@ class Model:
     gimbals: tuple[Gimbal, ...] = ()
     quaternions: frozenset[str] = frozenset()
     idle: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def content(self) -> str:
+        """Digest of the file, and of those of its tables."""
+        return ".".join([self.sha256, *(t.sha256 for t in self.tables if t.file)])
 
     @property
     def variables(self) -> tuple[Coordinate | State, ...]:

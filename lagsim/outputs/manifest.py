@@ -82,7 +82,15 @@ def manifest(
 
 
 def _named(model: Model) -> dict[str, Any]:
-    return {"name": model.name, "file": model.file, "sha256": model.sha256}
+    found: dict[str, Any] = {
+        "name": model.name,
+        "file": model.file,
+        "sha256": model.sha256,
+    }
+    tables = [t for t in model.tables if t.file]
+    if tables:
+        found["tables"] = {t.name: {"file": t.file, "sha256": t.sha256} for t in tables}
+    return found
 
 
 def _choices(made: Sequence[Choice]) -> list[dict[str, str]]:

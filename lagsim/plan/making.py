@@ -136,7 +136,7 @@ def _automatic(
         if is_constant and len(equations.state) <= MOST_STATES:
             reason = "linear equations, and constant in time"
             return Choice("method: exponential", reason)
-        gain = _gain(equations, solved, rtol)
+        gain = 0.0 if smooth_tables(equations) else _gain(equations, solved, rtol)
         if gain >= PAYS:
             reason = f"estimated {gain:.1f} times as fast as {ANY}"
             return Choice("method: taylor", reason)
@@ -192,10 +192,19 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     if equations.states and not getattr(chosen, "STATES", False):
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
         return f"it does not integrate first-order states ({names})"
+    smooth = smooth_tables(equations)
+    if smooth and "series" in chosen.NEEDS:
+        return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that come and go need a method that evaluates y' only"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
+
+
+def smooth_tables(equations: Equations) -> str:
+    """Name of a table between whose points no step ends; empty where there is none."""
+    smooth = (t.name for t in equations.model.tables if t.interpolation != "linear")
+    return next(smooth, "")
 
 
 def locates(name: str) -> bool:

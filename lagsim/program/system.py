@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from lagsim.language import tables
 from lagsim.mechanics.motion_series import motion_series
 from lagsim.mechanics.structure import coupled, joined
 from lagsim.methods import method, moreau
@@ -87,6 +88,8 @@ def kernels(system: System) -> Iterator[Part]:
         called = [sliding.derivative, sliding.observe]
         called += [sliding.event_functions, sliding.project_sliding]
         yield kernel_part(called, {"LAWS": bool(system.laws)})
+    if system.model.tables:
+        yield kernel_part(tables.KERNELS)
 
 
 # Functions that find zeros, and do not write what is zero identically.

@@ -38,7 +38,14 @@ from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
 from lagsim.run.events.times import Features, TimeBreaks
 from lagsim.run.events.transitions import Transitions
-from lagsim.run.failures import FAILED, Fallback, Unmet, reason_of, unsettled
+from lagsim.run.failures import (
+    FAILED,
+    Fallback,
+    Unmet,
+    end_of_table,
+    reason_of,
+    unsettled,
+)
 from lagsim.run.interrupt import Horizon
 from lagsim.run.stiffness import Stiffness
 from lagsim.run.trajectory import (
@@ -232,7 +239,7 @@ class Run:
         # The start before its switches are those of the first arc.
         before = at_start(self.arc) if system.m and system.switches.modes else None
         self._set_modes()
-        ending = self._strike(before)
+        ending = self._past_table() or self._strike(before)
         if ending is None:
             self._set_out(self.arc.settings.end)
         return ending
@@ -354,11 +361,18 @@ class Run:
             if ending is not None:
                 return ending
         if turn is not Turn.ARC:
-            ending = self._strike(before)
+            ending = self._past_table() or self._strike(before)
             if ending is not None:
                 return ending
         self._set_out(decision.ahead)
         return None
+
+    def _past_table(self) -> Ending | None:
+        """End the run past the points of a table, where rows have no values."""
+        ending = end_of_table(self.arc)
+        if ending is not None:
+            self.cut = self.arc.observed()
+        return ending
 
     def _strike(self, before: Before | None) -> Ending | None:
         """Meet the constraints whose rates jump at the time reached."""

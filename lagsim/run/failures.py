@@ -13,11 +13,14 @@ Constraints that are not satisfied, however long projection goes on, end a run t
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.language.tables import ended
+from lagsim.mechanics.surfaces import expression_text
 from lagsim.methods.moreau import MOST_SWEEPS
 from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Choice
@@ -87,6 +90,7 @@ FAILURES = {
     Outcome.SWITCHES_ACCUMULATE: "the switches {about} accumulate",
     Outcome.PARADOX: "no contact forces satisfy the laws of {about}",
     Outcome.STATE_JUMPS: "the state would have jumped",
+    Outcome.TABLE_ENDS: "the table {about}",
     Outcome.PROJECTION_FAILED: "the constraints could not be satisfied",
     Outcome.NO_ANSWER: "constraint `{about}` is not satisfied",
     Outcome.NEWTON_FAILED: "the equations of an implicit step could not be solved",
@@ -142,6 +146,28 @@ def _fastest(arc: Arc) -> str:
     k = int(np.argmax(np.where(sizes > 1e-3 * np.max(sizes), ratio, -1.0)))
     name = arc.system.state[k]
     return f"`{name}` grows fastest, at {rates[k]:.3g} per unit of time"
+
+
+def end_of_table(arc: Arc) -> Ending | None:
+    """End of a run in a mode beyond the points of a table that does not go on."""
+    g, p, switches = arc.equations.graph, arc.system.p, arc.system.switches
+    cells = [
+        (g.args[x.discrete], p.flat[arc.system.place(x.variable)])
+        for x in switches.modes
+    ]
+    cells += [
+        ((s.node,), math.ceil(v))
+        for s, v in zip(switches.sides, p.side, strict=False)
+        if s.whole
+    ]
+    for args, cell in cells:
+        found = ended(g, args[0], cell) if args else None
+        if found is not None:
+            table, knot = found
+            of = expression_text(g, *table.args)
+            about = f"`{table.name}` ends at {knot:.9g}, which `{of}` has reached,"
+            return Ending(Outcome.TABLE_ENDS, about)
+    return None
 
 
 # A state that is projected is off its constraints by rounding. One that is far off,

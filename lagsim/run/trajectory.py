@@ -36,6 +36,7 @@ class Outcome(Enum):
     PARADOX = "paradox"
     STATE_JUMPS = "state-jumps"
     EVENTS_CHATTER = "events-chatter"
+    TABLE_ENDS = "table-ends"
 
     @property
     def failed(self) -> bool:

@@ -7,6 +7,7 @@ finite raise no warning.
 
 from __future__ import annotations
 
+import inspect
 import keyword
 import re
 from collections import Counter
@@ -14,8 +15,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lagsim.language import tables
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.mechanics.constraints import constraint_row
 from lagsim.show.content import in_words
 
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
 _OWN = (
     "np", "t", "q", "q_dot", "out", "COORDINATES", "CONSTRAINTS", "ONE_SIDED",
-    "CONDITIONS", "PARAMETERS", "STATES",
+    "CONDITIONS", "PARAMETERS", "STATES", "DATA",
 )  # fmt: skip
 # An expression of more operations than this gets a name, for people.
 LONGEST = 6
@@ -56,6 +58,15 @@ _STATES = """
 STATES = {}
 """
 
+_TABLES = """
+{numbers}
+# Of tables: knots, and coefficients.
+DATA = (
+{rows})
+
+
+{functions}"""
+
 
 def as_python(equations: Equations, version: str) -> str:
     """Give the module; see the section `derive --format python` of the contract."""
@@ -76,6 +87,11 @@ def as_python(equations: Equations, version: str) -> str:
         parameters=_dictionary({p.name: p.value for p in model.parameters}),
     )
     head += _STATES.format(_tuple(first)) if first else ""
+    if model.tables:
+        head = head.replace(
+            "import numpy as np\n", "from math import floor\n\nimport numpy as np\n", 1
+        )
+        head += _tables(g)
     n, m = len(e.q), len(rows)
     functions = [
         _function(e, "mass_matrix", "M", [x for row in e.M for x in row], (n, n)),
@@ -86,6 +102,22 @@ def as_python(equations: Equations, version: str) -> str:
     if states:
         functions.append(_function(e, "state_rates", "s'", states, (len(states),)))
     return "\n\n".join([head, *functions])
+
+
+def _data(g: Graph) -> list[int]:
+    return [n for n, op in enumerate(g.ops) if op == DATA]
+
+
+def _tables(g: Graph) -> str:
+    """Give the arrays of tables, and the functions that read them."""
+    arrays = [g.payload(n).values for n in _data(g)]
+    rows = "".join(f"    {row!r},\n".replace("nan", 'float("nan")') for row in arrays)
+    numbers = "".join(
+        f"{x} = {getattr(tables, x)!r}\n" for x in ("BELOW", "TINY", "FAR")
+    )
+    text = "\n\n".join(map(inspect.getsource, tables.functions()))
+    text = re.sub(r": Floats\b", "", text)
+    return _TABLES.format(numbers=numbers, rows=rows, functions=text)
 
 
 def _tuple(names: Sequence[str]) -> str:
@@ -175,6 +207,8 @@ def _inputs(e: Equations, cone: Sequence[int]) -> dict[int, tuple[str, str]]:
 def _code(g: Graph, n: int, written: Mapping[int, tuple[str, int]]) -> tuple[str, int]:
     """Give a node as code, and its number of operations."""
     op = g.ops[n]
+    if op == DATA:
+        return f"DATA[{_data(g).index(n)}]", 0
     if op in (CONSTANT, TRUTH):
         value = repr(g.payload(n))
         return (f"({value})" if value.startswith("-") else value), 0

@@ -17,7 +17,7 @@ from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from lagsim.language.functions import FUNCTIONS
-from lagsim.show.names import RAISED, ModelNames
+from lagsim.show.names import RAISED, ModelNames, upright_latex
 from lagsim.show.symbols import LARGEST_DENOMINATOR
 
 if TYPE_CHECKING:
@@ -322,6 +322,11 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
     def _print_Function(self, e: Any, exp: str | None = None) -> str:
         row = FUNCTIONS.get(_name(e))
         command = (row and row.latex) or rf"\operatorname{{{_name(e)}}}"
+        if orders := getattr(e, "orders", ()):
+            signs = (rf"\partial_{k} " * order for k, order in enumerate(orders, 1))
+            primes = "'" * orders[0] if len(orders) == 1 else ""
+            before = "" if primes or len(orders) == 1 else "".join(signs)
+            command = before + upright_latex(e.table) + primes
         inside = ", ".join(map(self._print, e.args))
         if isinstance(command, tuple):
             whole = inside.join(command)
@@ -329,7 +334,7 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
         if exp is not None:
             command += f"^{{{exp}}}"
         bare = len(e.args) == 1 and (e.args[0].is_Symbol or e.args[0].is_Integer)
-        bare = bare and not e.args[0].is_negative and "(" not in inside
+        bare = bare and not e.args[0].is_negative and "(" not in inside and not orders
         return f"{command} {inside}" if bare else rf"{command}\left({inside}\right)"
 
     # A name may be e: exp stays as it is.

@@ -14,6 +14,7 @@ the end by their time: sympy writes everything out and keeps numbers exactly, so
 
 from __future__ import annotations
 
+import functools
 import math
 import re
 from fractions import Fraction
@@ -26,6 +27,7 @@ from lagsim import limits
 from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.names import rate_of
+from lagsim.language.tables import arguments, written
 from lagsim.model.model import Level
 from lagsim.show.names import Name
 from lagsim.show.tidy import Tidier, circular, not_finite, too_long
@@ -93,6 +95,15 @@ def _refuse_digits(base: Any, exponent: Any) -> None:
         )
 
 
+@functools.cache
+def _table(name: str, orders: tuple[int, ...]) -> type[Spelled]:
+    """Give the function of a table, or a derivative: f', or ∂₁f of two arguments."""
+    signs = (f"∂{'₁₂'[k]}" * order for k, order in enumerate(orders))
+    spelled = name + "'" * orders[0] if len(orders) == 1 else "".join(signs) + name
+    known = {"spelled": spelled, "orders": orders, "table": name}
+    return type(f"Table{spelled}", (Spelled,), known)
+
+
 def _twin(row: Function) -> Callable[..., Any]:
     if row.sympy is None:
         return type(_class_name(row), (Spelled,), {"spelled": row.name})
@@ -146,6 +157,10 @@ def to_sympy(
             signed = _operands(g, n, found)
             args = [-found[a] if negative else found[a] for a, negative in signed]
             found[n] = (sp.Mul if op == "mul" else sp.Add)(*args)
+        elif OPERATIONS[op].data:
+            called = written(g, n)
+            table = _table(called.name, called.orders)
+            found[n] = table(*(found[a] for a in called.args))
         else:
             found[n] = twins[op](*(found[a] for a in g.args[n]))
     return [found[n] for n in nodes]
@@ -170,7 +185,7 @@ def _operands(g: Graph, n: int, known: Collection[int]) -> list[tuple[int, bool]
     """
     chain = _CHAINS.get(g.ops[n])
     if chain is None:
-        return [(a, False) for a in g.args[n]]
+        return [(a, False) for a in arguments(g, n)]
     found, stack = [], [(n, False)]
     while stack:
         a, negative = stack.pop()

@@ -59,7 +59,9 @@ def at(args: tuple[float, ...]) -> dict[str, float]:
 
 
 def test_every_row_is_tried() -> None:
-    assert set(CASES) | CONDITIONS | {"if"} == set(OPERATIONS)
+    assert set(CASES) | CONDITIONS | {"if"} == {
+        x for x, row in OPERATIONS.items() if not row.data
+    }
 
 
 def test_every_function_is_documented() -> None:
@@ -191,7 +193,7 @@ def test_sympy_twin(name: str) -> None:
 def compiled() -> Any:
     """Give all rows compiled: (x, y) -> values by name."""
     g = AsWritten()
-    nodes = {name: call(g, name) for name in OPERATIONS}
+    nodes = {name: call(g, name) for name, row in OPERATIONS.items() if not row.data}
     layout = Layout({n: k for k, n in enumerate(NAMES)}, {}, frozenset(), 0)
     code = generate(g, {"f": list(nodes.values())}, layout)
     pointer = ctypes.c_void_p

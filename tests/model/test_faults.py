@@ -16,6 +16,8 @@ BEGINNINGS = {
     "LAW": "constraints: {c: {relation:",
     "RELATION": "constraints: {c:",
     "KINETIC": "energy: {kinetic: x_dot^2,",
+    "CURVE": "forces: {x: f(t)}¶tables: {f: {points: [[0, 0], [1, 1]],",
+    "TABLE": "forces: {x: f(t)}¶tables: {f:",
     "INITIAL": "initial: {x: 0, y: 0,",
     "POINT": "scene: {points: {o: [0, 0]},",
     "SHAPE": "scene: {points: {o: [0, 0]}, shapes: {",
@@ -43,6 +45,39 @@ not-constant | `x` is a coordinate | parameters: {a: 2*⟪x⟫}
 not-constant | `t` is the time | parameters: {a: 2*⟪t⟫}
 unknown-name | did you mean `mass` | parameters: {mass: 1, b: 2*⟪maas⟫}
 not-a-text | a line break | parameters: {k: {value: 1, unit: ⟪"m\n/s"⟫}}
+# tables
+unknown-interpolation | `spline` | CURVE interpolation: ⟪spline⟫}}
+unknown-interpolation | known are `error`, `hold` | CURVE outside: ⟪clamp⟫}}
+unknown-key | in the table `f` | CURVE ⟪colour⟫: red}}
+not-a-list | `points` must be a list | TABLE {points: ⟪1⟫}}
+table-points | found `0` | TABLE {points: [⟪0⟫]}}
+table-points | a list of 2, found a list of 1 | TABLE {points: [[0, 1], ⟪[2]⟫]}}
+table-points | a list of 3, found | TABLE {points: [[0, 1, 2], ⟪[2, 3]⟫]}}
+table-points | has 1 point | tables: {⟪f⟫: {points: [[0, 1]]}}¶forces: {x: f(t)}
+table-points | after 2 here, and at 1 more | TABLE {points: [[2, 1], [⟪1⟫, 0], [1, 2]]}}
+table-points | the first, 0 | TABLE {points: [[0, 0], [2, ⟪1⟫]], outside: repeat}}
+table-points | the point at 0, 1 is given | TABLE {points: [[0, 1, 2], [⟪0⟫, 1, 3]]}}
+table-points | no point at 1, 1 | TABLE {points: [[⟪0⟫, 0, 2], [0, 1, 3], [1, 0, 0]]}}
+table-points | one row of a grid | TABLE {points: [[⟪0⟫, 0, 2], [0, 1, 3]]}}
+unknown-interpolation | of one argument | TABLE {points: [[0, 0, 2], [0, 1, 3]],
+    ⟪interpolation⟫: monotone}}
+expression-not-finite | 1e999 | TABLE {points: [[0, 0], [⟪1e999⟫, 1]]}}
+unknown-name | `nan` | TABLE {points: [[0, 0], [1, ⟪nan⟫]]}}
+not-constant | `k` is a | parameters: {k: 1}¶TABLE {points: [[0, 0], [1, ⟪k⟫]]}}
+missing-key | neither `points` nor | tables: {⟪f⟫: {outside: hold}}¶forces: {x: f(t)}
+both-given | both `points` and a `file` | CURVE ⟪file⟫: a.csv}}
+both-given | there is none | CURVE ⟪x⟫: a}}
+missing-key | has no `y` | TABLE {⟪file⟫: models/road.csv, x: distance}}
+unused-table | write `f(...)` | tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
+reserved-name | a function already | tables: {⟪sin⟫: {points: [[0, 0], [1, 1]]}}
+name-clash | a parameter already | parameters: {f: 1}¶
+    tables: {⟪f⟫: {points: [[0, 0], [1, 1]]}}
+expression-arity | `f` takes 1 argument, found 2 |
+    tables: {f: {points: [[0, 0], [1, 1]]}}¶forces: {x: 1 + ⟪f⟫(t, x)}
+unknown-name | write f(...) | tables: {f: {points: [[0, 0], [1, 1]]}}¶forces: {x: ⟪f⟫}
+expression-unknown-function | write curve(t) |
+    tables: {curve: {points: [[0, 0], [1, 1]]}}¶
+    forces: {x: curve(t), y: ⟪curv⟫(t)}
 # names
 bad-name | a line break | parameters: {⟪"a\n"⟫: 1}
 bad-name | `2k` | parameters: {⟪2k⟫: 1}

@@ -189,6 +189,9 @@ class Expansion:
         graph: Graph,
     ) -> None:
         self.scope = Scope(graph)
+        given = (node for key, node in entries_of(root) if key.text == "tables")
+        names = (key.text for node in given for key, _ in entries_of(node))
+        self.scope.tables = frozenset(names)
         self._report, self._is_unit = report, is_unit
         self.report = report
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []

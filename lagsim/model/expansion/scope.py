@@ -140,6 +140,7 @@ class Scope:
         self.uses: dict[str, set[str]] = {}
         self.used: set[str] = set()
         self.frames: Frames | None = None
+        self.tables: frozenset[str] = frozenset()
         self._asked: set[str] = set()
         self._terms = 0
         self._sources: dict[tuple[str, object], _Source | ExpressionError] = {}
@@ -247,9 +248,12 @@ class Scope:
 
     def _applied(self, step: Step, args: list[Value], indices: Indices) -> Value:
         op, payload, token = step
-        if op == "member":
-            return self._member(token, args)
         try:
+            if op == "member" and token.text in self.tables:
+                about = f"an argument of `{token.text}`"
+                return trees.call(token.text, *(trees.scalar(a, about) for a in args))
+            if op == "member":
+                return self._member(token, args)
             if op in OF_FRAMES:
                 return self._of_frame(step, args, indices)
             if isinstance(payload, tuple):
@@ -400,6 +404,9 @@ class Scope:
             else:
                 args = stack[-int(payload) :]
                 del stack[-int(payload) :]
+                if op in self.tables:
+                    about = f"a range cannot follow a table, `{op}`"
+                    raise ExpressionError(0, 1, about, "", "range")
                 stack.append(OPERATIONS[op](*args))
         return stack.pop()
 

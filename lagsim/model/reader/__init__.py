@@ -32,7 +32,7 @@ from lagsim.model.nodes import (
     leaves,
     words,
 )
-from lagsim.model.reader import equations, runs, values
+from lagsim.model.reader import equations, runs, tables, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import (
     Faults,
@@ -54,6 +54,7 @@ from lagsim.model.reader.sections import (
     has_key,
     schema,
 )
+from lagsim.model.reader.tables import TEXT
 from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:
@@ -67,8 +68,6 @@ if TYPE_CHECKING:
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
 FORMAT_VERSION = "1"
-# What a model is called that comes from no file.
-TEXT = "<model>"
 _NO_FILE_NAMES = ("", ".", "..")
 # The sections that give names of variables, in the order in which they are read.
 NAMED = {
@@ -77,6 +76,7 @@ NAMED = {
     "coordinates": Kind.COORDINATE,
     "states": Kind.STATE,
     "definitions": Kind.DEFINITION,
+    "tables": Kind.TABLE,
 }
 
 
@@ -201,7 +201,7 @@ class File:
             for key, kind in NAMED.items()
         )
         self.parameters, self.modes, self.coordinates, *others = sections
-        self.states, self.definitions = others
+        self.states, self.definitions, self.tables = others
         self.constraints = equations.declared_constraints(top.value("constraints"), x)
         self._check_names()
         names.reactions += runs.asked_reactions(top.value("output"))
@@ -220,6 +220,7 @@ class File:
             With every fault.
         """
         top, x = self.top, self.x
+        functions = tables.read_tables(self.tables, x, self.file)
         numbers = values.Parameters(x, self.instead)
         parameters = numbers.read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
@@ -239,6 +240,8 @@ class File:
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
         x.faults.raise_if_any()
+        tables.check_used(x)
+        x.faults.raise_if_any()
         assert energies.lagrangian is not None
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
         scope = self.scope
@@ -257,6 +260,7 @@ class File:
             places={**self.names.places, **places},
             coordinates=coordinates,
             states=states,
+            tables=functions,
             definitions=definitions.read(),
             **energies._asdict(),
             forces=forces,

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
     from lagsim.language.parser import Name
+    from lagsim.model.model import Table
     from lagsim.model.nodes import Entry, Reading
     from lagsim.model.reader.fields import Faults
 
@@ -73,6 +74,7 @@ class Kind(Enum):
     CONSTRAINT_FORCE = "a constraint force", Level.OUTPUT
     ENERGY = "an energy", Level.OUTPUT
     REACTION = "a reaction", Level.OUTPUT
+    TABLE = "a table", Level.NUMBER
 
     def __init__(self, text: str, level: Level) -> None:
         self.text = text
@@ -119,6 +121,10 @@ class Names:
         False where a section that gives names could not be read.
     started
         The names that `initial` has.
+    tables
+        The tables that are sound, by name.
+    called
+        Those that expressions call.
     """
 
     has_lagrangian: bool
@@ -129,6 +135,8 @@ class Names:
     reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
+    tables: dict[str, Table] = field(default_factory=dict)
+    called: set[str] = field(default_factory=set)
     _known: dict[object, Any] = field(default_factory=dict, init=False)
 
     @property
@@ -190,7 +198,7 @@ class Names:
 
     def meaning(self, name: str) -> Meaning | None:
         """Give what `name` means in an expression, or None."""
-        if name in self.variables:
+        if self.variables.get(name, Kind.TABLE) is not Kind.TABLE:
             return Meaning(self.variables[name], name)
         if name in ("t", "pi"):
             return Meaning(Kind.TIME if name == "t" else Kind.PI, name)
@@ -291,6 +299,8 @@ def check_name(key: Scalar, what: str, faults: Faults) -> bool:
     elif name in RESERVED:
         text = f"`{name}` is reserved and cannot be the name of {what}"
         hint = "it is built in" if name in ("t", "pi") else "it is a column of results"
+    elif what == Kind.TABLE.text and name in FUNCTIONS:
+        text, hint = f"`{name}` is a function already and cannot be {what} too", ""
     elif name in JOINING:
         text, hint = f"`{name}` is an operator and cannot be the name of {what}", ""
     elif ending := re.search("_d?dot$", name):
@@ -443,6 +453,7 @@ class Expressions:
         scalar = self.scalar(node, what, beside=beside)
         if scalar is None:
             return None
+        known = self._with_tables(parser, scalar.text)
         many, most = len(scalar.text), limits.EXPRESSION_LETTERS
         if many > most:
             text = f"the expression has {many:,} letters, more than {most:,}"
@@ -453,12 +464,36 @@ class Expressions:
             self._longest, self.graph.place = many, scalar.place
         reading = scalar.reading or self.reading
         try:
-            if reading is not None:
-                return scalar, reading.parsed(scalar.text, parser)
-            return scalar, parser(scalar.text)
+            if reading is None:
+                found = known(scalar.text)
+            else:
+                found = reading.parsed(scalar.text, parser)
+                self._check_arities(found, scalar.text)
         except ExpressionError as fault:
-            self._report(fault, scalar, parser, beside=beside)
+            self._report(fault, scalar, known, beside=beside)
             return None
+        return scalar, found
+
+    def _check_arities(self, found: Parsed | ParsedRelation, text: str) -> None:
+        """Check the calls of tables in an expression of a file of families."""
+        sides = [found] if isinstance(found, Parsed) else [found.left, found.right]
+        for op, count in (step for x in sides if x for step in x.postfix):
+            table = self.names.tables.get(op)
+            if table is not None and count != len(table.axes):
+                about = f"`{op}` takes {len(table.axes)} arguments, found {count}"
+                raise ExpressionError(0, len(text), about, code="arity")
+
+    def _with_tables(
+        self, parser: Callable[[str], _P], text: str
+    ) -> Callable[[str], _P]:
+        """Give a parser that knows the tables of the file; note which are called."""
+        tables = self.names.tables
+        if not tables:
+            return parser
+        self.names.called |= {name for name in tables if name in text}
+        arities = tuple((name, len(table.axes)) for name, table in tables.items())
+        more: dict[str, Any] = {"tables": arities}
+        return partial(parser, **more)
 
     def _report(
         self,
@@ -511,7 +546,7 @@ class Expressions:
 
     def build(self, parsed: Parsed) -> int:
         """Give the node of an expression whose names were checked."""
-        return parsed.build(self.graph, self._node)
+        return parsed.build(self.graph, self._node, self.names.tables)
 
     def number(self, node: Node | None, what: str) -> float | None:
         """Give the value of an expression of parameters, which must be finite."""
@@ -592,6 +627,10 @@ class Expressions:
         name, names = used.text, self.names
         place = scalar.place_of_name(used.text, used.offset)
         if self.faults.is_known("unknown-name", place):
+            return
+        if name in names.tables:
+            hint = f"it is a function: write {name}(...)"
+            self.refuse(used, scalar, "unknown-name", f"`{name}` is a table", hint)
             return
         found = hints.matching(scalar.text, used.offset, parsed=True)
         hint = found[2] if found else ""

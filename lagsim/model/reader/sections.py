@@ -40,6 +40,7 @@ COORDINATE, VALUE = _keys_below("coordinates"), _keys_below("parameters")
 START, CONSTRAINT = _keys_below("initial"), _keys_below("constraints")
 STATE, EVENT = _keys_below("states"), _keys_below("events")
 FRAME, BODY = _keys_below("frames"), _keys_below("bodies")
+TABLE = _keys_below("tables")
 FRICTION = _keys(CONSTRAINT["friction"])
 # What only contacts have.
 CONTACT = ("restitution", "friction", "slip")

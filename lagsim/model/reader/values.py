@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.parser import Name, Parsed
+    from lagsim.model.model import Table
     from lagsim.model.reader.expressions import Expressions, Meaning, Rule
 
 
@@ -203,7 +204,9 @@ class Unfolded(Graph):
         return self.variable(repr(x))
 
 
-def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
+def value_with_error(
+    parsed: Parsed, known: MappingType[str, Value], tables: MappingType[str, Table]
+) -> Value:
     """Give value and rounding error of an expression of numbers.
 
     A number alone is exact: it is what the file states. `known`: value and error of
@@ -214,7 +217,9 @@ def value_with_error(parsed: Parsed, known: MappingType[str, Value]) -> Value:
         return float(number), 0.0
     g = Unfolded()
     node = parsed.build(
-        g, lambda name: g.constant(math.pi) if name == "pi" else g.variable(name)
+        g,
+        lambda name: g.constant(math.pi) if name == "pi" else g.variable(name),
+        tables,
     )
     value, error = evaluate_with_error(g, [node], {**known, **g.numbers})[0]
     alone = all(kind in ("number", "neg") for kind, _ in parsed.postfix)
@@ -253,7 +258,7 @@ class _Numbers:
             return None
         if not wanted:
             return None
-        value = value_with_error(found[1], self.known)
+        value = value_with_error(found[1], self.known, self.x.names.tables)
         sound = self.x.is_finite(value[0], what, found[0].place)
         return (found[0], value) if sound else None
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.language.tables import Data
 
 
 # How many angles are taken at once.
@@ -162,6 +163,13 @@ class Lines:
         if exponent < 0:
             return self.line(f"fdiv double {number(1.0)}, {result}")
         return result
+
+    def data(self, data: Data) -> str:
+        """Return the name of an array, which is part of the code."""
+        text = "\\" + data.numbers.tobytes().hex("\\")
+        kind = f"private constant [{8 * len(data.numbers)} x i8]"
+        self.declared.add(f'@data.{data.digest} = {kind} c"{text}", align 8')
+        return f"@data.{data.digest}"
 
     def line(self, text: str) -> str:
         """Write an instruction; return the name of its value."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from lagsim.language.functions import OPERATIONS
-from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
+from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.series import ORDERS
 from lagsim.native.graph import keys, tapes
 from lagsim.native.graph.lines import (
@@ -226,6 +226,8 @@ class Writer(Lines):
             return number(x)
         if g.ops[n] == TRUTH:
             return "true" if g.payload(n) else "false"
+        if g.ops[n] == DATA:
+            return self.data(g.payload(n))
         if n in places:
             value = self._load(places[n])
         elif g.ops[n] == VARIABLE:

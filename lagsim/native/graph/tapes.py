@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.functions import JOINING, OPERATIONS
-from lagsim.language.graph import VARIABLE
+from lagsim.language.graph import DATA, VARIABLE
 from lagsim.native.graph.lines import (
     CIRCULAR,
     LANES,
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from lagsim.language.graph import Graph
+    from lagsim.language.tables import Data
     from lagsim.native.graph.keys import Layout
 
 
@@ -43,12 +44,14 @@ SIGNATURE = "double %t, ptr %y, ptr %p, ptr %out"
 class Kind(NamedTuple):
     """An operation, the exponent of a power, and which operands are products.
 
-    Those are made by the same evaluation: most of an elimination is a - b*c.
+    Those are made by the same evaluation: most of an elimination is a - b*c. `data`
+    are the arrays that come before the operands.
     """
 
     op: str
     exponent: float | None = None
     products: tuple[bool, ...] = ()
+    data: tuple[Data, ...] = ()
 
 
 # Fields of a STORE: index in p, index in out. Sine and cosine of LANES angles: indices
@@ -182,7 +185,8 @@ class _Tapes:
         self.g, self.layout = g, layout
         self.opcodes: dict[Kind, int] = {}
         cone = g.cone(chain.from_iterable(functions.values()))
-        leaves = [n for n in cone if not g.args[n] and g.ops[n] != VARIABLE]
+        leaves = [n for n in cone if not g.args[n]]
+        leaves = [n for n in leaves if g.ops[n] not in (VARIABLE, DATA)]
         self.numbers = {n: first + k for k, n in enumerate(leaves)}
         self.time = first + len(leaves)
         read = {g.payload(n) for n in cone if g.ops[n] == VARIABLE}
@@ -268,7 +272,8 @@ class _Tapes:
         }
         tasks, angles = [], dict[int, list[int]]()
         for n in order:
-            args = g.args[n]
+            arrays = OPERATIONS[g.ops[n]].data if g.args[n] else 0
+            args = g.args[n][arrays:]
             if g.ops[n] in CIRCULAR:
                 pair = angles.setdefault(args[0], [-1, -1])
                 pair[CIRCULAR[g.ops[n]]] = n
@@ -277,7 +282,8 @@ class _Tapes:
                 taken = chain.from_iterable(
                     g.args[a] if a in inner else (a,) for a in args
                 )
-                kind = Kind(g.ops[n], exponent_of(g, n), products)
+                data = tuple(map(g.payload, g.args[n][:arrays]))
+                kind = Kind(g.ops[n], exponent_of(g, n), products, data)
                 tasks.append(Task(kind, (n,), tuple(taken)))
         tasks += [Task(SINCOS, tuple(pair), (a,)) for a, pair in angles.items()]
         return tasks
@@ -384,7 +390,7 @@ class Interpreter(Lines):
             for k, value in enumerate(self.circular(angles, wanted)):
                 self._store(value, "p", at, k)
             return 3 * LANES
-        fields, operands = 1, []
+        fields, operands = 1, [self.data(data) for data in kind.data]
         for place, product in enumerate(kind.products):
             value = self._load("p", at, fields)
             fields += 1

@@ -41,6 +41,7 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
+from lagsim.language.tables import knots_between
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
 from lagsim.mechanics.switches import prevailing
 from lagsim.tolerances import TERM_ROUNDOFF
@@ -331,13 +332,50 @@ def break_times(
     if not discrete or not start < end:
         return
     value = Values(g, discrete, values)
-    times = heapq.merge(*(Division(g, d, values, start, end).times() for d in discrete))
+    times = heapq.merge(*(_times_of(g, d, values, start, end) for d in discrete))
     before: list[float] | None = None
     for this, following in pairwise(_clusters(times, start, end)):
         after = prevailing(value, this.last, following.first)
         if before is not None and (this.pause or repr(after) != repr(before)):
             yield this.first
         before = after
+
+
+def _times_of(
+    g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
+) -> Iterator[tuple[float, bool]]:
+    """Return times at which one may change, see `Division.times`."""
+    (inner,) = g.args[discrete][:1] or (discrete,)
+    if g.ops[discrete] != "floor" or g.ops[inner] != "table.knot":
+        return Division(g, discrete, values, start, end).times()
+    axis, x = g.args[inner]
+    (rate,) = tangent(g, [x], {g.variable("t"): g.one})
+    if "t" in g.depends([rate]):
+        return Division(g, discrete, values, start, end).times()
+    return _knots_passed(g, discrete, (axis, x, rate), values, (start, end))
+
+
+def _knots_passed(
+    g: Graph,
+    discrete: int,
+    table: tuple[int, int, int],
+    values: Mapping[str, float],
+    ends: tuple[float, float],
+) -> Iterator[tuple[float, bool]]:
+    """Return the times at which an argument a t + b passes the knots of a table.
+
+    However many there are: each is computed, and located among the doubles beside.
+    """
+    axis, x, rate = table
+    (a,), at = Values(g, [rate], values)(ends[0]), Values(g, [x], values)
+    value = Values(g, [discrete], values)
+    first, last = (at(end)[0] for end in ends)
+    for knot in knots_between(g.payload(axis), first, last) if first != last else ():
+        time = ends[0] + (knot - first) / a
+        reach = max(math.ulp(time), finest(*ends))
+        while value(time - reach) == value(time + reach):
+            reach *= 2.0
+        yield first_change(value, time - reach, time + reach), False
 
 
 class _Cluster(NamedTuple):

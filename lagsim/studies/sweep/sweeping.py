@@ -265,7 +265,7 @@ def identity(found: Found) -> dict[str, Any]:
     model, work = found.model, found.work
     return {
         "lagsim": __version__,
-        "model": {"name": model.name, "sha256": model.sha256},
+        "model": {"name": model.name, "sha256": model.content},
         "parameters": {p.name: p.value for p in model.parameters},
         "grid": [[axis.name, list(axis.texts)] for axis in work.grid.axes],
         "options": dict(work.options) | {"error_bar": work.error_bars.value},

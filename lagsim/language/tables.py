@@ -1,0 +1,371 @@
+"""Functions given by points: piecewise polynomials, the data of operations of a graph.
+
+A table has cells between its knots, and one beyond each end: the cells -1, 0, ... m.
+`axis` holds m, 1 if the table is smooth, the period (0: none), 1 if a run ends with
+the table, and the m + 1 knots.
+`pieces` holds p, then c_0 ... c_(p - 1) of each cell from -1 on: the polynomial in the
+distance from the cell's lower knot (of the cell m, from the last one). With two
+arguments each cell has p*p of them, those of the second argument side by side.
+
+Pieces are chosen by a number apart, `floor(table.knot(axis, x))`, which is a switch as
+any other. Of a smooth table it tells only where the argument is: -1 below the first
+knot, 0 between the ends, 1 above. Functions that begin with `table_` are kernels.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import floor
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from lagsim.language.arrays import Floats
+    from lagsim.language.simpler import Builder
+
+FIRST = 4  # where the knots begin in an axis
+LINEAR = 2  # the coefficients of a piece that has kinks at its ends
+# A number this far below a whole one is another double; and far beyond both ends.
+BELOW, TINY, FAR = 1.5 * 2.0**-53, 2.0**-1000, 1e300
+
+
+class Data:
+    """Numbers that operations read; equal to others of the same name and the same bits.
+
+    Attributes
+    ----------
+    name : str
+        That of the table.
+    numbers : ndarray, shape (k,)
+    """
+
+    def __init__(self, name: str, numbers: Floats) -> None:
+        import hashlib
+
+        self.name, self.numbers = name, numbers
+        self.digest = hashlib.sha256(numbers.tobytes()).hexdigest()
+
+    @cached_property
+    def values(self) -> list[float]:
+        """The numbers as Python has them."""
+        return list(self.numbers.tolist())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Data) and repr(self) == repr(other)
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"{self.name}.{self.digest}"
+
+
+def table_cell(axis: Floats, x: float) -> int:
+    """Cell that x lies in; of a periodic table they are counted on."""
+    m = int(axis[0])
+    before = 0
+    if axis[2] > 0.0:
+        turns = floor((x - axis[4]) / axis[2])
+        before = turns * m
+        x = x - turns * axis[2]
+    elif x < axis[4]:
+        return -1
+    elif x > axis[4 + m]:
+        return m
+    low = 0
+    high = m
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < axis[4 + middle]:
+            high = middle
+        else:
+            low = middle
+    return before + low
+
+
+def table_row(axis: Floats, cell: int) -> int:
+    """Return which row of coefficients is a cell's; that of a period, if it has one."""
+    m = int(axis[0])
+    if axis[2] > 0.0:  # past all digits of x a remainder is none
+        return 1 + max(0, min(cell - floor(cell / m) * m, m - 1))
+    return 1 + cell
+
+
+def table_from(axis: Floats, x: float, cell: int) -> float:
+    """Distance of x from the knot that a cell's polynomial begins at."""
+    m = int(axis[0])
+    if axis[2] > 0.0:
+        x = x - floor(cell / m) * axis[2]
+    return float(x - axis[3 + max(table_row(axis, cell), 1)])
+
+
+def table_knot(axis: Floats, x: float) -> float:
+    """Return what grows from k to k + 1 in cell k, and by less than 1 past the ends.
+
+    Its whole part is exact: a knot is passed at a double, however many there are.
+    """
+    m = int(axis[0])
+    cell = table_cell(axis, x)
+    length = axis[4 + m] - axis[4]
+    top = cell + 1.0
+    if axis[2] == 0.0 and cell < 0:
+        far = min((axis[4] - x) / length, FAR)
+        found = -far / (1.0 + far)
+    elif axis[2] == 0.0 and cell >= m:
+        far = min((x - axis[4 + m]) / length, FAR)
+        found = m + far / (1.0 + far)
+    else:
+        k = 3 + table_row(axis, cell)
+        local = table_from(axis, x, cell)
+        found = max(cell + local / (axis[k + 1] - axis[k]), float(cell))
+    return float(min(found, top - BELOW * abs(top) - TINY))
+
+
+def table_rate(axis: Floats, x: float) -> float:
+    """Slope of `table_knot`."""
+    m = int(axis[0])
+    cell = table_cell(axis, x)
+    if axis[2] > 0.0 or (cell >= 0 and cell < m):
+        k = 3 + table_row(axis, cell)
+        return float(1.0 / (axis[k + 1] - axis[k]))
+    length = axis[4 + m] - axis[4]
+    far = max(axis[4] - x, x - axis[4 + m]) / length
+    return float(1.0 / (length * (1.0 + far) * (1.0 + far)))
+
+
+def table_chosen(axis: Floats, x: float, piece: float) -> int:
+    """Cell of a piece, and of a smooth table the one that x lies in there."""
+    m = int(axis[0])
+    k = floor(piece)
+    if axis[2] > 0.0:
+        return table_cell(axis, x) if axis[1] > 0.0 else k
+    if axis[1] > 0.0:
+        inside = max(0, min(table_cell(axis, x), m - 1))
+        return inside if k == 0 else m if k > 0 else -1
+    return max(-1, min(k, m))
+
+
+def table_power(j: int, order: float) -> float:
+    """Return j (j - 1) ... (j - order + 1), which a derivative multiplies by."""
+    found = 1.0
+    for i in range(int(order)):
+        found = found * (j - i)
+    return found
+
+
+def table_piece(
+    axis: Floats, pieces: Floats, order: float, x: float, piece: float
+) -> float:
+    """Return a derivative of a piece of a table of one argument."""
+    p = int(pieces[0])
+    cell = table_chosen(axis, x, piece)
+    first = 1 + p * table_row(axis, cell)
+    d = table_from(axis, x, cell)
+    found = 0.0
+    for i in range(p - int(order)):
+        j = p - 1 - i
+        found = found * d + table_power(j, order) * pieces[first + j]
+    return found
+
+
+def table_piece2(
+    axis: Floats,
+    other: Floats,
+    pieces: Floats,
+    order: float,
+    order2: float,
+    x: float,
+    y: float,
+    piece: float,
+    piece2: float,
+) -> float:
+    """Partial derivative of a piece of a table of two arguments."""
+    p = int(pieces[0])
+    cell = table_chosen(axis, x, piece)
+    cell2 = table_chosen(other, y, piece2)
+    row = table_row(axis, cell) * (int(other[0]) + 2) + table_row(other, cell2)
+    dx = table_from(axis, x, cell)
+    dy = table_from(other, y, cell2)
+    found = 0.0
+    for i in range(p - int(order)):
+        j = p - 1 - i
+        inner = 0.0
+        for k in range(p - int(order2)):
+            n = p - 1 - k
+            factor = table_power(n, order2)
+            inner = inner * dy + factor * pieces[1 + (row * p + j) * p + n]
+        found = found * dx + table_power(j, order) * inner
+    return found
+
+
+KERNELS = (table_knot, table_rate, table_piece, table_piece2)
+
+
+def functions() -> list[Callable[..., Any]]:
+    """Return the kernels and all that they call."""
+    return [f for name, f in globals().items() if name.startswith("table_")]
+
+
+def on_data(kernel: Callable[..., Any], count: int) -> Callable[..., Any]:
+    """Return a kernel as a function of `count` Data, and of numbers."""
+    return lambda *args: kernel(*(a.values for a in args[:count]), *args[count:])
+
+
+def differentiated(g: Builder, op: str, args: tuple[int, ...], which: int) -> int:
+    """Node of a piece's derivative in its argument `which`, 0 or 1."""
+    data = 1 + (op == "table.piece2")
+    pieces, at = g.payload(args[data]), data + 1 + which
+    order = g.value(args[at])
+    assert order is not None
+    if order + 1.0 >= pieces.numbers[0]:
+        return g.zero
+    return g.call(op, *args[:at], g.constant(order + 1.0), *args[at + 1 :])
+
+
+def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) -> int:
+    """Node of a table's value at `args`."""
+    chosen = []
+    for axis, x in zip(axes, args, strict=True):
+        ends, smooth = axis, axis.numbers[1] > 0.0
+        if smooth:
+            ends = _axis(
+                axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4])
+            )
+        if smooth and axis.numbers[2] > 0.0:
+            chosen.append(g.zero)
+        else:
+            chosen.append(g.call("floor", g.call("table.knot", g.data(ends), x)))
+    op = "table.piece" if len(axes) == 1 else "table.piece2"
+    data = map(g.data, (*axes, pieces))
+    return g.call(op, *data, *[g.zero] * len(axes), *args, *chosen)
+
+
+class Written(NamedTuple):
+    """Meaning of a node: the table, the orders of its derivative, its arguments."""
+
+    name: str
+    orders: tuple[int, ...]
+    args: tuple[int, ...]
+
+
+def written(g: Builder, n: int) -> Written:
+    """Return what a node of a table is; the number of a knot counts as its value."""
+    args = g.args[n]
+    name = g.payload(args[0]).name
+    if not g.ops[n].startswith("table.piece"):
+        return Written(name, (0,), args[1:])
+    count = 2 if g.ops[n] == "table.piece2" else 1
+    orders = args[count + 1 : 2 * count + 1]
+    found = tuple(int(g.value(a) or 0.0) for a in orders)
+    return Written(name, found, args[2 * count + 1 : 3 * count + 1])
+
+
+def arguments(g: Builder, n: int) -> tuple[int, ...]:
+    """Return the arguments of a node as they may have been written."""
+    return written(g, n).args if g.ops[n].startswith("table.") else g.args[n]
+
+
+def knots_between(axis: Data, first: float, last: float) -> Iterator[float]:
+    """Return the knots of an axis on the way from `first` to `last`, in this order."""
+    _, _, period, _, *knots = axis.values
+    turns = [0.0, 0.0]
+    if period:
+        knots, turns = knots[:-1], [(x - knots[0]) // period for x in (first, last)]
+    up = 1 if first < last else -1
+    for turn in range(int(turns[0]), int(turns[1]) + up, up):
+        for knot in knots[::up]:
+            x = turn * period + knot
+            if min(first, last) <= x <= max(first, last):
+                yield x
+
+
+def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
+    """Return the table that a run ends with in a cell, and the knot where it does."""
+    if g.ops[knot] != "table.knot":
+        return None
+    axis = g.payload(g.args[knot][0]).values
+    if not axis[3] or 0.0 <= cell < axis[0]:
+        return None
+    return written(g, knot), axis[FIRST] if cell < 0.0 else axis[-1]
+
+
+# --- From points to pieces
+
+OUTSIDE = ("error", "hold", "extend", "repeat")
+INTERPOLATIONS = ("linear", "cubic", "monotone")
+
+
+def _axis(name: str, knots: Floats, head: tuple[float, ...]) -> Data:
+    import numpy as np
+
+    return Data(name, np.array([len(knots) - 1.0, *head, *knots]))
+
+
+def made(
+    name: str, points: tuple[Floats, ...], values: Floats, how: str, outside: str
+) -> tuple[tuple[Data, ...], Data]:
+    """Axes and pieces of a table.
+
+    Parameters
+    ----------
+    points
+        Of each argument (n,), in ascending order.
+    values : ndarray, shape (n,) or (n, n2)
+    how, outside
+        One of INTERPOLATIONS, of OUTSIDE.
+    """
+    import numpy as np
+
+    found = values
+    for x in points:  # each leaves its cells and powers behind
+        found = np.moveaxis(_pieces(x, found, how, outside), (0, 1), (-1, -2))
+    if len(points) == 2:  # cells, powers; cells, powers of the second
+        found = np.moveaxis(found, 1, 2)
+    if outside == "error":
+        for k in range(len(points)):
+            cells = np.moveaxis(found, k, 0)
+            cells[0] = cells[-1] = np.nan
+    periods = [x[-1] - x[0] if outside == "repeat" else 0.0 for x in points]
+    axes = tuple(
+        _axis(name, x, (float(how != "linear"), period, float(outside == "error")))
+        for x, period in zip(points, periods, strict=True)
+    )
+    return axes, Data(name, np.array([found.shape[-1], *found.ravel()]))
+
+
+def _pieces(x: Floats, y: Floats, how: str, outside: str) -> Floats:
+    """Coefficients (p, m + 2, ...) of pieces through the points y (m + 1, ...)."""
+    import numpy as np
+
+    if how == "linear":
+        width = np.diff(x).reshape(-1, *[1] * (y.ndim - 1))
+        inner = np.stack([y[:-1], np.diff(y, axis=0) / width])
+    else:
+        inner = _by_scipy(x, y, how, outside)[::-1]
+    ends = np.zeros((2, *inner[:, 0].shape))
+    ends[0] = inner[:, 0]
+    # The last piece about its upper end, where it is y and has this slope.
+    h = x[-1] - x[-2]
+    slope = sum(j * inner[j, -1] * h ** (j - 1) for j in range(1, len(inner)))
+    ends[1, 0], ends[1, 1] = y[-1], slope
+    ends[:, 1 + (outside == "extend") :] = 0.0
+    return np.concatenate([ends[0][:, None], inner, ends[1][:, None]], axis=1)
+
+
+def _by_scipy(x: Floats, y: Floats, how: str, outside: str) -> Floats:
+    """Coefficients (4, m, ...) of cubic pieces, the highest power first."""
+    import numpy as np
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    again = outside == "repeat"
+    if how == "cubic":
+        return np.asarray(
+            CubicSpline(x, y, bc_type="periodic" if again else "not-a-knot").c
+        )
+    if again:  # with as many points beyond each end as slopes there depend on
+        period, k = x[-1] - x[0], min(2, len(x) - 1)
+        x = np.concatenate([x[-1 - k : -1] - period, x, x[1 : 1 + k] + period])
+        y = np.concatenate([y[-1 - k : -1], y, y[1 : 1 + k]])
+        return np.asarray(PchipInterpolator(x, y).c[:, k:-k])
+    return np.asarray(PchipInterpolator(x, y).c)

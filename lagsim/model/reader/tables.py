@@ -1,0 +1,333 @@
+"""Tables of a file: points that it gives, or a CSV beside it, made into functions."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, NamedTuple
+
+from lagsim import files, limits
+from lagsim.errors import Place
+from lagsim.language import tables
+from lagsim.model.loading import STDIN
+from lagsim.model.model import Table
+from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
+from lagsim.model.reader.expressions import Kind
+from lagsim.model.reader.fields import LISTED, fields, items, kind_of, listed
+from lagsim.model.reader.sections import TABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from lagsim.language.arrays import Floats
+    from lagsim.model.reader.expressions import Expressions
+
+# What a model is called that comes from no file, and so has no folder.
+TEXT = "<model>"
+AXES = ("x", "y", "z")
+
+
+class _Points(NamedTuple):
+    """Points (n, 2) or (n, 3), and the place of each of their numbers."""
+
+    numbers: Floats
+    place: Callable[[int, int], Place]
+
+
+def read_tables(given: list[Entry], x: Expressions, file: str) -> tuple[Table, ...]:
+    """Give the tables, and make them known as functions; faults are reported."""
+    for key, node in given:
+        table = _Reader(key, node, x, file).table()
+        if table is None:
+            x.names.faulty.add(key.text)
+        else:
+            x.names.tables[key.text] = table
+    return tuple(x.names.tables.values())
+
+
+def check_used(x: Expressions) -> None:
+    """Report tables that no expression calls."""
+    for name in x.names.tables:
+        if name not in x.names.called:
+            hint = f"write `{name}(...)` where it is meant, or leave the table out"
+            place = x.names.places[name]
+            x.faults.add(
+                "unused-table", f"nothing uses the table `{name}`", place, hint
+            )
+
+
+class _Reader:
+    """Reads one table; `sound` is False once a fault was reported."""
+
+    def __init__(self, key: Scalar, node: Node, x: Expressions, file: str) -> None:
+        self.name, self.place, self.x, self.file = key.text, key.place, x, file
+        self.what = f"the table `{key.text}`"
+        self.below = fields(node, self.what, TABLE, x.faults, key.place)
+        self.sound = self.below.sound and not self.below.unknown
+        self.sha256 = ""
+
+    def table(self) -> Table | None:
+        """Give the table, or None."""
+        how = self._choice("interpolation", tables.INTERPOLATIONS)
+        outside = self._choice("outside", tables.OUTSIDE)
+        points = self._points() if self.below.sound else None
+        if points is None or not self.sound:
+            return None
+        if points.numbers.shape[1] == 2:
+            axes, values = self._curve(points, outside)
+        else:
+            axes, values = self._grid(points, how, outside)
+        size = values.size * (2 if how == "linear" else 4) ** len(axes)
+        if size > limits.TABLE_NUMBERS:
+            text = f"{self.what} has {size:,} coefficients, more than "
+            text += f"{limits.TABLE_NUMBERS:,}"
+            self._fault("too-large", text, self.place, "fewer points, or linear, do")
+        if not self.sound:
+            return None
+        made = tables.made(self.name, axes, values, how, outside)
+        path = self.below.text("file")
+        return Table(self.name, *made, how, outside, path, self.sha256)
+
+    def _fault(self, code: str, text: str, place: Place, hint: str = "") -> None:
+        self.sound = False
+        self.x.faults.add(code, text, place, hint)
+
+    def _choice(self, key: str, known: tuple[str, ...]) -> str:
+        """Give the value of a key that has a few, the first of them by default."""
+        node, name = self.below.value(key), self.below.text(key)
+        if node is not None and not isinstance(node, Broken) and name not in known:
+            text = f"`{key}` of {self.what} cannot be {kind_of(node)}"
+            hint = f"known are {listed(known)}"
+            self._fault("unknown-interpolation", text, node.place, hint)
+        return name or known[0]
+
+    # The points
+
+    def _points(self) -> _Points | None:
+        """Give the points as they stand in the file, or None where there are none."""
+        below, own = self.below, "points" in self.below
+        if own == ("file" in below):
+            code = "both-given" if own else "missing-key"
+            text = f"{self.what} has {'both ' if own else 'neither '}`points` "
+            text += "and a `file`" if own else "nor a `file`"
+            if own or not below.unknown:
+                hint = "write points: [[0, 0], [10, 1]]"
+                self._fault(code, text, below.place_of("file"), hint)
+            return None
+        for key in AXES if own else ():
+            if key in below:
+                text = f"`{key}` names a column of a `file`, and there is none"
+                self._fault("both-given", text, below.place_of(key))
+        return self._given() if own else self._from_file()
+
+    def _given(self) -> _Points | None:
+        rows = items(self.below.value("points"), "`points`", self.x.faults)
+        node = self.below.value("points")
+        self.sound &= isinstance(node, Sequence)
+        numbers = []
+        width = len(rows[0].items) if rows and isinstance(rows[0], Sequence) else 2
+        for row in rows:
+            parts = row.items if isinstance(row, Sequence) else ()
+            if len(parts) == width and width in (2, 3):
+                numbers.append([self._number(part) for part in parts])
+            elif isinstance(row, Broken):
+                self.sound = False
+            else:
+                found = f"a list of {len(parts)}" if parts else kind_of(row)
+                text = (
+                    f"a point of {self.what} is a list of {width if width == 3 else 2}"
+                )
+                hint = "[x, y] each, or [x, y, z] for a function of two arguments"
+                self._fault("table-points", f"{text}, found {found}", row.place, hint)
+        at = [row.items if isinstance(row, Sequence) else () for row in rows]
+        return self._counted(numbers, lambda i, j: at[i][j].place)
+
+    def _number(self, node: Node) -> float:
+        """Give a number, or an expression of numbers; nan where that is reported."""
+        if isinstance(node, Scalar):
+            value = _float(node.text)
+            if math.isfinite(value):
+                return value
+        x = self.x.over(self.x.faults, {})
+        for name in sorted(words(node).intersection(x.names.of(Kind.PARAMETER))):
+            text = f"points are numbers, and `{name}` is a parameter"
+            hint = f"scale the table where it is called: {name}*{self.name}(...)"
+            self._fault("not-constant", text, node.place, hint)
+            return math.nan
+        found = x.number(node, f"a number of {self.what}")
+        self.sound &= found is not None
+        return math.nan if found is None else found
+
+    def _counted(
+        self, numbers: list[list[float]], place: Callable[[int, int], Place]
+    ) -> _Points | None:
+        import numpy as np
+
+        if self.sound and len(numbers) < 2:
+            text = f"{self.what} has {len(numbers)} point{'s' * (len(numbers) != 1)}"
+            self._fault("table-points", text, self.place, "a curve has 2 at least")
+        return _Points(np.array(numbers), place) if self.sound else None
+
+    def _from_file(self) -> _Points | None:
+        """Read columns of a CSV."""
+        path, below = self.below.text("file"), self.below
+        text = self._content(path)
+        if text is None:
+            return None
+        lines = text.splitlines()
+        rows = csv.reader(lines)
+        header = [cell.strip() for cell in next(rows, [])]
+        keys = [key for key in AXES if key in below]
+        if keys not in (["x", "y"], ["x", "y", "z"]):
+            text = f"{self.what} has no `{'x' if 'x' not in keys else 'y'}`: which "
+            text += "column of the file that is"
+            example = ", ".join(
+                f"{k}: {h}" for k, h in zip("xyz", header, strict=False)
+            )
+            hint = f"such as {example}" if example else ""
+            self._fault("missing-key", text, below.place_of("file"), hint)
+            return None
+        columns = []
+        for key in keys:
+            name = below.text(key)
+            columns.append(header.index(name) if name in header else -1)
+            if header.count(name) != 1:
+                many = "two columns" if name in header else "no column"
+                hint = self.x.faults.did_you_mean(name, header)
+                hint = hint or f"its first line has {listed(header)}"
+                node = below.found[key][1]
+                self._fault(
+                    "table-file", f"`{path}` has {many} `{name}`", node.place, hint
+                )
+        return self._read(rows, columns, lines, path) if self.sound else None
+
+    def _content(self, path: str) -> str | None:
+        """Give the text of a file in the model's folder or below it."""
+        place = self.below.found["file"][1].place
+        parts = PurePath(path)
+        fault, hint = "", "the file is in the model's folder, or in one below it"
+        content = b""
+        if self.file in (STDIN, TEXT):
+            fault, hint = "this model has no folder", "give `points`"
+        elif parts.is_absolute() or ".." in parts.parts or not path or "\\" in path:
+            fault = "a path goes down from the model's folder"
+        else:
+            folder = Path(self.file).parent
+            try:
+                real = (folder / path).resolve(strict=True)
+                if not real.is_relative_to(folder.resolve()):
+                    fault = "a link leads out of the model's folder"
+                else:
+                    content = files.content(real, limits.MODEL_BYTES)
+            except (OSError, ValueError, RuntimeError) as error:
+                fault = (
+                    f"it cannot be read: {getattr(error, 'strerror', None) or error}"
+                )
+        if not fault:
+            self.sha256 = hashlib.sha256(content).hexdigest()
+            try:
+                return content.decode("utf-8-sig")
+            except UnicodeDecodeError as error:
+                line = content.count(b"\n", 0, error.start) + 1
+                fault, hint = f"line {line} is not UTF-8", "save it as UTF-8"
+        self._fault("table-file", f"`{path}` of {self.what}: {fault}", place, hint)
+        return None
+
+    def _read(
+        self, rows: Iterable[list[str]], columns: list[int], lines: list[str], path: str
+    ) -> _Points | None:
+        numbers: list[list[float]] = []
+        at: list[int] = []
+        faults = 0
+
+        def place(i: int, j: int) -> Place:
+            line = lines[at[i] - 1]
+            cells = next(csv.reader([line]), [])
+            column = sum(len(c) + 1 for c in cells[: columns[j]])
+            length = len(cells[columns[j]]) if columns[j] < len(cells) else 1
+            name = str(Path(self.file).parent / path)
+            return Place(name, at[i], min(column, len(line)) + 1, max(1, length), line)
+
+        for k, cells in enumerate(rows, 2):
+            if not any(cells):
+                continue
+            at.append(k)
+            found = [_float(cells[c]) if c < len(cells) else math.nan for c in columns]
+            numbers.append(found)
+            if not all(map(math.isfinite, found)) and faults < LISTED:
+                faults += 1
+                j = [math.isfinite(x) for x in found].index(False)
+                missing = columns[j] >= len(cells)
+                what = "nothing" if missing else f"`{cells[columns[j]].strip()}`"
+                text = f"a finite number is expected, found {what}"
+                self._fault("table-points", text, place(len(at) - 1, j))
+        return self._counted(numbers, place)
+
+    # What they are points of
+
+    def _curve(
+        self, points: _Points, outside: str
+    ) -> tuple[tuple[Floats, ...], Floats]:
+        import numpy as np
+
+        x, y = points.numbers.T
+        steps = np.flatnonzero(~(np.diff(x) > 0.0))
+        if len(steps):
+            i = int(steps[0]) + 1
+            more = f", and at {len(steps) - 1} more" if len(steps) > 1 else ""
+            text = f"x is {x[i]:.9g} after {x[i - 1]:.9g} here{more}: it must increase"
+            self._fault("table-points", text, points.place(i, 0))
+        if outside == "repeat" and y[0] != y[-1]:
+            text = f"{self.what} repeats, and its last value {y[-1]:.9g} is not the "
+            text += f"first, {y[0]:.9g}"
+            self._fault("table-points", text, points.place(len(y) - 1, 1))
+        return (x,), y
+
+    def _grid(
+        self, points: _Points, how: str, outside: str
+    ) -> tuple[tuple[Floats, ...], Floats]:
+        import numpy as np
+
+        numbers, code = points.numbers, "table-points"
+        axes = tuple(np.unique(numbers[:, k]) for k in (0, 1))
+        at = tuple(np.searchsorted(a, numbers[:, k]) for k, a in enumerate(axes))
+        shape = (len(axes[0]), len(axes[1]))
+        many, values = np.zeros(shape), np.zeros(shape)
+        np.add.at(many, at, 1.0)
+        values[at] = numbers[:, 2]
+        place = points.place(0, 0)
+        if how == "monotone":
+            where = self.below.place_of("interpolation")
+            text = "`monotone` is for functions of one argument"
+            self._fault("unknown-interpolation", text, where, "write linear or cubic")
+        elif (again := np.flatnonzero(many[at] > 1.0)).size:
+            i = int(again[-1])
+            text = (
+                f"the point at {numbers[i, 0]:.9g}, {numbers[i, 1]:.9g} is given twice"
+            )
+            self._fault(code, text, points.place(i, 0))
+        elif min(shape) < 2:
+            self._fault(code, f"{self.what} has one row of a grid only", place)
+        elif not many.all():
+            i, j = (int(k[0]) for k in np.nonzero(many == 0.0))
+            missing = f"{axes[0][i]:.9g}, {axes[1][j]:.9g}"
+            text = f"{self.what} has no point at {missing}: it is no full grid "
+            text += f"({shape[0]} times {shape[1]} points)"
+            self._fault(code, text, place)
+        elif outside == "repeat" and not (
+            np.array_equal(values[0], values[-1])
+            and np.array_equal(values[:, 0], values[:, -1])
+        ):
+            text = f"{self.what} repeats, and its last values are not the first"
+            self._fault(code, text, place)
+        return axes, values
+
+
+def _float(text: str) -> float:
+    """Give a number as a file has it; nan where it is none."""
+    try:
+        return math.nan if "_" in text else float(text)
+    except ValueError:
+        return math.nan

@@ -1,0 +1,270 @@
+"""Runs with tables, against closed forms and scipy's integration of its own curves."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSpline
+
+from lagsim import check, derive, load, simulate, sweep
+from lagsim.methods import method, names
+from tests.support import MODELS
+
+ADAPTIVE = [name for name in names() if method(name).ADAPTIVE]
+GROUND = """
+coordinates: {x: {}}
+tables: {ground: {points: [[0, 0], [10, 1]]}}
+energy: {kinetic: x_dot^2/2, potential: (2*pi*x)^2/2}
+forces: {x: -0.1*ground(t)}
+initial: {x: 0}
+simulation: {duration: 10, output_step: 0.1}
+"""
+SPRING = """
+parameters: {scale: 1}
+coordinates: {x: {}}
+tables: {spring: {points: [[-3, -9], [-1, -1], [1, 1], [3, 9]], outside: extend}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: -scale*spring(x)}
+initial: {x: 2}
+simulation: {duration: 8, output_step: 0.1}
+"""
+FREE = "energy: {kinetic: x_dot^2/2, potential: 0}\n"
+
+
+@pytest.mark.parametrize("name", ["auto", *ADAPTIVE])
+def test_a_linear_table_of_the_time_is_exact(name):
+    if name == "exponential":
+        pytest.skip("not of equations that depend on the time")
+    found = simulate(load(GROUND), method=name, error_bar="never")
+    w = 2.0 * math.pi
+    exact = -(found.t - np.sin(w * found.t) / w) * 0.01 / w**2
+    assert found["x"] == pytest.approx(exact, abs=1e-10)
+    assert not found.events
+
+
+def quarter():
+    """Time of a quarter of the motion from x = 2, and when x = 1 is passed."""
+    outer = math.acos(0.2) / 2.0  # x = 0.75 + 1.25 cos(2 t)
+    speed = 2.5 * math.sin(2.0 * outer)
+    return outer + math.atan2(1.0, speed), outer
+
+
+@pytest.mark.parametrize("name", ["dop853", "radau"])
+def test_kinks_in_positions_are_located(name):
+    period, first = 4.0 * quarter()[0], quarter()[1]
+    found = simulate(load(SPRING), method=name)
+    assert [e.kind for e in found.events] == ["switch"] * len(found.events)
+    assert found.events[0].switch == "spring(x)"
+    times = [first, period / 2 - first, period / 2 + first, period - first]
+    assert [e.time for e in found.events][:4] == pytest.approx(times, abs=1e-9)
+    assert found.at(period)["x"] == pytest.approx(2.0, abs=1e-9)
+    assert found.at(period / 4.0)["x"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in names() if n not in ("exponential", "dop853")]
+)
+def test_every_method_goes_through_kinks(name):
+    model = load(SPRING)
+    options = {} if method(name).ADAPTIVE else {"step": 0.0005}
+    found = simulate(model, method=name, error_bar="never", **options)
+    exact = simulate(model, method="dop853", error_bar="never")
+    near = 1e-9 if method(name).ADAPTIVE else 2e-2
+    assert found.complete
+    assert found["x"] == pytest.approx(exact["x"], abs=near)
+
+
+def test_a_kink_of_a_potential_is_a_jump_of_the_force():
+    """A mass slides down |x| with friction and stays in the notch."""
+    text = """
+    coordinates: {x: {}}
+    tables: {V: {points: [[-1, 1], [0, 0], [1, 1]], outside: extend}}
+    energy: {kinetic: x_dot^2/2, potential: V(x)}
+    forces: {x: -x_dot}
+    initial: {x: 1}
+    simulation: {duration: 30}
+    """
+    plain = text.replace("V(x)", "abs(x)").replace("tables", "x-tables")
+    found, exact = (simulate(load(t.replace("\n    ", "\n"))) for t in (text, plain))
+    assert found["x"] == pytest.approx(exact["x"], abs=1e-8)
+    assert abs(found["x"][-1]) < 1e-8
+
+
+CURVE = (
+    np.array([0.0, 0.7, 1.1, 2.5, 3.0, 4.4]),
+    np.array([0.0, 2.0, -1.0, 1.0, 0.5, 0.0]),
+)
+
+
+@pytest.mark.parametrize("how", ["cubic", "monotone"])
+@pytest.mark.parametrize("name", ["dop853", "radau", "gauss4"])
+def test_smooth_tables_are_those_of_scipy(how, name):
+    x, y = CURVE
+    curve = CubicSpline(x, y) if how == "cubic" else PchipInterpolator(x, y)
+    points = [[float(a), float(b)] for a, b in zip(x, y, strict=True)]
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 1, x_dot: 0.5}}\n"
+    text += f"tables: {{f: {{points: {points}, interpolation: {how}}}}}\n"
+    text += "forces: {x: f(t) - f(x + 1)}\nsimulation: {duration: 4, output_step: 0.05}"
+    options = {} if method(name).ADAPTIVE else {"step": 0.005}
+    found = simulate(load(text), method=name, **options)
+    exact = solve_ivp(
+        lambda t, z: [z[1], curve(t) - curve(z[0] + 1.0)], (0, 4), [1.0, 0.5], "DOP853",
+        t_eval=found.t, rtol=1e-13, atol=1e-14, max_step=0.01,
+    )  # fmt: skip
+    near = 1e-10 if method(name).ADAPTIVE else 1e-6
+    assert found["x"] == pytest.approx(exact.y[0], abs=near)
+
+
+def test_a_smooth_table_of_two_arguments_is_that_of_scipy():
+    a, b = np.linspace(-3.0, 3.0, 7), np.linspace(-2.0, 4.0, 5)
+    z = np.sin(np.add.outer(a, b))
+    rows = [
+        [float(p), float(q), float(z[i, j])]
+        for j, q in enumerate(b)
+        for i, p in enumerate(a)
+    ]
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 1}}\n"
+    text += f"tables: {{f: {{points: {rows[::-1]}, interpolation: cubic}}}}\n"
+    text += "forces: {x: 'f(x, x_dot + 1) - x'}\nsimulation: {duration: 4}"
+    found = simulate(load(text))
+    spline = RectBivariateSpline(a, b, z, s=0)
+    exact = solve_ivp(
+        lambda _, y: [y[1], float(spline.ev(y[0], y[1] + 1.0)) - y[0]], (0, 4),
+        [1.0, 0.0], "DOP853", t_eval=found.t, rtol=1e-13, atol=1e-14, max_step=0.01,
+    )  # fmt: skip
+    assert found["x"] == pytest.approx(exact.y[0], abs=1e-10)
+
+
+def test_taylor_refuses_what_has_no_series_and_auto_does_not_take_it():
+    text = GROUND.replace("ground: {", "ground: {interpolation: cubic, ")
+    assert simulate(load(text)).record["method"] == "dop853"
+    with pytest.raises(Exception, match="the table `ground`"):
+        simulate(load(text), method="taylor")
+
+
+@pytest.mark.parametrize("how", ["linear", "cubic"])
+def test_a_run_ends_with_its_table(how):
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 0, x_dot: 1}}\n"
+    text += (
+        f"tables: {{f: {{points: [[-1, 1], [0, 1], [2, 1]], interpolation: {how}}}}}\n"
+    )
+    found = simulate(load(text + "forces: {x: f(x)}\nsimulation: {duration: 9}"))
+    end = math.sqrt(5.0) - 1.0  # t + t^2/2 = 2
+    assert not found.complete
+    assert found.record["failure"]["code"] == "table-ends"
+    assert "`f` ends at 2, which `x` has reached" in found.record["reason"]
+    reached = float(re.search(r"at t = ([0-9.]+)", found.record["reason"])[1])
+    assert reached == pytest.approx(end, abs=1e-12)
+    assert np.isfinite(found["x_ddot"]).all()
+    assert found.t[-1] == pytest.approx(end, abs=9e-3)
+    found = simulate(load(text + "forces: {x: f(2*t)}\nsimulation: {duration: 9}"))
+    assert found.t[-1] == pytest.approx(1.0, abs=9e-3)
+    ends = simulate(load(text + "forces: {x: f(t)}\nsimulation: {duration: 2}"))
+    assert ends.complete
+
+
+def test_many_points_cost_no_steps():
+    few = SPRING.replace("-9], [-1, -1], [1, 1], [3", "-9], [3")
+    x = np.linspace(-3.0, 3.0, 20_001)
+    many = "[" + ", ".join(f"[{a!r}, {3.0 * a!r}]" for a in x.tolist()) + "]"
+    still = few.replace("initial: {x: 2}", "initial: {x: 1e-6}")
+    found = [
+        simulate(
+            load(re.sub(r"\[\[.*\]\]", points, still)),
+            method="dop853",
+            error_bar="never",
+        )
+        for points in ("[[-3, -9], [0, 0], [3, 9]]", many)
+    ]
+    assert found[0].record["steps"] == found[1].record["steps"]
+    assert found[0]["x"] == pytest.approx(found[1]["x"], abs=1e-13)
+
+
+def test_a_table_beside_everything_else():
+    """Starts, events, contact, friction, `until`, sweeps and other values."""
+    text = """
+parameters: {k: 1, d: bump(0.25)}
+coordinates: {x: {}, y: {}}
+tables:
+  bump: {points: [[0, 0], [0.5, 1], [1, 0]], outside: repeat}
+  wind: {points: [[0, 0], [1, 1], [2, 0]], outside: hold, interpolation: monotone}
+energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}
+constraints: {floor: {relation: y >= 0, restitution: 0.5, friction: 0.1, slip: x_dot}}
+forces: {x: k*wind(t) + if(bump(t) > d, 1, 0)}
+initial: {x: bump(0.5) - 1, y: 2*bump(0.5)}
+simulation: {duration: 3, until: x >= 1.2*bump(0.5)}
+"""
+    model = load(text)
+    found = simulate(model, error_bar="never")
+    assert found.record["parameters"]["d"] == 0.5
+    assert found["x"][0] == 0.0
+    assert found["y"][0] == 2.0
+    kinds = {e.kind for e in found.events}
+    assert {"switch", "impact", "until"} <= kinds
+    falls = [e.time for e in found.events if e.kind == "impact"]
+    assert falls[0] == pytest.approx(math.sqrt(4.0 / 9.81), abs=1e-12)
+    switches = [e.time for e in found.events if e.kind == "switch"]
+    assert {0.25, 0.75, 1.25} <= {round(t, 12) for t in switches}
+    ledger = found["energy"] - found["work"]
+    assert ledger == pytest.approx(ledger[0], abs=1e-9)
+    swept = sweep(model, {"k": [0.5, 1.0]})
+    assert swept["x.end"][1] == pytest.approx(found["x"][-1], abs=1e-12)
+    other = simulate(model.bind(k=0.5), error_bar="never")
+    assert swept["x.end"][0] == pytest.approx(other["x"][-1], abs=1e-12)
+
+
+def test_accelerations_derivations_and_the_module_know_tables():
+    model = load(
+        SPRING.replace("-scale*spring(x)", "-scale*spring(x) + V(t, x)").replace(
+            "tables: {",
+            "tables: {V: {points: [[0, -9, 0], [0, 9, 1], [9, -9, 3], [9, 9, 7]]}, ",
+        )
+    )
+    found = derive(model)
+    text = found.text
+    assert "spring(x)" in text
+    assert "V(t, x)" in text
+    assert r"\mathrm{spring}\left(x\right)" in found.latex
+    names_of = {}
+    exec(found.python, names_of)
+    for t, x in ((0.5, 0.3), (3.0, 2.9), (8.0, -7.0)):
+        found = names_of["force"](t, [x], [0.0])
+        V = (9 - t) * (9 + x) / 162 + t * (3 * (9 - x) + 7 * (9 + x)) / 162
+        expected = V - np.interp(x, [-3, -1, 1, 3], [-9, -1, 1, 9]) - 4 * min(x + 3, 0)
+        assert found == pytest.approx([expected], abs=1e-12)
+        assert model.rhs(t, [x], [0.0]) == pytest.approx([expected], abs=1e-12)
+
+
+def test_the_shipped_car_is_that_of_scipy():
+    found = simulate(str(MODELS / "car-on-a-road.yaml"), error_bar="never")
+    data = np.loadtxt(MODELS / "road.csv", delimiter=",", skiprows=1).T
+    road = CubicSpline(*data)
+    m = np.array([420.0, 1100.0, 53.0, 76.0])
+    front, rear = np.array([1, 1.4, -1, 0]), np.array([1, -1.47, 0, -1])
+    K = (
+        1e4 * np.outer(front, front)
+        + 1.3e4 * np.outer(rear, rear)
+        + np.diag([0, 0, 2e5, 2e5])
+    )
+    C = 1e3 * (np.outer(front, front) + np.outer(rear, rear))
+
+    def rates(t, z):
+        h = road([20 * t + 2.87, 20 * t])
+        return [*z[4:], *((2e5 * np.array([0, 0, *h]) - K @ z[:4] - C @ z[4:]) / m)]
+
+    exact = solve_ivp(
+        rates,
+        (0, 4),
+        np.zeros(8),
+        "DOP853",
+        t_eval=[2, 4],
+        rtol=1e-12,
+        atol=1e-14,
+        max_step=0.02,
+    )
+    ends = [[found[name][k] for k in (400, 800)] for name in ("z", "pitch", "z1", "z2")]
+    assert np.array(ends) == pytest.approx(exact.y[:4], abs=1e-10)
+    assert found.record["model"]["tables"]["road"]["file"] == "road.csv"
+    assert check(str(MODELS / "car-on-a-road.yaml")).admissible
