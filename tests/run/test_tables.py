@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSpline
 
 from lagsim import check, derive, load, simulate, sweep
+from lagsim.errors import InputError
 from lagsim.methods import method, names
 from tests.support import MODELS
 
@@ -268,3 +269,29 @@ def test_the_shipped_car_is_that_of_scipy():
     assert np.array(ends) == pytest.approx(exact.y[:4], abs=1e-10)
     assert found.record["model"]["tables"]["road"]["file"] == "road.csv"
     assert check(str(MODELS / "car-on-a-road.yaml")).admissible
+
+
+def test_members_of_families_call_tables():
+    text = """
+parameters: {n: 2, k(i = 1..n): stiff(i)}
+coordinates: {x(1..n): {}}
+tables:
+  stiff: {points: [[1, 1], [2, 4]]}
+  pull: {points: [[0, 0, 0], [0, 9, 9], [9, 0, 0], [9, 9, 9]], outside: extend}
+energy:
+  kinetic: sum(i = 1..n, x_dot(i)^2)/2
+  potential: sum(i = 1..n, k(i)*x(i)^2)/2
+forces: {x(i = 1..n): "pull(x(3 - i), 0*i)"}
+initial: {x(i = 1..n): stiff(i)}
+simulation: {duration: 2}
+"""
+    found = simulate(load(text))
+    assert found["x.1"] == pytest.approx(np.cos(found.t), abs=1e-9)
+    assert found["x.2"] == pytest.approx(4.0 * np.cos(2.0 * found.t), abs=1e-9)
+    for old, new, code in (
+        ("pull(x(3 - i), 0*i)", "pull(x(1))", "expression-arity"),
+        ("stiff(i)}\nsim", "stif(i)}\nsim", "expression-unknown-function"),
+    ):
+        with pytest.raises(InputError) as fault:
+            load(text.replace(old, new))
+        assert {p.code for p in fault.value.problems} == {code}
