@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Container, Iterable, Mapping
 
     from lagsim.language.functions import Function
-    from lagsim.language.simpler import Payload
     from lagsim.language.tables import Data
+
+    Payload = float | str | bool | Data
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")

@@ -15,13 +15,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
-
-if TYPE_CHECKING:
-    from lagsim.language.tables import Data
-
-# What a leaf of a graph is.
-Payload: TypeAlias = "float | str | bool | Data"
+from typing import Any, Protocol
 
 
 class Builder(Protocol):
@@ -41,7 +35,7 @@ class Builder(Protocol):
     def payload(self, node: int) -> Any:
         """Return the number, the name, the truth value or the array of a leaf."""
 
-    def data(self, numbers: Data) -> int:
+    def data(self, numbers: Any) -> int:
         """Node of an array."""
 
     def call(self, op: str, *args: int) -> int:
