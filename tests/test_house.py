@@ -7,7 +7,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 238
-LINES = 72_320
+LINES = 72_310
 LINES_OF_TESTS = 52_960
 
 
