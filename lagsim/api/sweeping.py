@@ -15,6 +15,7 @@ from lagsim.outputs.notebook import block, heading, listed, page, picture, table
 from lagsim.outputs.results import open_results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
+from lagsim.studies.sweep.points import Sample, drawn, of_file
 from lagsim.studies.sweep.runs import Found, grid_of
 from lagsim.studies.sweep.sweeping import MANIFEST, cells, document, header, made_of
 from lagsim.studies.sweep.sweeping import sweep as make
@@ -146,14 +147,18 @@ class Sweep:
 @with_settings
 def sweep(
     model: Model | str | Path,
-    values: Mapping[str, Iterable[float | str]],
+    values: Mapping[str, Iterable[float | str]] | None = None,
     *,
+    points: str | Path | Mapping[str, Iterable[float | str]] | None = None,
+    sample: Mapping[str, str] | None = None,
+    N: int | None = None,
+    seed: int = 0,
     ends: bool = False,
     jobs: int | None = None,
     error_bar: Literal["auto", "always", "never"] = "auto",
     **options: Unpack[Options],
 ) -> Sweep:
-    """Run a model at all combinations of values; the first name is the slowest.
+    """Run a model at all combinations of values, at points, or at a random sample.
 
     Parameters
     ----------
@@ -161,7 +166,14 @@ def sweep(
         What `load` gives, a path, or the text of a model file.
     values
         A list of numbers, or expressions, for each name: of a parameter, or of an entry
-        of `initial`. `{"k": [1, 4], "x": [0.1, 0.2]}` makes four runs.
+        of `initial`. `{"k": [1, 4], "x": [0.1, 0.2]}` makes four runs, the first name
+        the slowest.
+    points
+        Instead: the path of a CSV file with a column for each name, or lists of as many
+        values. `{"k": [1, 4], "x": [0.1, 0.2]}` makes two runs.
+    sample, N, seed
+        Instead: a distribution for each name, `{"k": "normal(4, 0.1)", "x": "uniform(0,
+        1)"}`, and how many runs are drawn; the same ones on every machine.
     ends
         Only what each column ends with is asked for: no rows are kept, runs without
         constraints and events take a sixth of the time, and there is no error bar.
@@ -184,7 +196,19 @@ def sweep(
     with in_python():
         read = model_of(model)
         wanted(read, "sweep", asked, hint="add it, or give `duration`")
-        grid = grid_of(read, lists(values))
+        if (values is None) + (points is None) + (sample is None) != 2:
+            raise TypeError("one of `values`, `points` and `sample` is expected")
+        if (sample is None) is not (N is None):
+            raise TypeError("`N` goes with `sample`: how many runs are drawn")
+        if not (type(seed) is int and 0 <= seed < 2**64):
+            raise ValueError(f"seed={seed!r:.60}: 0 to 2^64 - 1 is expected")
+        if sample is not None and N is not None:
+            grid = drawn(read, Sample(tuple(sample.items()), N, seed))
+        elif isinstance(points, (str, Path)):
+            grid = of_file(read, Path(points))
+        else:
+            several = lists((values if points is None else points) or {})
+            grid = grid_of(read, several, together=points is not None)
     found = Found.of(read, grid, asked, bars, ends=ends)
     make(found, jobs or cores(), wanted=jobs is not None)
     return Sweep(found)

@@ -36,14 +36,17 @@ from lagsim.outputs.results import Results
 from lagsim.run.session import wanted
 from lagsim.studies.attempts import ErrorBars
 from lagsim.studies.sweep import sweeping
-from lagsim.studies.sweep.runs import INADMISSIBLE, Found, parsed
+from lagsim.studies.sweep.points import EXAMPLE as SAMPLED
+from lagsim.studies.sweep.points import drawn, of_file, parsed_sample
+from lagsim.studies.sweep.runs import EXAMPLE, INADMISSIBLE, Axis, Found, Grid, parsed
 from lagsim.studies.sweep.sweeping import CHART, JOURNAL, MANIFEST, TABLE, Journal
 from lagsim.studies.workers import cores, machines, processes
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from lagsim.cli._experiments import Progress
+    from lagsim.model.model import Model
     from lagsim.run.interrupt import Interrupt
     from lagsim.studies.workers import Hired
 
@@ -64,11 +67,25 @@ def _names(context: typer.Context, incomplete: str) -> list[str]:
 @with_settings
 def command(
     model: str = MODEL,
-    values: list[str] = typer.Argument(
-        metavar="NAME=A:B:N|NAME=V1,V2,...",
+    values: list[str] | None = typer.Argument(
+        None, metavar="NAME=A:B:N|NAME=V1,V2,...",
         help="A parameter or a start value, and its values: N values from A to B, or a "
         "list; each may be an expression.",
         autocompletion=_names,
+    ),
+    points: Path | None = typer.Option(
+        None, metavar="FILE.csv",
+        help="Instead of a grid, the runs of a table: a column for each name.",
+    ),
+    sample: list[str] | None = typer.Option(
+        None, metavar="NAME=normal(M, S)|NAME=uniform(A, B)",
+        help="Instead of a grid, random values of a name; the same on every machine.",
+    ),
+    count: int | None = typer.Option(
+        None, "-N", min=1, metavar="N", help="How many runs a sample has.",
+    ),
+    seed: int = typer.Option(
+        0, min=0, max=2**64 - 1, help="Another number draws another sample."
     ),
     folder: Path | None = output_folder("Output folder; default results/NAME/sweep."),
     jobs: int | None = JOBS,
@@ -102,7 +119,7 @@ def command(
         raise InputError([Problem("usage", text, hint="leave one of them out")])
     read = read_file(model, assignments(sets))
     wanted(read, "sweep", options, "add it, or give --duration")
-    grid = parsed(read, values)
+    grid = _grid(read, values or [], points, sample or [], count, seed)
     where = folder or Path("results") / read.name / "sweep"
     kept = str(where.absolute()) if keep else None
     plots = not no_plots
@@ -124,6 +141,27 @@ def command(
     if not found.missing:
         journal.remove()
     return code
+
+
+def _grid(
+    read: Model,
+    values: list[str],
+    points: Path | None,
+    sample: list[str],
+    count: int | None,
+    seed: int,
+) -> Grid:
+    if bool(values) + bool(sample) + (points is not None) != 1:
+        text = "one of names with values, --points and --sample is expected"
+        raise InputError([Problem("usage", text, hint=EXAMPLE)])
+    if bool(sample) is not (count is not None) or (seed and not sample):
+        text = "-N goes with --sample, and --seed with both"
+        raise InputError([Problem("usage", text, hint=SAMPLED)])
+    if points is not None:
+        return of_file(read, points)
+    if count is None:
+        return parsed(read, values)
+    return drawn(read, parsed_sample(sample, count, seed))
 
 
 def _known(found: Found, folder: Path) -> Any:
@@ -210,7 +248,7 @@ def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
     head += (
         f"{document['model']['name']}, {complete} of {counted(runs, 'run')} complete"
     )
-    rows = [("swept", f"{x.name}: {_spread(x.values)}") for x in found.grid.axes]
+    rows = [("swept", f"{x.name}: {_spread(x)}") for x in found.grid.axes]
     first = {r.outcome: r.reason for _, r in sorted(found.rows.items(), reverse=True)}
     for outcome, count in document["outcomes"].items():
         if reason := first[outcome]:
@@ -223,7 +261,8 @@ def _summary(found: Found, document: Mapping[str, Any], files: str) -> str:
     return head + "\n" + table([*rows, ("files", files)])
 
 
-def _spread(values: Sequence[float]) -> str:
+def _spread(axis: Axis) -> str:
+    values = sorted(axis.values) if axis.drawn else axis.values
     if len(values) == 1:
         return f"{values[0]:g}"
     return f"{len(values)} values from {values[0]:g} to {values[-1]:g}"

@@ -230,6 +230,15 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
             "mkdir out; echo kept > out/.lagsim-restart",
             "lagsim run pendulum.yaml -o out --resume",
         )),
+    Row("E614", "bad-points",
+        "The file of `--points` has no points.",
+        "A header has a name for each column, and each row below a finite number for "
+        "each name.",
+        "write it as a spreadsheet does: l,theta in the first line, 1.5,0.2 below",
+        commands=(
+            "printf 'l,theta\\n1,0.5\\n2,half\\n' > points.csv",
+            "lagsim sweep pendulum.yaml --points points.csv",
+        )),
     # E7xx: files and folders that are written.
     Row("E701", "output-folder",
         "The output folder cannot be used.",

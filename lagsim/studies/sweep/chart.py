@@ -1,4 +1,4 @@
-"""A sweep in pictures: curves over one name, maps over two.
+"""A sweep in pictures: curves over one name, maps over two, dots of points.
 
 `chart` is sweep.png, `sweep_figure` a matplotlib Figure of any columns.
 """
@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lagsim.outputs.figure import (
+    APART,
+    LEFT,
     NO_RESULT,
     PENS,
+    RIGHT,
     WIDTH,
     Column,
     Pen,
@@ -30,6 +33,7 @@ from lagsim.outputs.letters import letters_of, raised
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
@@ -44,6 +48,8 @@ MOST = 6
 # Values that spread over so many times the least, and evenly so in their logarithms,
 # stand on an axis of powers of ten.
 SPREAD = 20.0
+# So many names of points have panels beside each other.
+ABREAST = 3
 END, LOW, HIGH = range(3)
 PARTS = {"end": "at the end", "min": "least", "max": "greatest"}
 FAILED: Pen = mark("x", 5.0, "#D55E00")
@@ -65,6 +71,8 @@ def chart(found: Found) -> bytes:
     }  # fmt: skip
     if len(found.grid.axes) == 1:
         return content(_curves(found, names[:MOST], more, missing=missing))
+    if found.grid.together:
+        return content(_scattered(found, names[:MOST], more, missing=missing))
     more["legend"] = [("not complete", BAND | {"color": NO_RESULT})] if missing else []
     parts = {"end": END} if found.work.ends else {"end": END, "max": HIGH}
     columns = {
@@ -76,7 +84,7 @@ def chart(found: Found) -> bytes:
 
 def sweep_figure(found: Found, columns: Mapping[str, Array]) -> Figure:
     """Draw columns (runs,) of a sweep."""
-    if len(found.grid.axes) > 1:
+    if len(found.grid.axes) > 1 and not found.grid.together:
         return _maps(found, columns)
     order, x = _along(found, found.grid.axes[0])
     shown = [_column(found, name, values[order]) for name, values in columns.items()]
@@ -131,11 +139,8 @@ def _curves(
             x.values, cells[:, LOW], cells[:, HIGH], color=BAND["color"], linewidth=0.0
         )
         axes.plot(x.values, cells[:, END], **ends, clip_on=False, zorder=2.2)
-        none = x.values[np.isnan(cells[:, END])]
-        if missing and len(none):
-            low = np.full(len(none), axes.get_ylim()[0])
-            axes.plot(none, low, **FAILED, clip_on=False, zorder=3.0)
-            axes.set_ylim(low[0])
+        if missing:
+            _mark_missing(axes, x.values, cells[:, END])
         _column(found, name, cells).stand_at(axes.yaxis, CURVES)
     panels[-1].set_xscale("log" if is_log(x.values) else "linear")
     x.stand_at(panels[-1].xaxis, WIDTH)
@@ -154,6 +159,47 @@ def _maps(found: Found, columns: Mapping[str, Array], **more: Any) -> Picture:
         [_column(found, name, values[numbers]) for name, values in columns.items()],
         **more,
     )
+
+
+def _mark_missing(axes: Axes, x: Array, ends: Array) -> None:
+    """Draw crosses at the bottom where there is no result."""
+    none = x[np.isnan(ends)]
+    if len(none):
+        low = np.full(len(none), axes.get_ylim()[0])
+        axes.plot(none, low, **FAILED, clip_on=False, zorder=3.0)
+        axes.set_ylim(low[0])
+
+
+@in_house_style
+def _scattered(
+    found: Found, names: Sequence[str], more: Mapping[str, Any], *, missing: bool
+) -> Picture:
+    """Draw the ends of columns against each of the first names, a dot for each run."""
+    shown, height = found.grid.axes[:ABREAST], stack_height(len(names), CURVES)
+    legend = [("at the end", AT_END), *([("not complete", FAILED)] * missing)]
+    drawing = Picture(height, found.model.name, legend=legend, **more)
+    width = (drawing.width - LEFT - RIGHT - APART * (len(shown) - 1)) / len(shown)
+    panels = drawing.panels(
+        [width] * len(shown), [CURVES] * len(names), top=APART, across=APART, down=APART
+    )
+    dot = AT_END if found.grid.runs <= FEW else MANY_AT_END
+    for k, name in enumerate(names):
+        ends = values_of(found, name)[:, END]
+        for axes, axis in zip(panels[k], shown, strict=True):
+            order, x = _along(found, axis)
+            axes.plot(x.values, ends[order], **dot)
+            axes.set_xscale("log" if is_log(x.values) else "linear")
+            if axis is not shown[0]:
+                axes.sharey(panels[k][0])
+            axes.tick_params(labelleft=axis is shown[0], labelbottom=False)
+            if missing:
+                _mark_missing(axes, x.values, ends[order])
+            if name == names[-1]:
+                axes.tick_params(labelbottom=True)
+                x.stand_at(axes.xaxis, width)
+        _column(found, name, ends).stand_at(panels[k][0].yaxis, CURVES)
+    drawing.align_ylabels()
+    return drawing
 
 
 def numbers_of(found: Found) -> NDArray[np.int64]:
@@ -190,12 +236,16 @@ def borders(x: Array, *, log: bool | None = None) -> Array:
 
 
 def _notes(found: Found, columns: int) -> list[str]:
-    lines = []
+    lines, others = [], found.grid.axes[2:]
     fixed = [
         f"{_along(found, a)[1].name} = {a.texts[(len(a.texts) - 1) // 2]}"
-        for a in found.grid.axes[2:]
+        for a in others
     ]
-    if fixed:
+    if fixed and found.grid.together:
+        if more := found.grid.axes[ABREAST:]:
+            names = ", ".join(_along(found, a)[1].name for a in more)
+            lines.append(f"Other names that vary: {names}.")
+    elif fixed:
         text = f"Of the other names, the middle value is shown: {', '.join(fixed)}."
         lines.append(text)
     if columns > MOST:

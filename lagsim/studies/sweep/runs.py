@@ -84,6 +84,8 @@ class Axis(NamedTuple):
         Its values, as expressions.
     values : tuple of float
         The same as numbers, where all else is as in the file.
+    drawn : str
+        The distribution that they are a sample of, if any.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Axis(NamedTuple):
     texts: tuple[str, ...]
     values: tuple[float, ...]
     unit: str = ""
+    drawn: str = ""
 
     @classmethod
     def of(cls, model: Model, name: str, texts: Sequence[str]) -> Axis:
@@ -119,23 +122,30 @@ class Axis(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """Combinations of the values of axes; the first axis varies most slowly."""
+    """Combinations of the values of axes; the first axis varies most slowly.
+
+    `together`: run k has value k of each axis instead; `seed` is that of a sample.
+    """
 
     axes: tuple[Axis, ...]
+    together: bool = False
+    seed: int | None = None
 
     @property
     def runs(self) -> int:
         """The number of combinations."""
-        return math.prod(self.shape)
+        return self.shape[0] if self.together else math.prod(self.shape)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Number of values of each axis."""
         return tuple(len(axis.texts) for axis in self.axes)
 
-    def at(self, number: int) -> list[int]:
-        """Give which value each axis has in a run."""
-        return [int(place) for place in np.unravel_index(number, self.shape)]
+    def at(self, numbers: Any) -> list[Any]:
+        """Give which value each axis has in a run, or in each of some."""
+        if self.together:
+            return [numbers] * len(self.axes)
+        return list(np.unravel_index(numbers, self.shape))
 
     def texts(self, number: int) -> dict[str, str]:
         """Give the value of each name in a run."""
@@ -162,8 +172,13 @@ def value_of(model: Model, name: str) -> float:
     return values.get(name, math.nan)
 
 
-def grid_of(model: Model, given: Mapping[str, Iterable[float | str]]) -> Grid:
-    """Give the grid of names and values.
+def grid_of(
+    model: Model,
+    given: Mapping[str, Iterable[float | str]],
+    *,
+    together: bool = False,
+) -> Grid:
+    """Give the grid of names and values, or, `together`, points of as many of each.
 
     Raises
     ------
@@ -184,12 +199,17 @@ def grid_of(model: Model, given: Mapping[str, Iterable[float | str]]) -> Grid:
             problems.append(Problem("usage", text, hint="give it another name"))
     if problems:
         raise InputError(problems)
-    grid = Grid(tuple(axes))
-    _refuse_many(grid.runs)
+    grid = Grid(tuple(axes), together)
+    if together and len({*grid.shape}) > 1:
+        text = f"the names have {', '.join(map(str, grid.shape))} values"
+        hint = "points have as many values of each name"
+        raise InputError([Problem("usage", text, hint=hint)])
+    refuse_many(grid.runs)
     return grid
 
 
-def _refuse_many(runs: int) -> None:
+def refuse_many(runs: int) -> None:
+    """Refuse a sweep of more than MOST_RUNS runs."""
     if runs > MOST_RUNS:
         text = f"these are {runs} runs, more than {MOST_RUNS}"
         raise InputError([Problem("usage", text, hint="sweep them in parts")])
@@ -230,7 +250,7 @@ def _values(model: Model, name: str, text: str) -> list[str]:
     if not (many.strip().isdecimal() and int(many) >= 2 and last and ":" not in last):
         found = f"{name}={text}: two ends and how many values, 2 or more, are expected"
         raise InputError([Problem("usage", found, hint=EXAMPLE)])
-    _refuse_many(int(many))
+    refuse_many(int(many))
     a, b = Axis.of(model, name, (first, last)).values
     return [repr(x) for x in between(a, b, int(many))]
 
@@ -244,6 +264,14 @@ def between(a: float, b: float, count: int) -> list[float]:
 def _plain(text: str) -> float | None:
     """Give the number that a text is, if it is nothing else."""
     return float(text) if _NUMBER.fullmatch(text) else None
+
+
+def number_of(cell: str) -> float | None:
+    """Give the finite number of a cell of a table; None where it is none."""
+    with contextlib.suppress(ValueError):
+        x = float(cell)
+        return x if math.isfinite(x) and "_" not in cell else None
+    return None
 
 
 def _check_start(model: Model, name: str) -> None:
@@ -605,7 +633,7 @@ class Batch:
         start = np.concatenate([case.start.q, case.start.v, case.start.s])
         starts = np.repeat(start[None], len(numbers), 0)
         names = case.equations.state
-        places = np.unravel_index(np.array(numbers), self.grid.shape)
+        places = self.grid.at(np.array(numbers))
         found = [np.array(a.values)[x] for a, x in zip(axes, places, strict=True)]
         parameters = {}
         for axis, values in zip(axes, found, strict=True):

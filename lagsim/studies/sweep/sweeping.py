@@ -271,6 +271,7 @@ def identity(found: Found) -> dict[str, Any]:
         "options": dict(work.options) | {"error_bar": work.error_bars.value},
         "kept": [work.kept is not None, work.plots],
         **({"ends": True} if work.ends else {}),
+        **({"together": True} if work.grid.together else {}),
     }
 
 
@@ -296,9 +297,12 @@ def document(found: Found) -> dict[str, Any]:
                 "unit": axis.unit,
                 "expressions": list(axis.texts),
                 "values": list(axis.values),
+                **({"drawn": axis.drawn} if axis.drawn else {}),
             }
             for axis in found.grid.axes
         ],
+        **({"points": True} if found.grid.together else {}),
+        **({"seed": found.grid.seed} if found.grid.seed is not None else {}),
         "runs": found.grid.runs,
         "complete": sum(row.complete for row in rows),
         "outcomes": dict(Counter(row.outcome for row in rows)),
