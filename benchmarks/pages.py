@@ -31,8 +31,8 @@ GALLERY = """\
 
 The models in `models/`. Each runs as it is; its header has the source and the expected
 values. Copy the most similar one to begin a model of your own. A picture shows the
-paths of the points in the section `scene`, and their last positions, or coordinates
-against time.
+paths of the points in the section `scene`, with links and shapes at the end, or
+coordinates against time.
 
 """
 GROUPS = (

@@ -270,17 +270,18 @@ class Views:
         last = max((len(b.at) for b in self._bodies), default=1) - 1
         between = [last * k // (BETWEEN_TIMES + 1) for k in range(1, BETWEEN_TIMES + 1)]
         times = [(0, START_EDGE, 0.35), *((row, THIN_EDGE, 0.0) for row in between)]
-        for level, (row, pen, full) in enumerate([*times, (last, END_EDGE, 0.8)]):
+        times.append((last, END_EDGE, 0.8))
+        for level, (row, pen, full) in enumerate(times, 1 - len(times)):
             found = []
             for body, colour in drawn:
-                if not body.moves and row != last:
+                if level and not body.moves:
                     continue
                 if body.height is not None:
                     _plane(axes, view, body.height, self._extents)
                 elif (shown := seen(body, row, view)) is not None:
                     found.append((shown, body, colour))
             for shown, body, colour in sorted(found, key=lambda one: one[0].depth):
-                look = pen | {"color": colour, "zorder": 1.1 + 0.1 * level}
+                look = pen | {"color": colour, "zorder": 1.8 + 0.1 * level}
                 strong = full if body.moves else 0.3
                 for face, turned in shown.faces if strong else ():
                     mixed = 1.0 - (0.12 + 0.25 * turned) * (

@@ -1,11 +1,10 @@
 """Shapes of scenes: where their corners lie, on paper and on the page."""
 
 import json
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 import lagsim
 from lagsim.outputs import animation, plots
@@ -110,15 +109,37 @@ def test_a_cone_stands_on_its_tip_and_a_cylinder_has_its_middle_there():
     assert set(cylinder.corners[0, :, 2]) == {-1.0, 1.0}
 
 
+def segments(path):
+    """Return the pairs of corners (n, 2, 2) that a path joins."""
+    pairs = np.stack((path[:-1], path[1:]), axis=1)
+    return pairs[np.isfinite(pairs).all(axis=(1, 2))]
+
+
 def test_edges_behind_are_hidden():
-    [body] = bodies(SPACE, CUBE)
-    found = seen(body, 0, OBLIQUE)
+    cube, cylinder = bodies(SPACE, f"{CUBE}, c: {{cylinder: [1, 2]}}")
+    found = seen(cube, 0, OBLIQUE)
     # Of a cube that shows a corner, three faces and nine edges are seen.
-    assert len(found.faces) == 3
-    hidden = found.hidden[np.isfinite(found.hidden).all(axis=1)]
+    assert (len(found.faces), len(segments(found.lines))) == (3, 9)
     far = OBLIQUE @ np.array([0.8, -1.8, -0.2])
-    assert np.isclose(hidden, far, atol=1e-12).all(axis=1).sum() == 3 - 1
+    hidden = segments(found.hidden)
+    assert len(hidden) == 3
+    assert np.isclose(hidden, far, atol=1e-12).all(axis=2).any(axis=1).all()
     assert sum(turned**2 for _, turned in found.faces) == pytest.approx(1, abs=1e-3)
+    # Of a cylinder a cap, half the rim of the other, and two lines along it.
+    found = seen(cylinder, 0, OBLIQUE)
+    assert len(segments(found.lines)) == 32 + 16 + 2
+    assert len(segments(found.hidden)) == 16
+    sides = segments(found.lines)[-2:]
+    assert np.allclose(np.abs(sides[:, 0, 0]), 1, atol=0.01)
+
+
+def test_the_equator_of_a_sphere_is_seen_in_front():
+    [ball] = bodies(SPACE, "ball: {sphere: 0.5, at: hub}")
+    found = seen(ball, 0, OBLIQUE)
+    equator = segments(found.lines)[72:]  # after the outline
+    assert len(equator) + len(segments(found.hidden)) == 72
+    middle = (OBLIQUE @ np.array([1, -2, 0]))[1]
+    assert equator[..., 1].mean() < middle < segments(found.hidden)[..., 1].mean()
 
 
 def test_curves_stand_change_and_have_gaps():
@@ -141,6 +162,14 @@ def test_forces_and_grounds_that_move():
     t = np.linspace(0, 3, 31)
     assert np.allclose(arrow.corners[:, 1, 1], -6 * np.cos(t), atol=1e-8)
     assert np.allclose(table.corners[:, 1, 1], -2 + 3 * np.sin(t), atol=1e-9)
+
+
+def test_modes_move_shapes():
+    text = PLANE + "modes: {up: 0}\nevents: {rise: {at: a >= 1.05, set: {up: 1}}}\n"
+    [ring] = bodies(text, "r: {ring: 1, at: [up, 2*up]}")
+    t = np.linspace(0, 3, 31)
+    assert np.array_equal(ring.at, np.outer(t > 1.05, (1, 2)))
+    assert ring.faces == []
 
 
 def test_nothing_of_it_enters_the_run():
@@ -184,16 +213,45 @@ def test_a_box_on_paper_is_where_it_is():
     assert_legible(drawing)
     view = drawing.panels[-1]
     [start, end] = view.areas
-    (left, right), (low, high) = view.limits
-
-    def pixels(place):
-        share = (place - [left, low]) / np.array([right - left, high - low])
-        return share * [view.box.width, view.box.height] + [view.box.x0, view.box.y0]
-
     for t, (_, found) in ((0, start), (3, end)):
-        assert near(found[:4], pixels(block(t)), 0.02)
-    # In the colour of its point: less of it at the start.
-    assert to_hex("#0072B2") in {line.colour for line in view.lines}
+        assert near(found[:4], pixels(view, block(t)), 0.02)
+    # In the colour of its point; thin at four times between.
+    own = [line for line in view.lines + view.thin if line.colour == "#0072b2"]
+    thin = [line for line in own if line.width == 0.35]
+    for t, line in zip((0.6, 1.2, 1.8, 2.4), thin, strict=True):
+        assert near((line.x[1], line.y[1]), pixels(view, block(t)[0]), 0.02)
+
+
+def pixels(view, place):
+    low, high = np.transpose(view.limits)
+    share = (np.asarray(place) - low) / (high - low)
+    return share * [view.box.width, view.box.height] + [view.box.x0, view.box.y0]
+
+
+GROUNDS = "floor: {ground: [[-2, -6], [4, -6]]}, wall: {ground: [[5, -6], [5, 2]]}"
+
+
+def test_grounds_are_hatched_at_their_right():
+    drawing, _ = sheet(PLANE, GROUNDS)
+    view = drawing.panels[-1]
+    floor, wall = (line for line in view.lines if line.colour == "#555555")
+    (_, low), (right, _) = pixels(view, [0, -6]), pixels(view, [5, 0])
+    assert len(floor.x) > 50
+    assert np.nanmin(floor.y) < low - 5
+    assert np.nanmax(floor.y) < low + 0.1
+    assert np.nanmax(wall.x) > right + 5
+    assert np.nanmin(wall.x) > right - 0.1
+
+
+# The nearer one is given first: to who sees it along y, and on the page.
+BEFORE = "near: {sphere: 0.2, at: [8, -9, 0]}, far: {sphere: 0.5, at: [0, 9, 0]}"
+
+
+def test_what_is_near_is_drawn_last_on_paper():
+    drawing, _ = sheet(SPACE, BEFORE)
+    view = drawing.panels[1]
+    far, near = (np.ptp(corners[:, 0]) for _, corners in view.areas)
+    assert far > near
 
 
 def test_every_shape_is_legible_on_paper():
@@ -239,12 +297,58 @@ def test_a_box_on_the_page_is_where_it_is(t):
 
 
 @needs_node
+def test_grounds_on_the_page_are_hatched_at_their_right():
+    backwards = "wall: {ground: [[5, -6], [5, 2]]}, roof: {ground: [[4, 3], [-2, 3]]}"
+    film, _ = filmed(filled(PLANE, backwards))
+    found = [ends(one) for one in lines(page.shown(film, page.at(0)), "ground")]
+    [(wall, _), (roof, _)] = [x for x in found if len(x) == 2 and long(x) > 100]
+    hatches = [x for x in found if len(x) == 2 and 1 < long(x) < 12]
+    beside = [b[0] - a[0] for a, b in hatches if abs(a[0] - wall[0]) < 1e-6]
+    above = [b[1] - a[1] for a, b in hatches if abs(a[1] - roof[1]) < 1e-6]
+    assert len(beside) > 9
+    assert len(above) > 9
+    assert min(beside) > 5
+    assert max(above) < -5
+
+
+def long(line):
+    return np.hypot(*(line[1] - line[0]))
+
+
+@needs_node
 def test_a_cube_on_the_page_hides_three_edges():
     film, _ = filmed(filled(SPACE, CUBE))
     seen = page.shown(film, page.at(0))
-    dashed = [one for one in lines(seen, "ground") if one["dash"] == [3, 4]]
-    assert sum(len(ends(one)) - starts(one) for one in dashed) == 3
+    every = [one for one in lines(seen, "ground") if len(one["path"]) > 2]
+    [dashed] = [one for one in every if one["dash"] == [3, 4]]
+    assert len(ends(dashed)) - starts(dashed) == 3
+    # They meet in the corner that is farthest: of the picture, with x and y in pixels.
+    corners = np.unique(np.concatenate([ends(one) for one in every]).round(6), axis=0)
+    screen = Screen(film)
+    cube = np.array(list(product((-1, 1), repeat=3)))
+    far = screen.along(cube[np.argmin(cube @ screen.towards)])
+    off = ends(dashed) - corners.mean(axis=0)
+    alike = np.isclose(off @ far, np.linalg.norm(off, axis=1) * np.linalg.norm(far))
+    assert alike.sum() >= 2
     assert len([one for one in fills(seen, "ground") if one["alpha"] < 0.5]) == 3
+
+
+@needs_node
+def test_a_turned_box_of_space_on_the_page():
+    turned = "[[0, 0, 1], [cos(a), -sin(a), 0], [sin(a), cos(a), 0]]"
+    film, _ = filmed(filled(SPACE, f"b: {{box: [0.4, 0.8, 1.2], frame: {turned}}}"))
+    seen = page.shown(film, page.at(1.25))  # between two frames
+    every = [ends(one) for one in lines(seen, page.SECOND) if len(one["path"]) > 2]
+    found = np.unique(np.concatenate(every).round(6), axis=0)
+    c, s = np.cos(1.25), np.sin(1.25)
+    own = np.array(list(product((-1, 1), repeat=3))) * [0.2, 0.4, 0.6]
+    places = own @ np.array([(0, 0, 1), (c, -s, 0), (s, c, 0)]).T
+    wanted = np.array([Screen(film).along(place) for place in places])
+    found -= found.mean(axis=0)
+    wanted *= np.abs(found).sum() / np.abs(wanted).sum()
+    apart = np.linalg.norm(found[:, np.newaxis] - wanted, axis=2)
+    assert apart.min(axis=1).max() < 0.05
+    assert apart.min(axis=0).max() < 0.05
 
 
 def starts(one):
@@ -258,7 +362,31 @@ def test_a_sphere_on_the_page_is_a_circle():
     sizes = {round(r, 6) for *_, r in page.arcs(fills(seen, "card"))}
     drawn = {round(r, 6) for *_, r in page.arcs(fills(seen, page.FIRST))}
     assert len(sizes & drawn) == 1
-    assert animation.record(film)["floor"] == -2
+    found = animation.record(film)
+    assert found["floor"] == -2
+    assert found["box"][0] == pytest.approx([-2.5, 4.5], abs=0.05)
+    assert found["box"][2] == pytest.approx([-2, 3.5], abs=0.05)
+
+
+@needs_node
+def test_what_is_near_is_drawn_last_on_the_page():
+    film, _ = filmed(filled(SPACE, BEFORE))
+    far, near, *_ = page.arcs(fills(page.shown(film, page.at(0)), "card"))
+    assert far[2] == pytest.approx(2.5 * near[2], rel=1e-6)
+
+
+@needs_node
+def test_supports_and_colours():
+    text = PLANE.replace("  shapes", "  links: [[hub, rim]]\n  shapes")
+    shapes = "d: {disk: 0.5, at: [x, 0]}"
+    for more, count in (("", 1), (", g: {ground: [[0, -2], [9, -2]]}", 0)):
+        film, _ = filmed(filled(text, shapes + more))
+        seen = page.shown(film, page.at(0))
+        triangles = [one for one in fills(seen, "ground") if one["alpha"] == 0.45]
+        assert len(triangles) == count
+        assert lines(
+            seen, page.SECOND
+        )  # a shape without a point has a colour of its own
 
 
 @needs_node
