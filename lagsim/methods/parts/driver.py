@@ -264,7 +264,7 @@ def begin(s: State, p: Parameters) -> None:
         drop_compensation(s)
         start(s, p)
         if UNTIL:
-            orient(s, p, s.t, s.y)
+            orient(s, p, s.t, s.y, inf)
         s.fresh = 0.0
 
 
@@ -317,12 +317,15 @@ def fill(s: State, out: Floats, rows: int) -> int:
         s.row += 1.0
 
 
-def orient(s: State, p: Parameters, t: float, y: Floats) -> None:
-    """Arm the conditions that are false at a state: they count from then on."""
+def orient(s: State, p: Parameters, t: float, y: Floats, most: float) -> None:
+    """Arm the conditions that are false at a state: they count from then on.
+
+    Of inequalities those with no more leeway than `most`.
+    """
     values = s.event_functions
     located(t, y, p, values)
     for k in range(s.conditions):
-        if s.orientation[k] == 0.0:
+        if s.orientation[k] == 0.0 and (s.equation[k] > 0.0 or s.leeway[k] <= most):
             if values[k] < -s.leeway[k]:
                 s.orientation[k] = -1.0
                 s.leeway[k] = 0.0
@@ -515,7 +518,7 @@ def follow_true(s: State, p: Parameters) -> None:
     if waits:
         x = BESIDE / POINTS
         interpolate(s, x, s.work)
-        orient(s, p, s.step_t + x * s.step_h, s.work)
+        orient(s, p, s.step_t + x * s.step_h, s.work, 0.0)
         for k in range(s.conditions):
             if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
                 s.orientation[k] = 1.0

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.run.arc import Arc
 
-# Within so many leeways of its condition nothing has happened since an event.
-NEAR = 4.0
+# Nothing has happened since an event within so many leeways of its condition, and this
+# part of the first step after it.
+NEAR, EARLY = 4.0, 1e-3
 # Where `sequence.STUCK` acts take no more than this part of a run, it does not end.
 HARDLY = 1e-9
 
@@ -42,6 +43,7 @@ class Acted(NamedTuple):
     name: str
     condition: int
     time: float
+    steps: int
     leeway: float
     modes: dict[str, float]
 
@@ -54,7 +56,7 @@ class Transitions(Source):
     next : list of int
         The number of the next act of each that is periodic; -1 where none follows.
     lately : list of Acted
-        The located events that have acted since time has passed.
+        The located events that have acted one after the other, without time passing.
     """
 
     def __init__(self, arc: Arc) -> None:
@@ -174,8 +176,12 @@ class _Moment:
         true = {*np.flatnonzero((side != 0.0) & ((misses <= 0.0) | comes)), found}
         state.leeway[found] = max(0.0, misses[found])
         turns = (side == 0.0) & (state.equation == 0.0) & np.isfinite(state.leeway)
-        turns &= np.abs(self.values) <= rounding
+        turns &= np.abs(self.values) <= 2.0 * rounding
         turns &= state.earlier - self.values > rounding
+        if not self._goes_on():
+            self.run.lately.clear()
+        for c in (x.condition for x in self.run.lately):  # the way back has begun
+            turns[c] |= side[c] == 0.0 and self.values[c] < 0.0
         side[turns], state.leeway[turns] = -1.0, rounding[turns]
         return true
 
@@ -218,10 +224,10 @@ class _Moment:
         """Note that a located event has acted; end the run where it undoes another."""
         arc, run, state = self.arc, self.run, self.state
         name, c, after = self.events[k].name, self.event_of.index(k), arc.modes
-        run.lately = [x for x in run.lately if self._is_now(x, c)]
         state.orientation[c] = 0.0
         state.leeway[c] = 2.0 * (state.leeway[c] + self.rounding[c])
-        run.lately.append(Acted(name, c, arc.t, float(state.leeway[c]), before))
+        leeway = float(state.leeway[c])
+        run.lately.append(Acted(name, c, arc.t, arc.steps, leeway, before))
         run.sequence.add(arc.t, k)
         undone = after != before and any(x.modes == after for x in run.lately)
         if undone or run.sequence.is_stuck(HARDLY):
@@ -230,14 +236,14 @@ class _Moment:
         if self.events[k].once:
             state.leeway[c] = math.inf  # never false again
 
-    def _is_now(self, acted: Acted, acts: int) -> bool:
-        """Whether nothing has happened since an event acted, and condition `acts` now.
-
-        Either no time has passed, or the condition has been neither false since nor
-        clearly true.
-        """
-        arc, c = self.arc, acted.condition
-        if arc.t - acted.time <= NO_TIME * max(arc.settings.duration, abs(arc.t)):
+    def _goes_on(self) -> bool:
+        """Whether nothing has happened since the last located event."""
+        arc, state = self.arc, self.state
+        if not self.run.lately:
+            return False
+        last = self.run.lately[-1]
+        if arc.t - last.time <= NO_TIME * max(arc.settings.duration, abs(arc.t)):
             return True
-        still = c != acts and self.state.orientation[c] == 0.0
-        return bool(still and abs(self.values[c]) <= NEAR * acted.leeway)
+        early = arc.t - state.step_t <= EARLY * state.step_h
+        near = abs(self.values[last.condition]) <= NEAR * last.leeway
+        return bool(early and near and arc.steps - last.steps <= 1)
