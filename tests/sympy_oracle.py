@@ -108,6 +108,14 @@ class Numbers:
     rates: Any
 
 
+def reads(path):
+    """Tell whether a file has numbers alone: no families, vectors and bodies."""
+    text = path.read_text(encoding="utf-8")
+    return not re.search(
+        r"^(frames|bodies):|\.\. ?\w|\bcomponents:", text, re.MULTILINE
+    )
+
+
 class Oracle:
     """A model's equations.
 

@@ -235,6 +235,39 @@ initial: {{x: 0, a: 0}}
     assert pytest.approx(2 - 2 * (2 - 10 * 8), rel=1e-14) == V
 
 
+def test_shapes_are_drawn_where_bodies_are():
+    text = """
+coordinates: {x: {}, q: {}}
+frames: {f: {axis: [1, 0, 0], angle: q}, g(1..2): {on: f, axis: [0, 0, 1], angle: x}}
+definitions: {G: [x, 1, 2]}
+bodies:
+  top: {mass: 3, at: G, frame: f, shape: {cone: [0.3, 2]}}
+  ball(i = 1..2): {mass: 1, at: i*G, shape: {sphere: i/10}}
+energy: {kinetic: bodies, potential: 0}
+initial: {x: 0, q: 0}
+scene: {points: {o: [0, 0, 0]}, shapes: {wheel: {disk: 1, at: o, frame: g(2)}}}
+"""
+    found = model(text)
+    values = {"x": 0.4, "q": 0.7}
+    shapes = {shape.name: shape for shape in found.scene.shapes}
+    at, axes, sizes = (
+        {
+            name: evaluate(found.graph, getattr(shape, what), values)
+            for name, shape in shapes.items()
+        }
+        for what in ("at", "axes", "sizes")
+    )
+    assert list(shapes) == ["wheel", "top", "ball.1", "ball.2"]
+    R = Rotation.from_euler("XZ", [0.7, 0.4])
+    np.testing.assert_allclose(np.reshape(axes["wheel"], (3, 3)), R.as_matrix())
+    R = Rotation.from_euler("X", 0.7)
+    np.testing.assert_allclose(np.reshape(axes["top"], (3, 3)), R.as_matrix())
+    # The tip lies three quarters of the height below the centre of mass.
+    np.testing.assert_allclose(at["top"], [0.4, 1, 2] - R.apply([0, 0, 1.5]))
+    assert at["ball.2"] == pytest.approx([0.8, 2, 4])
+    assert (sizes["ball.2"], axes["ball.2"]) == ([0.2], [])
+
+
 # The code, a part of the message or of its hint; below, the text with the place ⟪so⟫.
 FAULTS = r"""
 cycle | `a` is on itself: a -> b -> a

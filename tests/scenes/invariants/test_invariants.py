@@ -42,7 +42,9 @@ def tight_enough(default, tight):
         for found in (default, tight)
     )
     groups = [default.equations.q, default.equations.velocities]
-    if default.equations.rows:
+    # The length of a quaternion takes no force.
+    quaternions = default.equations.model.quaternions
+    if any(row.name not in quaternions for row in default.equations.rows):
         groups.append(tuple(f"Qc_{q}" for q in default.equations.q))
     for group in groups:
         for column in group:
