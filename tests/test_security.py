@@ -13,6 +13,7 @@ from tests.support import ROOT
 PROMISED = {
     "a model file, also from a pipe": ["MODEL_BYTES", "NODES", "MAX_DEPTH"],
     "the file of a table in a model": ["MODEL_BYTES", "TABLE_NUMBERS"],
+    "families": ["MEMBERS", "TERMS", "LARGEST_INDEX"],
     "one expression": ["EXPRESSION_LETTERS"],
     "the equations": ["GRAPH_NODES", "GRAPH_NODES_PER_BYTE", "INERTIAS", None],
     "checking and planning": ["WORK", "WORK_PER_BYTE", "USUAL_BYTES"],

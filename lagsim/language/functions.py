@@ -217,8 +217,8 @@ REMAINDERS = (
         "{c} = fmul double {1}, {b}\nfsub double {0}, {c}",
         declares=intrinsic("floor")["declares"],
         python="{0} - {1} * np.floor({0} / {1})",
-        interval=lambda r: lambda x, y: r.sub(
-            x, r.mul(y, r.step(r.np.floor)(r.div(x, y)))
+        interval=lambda r: lambda x, y: r.RULES["sub"](
+            x, r.RULES["mul"](y, r.RULES["floor"](r.RULES["div"](x, y)))
         ),
     ),
 )  # fmt: skip

@@ -202,44 +202,29 @@ def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulat
         if not reduction.eliminated:
             raise _CannotError(why)
         return _reduced(reduction, start, "asked for")
-    if name in LOOSE:
-        reason = "asked for; the constraints are not enforced"
-        if name == "baumgarte":
-            reason = f"asked for; gain {gain:g} per unit of time"
+    if name == "baumgarte":
+        reason = f"asked for; gain {gain:g} per unit of time"
         found = _whole(e, start, name, reason, gain=gain)
-        return found._replace(
-            reduction=Reduction(_loose(e, name)), projected=bool(e.model.quaternions)
-        )
+        return found._replace(reduction=Reduction(_stabilised(e)))
+    if name == "drift":
+        return _whole(e, start, name, "asked for; the constraints are not enforced")
     found = _full(e, start)
     if name == "velocity projection" and name != found.name:
         raise _CannotError(found.choices[0].reason)
     return found
 
 
-# Formulations that leave states off the constraints.
-LOOSE = ("baumgarte", "drift")
-
-
-def _loose(equations: Equations, name: str) -> Equations:
-    """Leave other rows than those of quaternions' lengths nothing to project onto.
-
-    With `baumgarte` b drives the state back to them.
-    """
+def _stabilised(equations: Equations) -> Equations:
+    """Let b drive the state back to the constraints."""
     g = equations.graph
     a = g.variable(GAIN)
     rows = []
     for row in equations.rows:
-        if row.name in equations.model.quaternions:
-            rows.append(row)
-            continue
-        b = row.b
-        if name == "baumgarte":
-            pull = g.call("mul", a, row.rate)
-            if row.holonomic:
-                square = g.call("mul", g.call("mul", a, a), row.residual)
-                pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
-            b = g.call("sub", b, pull)
-        rows.append(row._replace(b=b, residual=g.zero, rate=g.zero))
+        pull = g.call("mul", a, row.rate)
+        if row.holonomic:
+            square = g.call("mul", g.call("mul", a, a), row.residual)
+            pull = g.call("add", g.call("mul", g.constant(2.0), pull), square)
+        rows.append(row._replace(b=g.call("sub", row.b, pull)))
     return replace(equations, rows=tuple(rows))
 
 

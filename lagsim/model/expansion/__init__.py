@@ -195,7 +195,6 @@ class Expansion:
         self._report, self._is_unit = report, is_unit
         self.report = report
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
-        self.units: frozenset[str] = frozenset()
         self._drawn: list[Drawn] = []
         self.points: dict[str, Family] = {}
         self.idle: list[str] = []

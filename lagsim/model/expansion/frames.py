@@ -167,7 +167,6 @@ class Frames(Section):
             with suppress(ExpressionError):
                 self.made(called)
         self.x.gimbals = self._gimbals
-        self.x.units = frozenset(key.text for key, _ in self._units)
         return self._units
 
     # What the file gives
