@@ -180,6 +180,18 @@ def test_nothing_of_it_enters_the_run():
     assert np.array_equal(plain._rows, shaped._rows)
 
 
+def test_families_vectors_and_colours():
+    text = PLANE.replace("rim: [x, y]", '"q(i = 1..2)": [x, i*y]')
+    shapes = '"d(i = 1..2)": {disk: i, at: q(i)}, f: {arrow: "vec(y, x)", at: hub}, '
+    shapes += "p: {polygon: [[1, -2], [x, y], [0, 0]], at: [x, x]}"
+    one, two, arrow, face = bodies(text, shapes)
+    assert [one.shape.point, two.shape.point] == ["q.1", "q.2"]
+    assert np.ptp(two.corners[0, :, 0]) == 4
+    assert np.allclose(arrow.corners[:, 1, 1], 1 + 3 * np.cos(np.linspace(0, 3, 31)))
+    # Its corners are in its own axes, and its origin is no point of the scene.
+    assert face.shape.point == ""
+
+
 def test_other_sizes_follow_a_binding():
     model = lagsim.load(filled(PLANE, BLOCK))
     [body] = filmed_of(model.bind(w=1.0))
@@ -271,9 +283,10 @@ def test_every_shape_is_legible_on_paper():
 
 def test_a_scene_of_shapes_alone_is_drawn():
     text = PLANE.replace("  points: {hub: [1, -2], rim: [x, y]}\n", "")
-    shapes = BLOCK.replace("rim", "[x, y]")
+    shapes = BLOCK.replace("rim", "[x, y]") + ", d: {disk: 0.1, at: [x, y]}"
     drawing, film = sheet(text, shapes)
-    assert len(drawing.panels[-1].areas) == 2
+    assert len(drawing.panels[-1].areas) == 4
+    assert {line.colour for line in drawing.panels[-1].lines} == {"#0072b2", "#e69f00"}
     assert film.tracks == {}
     assert animation.record(film)["box"][0] == pytest.approx([-2.2, 4.2], abs=0.03)
 
