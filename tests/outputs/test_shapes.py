@@ -394,7 +394,7 @@ def test_supports_and_colours():
     shapes = "d: {disk: 0.5, at: [x, 0]}"
     for more, count in (("", 1), (", g: {ground: [[0, -2], [9, -2]]}", 0)):
         film, _ = filmed(filled(text, shapes + more))
-        seen = page.shown(film, page.at(0))
+        seen = page.shown(film, page.at(0), ("key", "n"))
         triangles = [one for one in fills(seen, "ground") if one["alpha"] == 0.45]
         assert len(triangles) == count
         assert lines(

@@ -561,15 +561,21 @@ class Drawing {
     pen.font = "12px system-ui, sans-serif";
     pen.textAlign = "left";
     pen.textBaseline = "middle";
-    run.points.forEach((point, k) => {
-      const [x, y] = dots[k];
+    const label = (name, x, y) => {
       if (!Number.isFinite(x + y)) return;
       pen.lineWidth = 3;
       pen.strokeStyle = ink.card;
-      pen.strokeText(point.name, x + this.radius + 5, y - this.radius);
+      pen.strokeText(name, x, y);
       pen.fillStyle = ink.ink;
-      pen.fillText(point.name, x + this.radius + 5, y - this.radius);
-    });
+      pen.fillText(name, x, y);
+    };
+    run.points.forEach(({name}, k) => label(name, dots[k][0] + this.radius + 5, dots[k][1] - this.radius));
+    // A shape without a point has its name in its middle.
+    for (const {shape, dots: corners} of this.placed) {
+      const there = corners.filter(([x, y]) => Number.isFinite(x + y));
+      const middle = (c) => there.reduce((sum, dot) => sum + dot[c] / there.length, 0);
+      if (shape.point === null && there.length) label(shape.name, middle(0), middle(1));
+    }
   }
 
   axes() {
