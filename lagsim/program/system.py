@@ -98,7 +98,9 @@ SPARSE = ("slopes",)
 CONTRACTED = ("series",)
 # Functions that are called once in many steps.
 SELDOM = ("rounding", "force_rounding")
-MANNER = CONTRACTED, SPARSE, SELDOM
+# Functions that are called once in a step, or for a row.
+ONCE = ("terms", "energies_masses", "inertias", "energies", "observe", "columns")
+MANNER = CONTRACTED, SPARSE, SELDOM, ONCE
 
 
 class System:

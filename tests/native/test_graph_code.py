@@ -195,10 +195,11 @@ def test_pieces_and_tapes_give_the_same_bits(
     ir = code.code.ir
     assert ("@f.1" in ir) == ("optnone" in ir) == (piece < 100)
     assert piece >= 50 or "@prepare.1" in ir
-    # What is called seldom may be a tape beside code.
+    # What is called seldom may be a tape beside code, or code as it stands.
     monkeypatch.setattr(straight_line, "RARE", 0)
-    beside = Compiled(g, functions, partial(generate, seldom=("f",)))
+    beside = Compiled(g, functions, partial(generate, seldom=("f",), once=("h",)))
     assert ("@tape.f" in beside.code.ir, "@tape.h" in beside.code.ir) == (True, False)
+    assert ("optnone" in beside.code.ir) == (piece <= 50)
     for name in functions:
         assert bits(beside.at(VALUES, name)) == bits(code.at(VALUES, name))
     expected = evaluate(g, functions["f"], VALUES)

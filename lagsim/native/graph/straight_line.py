@@ -101,7 +101,7 @@ class Writer(Lines):
         more: str = "",
         linkage: str = "",
         cleared: int = 0,
-        seldom: bool = False,
+        shortest: int = LONG,
     ) -> None:
         """Write it.
 
@@ -115,13 +115,13 @@ class Writer(Lines):
             Arrays besides those of the signature.
         cleared
             So many numbers of `out` are set to 0 before any is stored.
-        seldom
-            It is translated as it stands, as one of more pieces than LONG is.
+        shortest
+            Of more pieces than these it is translated as it stands.
         """
         signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
         length, end = keys.PIECE, ") {"
-        if seldom or len(order) > LONG * length:
+        if len(order) > shortest * length:
             length, end = -(-length // 2), ") noinline optnone {"
         pieces = [order[i : i + length] for i in range(0, len(order), length)] or [[]]
         at_end: dict[int, list[Place]] = {}
@@ -458,6 +458,7 @@ def generate(
     contracted: Collection[str] = (),
     sparse: Collection[str] = (),
     seldom: Collection[str] = (),
+    once: Collection[str] = (),
 ) -> Code:
     """Code of `functions`.
 
@@ -465,6 +466,7 @@ def generate(
     where the processor can: last digits then depend on it. Those named in `sparse` do
     not write what is zero identically: they find zeros. Those named in `seldom` are
     called too rarely for their translation to be worth time; long ones become tapes.
+    Those named in `once` are called once in a step, or less.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout.fixed)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
@@ -489,8 +491,8 @@ def generate(
         at_once = len(nodes) if zeros > FEW_ZEROS and name not in sparse else 0
         if not at_once and name not in sparse:
             stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
-        rare = name in seldom
-        writer.function(name, stores, places, cleared=at_once, seldom=rare)
+        shortest = 0 if name in seldom else 1 if name in once else LONG
+        writer.function(name, stores, places, cleared=at_once, shortest=shortest)
     size = scratch + max(writer.scratch_used for writer in writers)
     made: list[Lines] = [*writers]
     if long:
