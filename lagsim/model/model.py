@@ -372,6 +372,9 @@ class Stated(Protocol):
         parameters, or start values.
         """
 
+    def structural(self) -> Collection[str]:
+        """Give the parameters on which ranges and subscripts depend."""
+
     def texts(self) -> dict[str, Scalar]:
         """Give the expressions of energies, forces and constraints, as `forces.x`."""
 

@@ -302,3 +302,65 @@ def test_values_that_replace_others(given, text):
         model(
             "parameters: {n: 3, m(1..n): 1}\ndefinitions: {a: m(1)*x}", overrides=given
         )
+
+
+def test_a_sweep_over_the_number_of_members():
+    """Runs of other members share a table: columns that a run has not are nan."""
+    text = CHAIN.replace("[1, 1, 2, 1]", "1").replace("q(3): 0.1, ", "")
+    text = text.replace("[0, 0, 1, 0]", "0").replace(", until: x(2) <= -0.4", "")
+    text = text.replace("y(1..n)", "y(1)")
+    sweep = lagsim.sweep(lagsim.load(text), {"n": [1, 3], "g": [1, 2]}, jobs=1)
+    for k, values in enumerate(({"n": 1, "g": 1}, {"n": 1, "g": 2}, {"n": 3, "g": 1})):
+        run = lagsim.simulate(lagsim.load(text, **values), error_bar="never")
+        for name in ("q.1", "q.3"):
+            end = run[name][-1] if name in run.columns else np.nan
+            np.testing.assert_array_equal(sweep[f"{name}.end"][k], end)
+
+
+RING = """
+parameters: {n: 4, m: 2, k: 3, r: 1}
+modes: {held(i = 1..n): "if(i > 2, 1, 0)", count: 0}
+coordinates: {p(1..n): {components: xy, unit: m}}
+states: {s(i = 1..2): {rate: p(i).x - s(i)}}
+definitions: {d(i = 1..n): p(mod(i, n) + 1) - p(i)}
+energy:
+  kinetic: sum(i = 1..n, m*dot(p_dot(i), p_dot(i)))/2
+  potential: sum(i = 1..n, k*(norm(d(i)) - r)^2)/2 + sum(i = 1..n, m*p(i).y)
+constraints:
+  fix(i = 3..n): {relation: p_dot(i) = vec(0, 0), when: held(i) > 0}
+  ground(i = 1..2):
+    {relation: p(i).y >= -1, restitution: 0.5, friction: 0.2, slip: p_dot(i).x}
+events:
+  loose(i = 3..n): {at: p(1).y <= 0.05*i - 0.3, set: {held(i): 0, count: count + i}}
+initial: {p(1..n): [[0, 0], [1, 0], [1, 1], [0, 1]], s(1..2): 0}
+simulation: {duration: 2, output_step: 0.05}
+scene:
+  points: {c(i = 1..n): p(i), o: [0, 0]}
+  links: [[c(1..n), c(1)], {points: [o, c(1)], as: spring}]
+  shapes: {ball(i = 1..n): {disk: 0.1, at: c(i)}, v: {arrow: p_dot(1), at: p(1)}}
+output: {columns: [d(1..2)], plots: [{x: t, y: p(1)}, {x: t, y: [p(1..2), s]}]}
+"""
+
+
+def test_sections_that_refer_to_members():
+    loaded = lagsim.load(RING)
+    assert loaded.scene.links[:4] == (
+        ("c.1", "c.2"), ("c.2", "c.3"), ("c.3", "c.4"), ("c.4", "c.1"),
+    )  # fmt: skip
+    assert [shape.name for shape in loaded.scene.shapes][:2] == ["ball.1", "ball.2"]
+    curves = [[c.text for c in plot.y] for plot in loaded.output.plots]
+    assert curves[0] == ["p(1).x", "p(1).y"]
+    assert curves[1] == ["p(1).x", "p(1).y", "p(2).x", "p(2).y", "s(1)", "s(2)"]
+    found = columns(RING)
+    assert [c for c in found if c.startswith("d.")] == [
+        "d.1.x",
+        "d.1.y",
+        "d.2.x",
+        "d.2.y",
+    ]
+    assert found["held.4"][0] == 1
+    assert found["held.4"][-1] == found["held.3"][-1] == 0
+    assert found["count"][-1] == 7
+    drift = found["energy"] - found["work"]
+    np.testing.assert_allclose(drift, drift[0], atol=1e-9)
+    assert min(found["p.1.y"].min(), found["p.2.y"].min()) >= -1 - 1e-9

@@ -604,7 +604,9 @@ class Expansion:
             one, several = one._replace(node=Broken(inner.place)), False
         name = one.form.format(one.family.name)
         if not (letters or parsed.subscripts):
-            yield key, self.bound(one.node)
+            outer = one.members[0][0]
+            reading = Reading(self.scope, outer, None, 1) if outer else self.plain
+            yield key, self.bound(one.node, reading)
             return
         for k, (indices, member) in enumerate(one.members):
             node = one.node
@@ -880,12 +882,8 @@ class Expansion:
         except ExpressionError:
             parsed = None
         meant = parsed and self.scope.reference(parsed.name)
-        if (
-            parsed
-            and meant
-            and not meant[0].broken
-            and (parsed.ranged or not parsed.subscripts)
-        ):
+        of_family = meant and meant[0].indexed and not meant[0].broken
+        if parsed and (of_family or (meant and not parsed.subscripts)):
             return [
                 self.bound(n._replace(text=_written(*n.text.split("."))))
                 if isinstance(n, Scalar)

@@ -336,7 +336,8 @@ class File:
     ) -> Model:
         """Give a model of this file with other values, see `Model.bind`."""
         faults = Faults(self.file)
-        if self.scope and not self.scope.structural.isdisjoint(parameters):
+        old = {name: self.instead.get(name) for name in parameters}
+        if any(old[name] != parameters[name] for name in self.structural() & {*old}):
             given = {**self.instead, **self.starting, **parameters, **initial}
             graph = Graph(limits.graph_nodes(0), limits.work(0))
             read_again = File(
@@ -368,6 +369,10 @@ class File:
 
         return read_events(node, x)
 
+    def structural(self) -> set[str]:
+        """Give the parameters on which ranges and subscripts depend."""
+        return self.scope.structural if self.scope else set()
+
     def settings(self, options: MappingType[str, str]) -> Settings:
         """Give the settings, see `Model.settings`."""
         faults = Faults(self.file)
@@ -396,7 +401,7 @@ class File:
         """Tell whether other numbers follow these, see `Model.depends_on`."""
         asked = {key: node for key, (_, node) in self.simulation.found.items()}
         asked |= {key: argument("", text) for key, text in self.options.items()}
-        if self.scope and not self.scope.structural.isdisjoint(names):
+        if not self.structural().isdisjoint(names):
             return True
         given = {**self._numbers(), **asked}
         others = (node for name, node in given.items() if name not in names)

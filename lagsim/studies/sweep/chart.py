@@ -63,8 +63,8 @@ FEW = 60
 def chart(found: Found) -> bytes:
     """Draw what was found. Returns the picture."""
     model = found.model
-    names = [x.name for x in model.variables]
-    names += [d.name for d in model.definitions if d.name in found.columns]
+    names = [x.name for x in (*model.variables, *model.definitions)]
+    names = [name for name in names if name in found.columns]
     missing = not all(row.numbers.size and row.complete for row in found.rows.values())
     more: dict[str, Any] = {
         "subject": f"{found.grid.runs} runs", "notes": _notes(found, len(names))

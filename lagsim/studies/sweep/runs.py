@@ -418,10 +418,16 @@ def made(
 
 
 class _Form:
-    """A model read and derived once, and what has been compiled for its first run."""
+    """A model read and derived once, and what has been compiled for its first run.
 
-    def __init__(self, work: Work) -> None:
+    `structure`: values, of those in a run, on which ranges and subscripts depend.
+    """
+
+    def __init__(self, work: Work, texts: Mapping[str, str]) -> None:
         self.model: Model = pickle.loads(work.model)
+        self.structure = _structure(self.model, texts)
+        if self.structure:
+            self.model = bound(self.model, self.structure)
         self.options = dict(work.options)
         self.equations = derive(self.model)
         self.session: Session | None = None
@@ -433,6 +439,8 @@ class _Form:
         ------
         InputError, StartError
         """
+        if _structure(self.model, texts) != self.structure:
+            return None
         model = bound(self.model, texts)
         case = examined(self.equations, model, wanted(model, "sweep", self.options))
         if self.session is None:
@@ -441,13 +449,19 @@ class _Form:
         return self.session.bound(case)
 
 
+def _structure(model: Model, texts: Mapping[str, str]) -> dict[str, str]:
+    """Give those of some values on which ranges and subscripts of the file depend."""
+    names = model.stated.structural()
+    return {name: text for name, text in texts.items() if name in names}
+
+
 class Runs:
     """Makes runs, one after the other.
 
     Attributes
     ----------
     columns : tuple of str
-        Those of a run's table.
+        Those of the runs' tables: of runs with other members, those of any.
     batch : Batch or None
         Makes the ends of many runs at once, of the form of the first one; None where
         runs are made one by one.
@@ -455,8 +469,16 @@ class Runs:
 
     def __init__(self, work: Work) -> None:
         self.work = work
-        self._forms = [_Form(work)]
-        self.columns = Columns(self._forms[0].equations, {}).of_table
+        grid = work.grid
+        self._forms = [_Form(work, grid.texts(0))]
+        every = {
+            tuple(_structure(self._forms[0].model, grid.texts(k)).items()): None
+            for k in range(grid.runs if self._forms[0].structure else 1)
+        }
+        others = [_Form(work, dict(texts)) for texts in [*every][1:]]
+        tables = [Columns(f.equations, {}).of_table for f in (*self._forms, *others)]
+        longest = sorted(tables, key=len, reverse=True)
+        self.columns = tuple(dict.fromkeys(name for t in longest for name in t))
         self.batch: Batch | None = None
         self._tried, self._done = False, 0
 
@@ -495,7 +517,8 @@ class Runs:
         except InputError as error:
             reason = "; ".join(problem.text for problem in error.problems)
             return Row(grid.values(number), UNUSABLE, reason=reason)
-        extremes, bars = Extremes(len(self.columns)), self.work.error_bars
+        own = session.system.columns.of_table
+        extremes, bars = Extremes(len(own)), self.work.error_bars
         if self.work.kept is not None:
             found = self._written(number, session, extremes, interrupt)
         else:
@@ -507,17 +530,28 @@ class Runs:
         if self.work.ends and not self._tried:
             self._tried = True
             batch = Batch(session, self.work, len(self.columns))
+            if self._forms[0].structure:
+                batch.refusal = "a swept value changes the members of a family"
             self.batch = None if batch.refusal else batch
         model, complete = session.case.equations.model, trajectory.outcome.complete
+        numbers = extremes.end[None] if self.work.ends else extremes.stacked
         return Row(
             tuple(value_of(model, axis.name) for axis in grid.axes),
             trajectory.outcome.word,
             complete,
             None if isinstance(bar, str) else bar.relative,
             "" if complete else trajectory.reason,
-            extremes.end[None] if self.work.ends else extremes.stacked,
+            self._placed(numbers, own),
             _mark(session),
         )
+
+    def _placed(self, numbers: Floats, own: Sequence[str]) -> Floats:
+        """Return numbers of a run in all columns; nan in those that it has not."""
+        if own == self.columns:
+            return numbers
+        found = np.full((len(numbers), len(self.columns)), np.nan)
+        found[:, [self.columns.index(name) for name in own]] = numbers
+        return found
 
     def _session(self, texts: Mapping[str, str]) -> Session:
         """Give the session of a run, compiled if need be."""
@@ -526,7 +560,7 @@ class Runs:
             if session is not None:
                 self._forms.insert(0, self._forms.pop(k))
                 return session
-        new = _Form(self.work)
+        new = _Form(self.work, texts)
         self._forms = [new, *self._forms[: MOST_FORMS - 1]]
         session = new.bound(texts)
         assert session is not None
