@@ -86,7 +86,6 @@ class State(Signals):
     orientation: Floats = array("conditions")
     equation: Floats = array("conditions")  # 1 of an equation
     leeway: Floats = array("conditions")
-    earlier: Floats = array("conditions")  # the functions, just before the last event
 
     # Event functions of surfaces and of conditions at a point; with their slopes, at
     # the start of a stretch, within it and at its end.
@@ -804,9 +803,6 @@ def cut(s: State, p: Parameters, low: float, high: float) -> None:
                     high = end_of(s, p, k, -float(p.band[k]), middle, high)
     if UNTIL and first >= of_surfaces(p):
         s.event = first - of_surfaces(p) + 1.0
-        x = high - BESIDE * high
-        interpolate(s, x, s.work)
-        located(s.step_t + x * s.step_h, s.work, p, s.earlier)
     else:
         s.switched = first + 1.0
     if SWITCHES:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 # Nothing has happened since an event within so many leeways of its condition, and this
 # part of the first step after it.
 NEAR, EARLY = 4.0, 1e-3
+# Rates are differences over this part of a step.
+BACK = 2.0**-10
 # Where `sequence.STUCK` acts take no more than this part of a run, it does not end.
 HARDLY = 1e-9
 
@@ -128,21 +130,30 @@ class _Moment:
         self.event_of = [k for k, x in enumerate(self.events) if x.at is not None]
         self.until = len(self.event_of)
         self.count = len(self.state.orientation)
-        self.values = self._conditions("located")
+        self.values = self._conditions()
         self.found: list[Event] = []
         self.ending: Ending | None = None
 
-    def _conditions(self, name: str, length: int | None = None) -> Floats:
-        arc, length = self.arc, self.count if length is None else length
-        if not self.count:
-            return np.zeros(0)
-        return arc.runner.function(name, length)(arc.t, arc.y)
+    def _conditions(self) -> Floats:
+        arc, count = self.arc, self.count
+        of = arc.runner.function("located", count) if count else None
+        return np.zeros(0) if of is None else of(arc.t, arc.y)
+
+    def _change(self) -> Floats:
+        """Change of conditions within a short time, at the rates before the event."""
+        arc, system, ago = self.arc, self.arc.system, BACK * self.state.step_h
+        if system.moreau is not None:  # nothing is known of rates
+            return np.zeros(self.count)
+        rates = arc.runner.function("derivative", system.size)(arc.t, arc.y)
+        of = arc.runner.function("located", self.count)
+        return np.asarray(self.values - of(arc.t - ago, arc.y - ago * rates))
 
     @cached_property
     def rounding(self) -> Floats:
         """Bounds of the rounding of conditions, also where all their terms vanish."""
         sizes, count = self.arc.seen[self.state.dynamic], self.count
-        found = self._conditions("located_slopes", count * (1 + len(sizes)))
+        of = self.arc.runner.function("located_slopes", count * (1 + len(sizes)))
+        found = of(self.arc.t, self.arc.y)
         slopes = np.abs(found[count:]).reshape(count, len(sizes))
         return RESIDUAL_ROUNDOFF * np.maximum(found[:count], slopes @ sizes)
 
@@ -172,23 +183,22 @@ class _Moment:
         """
         state, rounding = self.state, self.rounding
         side, misses = state.orientation, self.values * state.orientation
-        comes = (misses <= rounding) & (state.earlier * side - misses > rounding)
+        change = self._change()
+        comes = (misses <= rounding) & (change * side < -rounding)
         true = {*np.flatnonzero((side != 0.0) & ((misses <= 0.0) | comes)), found}
         state.leeway[found] = max(0.0, misses[found])
         turns = (side == 0.0) & (state.equation == 0.0) & np.isfinite(state.leeway)
-        turns &= np.abs(self.values) <= 2.0 * rounding
-        turns &= state.earlier - self.values > rounding
+        turns &= np.abs(self.values) <= np.maximum(2.0 * rounding, state.leeway)
+        turns &= change < -rounding
+        side[turns], state.leeway[turns] = -1.0, rounding[turns]
         if not self._goes_on():
             self.run.lately.clear()
-        for c in (x.condition for x in self.run.lately):  # the way back has begun
-            turns[c] |= side[c] == 0.0 and self.values[c] < 0.0
-        side[turns], state.leeway[turns] = -1.0, rounding[turns]
         return true
 
     def _becoming_true(self) -> set[int]:
         """Conditions that are true by what has been set, and were false."""
         state, true = self.state, set()
-        self.values = self._conditions("located")
+        self.values = self._conditions()
         for c, value in enumerate(self.values.tolist()):
             side, leeway = state.orientation[c], state.leeway[c]
             if side != 0.0 and not value * side + leeway > 0.0:
