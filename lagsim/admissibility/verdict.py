@@ -551,7 +551,13 @@ class _Rows:
             pairs=tuple(place.get(law.pair, -1) for law in laws),
             bounds=np.maximum(point.array([law.bound for law in laws]), 0.0),
             statics=np.maximum(point.array([law.static for law in laws]), 0.0),
-            restitutions=np.array([law.restitution for law in laws]),
+            restitutions=point.array(
+                [
+                    point.g.constant(x.restitution) if x.bounce is None else x.bounce
+                    for x in laws
+                ]
+            ),
+            poisson=tuple(law.poisson for law in laws),
             factor=self.answer.factor,
         )
 

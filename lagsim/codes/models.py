@@ -489,6 +489,12 @@ output: {reactions: [x]}
         "look for a name that is spelt otherwise",
         "frames: {rod: {angle: theta}}\ndefinitions: {w: omega(rot), y: 0}\n"),
     # E3xx: the start of a model.
+    Row("E270", "unknown-restitution-law",
+        "There is no such restitution law.",
+        "`restitution_law` is `newton` or `poisson`.",
+        "write `newton`, of rates, or `poisson`, of impulses",
+        "constraints:\n  floor: {relation: theta >= 0, restitution: 0.5, "
+        "restitution_law: possion}\n"),
     Row("E301", "inadmissible",
         "The start violates a constraint, or the time derivative of one; or it is not "
         "at rest, where `begin: rest` asks for that.",

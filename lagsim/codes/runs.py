@@ -137,6 +137,16 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "give more points, or `outside: hold`, `extend` or `repeat`; or stop before",
         "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
         _RUN),
+    Row("E520", "law-out-of-range",
+        "A friction became negative, or a restitution left 0 to 1.",
+        "Along the whole motion friction is not negative and restitution 0 to 1.",
+        "bound the expression, as in max(0, ...) or min(1, ...)",
+        "coordinates: {x: {}, y: {}}\ndefinitions: {}\n"
+        "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"
+        "constraints:\n  floor: {relation: y >= 0, restitution: 0, friction: 0.3 - x, "
+        "slip: x_dot}\n"
+        "initial: {x: 0, y: 0, x_dot: 2}\n",
+        _RUN),
     # E6xx: what is made of results: comparisons, goldens, pictures of several runs.
     Row("E601", "differs",
         "Two results differ by more than the bound.",

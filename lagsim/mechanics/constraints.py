@@ -20,6 +20,7 @@ from lagsim.language.derivatives import gradient, slopes, tangent
 from lagsim.language.evaluate import addends
 from lagsim.language.sparse import SparseVector
 from lagsim.methods.parts import parameters as kept
+from lagsim.model.model import APPROACH_SPEED
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -209,7 +210,10 @@ class Law(NamedTuple):
     multiplier : str
         The name of its variable, and column.
     restitution : float
-        Newton's, of a contact.
+        Newton's, of a contact, or Poisson's.
+    bounce : int or None
+        The node of a restitution that is no number.
+    poisson : bool
     bound, static : int
         The friction coefficient while it slides and while it sticks, or the largest
         size of the multiplier: nodes. Zero where there is none.
@@ -229,6 +233,14 @@ class Law(NamedTuple):
     normal: int = -1
     pair: int = -1
     when: int | None = None
+    bounce: int | None = None
+    poisson: bool = False
+
+    @property
+    def given(self) -> tuple[int, ...]:
+        """Nodes of what the file gives of it: bounds, and restitution."""
+        bounce = () if self.bounce is None else (self.bounce,)
+        return (self.bound, self.static, *bounce)
 
     def bouncing(self, restitution: float) -> Law:
         """Return the same with another restitution, where it is a contact's."""
@@ -260,8 +272,14 @@ def laws_of(g: Graph, constraints: Sequence[Constraint], flow: Flow) -> Iterator
             count += 1
             continue
         kind = Kind.CONTACT if row.holonomic else Kind.FREEWHEEL
-        e = c.law.restitution
-        yield Law(row, kind, c.name, name, e, zero, zero, when=c.when)
+        bounce = c.law.bounce
+        if bounce is not None:
+            approach = {g.variable(APPROACH_SPEED): g.call("neg", row.rate)}
+            bounce = g.substitute([bounce], approach)[0]
+        yield Law(
+            row, kind, c.name, name, c.law.restitution, zero, zero, when=c.when,
+            bounce=bounce, poisson=c.law.poisson,
+        )  # fmt: skip
         yield from _slips(g, c.name, c.law, flow, count)
         count += 1 + len(c.law.slips)
 

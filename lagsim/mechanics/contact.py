@@ -5,12 +5,14 @@ that hold: no graph, no state.
 
 Impacts obey Newton's law of restitution and Coulomb's of friction: the rate of each
 contact after the impact is at least -e times the one before, and is that where there is
-an impulse. All contacts that touch share one impact, at one time: where they act on
-each other, another order of impacts would end in other rates. Where a series of impacts
-is taken as one, a contact may have to pull in it: the series ends with it at rest, and
-what held it down meanwhile (its weight) is part of no impact. Its friction is in
-proportion, of either sign, so that what slides one way all the time loses what it does
-by the impulses of the series and of the weight.
+an impulse. By Poisson's law one impact without restitution ends the approach; another
+adds e times its impulse, or more where a contact would close. All contacts that touch
+share one impact, at one time: where they act on each other, another order of impacts
+would end in other rates. Where a series of impacts is taken as one, a contact may have
+to pull in it: the series ends with it at rest, and what held it down meanwhile (its
+weight) is part of no impact. Its friction is in proportion, of either sign, so that
+what slides one way all the time loses what it does by the impulses of the series and of
+the weight.
 
 From accelerations at rates that are known follows which rows hold, slide or let go.
 What slides is driven by a force of known direction. What rests holds if a multiplier
@@ -77,6 +79,8 @@ class Closed:
     bounds, statics : ndarray, shape (r,)
         The friction coefficient while it slides and while it sticks, or the limit.
     restitutions : ndarray, shape (r,)
+    poisson : tuple of bool, optional
+        Of contacts: restitution is of impulses, not of rates.
     factor : ndarray, shape (k, r), optional
         D = factor^T factor, from which rows at a small angle are still told apart.
     """
@@ -89,6 +93,7 @@ class Closed:
     statics: Floats
     restitutions: Floats
     factor: Floats | None = None
+    poisson: tuple[bool, ...] = ()
 
     @cached_property
     def bounded(self) -> Flags:
@@ -191,18 +196,22 @@ def impact(closed: Closed, rates: Floats, roundoff: Floats) -> Impact:
     if len(rates) == 1 and closed.kinds[0].one_sided:
         return _of_one(closed, float(rates[0]), float(roundoff[0]))
     before = np.where(np.abs(rates) <= roundoff, 0.0, rates)
-    terms = zip(
-        closed.kinds, closed.restitutions.tolist(), before.tolist(), strict=True
-    )
-    target = np.array(
-        [-e * v if kind is Kind.CONTACT and v < 0.0 else 0.0 for kind, e, v in terms]
-    )
+    bounces = np.array([kind is Kind.CONTACT for kind in closed.kinds])
+    of_impulses = bounces & (closed.poisson or False)
+    newton = bounces & ~of_impulses & (before < 0.0)
+    target = np.where(newton, -closed.restitutions * before, 0.0)
     solution = _impulses(closed, before - target)
     locked = not solution.found and bool(target.any())
     if locked:
         target = np.zeros(len(before))
         solution = _impulses(closed, before)
-    p, after = solution.p, solution.w + target
+    p = solution.p
+    if of_impulses.any() and solution.found:
+        more = np.where(of_impulses, closed.restitutions * p, 0.0)
+        p = p + more
+        solution = _impulses(closed, solution.w + closed.D @ more, more)
+        p = p + solution.p
+    after = solution.w + target
     is_open = locked or _is_open(closed, before, p)
     energy = float(p @ (before + after)) / 2.0
     return Impact(p, after, is_open, energy, solution.found)
@@ -222,13 +231,15 @@ def _of_one(closed: Closed, rate: float, roundoff: float) -> Impact:
     return Impact(np.array([p]), np.array([after]), False, energy, found)
 
 
-def _impulses(closed: Closed, c: Floats) -> Solution:
+def _impulses(closed: Closed, c: Floats, given: Floats | None = None) -> Solution:
     """Impulses for rates c (r,) that are to become 0; what is limited gives none.
+
+    Friction is bounded by them, and by those of contacts that are `given` (r,) before.
 
     The slips of stopped contacts slide on, or are held where that would turn them back.
     """
     r, kinds = len(c), list(closed.kinds)
-    given, directions = np.zeros(r, dtype=bool), np.zeros(r)
+    goes_on, directions = np.zeros(r, dtype=bool), np.zeros(r)
     sizes = np.where([kind is Kind.SLIP for kind in kinds], closed.bounds, 0.0)
     sliding: list[list[int]] = []
     for k, (n, pair) in enumerate(zip(closed.normals, closed.pairs, strict=True)):
@@ -237,19 +248,24 @@ def _impulses(closed: Closed, c: Floats) -> Solution:
         rows = [k] if pair < 0 else [pair, k]
         speed = float(np.linalg.norm(c[rows]))
         if speed > 0.0:
-            given[rows], directions[rows] = True, -c[rows] / speed
+            goes_on[rows], directions[rows] = True, -c[rows] / speed
             sliding.append(rows)
         else:
             kinds[k] = kinds[rows[0]] = Kind.TIMED
     while True:
         some = replace(closed, kinds=tuple(kinds))
-        solution = solve(_problem(some, c, sizes, directions, given=given))
+        problem = _problem(some, c, sizes, directions, given=goes_on)
+        if given is not None:
+            known = np.where(problem.normals >= 0, given[problem.normals], 0.0)
+            for bound in (problem.low, problem.high):
+                bound[0] += bound[1] * known
+        solution = solve(problem)
         turned = [rows for rows in sliding if solution.w[rows] @ directions[rows] > 0.0]
         if not turned:
             return solution
         for rows in turned:
             sliding.remove(rows)
-            given[rows] = False
+            goes_on[rows] = False
             kinds[rows[0]] = kinds[rows[-1]] = Kind.TIMED
 
 

@@ -333,7 +333,7 @@ class Equations:
         nodes = [*self.mass_nodes, *self.f, *self.other_rates]
         for row in self.every_row:
             nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
-        return nodes + [x for law in self.laws for x in (law.bound, law.static)]
+        return nodes + [x for law in self.laws for x in law.given]
 
     def row(self, name: str) -> Row:
         """Row of a constraint."""
@@ -620,7 +620,7 @@ def groups(e: Equations) -> list[list[int]]:
         row, held = law.row, [*law.row.A.entries]
         if law.normal >= 0:  # friction has the contact's multiplier
             held += e.laws[law.normal].row.A.entries
-        nodes = [row.residual, row.rate, row.b, law.bound, law.static]
+        nodes = [row.residual, row.rate, row.b, *law.given]
         together.append(([*nodes, *row.A.entries.values()], held))
     names = coordinates_of(e)
     found = DisjointSets(len(e.q))

@@ -542,6 +542,7 @@ def find_switches(
     moving: Collection[str],
     dynamics: Sequence[int] = (),
     speeds: Collection[str] = (),
+    ignored: frozenset[int] = frozenset(),
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -556,6 +557,8 @@ def find_switches(
         sides.
     speeds
         The names of velocities: roots of these are switches, see `Roots`.
+    ignored
+        Switches of the motion at the end of a mode anyway.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
@@ -569,6 +572,7 @@ def find_switches(
         for discrete, (function, deciding) in sorted(finder.state.items())
     }
     deciding_motion = frozenset(g.cone(dynamics))
+    deciding_motion -= ignored
     watched = sorted({d for n, d in finder.decided.items() if n in deciding_motion})
     while True:
         sides, sides_of = _sides(g, [state[d] for d in watched])
@@ -685,7 +689,9 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     works = (x.name for x in e.works)
     moving = (*state, *works, *e.accelerations, *e.multipliers)
     sided = tuple(dynamics) if located else ()
-    return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities)
+    # The friction of a slip depends on its size, and a slip that vanishes has ended.
+    sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
+    return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities, sizes)
 
 
 _found = memoized(find_switches)

@@ -169,18 +169,25 @@ class Relation(NamedTuple):
     multiple: bool = False
 
 
+# Names that may stand in a friction, and in a restitution, alone.
+SLIP_SPEED, APPROACH_SPEED = "slip_speed", "approach_speed"
+
+
 class OneSided(NamedTuple):
     """The law of a relation that pushes and does not pull.
 
-    Newton's restitution, and Coulomb's friction: `friction` while it slides, `static`
-    while it sticks, both on the velocities `slips`. A relation between velocities has
-    restitution 0 and no friction.
+    Newton's restitution, or Poisson's, and Coulomb's friction: `friction` while it
+    slides, `static` while it sticks, both on the velocities `slips`. A restitution that
+    follows the state, or `APPROACH_SPEED`, is the node `bounce`. A relation between
+    velocities has restitution 0 and no friction.
     """
 
     restitution: float
     friction: int | None = None
     slips: tuple[int, ...] = ()
     static: int | None = None
+    bounce: int | None = None
+    poisson: bool = False
 
 
 class Constraint(NamedTuple):

@@ -197,6 +197,9 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
         return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that come and go need a method that evaluates y' only"
+    follow = [x.constraint for x in equations.laws if x.bounce is not None or x.poisson]
+    if follow and not locates(name):
+        return f"it knows Newton's constant restitution alone (`{follow[0]}`)"
     why = str(chosen.refusal(scene))
     return "" if why and newton_of(name, equations) is not None else why
 

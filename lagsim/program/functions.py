@@ -190,6 +190,11 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
             for law in e.laws
         ]
         found["conditions"] = _conditions(e)
+        if any(law.bounce is not None for law in e.laws):
+            found["restitutions"] = [
+                g.constant(law.restitution) if law.bounce is None else law.bounce
+                for law in e.laws
+            ]
     return found
 
 

@@ -386,6 +386,8 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
             out[k] = hold_left(p, k)
         elif mode[k] == SLIDING:
             out[k] = slide_left(p, k, out[k])
+            if p.law_varies[k] > 0.0:  # it may not become negative
+                out[k] = min(out[k], p.law_bounds[k])
         elif mode[k] == REDUNDANT or not is_one_sided(p, k):
             out[k] = ENDLESS
 

@@ -323,6 +323,10 @@ class System:
             p.worked[:] = self.equations.worked
         if self.laws:
             p.law_kind[:] = [law.kind.code for law in self.laws]
+            moves = self.equations.graph.dependent(
+                [law.bound for law in self.laws], self.equations.moving
+            )
+            p.law_varies[:] = [x.normal >= 0 and x.bound in moves for x in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         return cast("Parameters", p)

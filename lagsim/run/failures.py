@@ -89,6 +89,7 @@ FAILURES = {
     Outcome.CONSTRAINT_JUMPS: "the position that constraint `{about}` prescribes jumps",
     Outcome.SWITCHES_ACCUMULATE: "the switches {about} accumulate",
     Outcome.PARADOX: "no contact forces satisfy the laws of {about}",
+    Outcome.LAW_OUT_OF_RANGE: "{about}",
     Outcome.STATE_JUMPS: "the state would have jumped",
     Outcome.TABLE_ENDS: "the table {about}",
     Outcome.PROJECTION_FAILED: "the constraints could not be satisfied",

@@ -35,6 +35,7 @@ class Outcome(Enum):
     NO_ANSWER = "no-answer"
     PARADOX = "paradox"
     STATE_JUMPS = "state-jumps"
+    LAW_OUT_OF_RANGE = "law-out-of-range"
     EVENTS_CHATTER = "events-chatter"
     TABLE_ENDS = "table-ends"
 

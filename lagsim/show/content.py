@@ -35,6 +35,7 @@ class Content(NamedTuple):
 UNICODE = {
     "complementarity": "0 ≤ {g} ⊥ {lam} ≥ 0",
     "impact": "{rate}⁺ = −{e} {rate}⁻",
+    "poisson": "Λ_e ≥ {e} Λ_c, {rate}⁺ ≥ 0, where Λ_c ends the approach",
     "inelastic": "{rate}⁺ = 0",
     "friction": "|f| ≤ {bound}, against the slip",
     "sticking": "|f| ≤ {most} while it sticks; |f| = {bound} against the slip",
@@ -44,6 +45,7 @@ UNICODE = {
 _PLAIN = {
     "−": "-", "≥": ">=", "≤": "<=", "⊥": "_|_", "∂": "d", "Σ": "sum", "q̇": "q'",
     "q̈": "q''", "⁻¹": "^-1", "⁺": "+", "⁻": "-", "ᵀ": "^T", "²": "^2", "λ": "lambda",
+    "Λ": "Lambda",
 }  # fmt: skip
 
 
@@ -59,6 +61,8 @@ ASCII = in_ascii(UNICODE)
 LATEX = {
     "complementarity": r"0 \le {g} \perp {lam} \ge 0",
     "impact": r"{rate}^{{+}} = -{e} \, {rate}^{{-}}",
+    "poisson": r"\Lambda_e \ge {e} \, \Lambda_c, \; {rate}^{{+}} \ge 0 "
+    r"\text{{, where }} \Lambda_c \text{{ ends the approach}}",
     "inelastic": r"{rate}^{{+}} = 0",
     "friction": r"|f| \le {bound} \text{{, against the slip}}",
     "sticking": r"|f| \le {most} \text{{ while it sticks; }} |f| = {bound} "
@@ -68,13 +72,15 @@ LATEX = {
     "when": r"{lam} = 0 \text{{ unless }} {when}",
 }
 # The key of a statement, where that is another.
-_KEYS = {"inelastic": "impact", "sticking": "friction"}
+_KEYS = {"inelastic": "impact", "poisson": "impact", "sticking": "friction"}
 # How the module in Python names what it does not write out.
 _WORDS = {
     "g": "g", "rate": "g'", "lam": "lambda", "bound": "mu lambda",
-    "most": "mu_s lambda", "limit": "F", "when": "its condition holds",
+    "most": "mu_s lambda", "e": "e", "limit": "F", "when": "its condition holds",
 }  # fmt: skip
 _LAW = ("restitution", "friction", "static_friction", "limit", "when")
+# The restitution law, where it is not Newton's.
+RESTITUTION_LAW = {"restitution_law": "poisson"}
 
 
 def always(k: Mapping[str, Any]) -> bool:
@@ -111,6 +117,8 @@ def conditions(
         "most": _times(k["static_friction"], multiplier),
     }  # fmt: skip
     words = {word: write(e) for word, e in parts.items() if e is not None}
+    if not isinstance(k["restitution"], float | None):
+        words["e"] = f"({write(k['restitution'])})"
     return _written(k, {"g": called[0], "rate": called[1], **words}, signs)
 
 
@@ -123,8 +131,11 @@ def in_words(constraint: Constraint) -> tuple[str, ...]:
 def law_of(constraint: Constraint) -> dict[str, Any]:
     """Give restitution and the nodes of friction; None where there is none."""
     law = constraint.law
-    found = (law.restitution, law.friction, law.static) if law else (None,) * 3
-    return dict(zip(_LAW, found, strict=False))
+    if law is None:
+        return dict.fromkeys(_LAW[:3])
+    e = law.restitution if law.bounce is None else law.bounce
+    found = dict(zip(_LAW, (e, law.friction, law.static), strict=False))
+    return found | (RESTITUTION_LAW if law.poisson else {})
 
 
 def _times(e: Any, multiplier: Any) -> Any:
@@ -134,14 +145,16 @@ def _times(e: Any, multiplier: Any) -> Any:
 def _written(
     law: Mapping[str, Any], words: Mapping[str, str], signs: Mapping[str, str]
 ) -> dict[str, str]:
-    e = f"{law['restitution'] or 0.0:g}"
-    return {_KEYS.get(s, s): signs[s].format(e=e, **words) for s in _statements(law)}
+    if isinstance(e := law["restitution"], float | None):
+        words = {**words, "e": f"{e or 0.0:g}"}
+    return {_KEYS.get(s, s): signs[s].format(**words) for s in _statements(law)}
 
 
 def _statements(law: Mapping[str, Any]) -> Iterator[str]:
     if law["restitution"] is not None:
         yield "complementarity"
-        yield "impact" if law["restitution"] else "inelastic"
+        law_of_it = law.get("restitution_law", "impact")
+        yield law_of_it if law["restitution"] != 0.0 else "inelastic"
     if law["friction"] is not None:
         yield "friction" if law["static_friction"] is None else "sticking"
     for key in ("limit", "when"):

@@ -32,7 +32,7 @@ from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
 from lagsim.show.conserved import conserved_quantities
-from lagsim.show.content import Content, always, law_of
+from lagsim.show.content import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.names import Name
 from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
 from lagsim.show.tidy import MOST_PRODUCTS, cost
@@ -508,8 +508,9 @@ class _Derivation:
         kind = "holonomic" if row.holonomic else "nonholonomic"
         given = law_of(constraint)
         nodes = [given["friction"], given["static_friction"], constraint.limit]
-        nodes += [constraint.when, *(law.slips if law else ())]
-        friction, static, limit, when, *slip = x.sympy(nodes, written=True)
+        nodes += [constraint.when, law.bounce if law else None]
+        nodes += law.slips if law else ()
+        friction, static, limit, when, e, *slip = x.sympy(nodes, written=True)
         if when is not None and when.is_Piecewise:  # if(condition, 1, 0)
             when = when.args[0][1]
         return {
@@ -520,12 +521,13 @@ class _Derivation:
             "acceleration": x.tidy(moved + drift),
             "A": A,
             "b": x.tidy(-drift),
-            "restitution": given["restitution"],
+            "restitution": given["restitution"] if e is None else e,
             "friction": friction,
             "static_friction": static,
             "slip": slip,
             "limit": limit,
             "when": when,
+            **{key: given[key] for key in RESTITUTION_LAW if key in given},
         }
 
 

@@ -28,7 +28,7 @@ from lagsim.language.functions import FUNCTIONS, OPERATIONS
 from lagsim.language.graph import CONSTANT, TRUTH, VARIABLE
 from lagsim.language.names import rate_of
 from lagsim.language.tables import arguments, written
-from lagsim.model.model import Level
+from lagsim.model.model import APPROACH_SPEED, Level
 from lagsim.show.names import Name
 from lagsim.show.tidy import Tidier, circular, not_finite, too_long
 
@@ -246,6 +246,8 @@ class Translation:
         self.multipliers = [symbol(f"lambda_{c.name}") for c in model.constraints]
         physics = physics_of(model)
         parameters = [symbol(p.name) for p in model.parameters]
+        speeds = {APPROACH_SPEED} & g.depends(physics)
+        self.speeds = [symbol(name) for name in speeds]  # of an impact
         self._parameters = frozenset(parameters)
         given = [p for p in model.parameters if substitute]
         self.known = {g.variable(p.name): number(p.value) for p in given}
@@ -317,7 +319,7 @@ class Translation:
         self, parameters: list[Any]
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
         model, kept = self.equations.model, list(self.kept)
-        single = *parameters, *kept, *self.states, self.t
+        single = *parameters, *kept, *self.states, *self.speeds, self.t
         names = {s: Name(s.name) for s in single}
         for order, group in enumerate((self.q, self.v, self.a)):
             shown = (Name(q.name, order) for q in self.q)
@@ -326,7 +328,8 @@ class Translation:
         names |= dict(zip(self.multipliers, shown, strict=True))
         groups = [
             _as_people_order(model.parameters), kept,
-            [self.t, *self.q, *self.states], self.v, self.a, self.multipliers,
+            [self.t, *self.q, *self.states, *self.speeds], self.v, self.a,
+            self.multipliers,
         ]  # fmt: skip
         rank = {
             s: (k, i) for k, group in enumerate(groups) for i, s in enumerate(group)
@@ -460,7 +463,7 @@ def physics_of(model: Model) -> list[int]:
     for c in model.constraints:
         nodes += [c.limit, c.when]
         if c.law is not None:
-            nodes += [c.law.friction, c.law.static, *c.law.slips]
+            nodes += [c.law.friction, c.law.static, c.law.bounce, *c.law.slips]
     return [n for n in nodes if n is not None]
 
 

@@ -232,7 +232,8 @@ class Outline:
         for key in () if moving else ("restitution", "friction", "static_friction"):
             value = k[key]
             if value is not None:
-                shown = f"{value:g}" if key == "restitution" else self.write(value)
+                plain = isinstance(value, float)
+                shown = f"{value:g}" if plain else self.write(value)
                 given.append(f"{key.partition('_')[0]}: {self._inline(shown)}")
         if k["slip"] and not moving:
             slips = (self._inline(self.write(e)) for e in k["slip"])

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.names import rate_of, rated
 from lagsim.language.parser import parse_relation
-from lagsim.model.model import Constraint, Force, Level, OneSided, Relation, State
+from lagsim.model.model import (
+    APPROACH_SPEED,
+    SLIP_SPEED,
+    Constraint,
+    Force,
+    Level,
+    OneSided,
+    Relation,
+    State,
+)
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, items_of
 from lagsim.model.reader import hints
 from lagsim.model.reader.expressions import Kind, check_name
@@ -304,10 +313,7 @@ class _Reader:
             hint = "write its rate: `x_dot = 0` holds what `x = 0` does, and can slip"
             self._refuse("not-a-velocity", ["limit"], "contains no velocity", hint)
         of = f"the limit of {self.what}"
-        limit = x.compile(node, of, Level.VELOCITY)
-        if limit is not None and x.graph.depends([limit]) <= x.known.keys():
-            self._coefficient(node, of)
-        return limit
+        return self._coefficient(node, of, Level.VELOCITY)[0]
 
     def _one_sided(
         self, expression: Node, relation: Relation | None
@@ -339,18 +345,27 @@ class _Reader:
         """Build the law of a contact; `known` tells that it is one."""
         what, below, faults = self.what, self.below, self.x.faults
         node, restitution = below.value("restitution"), None
+        bounce: int | None = None
         if node is not None:
-            restitution = self.x.number(node, f"the restitution of {what}")
+            of = f"the restitution of {what}"
+            bounce, restitution = self._number(node, of, Level.POSITION, APPROACH_SPEED)
             if restitution is not None and not 0 <= restitution <= 1:
-                text = f"the restitution of {what} is {restitution:g}, "
-                text += "outside of 0 to 1"
+                text = f"{of} is {restitution:g}, outside of 0 to 1"
                 faults.add("out-of-range", text, node.place)
+            bounce = bounce if restitution is None else None
         elif known:
             text = f"{what} is one-sided and has no `restitution`"
             hint = "write {relation: ..., restitution: 0}: 0 stays down, 1 bounces back"
             faults.add("missing-key", text, below.place, hint)
-        dynamic, static = self._friction()
         slips = self._slips()
+        dynamic, static = self._friction(slips)
+        law = below.text("restitution_law")
+        if law not in ("", "newton", "poisson"):
+            text = f"there is no restitution law `{law}`"
+            hint = faults.did_you_mean(law, ("newton", "poisson"))
+            place = below.found["restitution_law"][1].place
+            hint = hint or "it is `newton` or `poisson`"
+            faults.add("unknown-restitution-law", text, place, hint)
         opposed = "`slip` is the sliding velocity that friction opposes"
         for key, other, hint in (
             ("friction", "slip", opposed), ("slip", "friction", "give `friction: mu`"),
@@ -358,21 +373,25 @@ class _Reader:
             if key in below and other not in below:
                 text = f"{what} has `{key}` but no `{other}`"
                 faults.add("missing-key", text, below.place_of(key), hint)
-        if restitution is None:
+        if restitution is None and bounce is None:
             return None
-        return OneSided(restitution, dynamic, slips, static)
+        e = 0.0 if restitution is None else restitution
+        return OneSided(e, dynamic, slips, static, bounce, law == "poisson")
 
-    def _friction(self) -> tuple[int | None, int | None]:
+    def _friction(self, slips: tuple[int, ...]) -> tuple[int | None, int | None]:
         """Build the coefficient of what slides, and of what sticks where it differs."""
         node, what, faults = self.below.value("friction"), self.what, self.x.faults
         if not isinstance(node, Mapping):
-            return self._coefficient(node, f"the friction of {what}")[0], None
+            of = f"the friction of {what}"
+            mu, _ = self._coefficient(node, of, Level.VELOCITY, SLIP_SPEED)
+            return self._at_speeds(mu, slips)
         place = self.below.place_of("friction")
         given = fields(node, f"the friction of {what}", FRICTION, faults, place)
         found = []
         for key in FRICTION:
-            part = given.value(key)
-            found.append(self._coefficient(part, f"the {key} friction of {what}"))
+            part, speed = given.value(key), SLIP_SPEED if key == "dynamic" else ""
+            of = f"the {key} friction of {what}"
+            found.append(self._coefficient(part, of, Level.VELOCITY, speed))
             if part is None:
                 text = f"the friction of {what} has no `{key}`"
                 hint = "{static: ..., dynamic: ...}, or one number for both"
@@ -383,19 +402,45 @@ class _Reader:
             hint = "what sticks holds at least what sliding does"
             place = given.found["static"][1].place
             faults.add("out-of-range", f"{text}one, {least:g}", place, hint)
-        return sliding, sticking
+        return self._at_speeds(sliding, slips)[0], sticking
+
+    def _at_speeds(
+        self, friction: int | None, slips: tuple[int, ...]
+    ) -> tuple[int | None, int | None]:
+        """Give friction at the speed of the slips, and at rest where that differs."""
+        g = self.x.graph
+        if friction is None or not slips or SLIP_SPEED not in g.depends([friction]):
+            return friction, None
+        speed = g.call("abs" if len(slips) == 1 else "hypot", *slips)
+        (moving,), (resting,) = (
+            g.substitute([friction], {g.variable(SLIP_SPEED): x})
+            for x in (speed, g.zero)
+        )
+        return moving, resting
+
+    def _number(
+        self, node: Node | None, what: str, most: Level, speed: str = ""
+    ) -> tuple[int | None, float | None]:
+        """Give the node of an expression, in which `speed` may stand; any value."""
+        x = self.x
+        x.bound = {speed: x.graph.variable(speed)} if speed else {}
+        found = x.compile(node, what, most)
+        x.bound = {}
+        if node is None or found is None:
+            return None, None
+        x.refuse_rates(node, what)
+        fixed = x.graph.depends([found]) <= x.known.keys()
+        return found, x.number(node, what) if fixed else None
 
     def _coefficient(
-        self, node: Node | None, what: str
+        self, node: Node | None, what: str, most: Level, speed: str = ""
     ) -> tuple[int | None, float | None]:
-        """Give the node of a coefficient, and its value; a negative one is a fault."""
-        value = self.x.number(node, what)
-        if node is None or value is None:
-            return None, None
-        if value < 0:
+        """Give the node of a coefficient, and any value; a negative one is a fault."""
+        found, value = self._number(node, what, most, speed)
+        if node is not None and value is not None and value < 0:
             text = f"{what} is {value:g}, which is negative"
             self.x.faults.add("out-of-range", text, node.place)
-        return self.x.compile(node, what, Level.NUMBER), value
+        return found, value
 
     def _slips(self) -> tuple[int, ...]:
         node, what, x = self.below.value("slip"), f"the slip of {self.what}", self.x

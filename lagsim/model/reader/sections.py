@@ -43,7 +43,7 @@ FRAME, BODY = _keys_below("frames"), _keys_below("bodies")
 TABLE = _keys_below("tables")
 FRICTION = _keys(CONSTRAINT["friction"])
 # What only contacts have.
-CONTACT = ("restitution", "friction", "slip")
+CONTACT = ("restitution", "restitution_law", "friction", "slip")
 ENERGY, SCENE, OUTPUT_KEYS = (
     _keys(SECTIONS[section]) for section in ("energy", "scene", "output")
 )

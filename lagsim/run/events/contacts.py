@@ -178,6 +178,9 @@ class Contacts(Source):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
         some = [k for k, law in enumerate(self.laws) if closed[k]]
+        if wrong := here.out_of_range(some):
+            found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
+            return found
         some = [k for k in some if self.laws[k].kind.strikes]
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
@@ -252,10 +255,10 @@ class Contacts(Source):
         found.rows = arc.runner.tabulate(arc.row())
         stopped = ends
         struck = [k for k in some if here.strikes(k)]
-        rests = {k: here.rest(k, self.laws[k].restitution) for k in struck}
+        rests = {k: here.rest(k, float(here.restitutions[k])) for k in struck}
         ends = {k: arc.t + left for k, left in rests.items() if left is not None}
         ends |= stopped
-        e = [0.0 if k in ends else self.laws[k].restitution for k in some]
+        e = [0.0 if k in ends else here.restitutions[k] for k in some]
         problem, response = here.problem(some, np.array(e))
         if stopped:
             # What ends is held: a slip has the friction of what is left of its impacts.

@@ -187,6 +187,24 @@ class Kinematics:
         return np.asarray(SUM_ROUNDOFF * np.maximum(self.pushes, stirred))
 
     @cached_property
+    def restitutions(self) -> Floats:
+        """Those of the laws (L,) at this state."""
+        if all(law.bounce is None for law in self.laws):
+            return np.array([law.restitution for law in self.laws])
+        return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
+
+    def out_of_range(self, closed: Collection[int]) -> str:
+        """Say which of some laws has a negative friction, or a wrong restitution."""
+        e, mu = self.restitutions.tolist(), self.bounds.tolist()
+        for k in closed:
+            name, kind = f"`{self.laws[k].constraint}`", self.laws[k].kind
+            if kind is Kind.SLIP and mu[k] < 0.0:
+                return f"the friction of {name} is {mu[k]:.6g}, which is negative,"
+            if kind is Kind.CONTACT and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
+                return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
+        return ""
+
+    @cached_property
     def present(self) -> Floats:
         """The accelerations (L,) that there are with the laws that hold now."""
         system = self.arc.system
@@ -309,6 +327,7 @@ class Kinematics:
             bounds=self.bounds[at],
             statics=self.statics[at],
             restitutions=restitutions,
+            poisson=tuple([law.poisson for law in laws]),
             factor=reply.factor[:, at],
         )
         return closed, reply.response[:, at]

@@ -1,0 +1,260 @@
+"""Friction and restitution that follow the motion: closed forms, and scipy."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import lagsim
+from lagsim.errors import InputError
+from tests.scenes.contact.motions import GLOBAL, G, close, contact, play, scene, tried
+
+PLANE = "(x_dot^2 + y_dot^2)/2"
+
+
+def plane(potential="g*y", *, law, duration=2, start=None, **more):
+    """A block of 1 kg in the plane, over a floor with a law."""
+    given = {"x": 0.0, "y": 0.0} | (start or {})
+    return scene(
+        "x y", PLANE, potential, {"floor": law}, given, duration=duration,
+        output_step=0.05, **more,
+    )  # fmt: skip
+
+
+def rough(friction, slip="x_dot", restitution=0, **more):
+    return contact("y >= 0", restitution, friction=friction, slip=slip, **more)
+
+
+# --- friction -------------------------------------------------------------------------
+
+
+def slips(count, falls):
+    """When a block on a belt at 0.3 m/s begins to slip, and sticks: by scipy."""
+    stretched, x, t, found = G * 0.6 / 40, 0.0, 0.0, []
+
+    def sticks(_, y):
+        return y[1] - 0.3
+
+    sticks.terminal, sticks.direction = True, 1.0
+    for _ in range(count):
+        t += (stretched - x) / 0.3
+        found.append(("slip", t))
+        part = solve_ivp(
+            lambda _, y: [y[1], -40 * y[0] + G * falls(0.3 - y[1])], (0, 9),
+            [stretched, 0.3], "DOP853", rtol=1e-13, atol=1e-15, events=sticks,
+        )  # fmt: skip
+        k = [float(x) for x in part.t_events[0]].index(max(part.t_events[0]))
+        t, x = t + part.t_events[0][k], part.y_events[0][k][0]
+        found.append(("stick", t))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("friction", "falls"),
+    [
+        (
+            "0.25 + 0.35*exp(-slip_speed/0.2)",
+            lambda v: 0.25 + 0.35 * np.exp(-v / 0.2),
+        ),
+        ({"static": 0.6, "dynamic": "0.3 - 0.2*slip_speed"}, lambda v: 0.3 - 0.2 * v),
+        (
+            {"static": 0.6, "dynamic": "if(slip_speed > 0.2, 0.3, 0.4)"},
+            lambda v: np.where(v > 0.2, 0.3, 0.4),
+        ),
+    ],
+)
+def test_a_block_on_a_belt_sticks_and_slips(friction, falls):
+    """`stick` and `slip` in turn; the third friction falls at a speed (scipy: 1e-7)."""
+    law = rough(friction, "x_dot - 0.3")
+    text = plane("20*x^2 + g*y", law=law, duration=6, start={"x_dot": 0.3})
+    found = play(text)
+    events = [(e.kind, e.time) for e in found.result.events if e.kind != "switch"]
+    expected = slips(4, falls)
+    assert [kind for kind, _ in events[:8]] == [kind for kind, _ in expected]
+    within = 1e-6 if "if(" in str(friction) else GLOBAL
+    close([t for _, t in events[:8]], [t for _, t in expected], within)
+    balance = found["energy"] - found["work"]
+    assert np.ptp(balance) < GLOBAL * np.ptp(found["work"])
+
+
+def test_a_floor_that_grows_rougher():
+    """mu = 0.1 + 0.2 x: a half of an oscillation about -0.5 with w^2 = 0.2 g."""
+    found = play(plane(law=rough("0.1 + 0.2*x"), start={"x_dot": 2.0}))
+    w = np.sqrt(0.2 * G)
+    stop = (np.pi / 2 - np.arctan(0.5 * w / 2.0)) / w
+    assert found.times("stick") == pytest.approx([stop], abs=GLOBAL)
+    t = np.minimum(found.t, stop)
+    close(found["x"], 2.0 / w * np.sin(w * t) - 0.5 * (1 - np.cos(w * t)))
+
+
+@pytest.mark.parametrize("method", ["rk4", "taylor", "radau", "moreau"])
+def test_other_methods_follow_or_say_why_not(method):
+    text = plane(law=rough("0.2 + 0.1*slip_speed"), start={"x_dot": 2.0})
+    if method in ("taylor", "radau"):
+        with pytest.raises(InputError, match="y' only"):
+            play(text, method=method)
+        return
+    found = play(text, method=method, step=1e-3)
+    stop = np.log(1 + 2.0 * 0.1 / 0.2) / (0.1 * G)
+    t = np.minimum(found.t, stop)
+    v = np.where(found.t < stop, 4.0 * np.exp(-0.1 * G * t) - 2.0, 0.0)
+    close(found["x_dot"], v, 1e-2 if method == "moreau" else GLOBAL)
+
+
+def test_a_disc_slides_by_its_speed():
+    """mu = 0.02 v in every direction: velocities fall as exp(-0.02 g t)."""
+    text = scene(
+        "x y z", "(x_dot^2 + y_dot^2 + z_dot^2)/2", "g*z",
+        {"floor": contact("z >= 0", 0, friction="0.02*slip_speed + 0*x",
+                          slip=["x_dot", "y_dot"])},
+        {"x": 0, "y": 0, "z": 0, "x_dot": 3, "y_dot": 4}, duration=2, output_step=0.1,
+    )  # fmt: skip
+    found = play(text)
+    fall = np.exp(-0.02 * G * found.t)
+    close([found["x_dot"], found["y_dot"]], [3 * fall, 4 * fall])
+
+
+def test_a_friction_that_becomes_negative_ends_the_run():
+    """mu = 0.3 - x: z = x - 0.3 obeys z'' = g z, and is 0 at tanh(w t) = 0.15 w."""
+    found = tried(plane(law=rough("0.3 - x"), start={"x_dot": 2.0}))
+    w = np.sqrt(G)
+    assert found.result.outcome == "failed"
+    assert found.t[-1] == pytest.approx(np.arctanh(0.15 * w) / w, abs=GLOBAL)
+    assert "the friction of `floor`" in found.result.reason
+
+
+# --- restitution ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("e", "worth"),
+    [
+        ("0.9 - 0.1*approach_speed", lambda v, _: 0.9 - 0.1 * v),
+        ("0.8*exp(-t)", lambda _, t: 0.8 * np.exp(-t)),
+        ("if(x > 1, 0.3, 0.7)", lambda _, t: np.where(t > 1, 0.3, 0.7)),
+    ],
+)
+@pytest.mark.parametrize("law", ["newton", "poisson"])
+def test_worn_stops(e, worth, law):
+    """A ball that flies on from bounce to bounce: each loses what it should."""
+    stop = contact("y >= 0", e, restitution_law=law)
+    found = play(plane(law=stop, start={"y": 1.0, "x_dot": 1.0}))
+    t, v = np.sqrt(2 / G), np.sqrt(2 * G)
+    for event in [e for e in found.result.events if e.kind == "impact"][:6]:
+        assert event.time == pytest.approx(t, abs=GLOBAL)
+        assert event.rate_before == pytest.approx(-v, abs=GLOBAL)
+        v *= worth(v, t)
+        assert event.rate_after == pytest.approx(v, abs=GLOBAL)
+        t += 2 * v / G
+
+
+def test_a_restitution_beyond_one_ends_the_run():
+    stop = contact("y >= 0", "0.5 + 0.2*approach_speed")
+    found = tried(plane(law=stop, start={"y": 1.0}))
+    assert found.result.outcome == "failed"
+    assert found.t[-1] == pytest.approx(np.sqrt(2 / G), abs=GLOBAL)
+    assert "the restitution of `floor` is 1.38" in found.result.reason
+
+
+# --- Poisson's law --------------------------------------------------------------------
+
+
+def tip(friction, e, law, speed):
+    """A rod of mass 1 and half-length 1 that strikes with its tip at q = 0.7."""
+    stop = contact(
+        "y >= cos(q)", e, friction=friction, slip="x_dot - cos(q)*q_dot",
+        restitution_law=law,
+    )  # fmt: skip
+    return scene(
+        "x y q", "(x_dot^2 + y_dot^2 + q_dot^2/3)/2", "0", {"tip": stop},
+        {"q": 0.7, "x": 0, "y": "cos(q)", "x_dot": speed, "y_dot": -1},
+        duration=0.01, output_step=0.01,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [0.1, -0.3, 3.0])
+def test_poisson_with_friction(speed):
+    """What sticks in compression: the impulse that ends both speeds; e times its
+    normal part again, the slip held. What slides all the time is as by Newton."""
+    e, mu, s, c = 0.5, 2.0, np.sin(0.7), np.cos(0.7)
+    rows = np.array([[0, 1, s], [1, 0, -c]])
+    D = rows @ np.diag([1, 1, 3.0]) @ rows.T
+    before = rows @ [speed, -1.0, 0.0]
+    p = np.linalg.solve(D, -before)
+    if abs(p[1]) <= mu * p[0]:
+        more = e * p[0] * np.array([1.0, -D[1, 0] / D[1, 1]])
+        after = D @ more
+    else:
+        p = -before[0] / (D[0] @ [1.0, -mu]) * np.array([1.0, -mu])
+        after = before + (1 + e) * D @ p
+        assert after[1] > 0.0
+    found = play(tip(mu, e, "poisson", speed))
+    impact = next(x for x in found.result.events if x.kind == "impact")
+    assert impact.rate_after == pytest.approx(after[0], abs=GLOBAL)
+    last = [float(found[f"{q}_dot"][found.t == 0.0][-1]) for q in "xyq"]
+    close(rows @ last, after)
+    newton = next(x for x in play(tip(mu, e, "newton", speed)).result.events)
+    assert newton.rate_after == pytest.approx(e, abs=GLOBAL)
+
+
+def test_poisson_of_two_stops():
+    """A rod that falls on two stops of other restitutions: D diag(e) D^-1 speeds."""
+    stops = {
+        name: contact(f"y {sign} q >= 0", e, restitution_law="poisson")
+        for name, sign, e in (("left", "-", 0.5), ("right", "+", 0.8))
+    }
+    text = scene(
+        "y q", "(y_dot^2 + 0.5*q_dot^2)/2", "0", stops,
+        {"y": 0, "q": 0, "y_dot": -1, "q_dot": 0.1}, duration=0.01, output_step=0.01,
+    )  # fmt: skip
+    rows = np.array([[1.0, -1.0], [1.0, 1.0]])
+    D = rows @ np.diag([1.0, 2.0]) @ rows.T
+    after = D @ np.diag([0.5, 0.8]) @ np.linalg.solve(D, -rows @ [-1.0, 0.1])
+    found = play(text)
+    speeds = {e.constraint: e.rate_after for e in found.result.events}
+    # What would close again is pushed more: here neither.
+    assert (after > 0.0).all()
+    close([speeds["left"], speeds["right"]], after)
+
+
+# --- beside others, and faults --------------------------------------------------------
+
+
+def test_other_values_of_parameters_and_a_shifted_start():
+    law = contact(
+        "y >= 0", "e*exp(-approach_speed)", friction="mu*(1 + x)", slip="x_dot"
+    )
+    text = plane(
+        law=law, start={"y": 1.0, "x_dot": 1.0}, parameters={"e": 0.5, "mu": 0.1}
+    )
+    other = text.replace("e: 0.5", "e: 0.8").replace("mu: 0.1", "mu: 0.2")
+    model = lagsim.load(text)
+    bound = lagsim.simulate(model.bind({"e": 0.8, "mu": 0.2}), error_bar="never")
+    for name in ("x", "y", "work"):
+        assert (bound[name] == play(other)[name]).all()
+    late = play(text.replace("duration: 2", "duration: 2\n  start: 5"))
+    close(late["x"], play(text)["x"])
+
+
+@pytest.mark.parametrize(
+    ("law", "code", "at"),
+    [
+        ("{restitution: x_dot}", "velocity-not-allowed", "x_dot"),
+        ("{restitution: slip_speed}", "unknown-name", "slip_speed"),
+        ("{restitution: 0, friction: approach_speed, slip: x_dot}", "unknown-name",
+         "approach_speed"),
+        ("{restitution: 0, friction: {static: slip_speed, dynamic: 1}, slip: x_dot}",
+         "unknown-name", "slip_speed"),
+        ("{restitution: 1.5 + 0*1}", "out-of-range", "1.5"),
+        ("{restitution: 0, restitution_law: possion}", "unknown-restitution-law",
+         "possion"),
+        ("{restitution: lambda_floor}", "output-only", "lambda_floor"),
+    ],
+)  # fmt: skip
+def test_faults(law, code, at):
+    text = plane(law="LAW").replace("LAW", law.replace("{", "{relation: y >= 0, ", 1))
+    with pytest.raises(InputError) as fault:
+        lagsim.load(text)
+    (found,) = fault.value.problems
+    assert found.code == code
+    line = text.splitlines()[found.place.line - 1]
+    assert line[found.place.column - 1 :].startswith(at)
