@@ -218,7 +218,8 @@ class Law(NamedTuple):
         The friction coefficient while it slides and while it sticks, or the largest
         size of the multiplier: nodes. Zero where there is none.
     normal, pair : int
-        The number of the law of its contact, and of the other slip of two; or -1.
+        The number of the law of its contact, and of the other slip, or limited
+        equality, of two; or -1.
     when : int or None
         The condition of t and parameters under which it is in force: a node.
     """
@@ -268,7 +269,11 @@ def laws_of(g: Graph, constraints: Sequence[Constraint], flow: Flow) -> Iterator
         if c.law is None:
             kind = Kind.TIMED if c.limit is None else Kind.LIMITED
             limit = zero if c.limit is None else c.limit
-            yield Law(row, kind, c.name, name, bound=limit, static=limit, when=c.when)
+            pair = count + c.pair if c.pair else -1
+            yield Law(
+                row, kind, c.name, name, bound=limit, static=limit, when=c.when,
+                pair=pair,
+            )  # fmt: skip
             count += 1
             continue
         kind = Kind.CONTACT if row.holonomic else Kind.FREEWHEEL

@@ -421,7 +421,7 @@ def satisfy(
     if other >= 0:
         if pair < k:
             return 0.0
-        return satisfy_disc(p, i, other, v, w)
+        return satisfy_disc(p, i, other, h, v, w)
     found = before - (rate(p, k, w) - p.aims[i]) / own
     # Kinds in their order: one-sided, bounded, two-sided.
     if FREEWHEEL < kind <= LIMITED:
@@ -437,7 +437,9 @@ def satisfy(
     return float(own * abs(found - before) / size) if size > 0.0 else 0.0
 
 
-def satisfy_disc(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float:
+def satisfy_disc(
+    p: Impulses, i: int, other: int, h: float, v: Floats, w: Floats
+) -> float:
     """Meet the law of two slips, in places i and other: on the disc."""
     struck = p.struck
     k = int(p.acting[i])
@@ -445,7 +447,7 @@ def satisfy_disc(p: Impulses, i: int, other: int, v: Floats, w: Floats) -> float
     x = struck[i] - rate(p, k, w) / own
     z = struck[other] - rate(p, int(p.acting[other]), w) / own
     far = sqrt(x * x + z * z)
-    bound = limit(p, k, 1.0, v, far)
+    bound = limit(p, k, h, v, far)
     if far > bound:
         x *= bound / far
         z *= bound / far

@@ -193,7 +193,8 @@ class OneSided(NamedTuple):
 class Constraint(NamedTuple):
     """A relation and its law; `law` is None for an equality.
 
-    `limit`: an equality of velocities holds while its multiplier is no larger. `when`:
+    `limit`: an equality of velocities holds while its multiplier is no larger; of two
+    that share one, while their norm is, `pair` tells where the other follows. `when`:
     it is in force while this condition of t, parameters and modes is not 0.
     """
 
@@ -203,6 +204,12 @@ class Constraint(NamedTuple):
     description: str = ""
     limit: int | None = None
     when: int | None = None
+    pair: int = 0
+
+    @property
+    def called(self) -> str:
+        """Its name in the file."""
+        return self.name[:-2] if self.pair else self.name
 
     @property
     def always(self) -> bool:

@@ -404,9 +404,10 @@ def hold_left(p: Parameters, k: int) -> float:
     i = p.m - p.laws + k
     if is_one_sided(p, k):
         return float(lam[i])
-    if p.law_kind[k] == LIMITED:
+    if p.law_kind[k] == LIMITED and p.law_pair[k] < 0.0:
         return float(p.law_statics[k] - abs(lam[i]))
-    return grip(p, k) if p.law_kind[k] == SLIP else ENDLESS
+    bounded = p.law_kind[k] == SLIP or p.law_kind[k] == LIMITED
+    return grip(p, k) if bounded else ENDLESS
 
 
 def slide_left(p: Parameters, k: int, speed: float) -> float:
@@ -433,11 +434,13 @@ def slide_left(p: Parameters, k: int, speed: float) -> float:
 
 
 def grip(p: Parameters, k: int) -> float:
-    """Event function of a sticking slip; of two slips the first has that of both."""
+    """Event function of a sticking slip; of two the first has that of both."""
     first = p.m - p.laws
     lam = p.multipliers
     other = int(p.law_pair[k])
-    held = p.law_statics[k] * lam[first + int(p.law_normal[k])]
+    held = p.law_statics[k]
+    if p.law_kind[k] == SLIP:
+        held *= lam[first + int(p.law_normal[k])]
     if other < 0:
         return float(held - abs(lam[first + k]))
     if other < k and p.law_mode[other] == HELD:

@@ -117,6 +117,8 @@ def conditions(
         "most": _times(k["static_friction"], multiplier),
     }  # fmt: skip
     words = {word: write(e) for word, e in parts.items() if e is not None}
+    if "pair" in k:
+        words["lam"] = f"({', '.join(write(e) for e in k['pair'])})"
     if not isinstance(k["restitution"], float | None):
         words["e"] = f"({write(k['restitution'])})"
     return _written(k, {"g": called[0], "rate": called[1], **words}, signs)
@@ -125,7 +127,8 @@ def conditions(
 def in_words(constraint: Constraint) -> tuple[str, ...]:
     """Give the same with letters for what has an expression of its own."""
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
-    return tuple(_written(given, _WORDS, ASCII).values())
+    both = {"lam": "(lambda.1, lambda.2)"} if constraint.pair else {}
+    return tuple(_written(given, _WORDS | both, ASCII).values())
 
 
 def law_of(constraint: Constraint) -> dict[str, Any]:

@@ -494,6 +494,12 @@ class _Derivation:
         driving = [p for p in parts if not self.x.free(p) & state]
         return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))
 
+    def _pair(self, constraint: Constraint) -> Part:
+        """Give the multipliers of two relations that share a limit."""
+        names = [f"lambda_{constraint.called}.{k}" for k in (1, 2)]
+        both = [m for m in self.x.multipliers if m.name in names]
+        return {"pair": both} if constraint.pair else {}
+
     def _constraint(self, constraint: Constraint) -> Part:
         x, g, law = self.x, self.x.g, constraint.law
         node = constraint.relation.node
@@ -526,6 +532,7 @@ class _Derivation:
             "static_friction": static,
             "slip": slip,
             "limit": limit,
+            **self._pair(constraint),
             "when": when,
             **{key: given[key] for key in RESTITUTION_LAW if key in given},
         }

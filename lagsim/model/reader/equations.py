@@ -216,11 +216,32 @@ def declared_constraints(node: Node | None, x: Expressions) -> list[Entry]:
         return []
     for entry in entries(node, "`constraints`", x.faults):
         if check_name(entry[0], "a constraint", x.faults):
-            found.append(entry)
-            x.names.constraints.append(entry[0].text)
+            parts = _apart(*entry, x)
+            found += parts
+            x.names.constraints += [key.text for key, _ in parts]
         else:
             x.names.faulty.add(entry[0].text)
     return found
+
+
+def _apart(key: Scalar, node: Node, x: Expressions) -> list[Entry]:
+    """Give a constraint, one of two relations that share a limit as c.1 and c.2."""
+    given = node.entries if isinstance(node, Mapping) else ()
+    found = {name.text: value for name, value in given}
+    both, what = found.get("relation"), f"the constraint `{key.text}`"
+    if not isinstance(both, Sequence):
+        return [(key, node)]
+    if len(both.items) != 2:
+        text = f"{what} must have one relation or two, found {len(both.items)}"
+        x.faults.add("wrong-count", text, both.place)
+    elif "limit" not in found:
+        text = f"{what} has two relations and no `limit`"
+        hint = "`limit` bounds their Euclidean norm; others are two constraints"
+        x.faults.add("missing-key", text, both.place, hint)
+    else:
+        x.faults.once = x.faults.once or set()  # what both have is reported once
+        return [(key._replace(text=f"{key.text}.{k}"), node) for k in (1, 2)]
+    return []
 
 
 def read_constraints(given: list[Entry], x: Expressions) -> tuple[Constraint, ...]:
@@ -249,6 +270,10 @@ class _Reader:
         what, below, x = self.what, self.below, self.x
         mapping = isinstance(self.node, Mapping)
         expression = below.value("relation") if mapping else self.node
+        pair = 0
+        if isinstance(expression, Sequence):
+            pair = 1 if self.key.text.endswith(".1") else -1
+            expression = expression.items[0 if pair > 0 else 1]
         if expression is None:
             x.faults.add("missing-key", f"{what} has no `relation`", self.key.place)
             expression = Broken(self.key.place)
@@ -265,11 +290,15 @@ class _Reader:
             self._refuse("not-one-sided", CONTACT, "is an equality", hint)
             relation = relation and _once(relation, x)
             limit = self._limit(relation)
+        elif pair:
+            hint = "two relations are equalities: write them with `=`"
+            place = expression.place
+            x.faults.add("not-an-equality", f"{what} is one-sided", place, hint)
         elif mapping or equality is False:
             law = self._one_sided(expression, relation)
         if relation is None or not (equality or law):
             return None
-        return Constraint(self.key.text, relation, law, about, limit, when)
+        return Constraint(self.key.text, relation, law, about, limit, when, pair)
 
     def _refuse_states(self, relation: Relation | None) -> None:
         """Report a relation of positions that depends on states."""

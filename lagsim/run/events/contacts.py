@@ -545,6 +545,8 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     for k, law in enumerate(here.laws):
         name = law.constraint
         if law.kind.bounded:
+            if law.kind is Kind.LIMITED and law.pair >= 0:
+                name = name[:-2]  # of its two relations
             was, holds = before[k] in HOLDING, now[k] in HOLDING
             if 0 <= law.pair < k:
                 continue

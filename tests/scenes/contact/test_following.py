@@ -258,3 +258,88 @@ def test_faults(law, code, at):
     assert found.code == code
     line = text.splitlines()[found.place.line - 1]
     assert line[found.place.column - 1 :].startswith(at)
+
+
+# --- a limit of two relations ---------------------------------------------------------
+
+BRAKE = {"relation": ["x_dot = 0", "y_dot = 0"], "limit": "F"}
+
+
+def braked(potential="0", *, forces=None, **start):
+    """A body of 2 kg that a brake of 3 N holds in the plane."""
+    return scene(
+        "x y", "x_dot^2 + y_dot^2", potential, {"brake": BRAKE},
+        {"x": 0.0, "y": 0.0} | start, forces=forces, parameters={"F": 3.0},
+        duration=4, output_step=0.05,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["auto", "moreau"])
+def test_a_planar_brake_stops_a_body_on_a_straight_line(method):
+    step = {} if method == "auto" else {"step": 1e-3}
+    found = play(braked(x_dot=1.5, y_dot=2.0), method=method, **step)
+    stop, v = 2.0 * 2.5 / 3.0, np.maximum(2.5 - 1.5 * found.t, 0.0)
+    within = GLOBAL if method == "auto" else 1e-3
+    close([found["x_dot"], found["y_dot"]], [0.6 * v, 0.8 * v], within)
+    if method == "auto":
+        assert found.times("stick", "brake") == pytest.approx([stop], abs=GLOBAL)
+        slides = found.t < stop
+        force = [found[f"lambda_brake.{k}"][slides] for k in (1, 2)]
+        close(force, [np.full(slides.sum(), -1.8), np.full(slides.sum(), -2.4)])
+        assert (found["residual_brake.1"] == found["x_dot"]).all()
+        close(found["energy"] - found["work"], np.full(len(v), 6.25))
+
+
+def test_a_central_force_and_a_planar_brake():
+    """On a ray, r'' = -4 r - 1.5 from 0 at 2.5: r = A sin(2 t + b) - 0.375."""
+    found = play(braked("4*(x^2 + y^2)", x_dot=1.5, y_dot=2.0))
+    size, phase = np.hypot(1.25, 0.375), np.arctan2(0.375, 1.25)
+    turns = (np.pi / 2 - phase) / 2
+    t = found.t[found.t < turns]
+    r = size * np.sin(2 * t + phase) - 0.375
+    close(found["x"][: len(t)], 0.6 * r)
+    close(found["y"][: len(t)], 0.8 * r)
+
+
+def test_a_planar_brake_holds_what_is_within_its_circle():
+    """Pulled by (1.2, 1.6) t it slips at 2 t = 3, the way that it is pulled."""
+    found = play(braked(forces={"x": "1.2*t", "y": "1.6*t"}))
+    assert found.times("slip", "brake") == pytest.approx([1.5], abs=GLOBAL)
+    v = np.where(found.t > 1.5, (found.t - 1.5) ** 2 / 2, 0.0)
+    close([found["x_dot"], found["y_dot"]], [0.6 * v, 0.8 * v])
+
+
+def test_two_limits_are_no_planar_brake_and_other_values_are():
+    """Each for itself takes 3 N along its axis; 6 N stop in half the time."""
+    text = braked(x_dot=1.5, y_dot=2.0)
+    model = lagsim.load(text).bind({"F": 6.0})
+    found = lagsim.simulate(model, error_bar="never")
+    stops = [e.time for e in found.events if e.kind == "stick"]
+    assert stops == pytest.approx([2.0 * 2.5 / 6.0], abs=GLOBAL)
+    apart = {k: {"relation": f"{k}_dot = 0", "limit": 3} for k in "xy"}
+    other = scene(
+        "x y", "x_dot^2 + y_dot^2", "0", apart,
+        {"x": 0, "y": 0, "x_dot": 1.5, "y_dot": 2.0}, duration=4, output_step=0.05,
+    )  # fmt: skip
+    assert play(other).instants("stick") == pytest.approx([1.0, 4 / 3], abs=GLOBAL)
+
+
+@pytest.mark.parametrize(
+    ("law", "code", "at"),
+    [
+        ("{relation: [x_dot = 0, y_dot = 0]}", "missing-key", "["),
+        ("{relation: [x_dot = 0], limit: 1}", "wrong-count", "["),
+        ("{relation: [x_dot = 0, y = 0], limit: 1}", "not-a-velocity", "limit"),
+        ("{relation: [x_dot = 0, y_dot >= 0], limit: 1}", "not-an-equality", "y_dot"),
+        ("{relation: [x_dot = 0, y_dot = 0], limit: -1}", "out-of-range", "-1"),
+        ("{relation: [x_dot = 0, y_dot = 0], limit: v}", "unknown-name", "v"),
+    ],
+)
+def test_faults_of_a_planar_brake(law, code, at):
+    text = plane(law="LAW").replace("LAW", law)
+    with pytest.raises(InputError) as fault:
+        lagsim.load(text)
+    (found,) = fault.value.problems
+    assert found.code == code
+    line = text.splitlines()[found.place.line - 1]
+    assert line[found.place.column - 1 :].startswith(at)
