@@ -195,6 +195,9 @@ class Expansion:
         self._report, self._is_unit = report, is_unit
         self.report = report
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
+        self.units: frozenset[str] = frozenset()
+        # Hidden definitions of positions, by the scalars that they are of.
+        self.moving: dict[str, Scalar] = {}
         self._drawn: list[Drawn] = []
         self.points: dict[str, Family] = {}
         self.idle: list[str] = []

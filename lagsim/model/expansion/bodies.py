@@ -166,6 +166,9 @@ class Bodies(Section):
         if key not in self._energies or not re.search(r"\bbodies\b", node.text):
             return None
         self._said.add(key)
+        if family := self.scope.variables.get("bodies"):
+            text = "`bodies` is the word for the energies of bodies in this file"
+            self.report("reserved-name", text, family.place, "choose another name")
         if key == "potential" and self._given and not self._gravity:
             text = "`bodies` in the potential energy needs `gravity`"
             self.report("missing-key", text, node.place, "such as gravity: [0, 0, -g]")
@@ -216,9 +219,7 @@ class Bodies(Section):
         m = self._kept(f"body.{name}.mass", mass)
         parts = self.vector(below["at"], indices, [2, 3], f"`at` of {what}")
         pairs = zip(LETTERS, parts, strict=False)
-        at = tuple(
-            scalar(self.x.hide(f"body.{name}.{c}", *part), c) for c, part in pairs
-        )
+        at = tuple(self.moved(f"body.{name}.{c}", *part) for c, part in pairs)
         speeds = [trees.name(rate_of(str(x.value))) for x in at]
         squares = total(product(v, v) for v in speeds)
         energy = call("div", product(m, squares), number(2.0))

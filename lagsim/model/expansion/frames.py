@@ -114,6 +114,12 @@ class Section:
             self.x.fault(fault, node)
             raise ExpressionError(0, 1, "", code=SILENT) from None
 
+    def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
+        """Hide a definition whose rate is asked for, and so is one of positions."""
+        found = scalar(self.x.hide(hidden, tree, at), hidden)
+        self.x.moving[str(found.value)] = at
+        return found
+
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
         """Value of an expression that is a number, and its scalar; see `value`."""
         value, at = self.value(node, indices, what)
@@ -154,6 +160,7 @@ class Frames(Section):
         self._units: list[Entry] = []
         self._given: dict[Called, _Given] = {}
         self._broken: set[str] = set()
+        self._making: set[Called] = set()
         given = entries_of(section)
         turning = {key.text for _, node in given for key, _ in entries_of(node)}
         self.n = 3 if turning & {"axis", "angles", "axes", "quaternion"} else 2
@@ -268,8 +275,15 @@ class Frames(Section):
             chain.append(called)
             called = self._parent(called)
         for one in reversed(chain):
+            if one in self._making:
+                text = f"the frame `{dotted(*one)}` depends on itself"
+                raise ExpressionError(0, 1, text, "", "frame")
             if one not in self._made:
-                self._made[one] = self._frame(one)
+                self._making.add(one)
+                try:
+                    self._made[one] = self._frame(one)
+                finally:
+                    self._making.discard(one)
         frame = self._made[chain[0] if chain else called]
         if frame is None:
             raise ExpressionError(0, 1, "", code=SILENT)
@@ -279,12 +293,16 @@ class Frames(Section):
         """Name of the frame that one is on; in case of a fault, that is reported."""
         given = self._given[called]
         node = given.below.get("on")
-        if not isinstance(node, Scalar):
+        if node is None:
             return _SPACE
         try:
+            if not isinstance(node, Scalar):
+                text = f"`on` of the frame `{given.key.text}` names a frame"
+                self.refuse("not-an-expression", text, node.place, "such as on: arm")
             return self.called(self.scope.source(node.text, parse).left, given.indices)
         except ExpressionError as fault:
-            self.x.fault(fault, node)
+            if isinstance(node, Scalar):
+                self.x.fault(fault, node)
             self._made[called] = None
             return _SPACE
 
@@ -328,7 +346,7 @@ class Frames(Section):
         if tree.op == "number":
             return tree, ZERO
         if tree.op != "name" or not self._is_coordinate(tree):
-            tree = scalar(self.x.hide(hidden, tree, at), hidden)
+            tree = self.moved(hidden, tree, at)
         return tree, name(rate_of(str(tree.value)))
 
     def _is_coordinate(self, tree: Tree) -> bool:

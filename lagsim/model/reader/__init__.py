@@ -225,6 +225,12 @@ class File:
         parameters = numbers.read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
         definitions = Definitions(self.definitions, x)
+        for name, at in (self.expansion.moving if self.expansion else {}).items():
+            if name in x.definitions and x.definitions[name].level > Level.POSITION:
+                text = "the place of a body, or an angle, must not depend on "
+                text += x.definitions[name].level.text
+                place = at.place_of(0, len(at.text))
+                x.faults.add("velocity-not-allowed", text, place)
         definitions.build(Level.POSITION, Level.VELOCITY)
         states = equations.read_states(self.states, x)
         energies = equations.read_energies(self.energy, x)

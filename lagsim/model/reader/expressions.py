@@ -605,7 +605,7 @@ class Expressions:
             unbuilt = kind is Kind.ENERGY and self.energies.get(name, 0) is None
             return not (unvalued and most is Level.NUMBER) and not unbuilt
         node, level = self.definitions.get(base, (None, Level.POSITION))
-        code, text, hint = "", f"the definition `{name}`", ""
+        code, text, hint = "", f"the definition `{name.lstrip(HIDDEN)}`", ""
         if kind is not Kind.DEFINITION and level is not Level.POSITION:
             code = "no-rate"
             text = f"`{name}` asks for the rate of `{base}`, which depends on "
@@ -618,8 +618,9 @@ class Expressions:
         elif level > most:
             code = "velocity-not-allowed"
             text += f" depends on velocities; {what} must not"
-        if code:
-            return self.refuse(used, scalar, code, text, hint)
+        if code:  # of what is hidden, that is reported where it is given
+            silent = code == "no-rate" and base[:1] == HIDDEN
+            return not silent and self.refuse(used, scalar, code, text, hint)
         return node is not None
 
     def _refuse_unknown(self, used: Name, scalar: Scalar, most: Level) -> None:

@@ -142,7 +142,7 @@ class Definitions:
         scalar, at = self._texts[cycle[0]][0], self._uses[cycle[0]][(cycle * 2)[1]]
         shown = cycle if len(cycle) <= 12 else [*cycle[:10], "...", cycle[-1]]
         about = f"the definition `{cycle[0]}` depends on itself: "
-        about += " -> ".join([*shown, cycle[0]])
+        about += " -> ".join(name.lstrip(HIDDEN) for name in [*shown, cycle[0]])
         place = scalar.place_of_name(at.text, at.offset)
         self.x.faults.add("cycle", about, place)
 
