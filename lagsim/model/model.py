@@ -473,7 +473,8 @@ class Model:
     `events` set; `until` ends a run. `stated` is what `bind` and
     `settings` evaluate. `unused` are parameters that nothing names. `places` are those
     of parameters, coordinates, definitions and energies in the file. `gimbals` are the
-    frames by three angles; `idle` says what of the file has no effect.
+    frames by three angles, `quaternions` the constraints that hold their lengths;
+    `idle` says what of the file has no effect.
     """
 
     name: str
@@ -500,6 +501,7 @@ class Model:
     states: tuple[State, ...] = ()
     events: tuple[Transition, ...] = ()
     gimbals: tuple[Gimbal, ...] = ()
+    quaternions: frozenset[str] = frozenset()
     idle: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)

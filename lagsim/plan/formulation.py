@@ -28,7 +28,7 @@ from lagsim.admissibility.examination import start_at
 from lagsim.admissibility.point import Point
 from lagsim.errors import InputError, Problem
 from lagsim.language.sparse import TooLongError
-from lagsim.mechanics.equations import Instant
+from lagsim.mechanics.equations import Instant, may_strike
 from lagsim.mechanics.reduction import Reduction, ignorable
 from lagsim.notes import Choice
 from lagsim.plan.cost import step_cost
@@ -205,13 +205,33 @@ def _constrained(name: str, e: Equations, start: Start, gain: float) -> Formulat
     if name == "baumgarte":
         reason = f"asked for; gain {gain:g} per unit of time"
         found = _whole(e, start, name, reason, gain=gain)
-        return found._replace(reduction=Reduction(_stabilised(e)))
+        return _with_quaternions(found._replace(reduction=Reduction(_stabilised(e))))
     if name == "drift":
-        return _whole(e, start, name, "asked for; the constraints are not enforced")
+        reason = "asked for; the constraints are not enforced"
+        return _with_quaternions(_whole(e, start, name, reason))
     found = _full(e, start)
     if name == "velocity projection" and name != found.name:
         raise _CannotError(found.choices[0].reason)
     return found
+
+
+def _with_quaternions(found: Formulation) -> Formulation:
+    """Project onto the lengths of quaternions, which are no constraints of the file.
+
+    The other rows leave a projection nothing to do. Where the rate of one may jump,
+    nothing is projected: its impact is an error that the projection would hide.
+    """
+    e = found.reduction.equations
+    held = e.model.quaternions
+    if not held or any(may_strike(e, row) for row in e.rows):
+        return found
+    zero = e.graph.zero
+    rows = tuple(
+        row if row.name in held else row._replace(residual=zero, rate=zero)
+        for row in e.rows
+    )
+    reduction = Reduction(replace(e, rows=rows))
+    return found._replace(reduction=reduction, projected=True)
 
 
 def _stabilised(equations: Equations) -> Equations:

@@ -507,7 +507,8 @@ def about_constraints(run: Evidence) -> list[Caution]:
         if since is not None and trajectory.end - since <= SAME_ROW * length:
             return []  # the last row shows the jump that has ended the run
     why = "the constraints do not determine this motion, and the rows are not valid"
-    if not plan.projected and not plan.reduction.eliminated:
+    loose = not plan.projected or plan.formulation in ("baumgarte", "drift")
+    if loose and not plan.reduction.eliminated:
         why = (
             f"the formulation {plan.formulation} does not enforce it; `projection` does"
         )

@@ -272,6 +272,18 @@ scene: {points: {o: [0, 0, 0]}, shapes: {wheel: {disk: 1, at: o, frame: g(2)}}}
 FAULTS = r"""
 cycle | `a` is on itself: a -> b -> a
     frames: {a: {on: ⟪b⟫, angle: x}, b: {on: a, angle: y}}
+not-an-expression | names a frame
+    frames: {a: {on: ⟪[b]⟫, angle: x}}
+expression-frame | `a` depends on itself
+    frames: {a: {angle: '⟪r⟫otate(a, vec(1, 2)).x'}}
+velocity-not-allowed | depend on velocities
+    frames: {a: {angle: 2*x, on: b}, b: {angle: ⟪x_dot⟫}}
+velocity-not-allowed | depend on accelerations
+    bodies: {b: {mass: 1, at: [x, ⟪y_ddot⟫]}}¶energy: {kinetic: bodies, potential: 0}
+cycle | w -> frame.a.angle -> w
+    frames: {a: {angle: w}}¶definitions: {w: '⟪omega⟫(a)'}
+reserved-name | `bodies` is the word
+    definitions: {⟪bodies⟫: 3}¶bodies: {b: {POINT}}¶energy: {kinetic: bodies, potential: 0}
 cycle | `a` is on itself: a -> a
     frames: {a: {on: ⟪a⟫, angle: x}}
 out-of-range | has no direction

@@ -152,17 +152,35 @@ def test_a_top_by_a_quaternion_and_by_angles():
     )
 
 
+@pytest.mark.parametrize("formulation", ["projection", "baumgarte", "drift"])
 @pytest.mark.parametrize(
     "method", ["dop853", "euler", "generalized-alpha", "radau", "rk4"]
 )
-def test_a_quaternion_keeps_its_length(method):
+def test_a_quaternion_keeps_its_length(method, formulation):
     adaptive = method in ("dop853", "radau")
     r = lagsim.simulate(
-        lagsim.load(QUATERNION), method=method, duration=0.1,
+        lagsim.load(QUATERNION), method=method, formulation=formulation, duration=0.1,
         step=None if adaptive else 1e-4, error_bar="never",
     )  # fmt: skip
     p = np.array([r[f"p{k}"] for k in range(4)])
     assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
+
+
+def test_drift_leaves_the_constraints_of_the_file():
+    """The same top, held at its tip by three constraints on its free centre."""
+    text = QUATERNION.replace("p3: {}}", "p3: {}, r: {components: xyz}}")
+    text = text.replace("at: G", "at: r") + "constraints: {tip: r = G}\n"
+    text = text.replace("initial: {", "initial: {r: {guess: [0, 1, 0]}, ")
+    text = text.replace(", w:", ", r_dot: {guess: [0, 0, 0]}, w:")
+    r = lagsim.simulate(
+        lagsim.load(text), method="euler", formulation="drift", duration=0.01,
+        step=1e-4, error_bar="never",
+    )  # fmt: skip
+    p = np.array([r[f"p{k}"] for k in range(4)])
+    assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
+    assert np.max(np.abs(r["residual_tip.x"])) > 1e-5
+    (held,) = (w.text for w in r.warnings if w.code == "constraint-not-held")
+    assert "formulation drift does not enforce it" in held
 
 
 def test_gimbal_lock_is_named_at_the_start_and_on_the_way():

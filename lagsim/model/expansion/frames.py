@@ -174,6 +174,7 @@ class Frames(Section):
             with suppress(ExpressionError):
                 self.made(called)
         self.x.gimbals = self._gimbals
+        self.x.units = frozenset(key.text for key, _ in self._units)
         return self._units
 
     # What the file gives
@@ -355,13 +356,16 @@ class Frames(Section):
 
     # Rotations
 
-    def _planar(self, given: _Given, parent: Frame, name: str) -> Frame:
+    def _planar(self, given: _Given, parent: Frame, hidden: str) -> Frame:
         """Frame of the plane, by the sum of the angles."""
-        angle, node = self._number(given, "angle")
+        angle, speed = self._moving(f"{hidden}.turn", *self._number(given, "angle"))
         assert parent.angle is not None
-        whole, speed = self._moving(f"{name}.angle", total([parent.angle, angle]), node)
-        c, s = call("cos", whole), call("sin", whole)
-        return Frame(((c, call("neg", s)), (s, c)), speed, whole)
+        if parent.angle != ZERO:
+            whole = total([parent.angle, angle])
+            angle = scalar(self.x.hide(f"{hidden}.angle", whole, given.key), hidden)
+            speed = name(rate_of(str(angle.value)))
+        c, s = call("cos", angle), call("sin", angle)
+        return Frame(((c, call("neg", s)), (s, c)), speed, angle)
 
     def _axis(self, given: _Given, name: str) -> Vector:
         """Return the unit vector of an axis, which is made of parameters.

@@ -261,6 +261,7 @@ class File:
             unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
             events=events,
             gimbals=self._gimbals(),
+            quaternions=self.expansion.units if self.expansion else frozenset(),
             idle=tuple(self.expansion.idle) if self.expansion else (),
             places={**self.names.places, **places},
             coordinates=coordinates,
