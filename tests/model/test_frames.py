@@ -280,10 +280,10 @@ velocity-not-allowed | depend on velocities
     frames: {a: {angle: 2*x, on: b}, b: {angle: ⟪x_dot⟫}}
 velocity-not-allowed | depend on accelerations
     bodies: {b: {mass: 1, at: [x, ⟪y_ddot⟫]}}¶energy: {kinetic: bodies, potential: 0}
-cycle | w -> frame.a.angle -> w
+cycle | w -> frame.a.turn -> w
     frames: {a: {angle: w}}¶definitions: {w: '⟪omega⟫(a)'}
 reserved-name | `bodies` is the word
-    definitions: {⟪bodies⟫: 3}¶bodies: {b: {POINT}}¶energy: {kinetic: bodies, potential: 0}
+    definitions: {⟪bodies⟫: 3}¶bodies: {b: {POINT}}¶ENERGY
 cycle | `a` is on itself: a -> a
     frames: {a: {on: ⟪a⟫, angle: x}}
 out-of-range | has no direction
@@ -386,6 +386,7 @@ wrong-count | 2 or 3 components, found 4
 SHORT = {
     "PLANE": "frames: {a: {angle: x}}¶definitions:",
     "TURNED": "frames: {f: {angle: x}}¶bodies:",
+    "ENERGY": "energy: {kinetic: bodies, potential: 0}",
     "POINT": "mass: 1, at: [x, y]",
     "¶": "\n",
 }
