@@ -1,11 +1,14 @@
-"""Chains of point masses on massless links, in angles: ten links, and forty."""
+"""Chains of point masses on massless links, in angles; models new to the machine."""
 
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
+from itertools import count
 
+from arm import arm
 from link_chain import chain
 from measure import LAGSIM, MODELS, Table, alternate, process, workspace
 
@@ -97,6 +100,46 @@ def forty(turns):
     return Table("Forty links: the first second", head, rows, notes)
 
 
+def new(turns):
+    """Measure whole runs of models that are new to the machine, kernels compiled."""
+    texts = {
+        "elastic pendulum": (MODELS / "elastic-pendulum.yaml").read_text(),
+        "arm of seven joints, 1 s": arm(1.0),
+        "chain of 40 links, 1 s": chain(40, 1.0),
+    }
+    goals = "1.2 more than again", "7", "6"
+    numbers = count()
+    with workspace() as folder:
+
+        def run(text):
+            model = folder / "model.yaml"
+            model.write_text(text)
+            command = [LAGSIM, "run", model, "--no-plots", "-q", "-o", folder / "out"]
+            return process(command, LAGSIM_CACHE=folder / "cache").seconds
+
+        def renamed(text):
+            # Code is kept by the names of parameters.
+            return run(re.sub(r"\bg\b", f"g{next(numbers)}", text))
+
+        bare = [sys.executable, "-c", "import numpy, yaml, typer"]
+        candidates = {"bare": lambda: process(bare).seconds}
+        for name, text in texts.items():
+            candidates[name] = lambda text=text: renamed(text)
+            candidates[f"{name}, again"] = lambda text=text: run(text)
+        times = alternate(candidates, turns)
+    unit = times["bare"].least
+    rows = [
+        [
+            name,
+            f"{times[name].least / unit:.2f}; goal {goal}",
+            f"{times[f'{name}, again'].least / unit:.2f}",
+        ]
+        for name, goal in zip(texts, goals, strict=True)
+    ]
+    head = [f"unit: {unit:.3g} s, bare imports; least of {turns}", "new", "again"]
+    return Table("Models new to the machine, without plots", head, rows, [])
+
+
 def tables(turns):
-    """Give both tables."""
-    return [ten(turns), forty(max(2, turns // 5))]
+    """Give all tables."""
+    return [ten(turns), forty(max(2, turns // 5)), new(max(3, turns // 3))]
