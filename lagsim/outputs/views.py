@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from lagsim.model.model import Model, Scene
-    from lagsim.outputs.figure import Pen, Picture
+    from lagsim.outputs.figure import Entry, Pen, Picture
     from lagsim.outputs.record import Record
     from lagsim.outputs.shapes import Body
     from lagsim.run.observers.thinning import Array
@@ -172,9 +172,14 @@ class Views:
             yield f"… {len(names) - 2} more, darker …", {}
             names = names[-1:]
         yield from ((name, self._pens[name]) for name in names)
-        for body, colour in zip(self._bodies, self._colours(), strict=True):
-            if body.moves and body.shape.point not in self._pens:
-                yield body.shape.name, {"color": colour}
+        own: list[Entry] = [
+            (body.shape.name, {"color": colour})
+            for body, colour in zip(self._bodies, self._colours(), strict=True)
+            if body.moves and body.shape.point not in self._pens
+        ]
+        if len(own) > MOST_NAMES:
+            own[1:-1] = [(f"… {len(own) - 2} more …", {})]
+        yield from own
         if fixed := [name for name in self._positions if name not in self._pens]:
             yield ", ".join(fixed), FIXED_MARK
         if self._pens:

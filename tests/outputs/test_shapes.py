@@ -281,6 +281,12 @@ def test_every_shape_is_legible_on_paper():
     assert_legible(drawing)
 
 
+def test_many_shapes_have_few_names():
+    drawing, _ = sheet(PLANE, '"d(i = 1..40)": {disk: i/40, at: [x, i]}')
+    assert_legible(drawing)
+    assert "… 38 more …" in drawing.written()
+
+
 def test_a_scene_of_shapes_alone_is_drawn():
     text = PLANE.replace("  points: {hub: [1, -2], rim: [x, y]}\n", "")
     shapes = BLOCK.replace("rim", "[x, y]") + ", d: {disk: 0.1, at: [x, y]}"
