@@ -7,6 +7,7 @@ expressions, Lagrange's equations by the chain rule.
 from __future__ import annotations
 
 import ast
+import itertools
 import operator
 import re
 from dataclasses import dataclass
@@ -109,10 +110,10 @@ class Numbers:
 
 
 def reads(path):
-    """Tell whether a file has numbers alone: no families, vectors and bodies."""
+    """Tell whether a file has numbers alone: no families, vectors, pairs and bodies."""
     text = path.read_text(encoding="utf-8")
     return not re.search(
-        r"^(frames|bodies):|\.\. ?\w|\bcomponents:", text, re.MULTILINE
+        r"^(frames|bodies):|\.\. ?\w|\bcomponents:|relation: \[", text, re.MULTILINE
     )
 
 
@@ -195,7 +196,8 @@ class Oracle:
 
     def _constraints(self, texts):
         self.constraints = []
-        for text in texts.values():
+        both = ([x] if isinstance(x, str) else x for x in texts.values())
+        for text in itertools.chain.from_iterable(both):
             left, _, right = text.partition("=")
             node = self.read(left.rstrip("<> ")) - self.read(right or "0")
             self.constraints.append(-node if left.endswith("<") else node)

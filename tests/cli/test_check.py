@@ -262,12 +262,16 @@ def test_the_keys_of_shipped_models(lagsim, path):
             assert isinstance(c["rate"], float)
             assert c["mode"] in ("open", "closed", "impact", "sticks", "slides")
             assert c["active"] is not (c["mode"] == "open" and c["residual"] > 0)
+        elif c["mode"] is not None:  # it has a limit
+            assert nonholonomic
+            assert c["mode"] in ("sticks", "slides")
+            assert c["active"] is True
         else:
             assert abs(c["residual"]) <= c["bound"]
             assert (c["velocity_residual"] is None) is nonholonomic
             assert (c["rate"], c["active"], c["mode"]) == (None, None, None)
         assert (c["pfaffian"] is None) is not nonholonomic
-        decided = nonholonomic and c["pfaffian"]
+        decided = nonholonomic and c["pfaffian"] and c["mode"] is None
         assert isinstance(c["integrable"], bool) is decided
 
 

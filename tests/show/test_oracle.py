@@ -22,8 +22,8 @@ SHORT = (
 )  # fmt: skip
 # Their multipliers are not told: contacts come and go.
 SHORT_WITH_CONTACTS = (
-    "ball-on-a-vibrating-table", "bouncing-ball", "rocking-block", "slack-string",
-    "sliding-ladder",
+    "ball-on-a-vibrating-table", "bouncing-ball", "planar-brake", "rocking-block",
+    "slack-string", "sliding-ladder",
 )  # fmt: skip
 
 
