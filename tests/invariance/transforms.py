@@ -29,6 +29,7 @@ class Document:
 
     laws : what constraints have besides their relations: texts, or numbers' texts
     states : the rate of each first-order state
+    events : of each what the file has, in times of the model it came from
     scale : columns of t times this are the times of the model it came from
     shift : ... after this was taken off
     """
@@ -50,6 +51,8 @@ class Document:
     scale: float = 1.0
     shift: float = 0.0
     states: dict[str, str] = field(default_factory=dict)
+    modes: dict[str, str] = field(default_factory=dict)
+    events: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def text(self):
         """Write the model file."""
@@ -76,6 +79,14 @@ class Document:
         }  # fmt: skip
         if self.states:
             document["states"] = {s: {"rate": rate} for s, rate in self.states.items()}
+        if self.events:
+            events = {
+                name: {**x, "every": f"({x['every']})/({self.scale!r})"}
+                if "every" in x
+                else x
+                for name, x in self.events.items()
+            }
+            document |= {"modes": self.modes, "events": events}
         return yaml.safe_dump(document, sort_keys=False, width=10**6)
 
     def everywhere(self, change):
@@ -89,6 +100,11 @@ class Document:
             forces=each(self.forces), constraints=each(self.constraints),
             laws={name: each(law) for name, law in self.laws.items()},
             until=change(self.until), states=each(self.states),
+            events={
+                name: {key: x if key == "every" else _in_all(change, x)
+                       for key, x in event.items()}
+                for name, event in self.events.items()
+            },
         )  # fmt: skip
 
 
@@ -135,6 +151,8 @@ def document(text, keep=()):
         several = text.values() if isinstance(text, dict) else text
         used += [text] if isinstance(text, str) else several
     used.append(simulation.get("until", ""))
+    modes, events = raw.get("modes") or {}, raw.get("events") or {}
+    used += [x for e in events.values() for x in (e.get("at", ""), *e["set"].values())]
     duration = number(simulation["duration"])
     asked = ("method", "rtol", "step", "formulation")
     kept = {k: v for k, v in simulation.items() if k in asked}
@@ -144,7 +162,8 @@ def document(text, keep=()):
         energy, forces, constraints, initial, frozenset(guesses),
         number(simulation.get("start", "0")), duration,
         number(simulation.get("output_step", repr(duration / 1000))),
-        simulation.get("until", ""), laws, kept, states=states,
+        simulation.get("until", ""), laws, kept, states=states, modes=modes,
+        events=events,
     )  # fmt: skip
 
 

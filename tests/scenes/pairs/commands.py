@@ -65,7 +65,8 @@ FREEDOM = {
     "rheonomic": 0, "Pfaffian": 2, "many coordinates": 20,
 }  # fmt: skip
 
-_FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "many coordinates")
+_FREE = ("smooth", "ignorable", "switch in t", *_SWITCHES, "until", "event")
+_FREE += ("many coordinates",)
 NO_CONSTRAINTS = dict.fromkeys(_FREE, "the model has no constraints")
 AT_TIMES = "the model has constraints that come and go"
 _AT_TIMES = dict.fromkeys(HOLDS_AT_TIMES, AT_TIMES)
@@ -98,7 +99,7 @@ FORMULATIONS: dict[str, dict[str, str]] = {
     },
     "apart": {
         **dict.fromkeys(HOLDS_AT_TIMES, ONE_STEP),
-        **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic"), QUADRATURES),
+        **dict.fromkeys(("switch in t", *_SWITCHES, "rheonomic", "event"), QUADRATURES),
         "nonlinear velocity constraint": QUADRATURES,
         "until": "`until` depends on all of them",
     },
@@ -128,6 +129,7 @@ CHANGED = {
     "two switches": ("x1 - 0.4", "x1 - 0.400005"),
     "sliding": ("0.5*sign", "0.500005*sign"),
     "until": ("x1 <= 0", "x1 <= 0.000005"),
+    "event": ("x1 <= 0.2", "x1 <= 0.200002"),
     "contact": ("restitution: 0.5", "restitution: 0.500005"),
     "friction on one slip": ("friction: 0.3", "friction: 0.300003"),
     "friction on the disc": ("friction: 0.2", "friction: 0.200002"),
@@ -145,7 +147,7 @@ CHANGED = {
 }
 # Where another tolerance is the same means, as of linear motion: another method.
 _LINEAR = (
-    "smooth", "ignorable", "until", "contact", "friction on one slip", "limit",
+    "smooth", "ignorable", "until", "event", "contact", "friction on one slip", "limit",
     "freewheel", "when", "singular M", "many coordinates",
 )  # fmt: skip
 OTHER = dict.fromkeys(_LINEAR, "method: rk4, step: 0.0005")
@@ -153,7 +155,7 @@ _BEAT = (2j, -2j)
 # Of the linearised motion at the start.
 EIGENVALUES = {
     **dict.fromkeys(("ignorable", "switch in t", *_SWITCHES[1:]), (0.0, 0.0)),
-    **dict.fromkeys(("until", "holonomic"), (0.0, 0.0)),
+    **dict.fromkeys(("until", "event", "holonomic"), (0.0, 0.0)),
     **dict.fromkeys(("smooth", "switch in the state", "elimination"), _BEAT),
     **dict.fromkeys(("redundant", "singular M"), _BEAT),
     "rheonomic": (),
@@ -167,6 +169,8 @@ EIGENVALUES = {
         for sign in (1, -1)
     ),
 }
+# What events have set by then.
+MODES = {("event", 0.3): {"push1": -1.0}, ("event", 1.2): {"push1": 2.0}}
 # What laws and switches do beside the derived equations, at times: their force on
 # coordinates, and whether their row holds.
 OUTSIDE: dict[tuple[str, float], tuple[dict[str, float], bool]] = {

@@ -36,6 +36,8 @@ class Fragment(NamedTuple):
     more: dict[str, tuple[str, str]] = {}  # noqa: RUF012  (never changed)
     forces: dict[str, str] = {}  # noqa: RUF012
     constraints: dict[str, str] = {}  # noqa: RUF012
+    modes: dict[str, str] = {}  # noqa: RUF012
+    events: dict[str, str] = {}  # noqa: RUF012
     until: str = ""
     formulation: str = ""
     end: float = DURATION
@@ -98,6 +100,15 @@ def _freewheel(t):
     )
 
 
+def _pushed(t):
+    """Give the motion from 0.5 by -1, by 2 from 0.2 on, and by -1 again after 1.3."""
+    hit = np.sqrt(0.6)
+    up = _parabola(t, hit, 0.2, -hit, 2.0)
+    x, v = _parabola(1.3, hit, 0.2, -hit, 2.0), -hit + 2.0 * (1.3 - hit)
+    late = np.where(t < 1.3, up, _parabola(t, 1.3, x, v, -1.0))
+    return np.where(t < hit, 0.5 - t**2 / 2, late)
+
+
 def _chain(t):
     k = np.pi / (CHAIN + 1)
     beat = np.cos(2 * np.sin(k / 2) * 10 * t)
@@ -143,6 +154,14 @@ FRAGMENTS = (
     Fragment(
         "until", ("0.8", "0"), lambda t: {"x$": 0.8 - t**2 / 2}, "x$",
         until="x$ <= 0", end=float(np.sqrt(1.6)),
+    ),
+    Fragment(
+        "event", ("0.5", "0"), lambda t: {"x$": _pushed(t)}, forces={"x$": "push$"},
+        modes={"push$": "2"},
+        events={
+            "hit$": "{at: x$ <= 0.2, set: {push$: 2}}",
+            "beat$": "{every: 1.3, set: {push$: push$ - 3}}",
+        },
     ),
     Fragment(
         "contact", ("0.5", "0"), lambda t: {"x$": bounced(t, 0.5, 0.5)}, "9.81*x$",

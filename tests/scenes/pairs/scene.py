@@ -46,6 +46,8 @@ def scene(*fragments, coupled=False, extra=""):
     coordinates, initial = {}, {}
     forces: dict[str, str] = {}
     constraints: dict[str, str] = {}
+    modes: dict[str, str] = {}
+    events: dict[str, str] = {}
     sums: tuple[list[str], list[str]] = ([], [])
     untils = [f.until.replace("$", str(k)) for k, f in enumerate(fragments, 1)]
     for k, f in enumerate(fragments, 1):
@@ -60,6 +62,8 @@ def scene(*fragments, coupled=False, extra=""):
             initial[f"{own(name)}_dot"] = rate
         forces |= {own(n): json.dumps(own(text)) for n, text in f.forces.items()}
         constraints |= {own(n): own(text) for n, text in f.constraints.items()}
+        modes |= {own(n): own(text) for n, text in f.modes.items()}
+        events |= {own(n): own(text) for n, text in f.events.items()}
         sums[0].append(own(f.kinetic))
         sums[1].append(own(f.potential))
     definitions = {}
@@ -87,6 +91,10 @@ forces:
 {_quoted(forces)}
 constraints:
 {_quoted(constraints)}
+modes:
+{_quoted(modes)}
+events:
+{_quoted(events)}
 initial:
 {_quoted(initial)}
 simulation: {{duration: {duration}, output_step: {STEP}{until}{formulation}}}

@@ -15,7 +15,14 @@ from lagsim.studies.bench.stability import Subject
 from lagsim.studies.bench.work_precision import make_reference
 from lagsim.studies.restart import RESTART
 from tests.cli.test_resume import content, ended
-from tests.scenes.pairs.commands import CHANGED, COMMANDS, EIGENVALUES, OTHER, OUTSIDE
+from tests.scenes.pairs.commands import (
+    CHANGED,
+    COMMANDS,
+    EIGENVALUES,
+    MODES,
+    OTHER,
+    OUTSIDE,
+)
 from tests.scenes.pairs.physical import BY_NAME
 from tests.scenes.pairs.scene import STEP, motion, part_of, scene
 
@@ -148,6 +155,7 @@ def test_derived_equations_are_met_by_the_closed_form(name, lagsim, write):
     for t in (0.3, 1.2):
         found = moving(name, t)
         q, v, a = np.array([found[k] for k in names]).T
+        module["PARAMETERS"].update(MODES.get((name, t), {}))
         left = module["mass_matrix"](t, q, v) @ a - module["force"](t, q, v)
         force, held = OUTSIDE.get((name, t), ({}, True))
         for coordinate, x in force.items():
