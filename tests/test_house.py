@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 239
 LINES = 72_980
-LINES_OF_TESTS = 53_760
+LINES_OF_TESTS = 53_820
 
 
 def lines(folder):
