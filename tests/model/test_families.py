@@ -283,6 +283,17 @@ def test_faults_name_the_place_in_the_file(case):
     faults.test_fault(case)
 
 
+@pytest.mark.parametrize(
+    ("n", "code"),
+    [
+        ("1.5", "expression-subscript"), ("10^6", "expression-too-many"),
+        ("zz", "unknown-name"), ("q(1)", "expression-range"),
+    ],
+)  # fmt: skip
+def test_a_fault_of_many_ranges_is_reported_once(n, code):
+    assert [p.code for p in problems(CHAIN.replace("n: 4", f"n: {n}"))] == [code]
+
+
 def test_a_fault_of_many_members_is_reported_once_and_quickly():
     text = "definitions: {s(i = 1..50000): i*zz, a: s(50001)}"
     assert [p.code for p in problems(text)] == ["unknown-name", "expression-member"]

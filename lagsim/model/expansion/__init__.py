@@ -206,6 +206,7 @@ class Expansion:
         self.hidden: list[Entry] = []
         self._instead = instead
         self._count = 0
+        self.silent: list[Scalar] = []
         self.node = root
         if isinstance(root, Mapping):
             self._top = {key.text: (key, value) for key, value in root.entries}
@@ -367,6 +368,7 @@ class Expansion:
         except ExpressionError as fault:
             self.fault(fault, key)
             self.broken.add(key.text.partition("(")[0])
+            self.silent += [key] if fault.code == SILENT else []
         return None
 
     def _members(self, key: _Key, outer: Indices) -> Members:
@@ -402,7 +404,9 @@ class Expansion:
                     f"the families of this file have {self._count + count:,} members, "
                 )
                 text += f"more than {limits.MEMBERS:,}"
-                raise token.fault(text, "", "too-many")
+                code = SILENT if self.scope.full else "too-many"
+                self.scope.full = True
+                raise token.fault(text, "", code)
             for indices, member, first, last in ranges:
                 for k in range(first, last + 1):
                     inner = {**indices, index: k} if index else indices
@@ -772,6 +776,8 @@ class Expansion:
     ) -> Iterator[tuple[Scalar, Reading, Node]]:
         """Return key, reading and value for each member of what has its own names."""
         found = self._key(key)
+        if found is None and key.text.partition("(")[0] in self.broken:
+            return
         if found is None or not found[0].subscripts:
             yield key, self.plain, node
             return
@@ -812,6 +818,8 @@ class Expansion:
         if not isinstance(node, Sequence):
             return [node]
         names = [n for item in node.items for n in self.denoted(item, points)]
+        if any(isinstance(name, Broken) for name in names):
+            return [Broken(node.place)]
         if len(names) == len(node.items):
             return [node._replace(items=tuple(names))]
         return [node._replace(items=pair) for pair in pairwise(names)]
@@ -885,7 +893,9 @@ class Expansion:
         except ExpressionError:
             parsed = None
         meant = parsed and self.scope.reference(parsed.name)
-        of_family = meant and meant[0].indexed and not meant[0].broken
+        if meant and meant[0].broken:
+            return [Broken(node.place)]
+        of_family = meant and meant[0].indexed
         if parsed and (of_family or (meant and not parsed.subscripts)):
             return [
                 self.bound(n._replace(text=_written(*n.text.split("."))))

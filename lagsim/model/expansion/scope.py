@@ -143,8 +143,10 @@ class Scope:
         self.tables: frozenset[str] = frozenset()
         self._asked: set[str] = set()
         self._terms = 0
+        self._faulty: set[str] = set()
+        self.full = False
         self._sources: dict[tuple[str, object], _Source | ExpressionError] = {}
-        self._references: dict[str, tuple[Family, str] | None] = {}
+        self._references: dict[str, tuple[Family, str]] = {}
         self._last: tuple[object, ...] = (None,) * 3
         self._value: tuple[Value, Value | None, str] = EMPTY, None, ""
 
@@ -278,9 +280,10 @@ class Scope:
 
     def reference(self, name: str) -> tuple[Family, str] | None:
         """Return the family of a name, as of a rate or force, and the form of names."""
-        if name not in self._references:
-            self._references[name] = self._find(name)
-        return self._references[name]
+        found = self._references.get(name) or self._find(name)
+        if found is not None:  # others may be declared later
+            self._references[name] = found
+        return found
 
     def _find(self, name: str) -> tuple[Family, str] | None:
         if family := self.variables.get(name):
@@ -345,7 +348,8 @@ class Scope:
         self._terms += count
         if self._terms > limits.TERMS:
             text = f"the sums of this file have more than {limits.TERMS:,} terms"
-            raise token.fault(text, f"this one has {count:,}", "too-many")
+            code = SILENT if self.full else "too-many"
+            raise token.fault(text, f"this one has {count:,}", code)
         op = OVER_RANGES[token.text]
         if not count and op != "add":
             text = f"`{token.text}` over an empty range, {first}..{last}"
@@ -370,16 +374,25 @@ class Scope:
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
             raise token.fault(text, "", "subscript")
+        names: set[str] = set()
         if value.op == "number":
             found = float(value.value)
         else:
-            found = self.number(trees.parsed(value, ""))
-            self.ask(value)
+            parsed = trees.parsed(value, "")
+            names = {name.text for name in parsed.names}
+            found = self.number(parsed)
+            self._asked |= names
         nearest = round(found) if abs(found) < limits.LARGEST_INDEX else None
         if nearest is None or abs(found - nearest) > _WHOLE * abs(found):
             text = f"a subscript must be a whole number, found {found:g}"
-            raise token.fault(text, "", "subscript")
+            raise token.fault(text, "", self._once(names, "subscript"))
         return nearest
+
+    def _once(self, names: set[str], code: str) -> str:
+        """Return the code of a fault of parameters, which is reported once."""
+        known = not names.isdisjoint(self._faulty)
+        self._faulty |= names
+        return SILENT if known else code
 
     def ask(self, *values: Tree) -> None:
         """Note that the form of the equations follows values of parameters."""
@@ -419,7 +432,8 @@ class Scope:
             raise ExpressionError(offset, len(name), "", code=SILENT)
         text = "ranges and subscripts are made of indices and parameters above them; "
         about = f"`{name}` is none"
-        raise ExpressionError(offset, len(name), text + about, "", "subscript")
+        code = self._once({name}, "subscript")
+        raise ExpressionError(offset, len(name), text + about, "", code)
 
 
 _POPPED = {"over": 2, "comp": 1, "rota": 1, "unro": 1, "omeg": 0}

@@ -189,6 +189,7 @@ class File:
         self.energy = equations.energy_fields(top)
         self.names = names = Names("lagrangian" in self.energy)
         names.faulty |= broken
+        names.broken = broken
         for _, value in top.unknown:
             names.faulty |= {name.text for name, _ in entries_of(value)}
         self.x = x = Expressions(graph, names, faults)
@@ -245,6 +246,10 @@ class File:
         scene = read_scene(top.below("scene", SCENE), x)
         output = runs.read_output(top.below("output", OUTPUT_KEYS), x)
         description, source = top.text("description"), top.text("source")
+        if self.expansion and self.expansion.silent and not len(x.faults):
+            key = self.expansion.silent[0]
+            text = f"the range of `{key.text}` depends on itself"
+            x.faults.add("expression-range", text, key.place)
         x.faults.raise_if_any()
         tables.check_used(x)
         x.faults.raise_if_any()

@@ -121,6 +121,8 @@ class Names:
         False where a section that gives names could not be read.
     started
         The names that `initial` has.
+    broken
+        Names of families whose ranges have a fault.
     tables
         The tables that are sound, by name.
     called
@@ -135,6 +137,7 @@ class Names:
     reactions: list[str] = field(default_factory=list)
     faulty: set[str] = field(default_factory=set)
     started: set[str] = field(default_factory=set)
+    broken: set[str] = field(default_factory=set)
     tables: dict[str, Table] = field(default_factory=dict)
     called: set[str] = field(default_factory=set)
     _known: dict[object, Any] = field(default_factory=dict, init=False)
@@ -142,7 +145,7 @@ class Names:
     @property
     def complete(self) -> bool:
         """False where an unknown name may well be one that could not be read."""
-        return self.readable and bool(self.of(Kind.COORDINATE))
+        return self.readable and bool(self.of(Kind.COORDINATE) or self.broken)
 
     def section(
         self, section: Node | None, what: str, kind: Kind, faults: Faults

@@ -47,6 +47,9 @@ class Faults:
             self.once.add((code, place))
         self._problems.append(Problem(code, text, place, hint))
 
+    def __len__(self) -> int:
+        return len(self._problems)
+
     def is_known(self, code: str, place: Place | None) -> bool:
         """Tell whether another member has this fault already."""
         return self.once is not None and (code, place) in self.once
