@@ -277,6 +277,12 @@ class Result:
         return None if isinstance(bar, str) else Error.of(bar, self._name, self.units)
 
     @cached_property
+    def sections(self) -> dict[str, dict[str, Floats]]:
+        """Of each section its columns (crossings,), by name."""
+        found = self._made.sections
+        return {k: dict(zip(self.columns, x.T, strict=True)) for k, x in found.items()}
+
+    @cached_property
     def units(self) -> dict[str, str]:
         """The unit of each column, where it is known or follows."""
         units: dict[str, str] = self.record["columns"]

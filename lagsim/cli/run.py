@@ -320,7 +320,7 @@ class Job:
         except OSError as error:
             results.drop(wish.table.file)
             lost, full = True, error
-        if not full and found.session.lists_events:
+        if not full and (found.session.lists_events or found.sections):
             from lagsim.studies.drawing import events
 
             try:

@@ -353,6 +353,20 @@ class Plot(NamedTuple):
         return found
 
 
+class Section(NamedTuple):
+    """States at which `at` vanishes in a direction, or at times `every` so much.
+
+    `plot` are the columns of its picture; empty: the first two that vary.
+    """
+
+    name: str
+    at: int | None
+    every: int | None
+    direction: str
+    plot: tuple[str, ...]
+    place: Place
+
+
 class Output(NamedTuple):
     """Definitions that become columns, extra plots, and optional columns.
 
@@ -366,6 +380,7 @@ class Output(NamedTuple):
     action: bool = False
     reactions: tuple[str, ...] = ()
     event_marks: bool = True
+    sections: tuple[Section, ...] = ()
 
 
 class Stated(Protocol):

@@ -654,6 +654,19 @@ def figure(title: str, against: Column, columns: Sequence[Column]) -> Picture:
 
 
 @in_house_style
+def crossed(title: str, x: Column, y: Column) -> Picture:
+    """Draw points: the states of a section."""
+    found = Picture(stack_height(1, PATH), title, f"{len(x.values)} crossings")
+    (axes,) = stacked(found, 1, PATH)
+    point(axes, x.values, y.values, mark(".", 3.0, PENS[0]["color"]))
+    if x.unit and x.unit == y.unit:
+        axes.set_aspect("equal", adjustable="datalim")
+    x.stand_at(axes.xaxis)
+    y.stand_at(axes.yaxis, PATH)
+    return found
+
+
+@in_house_style
 def spectrum_figure(
     title: str, across: Column, up: Column, peaks: Sequence[tuple[float, float]]
 ) -> Picture:

@@ -53,7 +53,7 @@ RESTART, RESTART_ROWS = ".lagsim-restart", ".lagsim-restart.rows"
 # What lagsim calls what it leaves, so that a later run may remove it.
 _OWN = re.compile(
     r"(trajectory|events|energy|constraint_forces|plot_\d+|animation|overlay|spectrum"
-    r"|reactions|work_precision|stability|sweep)"
+    r"|reactions|work_precision|stability|sweep|section_\w+)"
     r"\.(csv|npz|parquet|json|png|svg|pdf|html)"
 )
 # How often one who waits for a folder looks whether it is free.

@@ -82,6 +82,9 @@ class Columns:
                 nodes[f"point.{name}.{k}"] = node
         for k, plot in enumerate(model.output.plots):
             nodes |= {name: curve.node for name, curve in plot.curves(k).items()}
+        for section in model.output.sections:
+            if section.at is not None:
+                nodes[f"section.{section.name}"] = section.at
         new = {g.variable("energy"): equations.energy}
         new |= {
             g.variable(f"Qc_{q}"): f for q, f in zip(equations.q, forces, strict=False)

@@ -31,7 +31,7 @@ import contextlib
 import math
 from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
-from functools import partial
+from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -415,6 +415,14 @@ class Attempt(Evidence):
             from lagsim.outputs.animation import frames_of
 
             self.frames = frames_of(self.equations, names)
+
+    @cached_property
+    def sections(self) -> dict[str, Floats]:
+        """Rows (k, columns) of the sections that are asked for."""
+        from lagsim.studies.sections import sections
+
+        asked = self.equations.model.output.sections
+        return sections(self.session, self.trajectory) if asked else {}
 
     def cautions(self) -> list[Caution]:
         """Return all warnings on it."""

@@ -33,10 +33,14 @@ if TYPE_CHECKING:
 
 
 def events(made: Attempt) -> Iterator[Made]:
-    """Give name and content of the table of events, of a model that has one."""
+    """Give name and content of the tables of events and sections, where there are."""
     if made.session.lists_events:
         named = bool(made.session.case.equations.model.events)
         yield "events.csv", events_table(made.trajectory.events, named=named)
+    if made.sections:
+        from lagsim.studies.sections import tables
+
+        yield from tables(made.session, made.sections)
 
 
 def drawings(
@@ -65,6 +69,10 @@ def drawings(
         yield "pictures", record
     else:
         yield from (draw or drawn)(record, model)
+    if made.sections:
+        from lagsim.studies.sections import pictures
+
+        yield from pictures(made.session, made.sections, form)
 
 
 def beside(

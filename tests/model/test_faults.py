@@ -78,6 +78,17 @@ unknown-name | write f(...) | tables: {f: {points: [[0, 0], [1, 1]]}}¶forces: {
 expression-unknown-function | write curve(t) |
     tables: {curve: {points: [[0, 0], [1, 1]]}}¶
     forces: {x: curve(t), y: ⟪curv⟫(t)}
+# sections
+missing-key | neither `at` nor | output: {sections: {⟪c⟫: {direction: up}}}
+both-given | both `at` and `every` | output: {sections: {⟪c⟫: {at: x = 0, every: 1}}}
+not-an-equality | must be an equality | output: {sections: {c: {⟪at⟫: x >= 0}}}
+no-coordinate | depends on no | output: {sections: {c: {at: ⟪t = 1⟫}}}
+unknown-name | known are `both` | output: {sections: {c: {at: x, direction: ⟪left⟫}}}
+unknown-name | no column `z` | output: {sections: {c: {at: x, plot: [x, ⟪z⟫]}}}
+wrong-count | found 1 | output: {sections: {c: {at: x, ⟪plot⟫: [x]}}}
+not-constant | `x` is a coordinate | output: {sections: {c: {every: ⟪x⟫}}}
+bad-name | `a-b` | output: {sections: {⟪a-b⟫: {at: x}}}
+unknown-key | did you mean `every` | output: {sections: {c: {⟪evry⟫: 1}}}
 # names
 bad-name | a line break | parameters: {⟪"a\n"⟫: 1}
 bad-name | `2k` | parameters: {⟪2k⟫: 1}

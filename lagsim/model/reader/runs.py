@@ -6,7 +6,15 @@ import math
 from typing import TYPE_CHECKING
 
 from lagsim.methods import options
-from lagsim.model.model import DEFAULT_ROWS, Curve, Level, Output, Plot, Settings
+from lagsim.model.model import (
+    DEFAULT_ROWS,
+    Curve,
+    Level,
+    Output,
+    Plot,
+    Section,
+    Settings,
+)
 from lagsim.model.nodes import (
     Broken,
     Node,
@@ -18,9 +26,19 @@ from lagsim.model.nodes import (
     texts_of,
 )
 from lagsim.model.reader import hints, quantities
-from lagsim.model.reader.expressions import Kind
-from lagsim.model.reader.fields import Fields, fields, items, kind_of, listed, named
-from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED
+from lagsim.model.reader.equations import read_relation
+from lagsim.model.reader.expressions import Kind, check_name
+from lagsim.model.reader.fields import (
+    Fields,
+    entries,
+    fields,
+    items,
+    kind_of,
+    listed,
+    named,
+    shortened,
+)
+from lagsim.model.reader.sections import AXES, MOST_CURVES, PLOT, RESERVED, SECTION
 from lagsim.tolerances import SAME_STEP, SHORTEST_RUN
 
 if TYPE_CHECKING:
@@ -187,7 +205,66 @@ def read_output(found: Fields, x: Expressions) -> Output:
         action=found.truth("action"),
         reactions=_reactions(found.value("reactions"), x),
         event_marks=found.truth("event_marks", default=True),
+        sections=tuple(_sections(found.value("sections"), columns, x)),
     )
+
+
+DIRECTIONS = ("both", "up", "down")
+
+
+def _sections(
+    node: Node | None, columns: tuple[str, ...], x: Expressions
+) -> Iterator[Section]:
+    for key, value in entries(node, "`sections`", x.faults):
+        what = f"the section `{key.text}`"
+        below = fields(value, what, SECTION, x.faults, key.place)
+        if not check_name(key, "a section", x.faults) or not below.sound:
+            continue
+        if ("at" in below) == ("every" in below):
+            both = (
+                "both `at` and `every`" if "at" in below else "neither `at` nor `every`"
+            )
+            code = "both-given" if "at" in below else "missing-key"
+            hint = "write {at: x = 0, direction: up}, or {every: 2*pi/w}"
+            x.faults.add(code, f"{what} has {both}", key.place, hint)
+            continue
+        relation, equality = read_relation(
+            below.value("at"), f"`at` of {what}", x, modes=True
+        )
+        if equality is False:
+            text = f"`at` of {what} must be an equality"
+            x.faults.add("not-an-equality", text, below.place_of("at"), "such as x = 0")
+        direction = below.text("direction") or DIRECTIONS[0]
+        if direction not in DIRECTIONS:
+            text = f"`direction` of {what} cannot be `{shortened(direction)}`"
+            hint = f"known are {listed(DIRECTIONS)}"
+            x.faults.add("unknown-name", text, below.found["direction"][1].place, hint)
+        every = x.compile(below.value("every"), f"`every` of {what}", Level.NUMBER)
+        plot = tuple(_axes_of(below, columns, x))
+        at = None if relation is None else relation.node
+        yield Section(key.text, at, every, direction, plot, key.place)
+
+
+def _axes_of(below: Fields, columns: tuple[str, ...], x: Expressions) -> Iterator[str]:
+    """Give the two columns that a picture of a section is asked to show."""
+    given = items(below.value("plot"), "`plot`", x.faults)
+    if given and len(given) != len(PLOTTED):
+        text = f"`plot` of a section names two columns, found {len(given)}"
+        x.faults.add("wrong-count", text, below.place_of("plot"), "such as [y, y_dot]")
+        return
+    for part in named(given, "`plot` names columns", x.faults):
+        meaning = x.names.meaning(part.text)
+        hidden = meaning is not None and meaning.kind is Kind.DEFINITION
+        hidden &= part.text not in columns
+        if meaning is None or hidden or meaning.kind in (Kind.PARAMETER, Kind.PI):
+            text = f"there is no column `{part.text}`"
+            hint = x.faults.did_you_mean(part.text, [*x.names.moving(), *columns])
+            x.faults.add("unknown-name", text, part.place, hint)
+        else:
+            yield part.text
+
+
+PLOTTED = ("right", "up")
 
 
 def asked_reactions(section: Node | None) -> list[str]:

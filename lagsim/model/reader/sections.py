@@ -49,6 +49,7 @@ ENERGY, SCENE, OUTPUT_KEYS = (
 )
 LINK = _keys(SCENE["links"]["items"])
 SHAPE = _keys(SCENE["shapes"]["additionalProperties"])
+SECTION = _keys(OUTPUT_KEYS["sections"]["additionalProperties"])
 PLOT = _keys(OUTPUT_KEYS["plots"]["items"])
 AXES = ("x", "y", "y2")
 MOST_CURVES: int = PLOT["y"]["anyOf"][1]["maxItems"]

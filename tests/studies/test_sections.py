@@ -1,0 +1,163 @@
+"""Sections: crossings and strobes, against closed forms and scipy's event location."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from lagsim import load, simulate
+from lagsim.errors import InputError
+from lagsim.methods import method, names
+from tests.cli.conftest import lagsim  # noqa: F401
+from tests.support import MODELS
+
+OSCILLATOR = """
+parameters: {w: 1}
+coordinates: {x: {}}
+energy: {kinetic: x_dot^2/2, potential: w^2*x^2/2}
+initial: {x: 1}
+simulation: {duration: 50}
+output: {sections: {cut: {SECTION}}}
+"""
+
+
+def sections(section, text=OSCILLATOR, **options):
+    model = load(text.replace("SECTION", section))
+    return simulate(model, error_bar="never", **options).sections["cut"]
+
+
+def test_henon_and_heiles():
+    found = simulate(str(MODELS / "henon-heiles.yaml"), error_bar="never").sections[
+        "cut"
+    ]
+    assert found["energy"] == pytest.approx(1.0 / 12.0, abs=1e-10)
+    assert (found["x_dot"] > 0.0).all()
+    y, v = 0.1, 0.1
+    u = math.sqrt(1.0 / 6.0 - y * y + 2.0 * y**3 / 3.0 - v * v)
+
+    def rates(_, z):
+        return [z[2], z[3], -z[0] - 2.0 * z[0] * z[1], -z[1] - z[0] ** 2 + z[1] ** 2]
+
+    def crossing(_, z):
+        return z[0]
+
+    crossing.direction = 1.0
+    exact = solve_ivp(
+        rates, (0, 200), [0.0, y, u, v], "DOP853", events=[crossing], rtol=1e-13,
+        atol=1e-15, max_step=0.05,
+    )  # fmt: skip
+    times, states = exact.t_events[0][1:], exact.y_events[0][1:]
+    assert len(times) == np.count_nonzero(found["t"] < 200.0) == 31
+    assert found["t"][:31] == pytest.approx(times, abs=1e-10)
+    assert found["y"][:31] == pytest.approx(states[:, 1], abs=1e-10)
+    assert found["y_dot"][:31] == pytest.approx(states[:, 3], abs=1e-10)
+
+
+@pytest.mark.parametrize("step", [50, 0.01])
+@pytest.mark.parametrize(
+    ("section", "first", "period"),
+    [
+        ("at: x = 0, direction: up", 1.5 * math.pi, 2.0 * math.pi),
+        ("at: x = 0, direction: down", 0.5 * math.pi, 2.0 * math.pi),
+        ("at: 0 = x, direction: up", 0.5 * math.pi, 2.0 * math.pi),
+        ("at: x = 0", 0.5 * math.pi, math.pi),
+        ("at: x = 1.000001", math.inf, math.pi),  # it is nearly touched
+        ("at: x_dot = 0, direction: up", math.pi, 2.0 * math.pi),  # and at the start
+        ("at: x = 0.9999, direction: down", math.acos(0.9999), 2.0 * math.pi),
+        ("every: 2*pi/w", 0.0, 2.0 * math.pi),
+    ],
+)
+def test_all_crossings_are_found_however_long_the_steps(section, first, period, step):
+    times = np.arange(first, 50.0, period) if first < 50.0 else np.array([])
+    found = sections(section, output_step=step)
+    assert found["t"] == pytest.approx(times, abs=1e-9)
+    assert found["x"] == pytest.approx(np.cos(times), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_method(name):
+    adaptive = method(name).ADAPTIVE or name == "exponential"
+    options = {} if adaptive else {"step": 0.01}
+    found = sections("at: x = 0, direction: up", method=name, **options)
+    near = 1e-8 if adaptive else 3.0 if name == "euler" else 0.05
+    times = np.arange(1.5 * math.pi, 50.0, 2.0 * math.pi)
+    assert len(found["t"]) == len(times)
+    assert found["t"] == pytest.approx(times, abs=near)
+    assert found["x"] == pytest.approx(np.zeros(len(times)), abs=1e-9)
+
+
+def test_a_section_changes_no_bit_and_follows_other_values():
+    plain = load(OSCILLATOR.replace("output: {sections: {cut: {SECTION}}}", ""))
+    model = load(OSCILLATOR.replace("SECTION", "every: pi/w"))
+    one, other = (simulate(m, error_bar="never") for m in (plain, model))
+    assert one.table.tobytes() == other.table.tobytes()
+    assert one.sections == {}
+    found = simulate(model.bind(w=2), error_bar="never").sections["cut"]
+    assert found["t"] == pytest.approx(np.arange(32) * math.pi / 2.0, abs=1e-12)
+
+
+BALL = """
+coordinates: {y: {}, z: {}}
+energy: {kinetic: (y_dot^2 + z_dot^2)/2, potential: 9.81*y + z^2/2}
+constraints: {floor: {relation: y >= 0, restitution: 0.5}}
+forces: {z: "if(z > 0.3, -1, 0)"}
+initial: {y: 1, z: 1}
+simulation: {duration: 1.2, until: z <= 0.1}
+output: {sections: {cut: {SECTION}}}
+"""
+
+
+def test_beside_impacts_switches_and_until():
+    fall = math.sqrt(2.0 / 9.81)
+    found = sections("at: y = 0.1", BALL)
+    up, speed = 0.5 * 9.81 * fall, 9.81
+    root = math.sqrt(up * up - 2.0 * speed * 0.1)
+    times = [
+        math.sqrt(1.8 / 9.81),
+        fall + (up - root) / 9.81,
+        fall + (up + root) / 9.81,
+    ]
+    times = [t for t in times if t < found["t"][-1] + 1e-9]
+    assert found["t"] == pytest.approx(times, abs=1e-10)
+    found = sections("at: y_dot = 0, direction: up", BALL)
+    assert found["t"] == pytest.approx([fall, 2.0 * fall], abs=1e-12)
+    assert found["y_dot"] == pytest.approx([up, up / 2.0], abs=1e-10)  # after impacts
+    found = sections("at: y = 0", BALL)
+    assert len(found["t"]) == 0
+
+
+def test_parts_that_are_integrated_apart():
+    text = """
+coordinates: {a: {}, b: {}}
+energy: {kinetic: (a_dot^2 + b_dot^2)/2, potential: a^2/2 + 200*b^4}
+initial: {a: 1, b: 1}
+simulation: {duration: 20, formulation: apart}
+output: {sections: {cut: {at: a = 0}}}
+"""
+    found = sections("", text)
+    assert found["t"] == pytest.approx((np.arange(6) + 0.5) * math.pi, abs=1e-9)
+
+
+def test_files(lagsim, tmp_path):  # noqa: F811
+    path = tmp_path / "model.yaml"
+    path.write_text(OSCILLATOR.replace("SECTION", "at: x = 0, plot: [x_dot, x_ddot]"))
+    assert lagsim("run", str(path), "-o", str(tmp_path / "r"), "-q").code == 0
+    folder = tmp_path / "r"
+    rows = np.loadtxt(folder / "section_cut.csv", delimiter=",", skiprows=1)
+    header = (folder / "trajectory.csv").read_text().splitlines()[0]
+    assert (folder / "section_cut.csv").read_text().splitlines()[0] == header
+    assert rows.shape == (16, 1 + header.count(","))
+    files = json.loads((folder / "run.json").read_text())["files"]
+    assert {"section_cut.csv", "section_cut.png"} <= set(files)
+    path.write_text(OSCILLATOR.replace("SECTION", "every: 60"))
+    assert lagsim("run", str(path), "-o", str(folder), "-q", "--no-plots").code == 0
+    assert (folder / "section_cut.csv").read_text().count("\n") == 2
+    assert not (folder / "section_cut.png").exists()
+
+
+def test_a_strobe_without_a_period_is_refused():
+    for every in ("w - 1", "-w", "1e-6"):
+        with pytest.raises(InputError, match="`every` of the section `cut`"):
+            sections(f"every: {every}")
