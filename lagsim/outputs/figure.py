@@ -658,7 +658,8 @@ def crossed(title: str, x: Column, y: Column) -> Picture:
     """Draw points: the states of a section."""
     found = Picture(stack_height(1, PATH), title, f"{len(x.values)} crossings")
     (axes,) = stacked(found, 1, PATH)
-    point(axes, x.values, y.values, mark(".", 3.0, PENS[0]["color"]))
+    axes.plot(x.values, y.values, **mark(".", 3.0, PENS[0]["color"]))
+    axes.margins(0.05)
     if x.unit and x.unit == y.unit:
         axes.set_aspect("equal", adjustable="datalim")
     x.stand_at(axes.xaxis)
