@@ -35,8 +35,8 @@ simulation: {duration: 1, output_step: 0.01}
 output: {columns: []}
 """
 # Positions at 1 s from `torques` solved for q'' and integrated by scipy's DOP853 at
-# 1e-13. MuJoCo 3.17 by RK4 comes within 2.5e-9 of them at a step of 2e-4, and within
-# 1.6e-10 at 1e-4: that is its error, which falls as the fourth power.
+# 1e-13. MuJoCo 3.17 by RK4 comes within 4.9e-9 of them at a step of 2e-4, and within
+# 3.0e-10 at 1e-4: that is its error, which falls as the fourth power.
 AT_1_S = [
     3.9770954799319274, 2.2429297121257172, 5.56139324493278, 0.3720357494742893,
     5.917942770774071, 0.5581793384820204, -0.1712808515217449,
