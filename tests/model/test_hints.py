@@ -434,7 +434,7 @@ ADVISED = [
     ("  l: 1", "  l: 1.5.2", "one decimal point", ""),
     ("  l: 1", "  l: inf", "finite", ""),
     ("  l: 1", "  l: 3i", "every number is real", ""),
-    (C, "c: x[1]", "there are no indices", "c: x"),
+    (C, "c: x[1]", "is written q(1)", "c: x"),
     (C, "c: ‘x’", "an expression contains no quotes", "c: x"),
     ("  end: 2", "  end: 1:30", "one number", "  end: 90"),
     ("  theta: 1", "  theta: guess", "{guess: 0}", "  theta: {guess: 0}"),

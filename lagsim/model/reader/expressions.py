@@ -52,6 +52,8 @@ REACTION = "reaction."
 # A name with its unit or with what it is a function of, or with digits before it.
 _DECORATED = re.compile(r"([^\W\d_]\w*)\s*[(\[]\s*(.*?)\s*[)\]]")
 _DIGITS_FIRST = re.compile(r"(\d+)([^\W\d_]\w*)")
+# Faults that no other spelling of the text mends.
+_OF_MEMBERS = ("size", "component", "member", "subscript", "range", "too-many", "arity")
 _A_COLUMN = "it is in the table and in its pictures in any case: leave it out here"
 
 
@@ -514,8 +516,9 @@ class Expressions:
         code = f"expression-{fault.code}"
         place = scalar.place_of(fault.offset, fault.length)
         if not self.faults.is_known(code, place):
-            own = fault.hint if self.reading else ""
-            hint = own or self.meant(scalar, parser, beside=beside) or fault.hint
+            hint = fault.hint
+            if not (self.reading and (hint or fault.code in _OF_MEMBERS)):
+                hint = self.meant(scalar, parser, beside=beside) or hint
             self.faults.add(code, fault.text, place, hint)
 
     def meant(

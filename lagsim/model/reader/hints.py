@@ -193,7 +193,7 @@ _SPELLINGS: list[tuple[str, Meant]] = [
     (rf"{_NAME}\s*[°º]", f"write {{0}}*pi/180: {RADIANS}"),
     (_PER_MINUTE, "write {0}*2*pi/60: rates are in rad/s"),
     (r"([,;]|(?<!\d)\.)\s*$", "leave `{0}` out"),
-    (r"\w\[\d*\]", "there are no indices: each has a name of its own"),
+    (r"\w\[\d*\]", "a member of a family is written q(1)"),
     (rf"\b(?:[eE]|exp)\s*(?:\^|\*\*)\s*(-?\s*{_ATOM})", _exponential),
     (r"^\s*(?:if\s+)?(.+?)\s+if\s+(.+?)\s+else\s+(.+)$", "write if({1}, {0}, {2})"),
     (r"^\s*if\s+(.+?)\s+then\s+(.+?)\s+else\s+(.+)$", "write if({0}, {1}, {2})"),
