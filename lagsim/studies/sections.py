@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from lagsim.run.trajectory import Trajectory
 
 SAMPLES = 8
+# Of a run of a few steps the shortest is not known: it has so many.
+FEW = 500
 # Rows at most: of the samples, and of a strobe.
 MOST, STROBES = 4_000_000, 1_000_000
 # Of the largest value, what rounding makes of 0.
@@ -103,7 +105,8 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
 def _sampled(session: Session, made: Trajectory, names: list[int]) -> Floats:
     settings, interrupt = session.case.settings, Interrupt()
     finest = max(
-        made.statistics.smallest_step or 0.0, SAMPLES * settings.duration / MOST
+        made.statistics.smallest_step or settings.duration / FEW,
+        SAMPLES * settings.duration / MOST,
     )
     spacing = min(finest, settings.output_step) / SAMPLES
     samples = _Samples(names, made.end, interrupt)
