@@ -548,8 +548,9 @@ def pictures(record: Record, model: Model) -> Iterator[Made]:
         "energy": partial(energy, record),
         LONG: partial(trajectory, record, moving, model.scene, subject, model),
     }
-    if model.constraints:
-        names = [constraint.name for constraint in model.constraints]
+    # The length of a quaternion takes no force.
+    names = [c.name for c in model.constraints if c.name not in model.quaternions]
+    if names:
         draw["constraint_forces"] = partial(
             constraint_forces, record, coordinates, names
         )

@@ -166,6 +166,14 @@ def test_a_quaternion_keeps_its_length(method, formulation):
     assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
 
 
+def test_forces_that_are_zero_have_no_picture(tmp_path):
+    r = lagsim.simulate(lagsim.load(QUATERNION), duration=0.01, error_bar="never")
+    r.write(tmp_path)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert "trajectory.png" in names
+    assert "constraint_forces.png" not in names
+
+
 def test_drift_leaves_the_constraints_of_the_file():
     """The same top, held at its tip by three constraints on its free centre."""
     text = QUATERNION.replace("p3: {}}", "p3: {}, r: {components: xyz}}")
