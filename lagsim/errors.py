@@ -110,23 +110,23 @@ class Problem(NamedTuple):
         where = f"{self.place}: " if self.place else ""
         lines = [f"{where}{self.text} [{self.number}]"]
         if self.place and self.place.source:
-            lines += self._pointed(self.place, window)
+            lines += pointed(self.place, window)
         if self.hint:
             lines.append(f"  hint: {self.hint}")
         return "\n".join(lines)
 
-    @staticmethod
-    def _pointed(place: Place, window: int) -> list[str]:
-        """Give the source line, or a window of a very long one, and the caret."""
-        column, source = place.column - 1, place.source
-        if len(source) > window:
-            first = max(0, column - window // 2)
-            source, column = source[first : first + window], column - first
-        before, rest = visible(source[:column]), visible(source[column:])
-        marked = len(visible(source[column : column + max(1, place.length)]))
-        # A tab before the caret keeps its width, so the caret stays below.
-        pad = "".join("\t" if c == "\t" else " " for c in before)
-        return ["  " + before + rest, "  " + pad + "^" * max(1, marked)]
+
+def pointed(place: Place, window: int = WINDOW) -> list[str]:
+    """Give the source line, or a window of a very long one, and the caret."""
+    column, source = place.column - 1, place.source
+    if len(source) > window:
+        first = max(0, column - window // 2)
+        source, column = source[first : first + window], column - first
+    before, rest = visible(source[:column]), visible(source[column:])
+    marked = len(visible(source[column : column + max(1, place.length)]))
+    # A tab before the caret keeps its width, so the caret stays below.
+    pad = "".join("\t" if c == "\t" else " " for c in before)
+    return ["  " + before + rest, "  " + pad + "^" * max(1, marked)]
 
 
 class LagsimError(Exception):

@@ -43,10 +43,14 @@ class Event(NamedTuple):
 
 
 class Caution(NamedTuple):
-    """A warning; `code` is stable."""
+    """A warning; `code` is stable.
+
+    `place` is the `errors.Place` in the file, where it has one.
+    """
 
     code: str
     text: str
+    place: Any = None
 
     @property
     def number(self) -> str:
@@ -57,5 +61,17 @@ class Caution(NamedTuple):
 
     @property
     def record(self) -> dict[str, Any]:
-        """Its entry in documents."""
-        return {"code": self.code, "number": self.number, "text": self.text}
+        """Its entry in documents; a place only where it has one."""
+        found: dict[str, Any] = {
+            "code": self.code, "number": self.number, "text": self.text
+        }  # fmt: skip
+        if self.place is None:
+            return found
+        _, line, column, length, source = self.place
+        return {
+            **found,
+            "line": line,
+            "column": column,
+            "length": length,
+            "source": source,
+        }

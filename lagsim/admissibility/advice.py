@@ -228,8 +228,9 @@ def suggestion(model: Model, relation: str) -> str:
 def beyond_state(equations: Equations) -> Iterator[Caution]:
     """Say what is odd about the model whatever the state.
 
-    Parameters that nothing names, angles in degrees, relations that are satisfied as
-    simple roots of what they are written as, and reactions that are 0.
+    Parameters that nothing names, angles in degrees, units that do not fit, relations
+    that are satisfied as simple roots of what they are written as, and reactions that
+    are 0.
     """
     model, g = equations.model, equations.graph
     for name in model.unused:
@@ -239,6 +240,8 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
     for text in model.idle:
         yield Caution("no-effect", text)
     yield from about_angles(model)
+    for one in model.stated.mismatches(model):
+        yield Caution("unit-mismatch", f"{one.place}: {one.text}", one.place)
     for constraint in model.constraints:
         if constraint.relation.multiple:
             name = constraint.name

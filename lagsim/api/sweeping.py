@@ -197,7 +197,7 @@ def sweep(
         read = model_of(model)
         wanted(read, "sweep", asked, hint="add it, or give `duration`")
         if (values is None) + (points is None) + (sample is None) != 2:
-            raise TypeError("one of `values`, `points` and `sample` is expected")
+            raise TypeError("values, points or sample: one of these is expected")
         if (sample is None) is not (N is None):
             raise TypeError("`N` goes with `sample`: how many runs are drawn")
         if not (type(seed) is int and 0 <= seed < 2**64):

@@ -8,6 +8,7 @@ from lagsim.admissibility.verdict import AT_REST, ONE_SIDED, START_VALUE
 from lagsim.cli._shared import coloured, counted, table
 from lagsim.cli._streams import ERROR, WARNING, annotate
 from lagsim.codes import number
+from lagsim.errors import pointed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,7 +51,9 @@ def report(
         lines.append(table((v.name, _described(v)) for v in start.verdicts))
     lines += _reached(equations, start)
     lines += [f"  {c.choice} ({c.reason})" for c in choices]
-    lines += [f"  warning: {w.text} [{w.number}]" for w in start.warnings]
+    for w in start.warnings:
+        lines.append(f"  warning: {w.text} [{w.number}]")
+        lines += [f"  {x}" for x in pointed(w.place)] if w.place else []
     if not start.admissible or repair:
         lines += _repair(start)
     return "\n".join(lines)
@@ -179,4 +182,6 @@ def annotate_start(equations: Equations, start: StartReport) -> None:
         annotate(ERROR, text, model.file, line, column, number("inadmissible"))
     for caution in start.warnings:
         text = f"{model.name}: {caution.text}"
-        annotate(WARNING, text, model.file, number=caution.number)
+        at = caution.place
+        line, column = (at.line, at.column) if at else (None, None)
+        annotate(WARNING, text, model.file, line, column, caution.number)

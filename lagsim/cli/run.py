@@ -36,7 +36,7 @@ from lagsim.cli._signals import is_watched
 from lagsim.cli._streams import ERROR, UnwritableError, annotate, complain, say
 from lagsim.cli._writing import commit
 from lagsim.codes import failure
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Place, Problem, pointed
 from lagsim.mechanics.constraints import Kind
 from lagsim.methods import names, options
 from lagsim.model.loading import text_of
@@ -409,6 +409,10 @@ class Job:
         if not self.wish.quiet or self.wish.strict:
             for caution in document["warnings"]:
                 complain(f"warning: {caution['text']} [{caution['number']}]")
+                if "line" in caution:
+                    keys = ("line", "column", "length", "source")
+                    at = Place("", *(caution[key] for key in keys))
+                    complain("\n".join(pointed(at)))
         if self.documents is not None:
             self.documents.append(document)
         elif not self.wish.quiet:

@@ -152,7 +152,7 @@ def _grid(
     seed: int,
 ) -> Grid:
     if bool(values) + bool(sample) + (points is not None) != 1:
-        text = "one of names with values, --points and --sample is expected"
+        text = "one of NAME=A:B:N, --points and --sample is expected"
         raise InputError([Problem("usage", text, hint=EXAMPLE)])
     if bool(sample) is not (count is not None) or (seed and not sample):
         text = "-N goes with --sample, and --seed with both"

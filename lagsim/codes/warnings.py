@@ -66,6 +66,13 @@ ROWS = (
         "the reaction is 0.",
         "ask for the reaction of a definition that energies, forces or constraints use",
         "output: {reactions: [x]}\n"),
+    warning("W113", "unit-mismatch",
+        "Units that are given do not fit: those of two terms of a sum, of two sides of "
+        "a relation or a comparison, of what a function takes, of energies, of a "
+        "force, or of a value and its own unit.",
+        "mend the expression or the unit; numbers are never scaled: mm do not fit m",
+        "parameters: {m: 1, g: 9.81, l: {value: 1, unit: m}}\n"
+        "definitions:\n  x: l + theta\n  y: -l*cos(theta)\n"),
     warning("W120", "no-effect",
         "Bodies or gravity are given, and the energies do not name them.",
         "write the word `bodies` in `kinetic` and in `potential`",

@@ -383,6 +383,13 @@ class Output(NamedTuple):
     sections: tuple[Section, ...] = ()
 
 
+class Mismatch(NamedTuple):
+    """Units that do not fit: where, and in words."""
+
+    place: Place
+    text: str
+
+
 class Stated(Protocol):
     """The numbers that a file states, and what replaces them: see `reader.File`."""
 
@@ -409,6 +416,9 @@ class Stated(Protocol):
 
     def numbers(self) -> list[str]:
         """Give the expressions that parameters and start values are given by."""
+
+    def mismatches(self, model: Model) -> list[Mismatch]:
+        """Give the units of the file that do not fit, with their places."""
 
     def separated(self, model: Model) -> tuple[Model, dict[str, int]]:
         """Give `model`, of this file, with `output.reactions` as coordinates.

@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 
     from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.scope import Scope
-    from lagsim.model.model import Settings
+    from lagsim.model.model import Mismatch, Settings
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
@@ -194,6 +194,9 @@ class File:
             names.faulty |= {name.text for name, _ in entries_of(value)}
         self.x = x = Expressions(graph, names, faults)
         x.reading = reading
+        # All expressions, until their units are checked; shared by all bindings.
+        self._expressions = x.read
+        self._units: list[list[Mismatch]] = []
         self.options = options
         self._check_version()
         self.name = self._name()
@@ -254,6 +257,7 @@ class File:
         tables.check_used(x)
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
+        x.read = []
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
         scope = self.scope
         named = scope.used | scope.structural if scope else words(self.node)
@@ -284,6 +288,17 @@ class File:
             description=description,
             source=source,
         )
+
+    def mismatches(self, model: Model) -> list[Mismatch]:
+        """Give the units of the file that do not fit, found once."""
+        if not self._units:
+            self._units.append([])
+            if any(key.endswith(".unit") for key, _ in leaves(self._given)):
+                from lagsim.model.reader.units import mismatches
+
+                self._units[0] += mismatches(model, self._expressions)
+            self._expressions.clear()
+        return self._units[0]
 
     def _gimbals(self) -> tuple[Gimbal, ...]:
         """Build the frames by three angles."""

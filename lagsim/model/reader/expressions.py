@@ -397,6 +397,8 @@ class Expressions:
         The states whose rates a name stands for, or contains.
     bound
         Nodes of names that a part of the file has for itself: a curve's parameter.
+    read
+        The expressions that have been read, with what messages call them.
     """
 
     def __init__(self, graph: Graph, names: Names, faults: Faults) -> None:
@@ -412,6 +414,7 @@ class Expressions:
         self.states: dict[str, int] = {}
         self.with_rates: dict[str, set[str]] = {}
         self.bound: dict[str, int] = {}
+        self.read: list[tuple[str, Scalar, Parsed | ParsedRelation]] = []
         # Nodes of the definitions of positions, their rates, their second rates.
         self._rates: list[dict[str, int]] = []
         self._last_hint: tuple[Scalar, str] | None = None
@@ -421,6 +424,7 @@ class Expressions:
         """Give the same with other faults and other values of the parameters."""
         other = copy(self)
         other.faults, other.known, other.modes = faults, dict(known), {}
+        other.read = []
         return other
 
     # Reading a text
@@ -477,6 +481,7 @@ class Expressions:
         except ExpressionError as fault:
             self._report(fault, scalar, known, beside=beside)
             return None
+        self.read.append((what, scalar, found))
         return scalar, found
 
     def _check_arities(self, found: Parsed | ParsedRelation, text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from typing import TYPE_CHECKING
@@ -100,6 +101,16 @@ def _scaled(number: str, of: str) -> tuple[str, str]:
     if ends and not re.fullmatch(rf"[-+]?{NUMBER}", number):
         number = f"({number})"
     return number + ends, plain
+
+
+def in_si(symbol: str) -> tuple[str, float]:
+    """Give the unit of the SI for a symbol, and the factor between them."""
+    plain, above, below = _SCALES.get(symbol, (symbol, "", ""))
+    values = [
+        math.prod(math.pi if x == "pi" else float(x) for x in factors.split())
+        for factors in (above, below)
+    ]
+    return plain, values[0] / values[1]
 
 
 def quantity(number: str, of: str, *, beside: bool) -> str:

@@ -120,7 +120,7 @@ def test_faults_of_a_file_have_lines(text, expected, tmp_path):
 @pytest.mark.parametrize(
     ("line", "text"),
     [
-        ("g=1,2 --points p.csv", "one of names"), ("", "one of names"),
+        ("g=1,2 --points p.csv", "one of NAME"), ("", "one of NAME"),
         ("--sample g=normal(1,1)", "-N goes with --sample"),
         ("g=1,2 -N 5", "-N goes with"), ("g=1,2 --seed 5", "--seed with both"),
         ("--sample g=normal(1) -N 2", "normal(mean, deviation)"),

@@ -1,0 +1,325 @@
+"""Units of the expressions of a file, checked where they are given.
+
+Each expression is gone through with the units of its names: coordinates, parameters,
+definitions and states that have one, their rates, and definitions whose unit follows.
+What has no unit, or one that is not known, fits everything, and so does a plain number
+in a sum. A unit is taken in powers of kg, m, s, A, K, mol, cd, with its scale against
+these, so that kN/m fits N/mm; angles are numbers. Numbers are never scaled.
+
+Other libraries know more units: pint takes half a second to load.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from typing import TYPE_CHECKING
+
+from lagsim.errors import Place
+from lagsim.language.functions import JOINING, OPERATIONS
+from lagsim.language.names import rate_of, rated
+from lagsim.language.parser import (
+    ExpressionError,
+    Parsed,
+    ParsedRelation,
+    Parser,
+    sides,
+    tokens,
+)
+from lagsim.language.units import (
+    ALIKE,
+    PURE,
+    Quantity,
+    combined,
+    is_pure,
+    parsed,
+    times,
+    written,
+)
+from lagsim.model.model import Level, Mismatch
+from lagsim.model.reader import quantities
+from lagsim.tolerances import COMPUTED_ZERO
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from lagsim.language.parser import Token
+    from lagsim.language.units import Unit
+    from lagsim.model.model import Model
+    from lagsim.model.nodes import Scalar
+
+# The power of ten by which a unit differs from those of the SI, among its powers.
+SCALE = "10"
+# Units that follow from others, beside those that pictures write.
+_OTHERS = {
+    "Ohm": "V/A", "ohm": "V/A", "Ω": "V/A", "F": "C/V", "H": "V*s/A", "Wb": "V*s",
+    "S": "A/V",
+}  # fmt: skip
+_BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
+_UNKNOWN = Quantity()
+_TIME = Quantity({"s": 1.0}, "s")
+_TOGETHER = ALIKE | {"mod", "atan2"}
+_ANGLES = ("sin", "cos", "tan")
+# What takes any unit.
+_ANY = (
+    "mul",
+    "div",
+    "neg",
+    "abs",
+    "sign",
+    "heaviside",
+    "sqrt",
+    "cbrt",
+    "floor",
+    "ceil",
+)
+
+
+def reduced(text: str) -> Unit | None:
+    """Return a unit in those of the SI with its scale; None where it is not known."""
+    unit = parsed(quantities.unit(text))
+    found: Unit | None = PURE if unit is not None else None
+    for symbol, power in (unit or {}).items():
+        plain, factors = quantities.in_si(symbol)
+        own = parsed(_OTHERS.get(plain, plain)) or {}
+        if found is None or not all(x in _BASE for x in own):
+            return None
+        found = times(found, own, power)
+        if factors != 1.0:
+            found = times(found, {SCALE: math.log10(factors)}, power)
+    return found
+
+
+def given_units(model: Model) -> Iterator[tuple[str, str]]:
+    """Give the names that have units, and these."""
+    yield from ((x.name, x.unit) for x in model.parameters if x.unit)
+    yield from ((x.name, x.unit) for x in model.coordinates if x.unit)
+    yield from ((x.name, x.unit) for x in model.definitions if x.unit)
+    yield from ((x.name, x.unit) for x in model.states if x.unit)
+
+
+def mismatches(
+    model: Model, read: Iterable[tuple[str, Scalar, Parsed | ParsedRelation]]
+) -> list[Mismatch]:
+    """Find units that do not fit.
+
+    read : every expression, with what messages call it.
+    """
+    check = _Check(model, read)
+    return check.run() if check.units else []
+
+
+class _Placed(Parser):
+    """A pass that keeps the token of each number, name and operation."""
+
+    def __init__(self, text: str, part: list[Token], tables: Mapping[str, int]) -> None:
+        super().__init__(text, part, tuple(tables.items()))
+        self.marks: list[Token] = []
+
+    def _emit(self, token: Token, op: str, payload: float | str) -> None:
+        super()._emit(token, op, payload)
+        self.marks.append(token)
+
+
+class _Check:
+    """Goes through all expressions once; `read` has them by what messages call them."""
+
+    def __init__(
+        self,
+        model: Model,
+        read: Iterable[tuple[str, Scalar, Parsed | ParsedRelation]],
+    ) -> None:
+        self.model, self.found = model, dict[Place, Mismatch]()
+        self.read: dict[str, tuple[Scalar, Parsed | ParsedRelation]] = {}
+        for what, scalar, x in read:  # some are called alike: components of a point
+            key = f"{what} {len(self.read)}" if what in self.read else what
+            self.read[key] = scalar, x
+        self.tables = {table.name: len(table.axes) for table in model.tables}
+        self.units = {name: _given(unit) for name, unit in given_units(model)}
+        self.values: dict[str, Quantity] = {}
+
+    def run(self) -> list[Mismatch]:
+        for what in self.read:
+            self.value(what)
+        energy = self._energy()
+        for what, (scalar, _) in self.read.items():
+            kind, _, name = what.partition(" `")
+            wanted = self._wanted(kind, name.rstrip("`"), energy)
+            text = f"{what} is in {{}} here, where {{}} is expected"
+            self._compare(scalar, (0, len(scalar.text)), self.value(what), wanted, text)
+        return sorted(self.found.values(), key=lambda x: x.place[1:3])
+
+    def value(self, what: str) -> Quantity:
+        """Give the quantity of an expression; of a relation none."""
+        if what not in self.values:
+            self.values[what] = _UNKNOWN
+            if what in self.read:
+                self.values[what] = self._went_through(*self.read[what])
+        return self.values[what]
+
+    def _energy(self) -> Quantity:
+        """Give what all energies are in; those that differ are reported.
+
+        Without a mass among the units there is one that is not written.
+        """
+        found = _UNKNOWN
+        for what in ("the kinetic energy", "the potential energy", "the Lagrangian"):
+            own = self.value(what)
+            if not own.unit or "kg" not in own.unit:
+                continue
+            if found.unit:
+                scalar = self.read[what][0]
+                text = f"{what} is in {{}}, the kinetic energy in {{}}"
+                self._compare(scalar, (0, len(scalar.text)), own, found, text)
+            found = found if found.unit else own
+        return found
+
+    def _wanted(self, kind: str, name: str, energy: Quantity) -> Quantity:
+        """Give what an expression of a kind, of a name, is expected to be in."""
+        per_second = {"s": -1.0}
+        if kind in ("the definition", "the parameter", "the mode"):
+            return self.units.get(name, _UNKNOWN)
+        if kind == "the start value of":
+            return self._of(name)
+        if kind == "the rate of the state":
+            return self._of(rate_of(name))
+        if energy.unit and kind == "the dissipation":
+            return Quantity(times(energy.unit, per_second))
+        along = self._of(name).unit if kind == "the force on" else None
+        if not energy.unit or along is None:
+            return _UNKNOWN
+        force = times(energy.unit, along, -1.0)
+        on = next((x for x in self.model.forces if x.on == name), None)
+        rate = on is not None and on.level is Level.VELOCITY
+        return Quantity(times(force, per_second) if rate else force)
+
+    def _of(self, name: str) -> Quantity:
+        """Give the quantity of a variable."""
+        if name in ("t", "pi"):
+            return _TIME if name == "t" else Quantity(PURE, free=True)
+        base, order = rated(name)
+        found = self.units.get(name) or self.units.get(base)
+        if found is None:
+            found = self.value(f"the definition `{base}`")
+            found = found._replace(text="") if not found.free else _UNKNOWN
+        if name in self.units or not order or found.unit is None:
+            return found
+        text = f"{found.text}/s" + (f"^{order}" if order > 1 else "")
+        unit = times(found.unit, {"s": 1.0}, -order)
+        return Quantity(unit, text if found.text else "")
+
+    def _went_through(self, scalar: Scalar, read: Parsed | ParsedRelation) -> Quantity:
+        parts = [read] if isinstance(read, Parsed) else [read.left, read.right]
+        marks: list[list[Token]] = [[], []]
+        at = 0
+        if scalar.reading is None:  # of a family, tokens are elsewhere
+            found = list(tokens(scalar.text))
+            left, right = found, None
+            if isinstance(read, ParsedRelation):
+                left, right, _ = sides(scalar.text, found)
+            for k, some in enumerate((left, right)):
+                one = _Placed(scalar.text, some or [], self.tables)
+                with contextlib.suppress(ExpressionError, IndexError):
+                    one.parse()  # a condition is none
+                marks[k], at = one.marks, at or left[-1].offset
+        sums = [
+            self._evaluated(scalar, x.postfix, marks[k])
+            for k, x in enumerate(parts)
+            if x is not None
+        ]
+        if len(sums) > 1:
+            span = (at, 1 if scalar.text[at : at + 1] == "=" else 2)
+            text = "the sides of this relation are in {} and {}"
+            self._compare(scalar, span, sums[0], sums[1], text)
+            return _UNKNOWN
+        return sums[0]
+
+    def _evaluated(
+        self,
+        scalar: Scalar,
+        postfix: Sequence[tuple[str, float | str | int]],
+        marks: Sequence[Token],
+    ) -> Quantity:
+        stack = list[tuple[Quantity, float | None]]()
+        for k, (op, payload) in enumerate(postfix):
+            if op == "number":
+                x = float(payload)
+                unit = PURE if is_pure(x) else None
+                stack.append((Quantity(unit, free=True), x))
+            elif op == "name":
+                stack.append((self._of(str(payload)), None))
+            else:
+                count = int(payload)
+                args, powers = zip(*stack[-count:], strict=True)
+                del stack[-count:]
+                span = (marks[k].offset, len(marks[k].text)) if marks else (0, 0)
+                stack.append(
+                    (
+                        self._operation(scalar, span, op, args, powers[-1]),
+                        -powers[0] if op == "neg" and powers[0] else None,
+                    )
+                )
+        return stack[-1][0] if stack else _UNKNOWN
+
+    def _operation(
+        self,
+        scalar: Scalar,
+        span: tuple[int, int],
+        op: str,
+        args: Sequence[Quantity],
+        power: float | None,
+    ) -> Quantity:
+        """Give the quantity of an operation; arguments that do not fit are reported."""
+        if op not in OPERATIONS or op in JOINING:  # a table
+            return _UNKNOWN
+        free = all(x.free for x in args)
+        sound, word = True, scalar.text[span[0] :][: span[1]]
+        word = word or OPERATIONS[op].sign.strip() or op
+        if op in _TOGETHER or OPERATIONS[op].condition:
+            text = f"`{word}` is given {{}} and {{}}"
+            for one in args[-2:-1]:
+                sound = self._compare(scalar, span, one, args[-1], text)
+        elif op not in _ANY:
+            of = args[-1] if op == "pow" else args[0]
+            degrees = op in _ANGLES and of.unit and {*of.unit} == {SCALE}
+            text = f"`{word}` is given {{}}, and takes a number"
+            pure = Quantity(PURE, "1")
+            # Degrees have a warning of their own; sin(t) a rate of 1, not written.
+            passed = bool(degrees) or of is _TIME
+            sound = passed or self._compare(scalar, span, of, pure, text)
+        if not sound:
+            return _UNKNOWN
+        unit, text = combined("add" if op in _TOGETHER - {"atan2"} else op, args, power)
+        return Quantity(unit, text, free)
+
+    def _compare(
+        self, scalar: Scalar, span: tuple[int, int], a: Quantity, b: Quantity, text: str
+    ) -> bool:
+        """Report two quantities that do not fit; return whether they do."""
+        if a.free or b.free or a.unit is None or b.unit is None:
+            return True
+        apart = times(a.unit, b.unit, -1.0)
+        if all(abs(x) < COMPUTED_ZERO for x in apart.values()):
+            return True
+        place = scalar.place_of(*span)
+        self.found.setdefault(place, Mismatch(place, text.format(_text(a), _text(b))))
+        return False
+
+
+def _given(text: str) -> Quantity:
+    return Quantity(reduced(text), text)
+
+
+def _text(of: Quantity) -> str:
+    """Write a unit as the file does, or by its powers and its scale."""
+    unit = of.unit or PURE
+    if of.text or not unit:
+        return of.text or "a number"
+    factor = 10.0 ** unit.get(SCALE, 0.0)
+    plain = {symbol: power for symbol, power in unit.items() if symbol != SCALE}
+    front = "" if factor == 1.0 else f"{factor:.6g} "
+    return front + (written(plain, ("N", "J", "W", "N m", "Pa")) or _raw(plain))
+
+
+def _raw(unit: Unit) -> str:
+    return " ".join(f"{symbol}^{power:g}" for symbol, power in unit.items())
