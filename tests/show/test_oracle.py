@@ -18,7 +18,8 @@ SHORT = (
     "coupled-oscillators", "dc-motor", "double-pendulum", "dry-friction",
     "elastic-pendulum",
     "elastic-pendulum-curve", "elastic-pendulum-forced", "forced-oscillator",
-    "heavy-top", "kepler", "moving-pivot", "pendulum-cartesian", "stick-slip",
+    "heavy-top", "henon-heiles", "kepler", "moving-pivot", "pendulum-cartesian",
+    "stick-slip",
 )  # fmt: skip
 # Their multipliers are not told: contacts come and go.
 SHORT_WITH_CONTACTS = (
