@@ -110,10 +110,12 @@ class Numbers:
 
 
 def reads(path):
-    """Tell whether a file has numbers alone: no families, vectors, pairs and bodies."""
+    """Tell whether a file has numbers alone: no families, vectors, bodies, tables."""
     text = path.read_text(encoding="utf-8")
     return not re.search(
-        r"^(frames|bodies):|\.\. ?\w|\bcomponents:|relation: \[", text, re.MULTILINE
+        r"^(frames|bodies|tables):|\.\. ?\w|\bcomponents:|relation: \[",
+        text,
+        re.MULTILINE,
     )
 
 

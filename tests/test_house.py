@@ -5,7 +5,7 @@ from tests.support import ROOT
 HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
-# What is there today, to a hundred lines; these figures only fall.
+# What is there today, to ten lines: what adds to it says so here.
 FILES = 242
 LINES = 73_820
 LINES_OF_TESTS = 54_260
@@ -16,7 +16,7 @@ def lines(folder):
     return [len(f.read_text("utf-8").splitlines()) for f in folder.rglob("*.py")]
 
 
-def test_the_house_only_shrinks():
+def test_the_house_is_no_larger_than_it_says():
     counts = lines(HOUSE)
     assert 100 < len(counts) <= FILES
     assert sum(counts) <= LINES

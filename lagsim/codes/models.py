@@ -196,9 +196,9 @@ ROWS = (
             "lagsim check many.yaml",
         )),
     Row("E138", "shape-of-space",
-        "A shape lies in space, and the scene in a plane.",
+        "A shape lies in space, and the points in a plane.",
         "A cone, a cylinder, a sphere, a box of 3 sides and places of 3 components are "
-        "drawn where a point of the scene has 3 components.",
+        "drawn where a point has 3 components.",
         "give a point 3 components, such as [x, y, 0]",
         "scene: {points: {bob: [x, y]}, shapes: {ball: {sphere: l/9, at: bob}}}\n"),
     # E2xx: expressions, names and relations.

@@ -14,7 +14,8 @@ from tests.sympy_oracle import Oracle, random_values
 
 # Whose accelerations are no longer than a few lines.
 SHORT = (
-    "appell-hamel", "bead-hoop", "chaplygin-sleigh", "charged-particle",
+    "appell-hamel", "bead-hoop", "car-on-a-road", "cart-pole", "chaplygin-sleigh",
+    "charged-particle",
     "coupled-oscillators", "dc-motor", "double-pendulum", "dry-friction",
     "elastic-pendulum",
     "elastic-pendulum-curve", "elastic-pendulum-forced", "forced-oscillator",
@@ -23,8 +24,8 @@ SHORT = (
 )  # fmt: skip
 # Their multipliers are not told: contacts come and go.
 SHORT_WITH_CONTACTS = (
-    "ball-on-a-vibrating-table", "bouncing-ball", "planar-brake", "rocking-block",
-    "slack-string", "sliding-ladder",
+    "ball-on-a-vibrating-table", "bouncing-ball", "hopper", "planar-brake",
+    "rocking-block", "slack-string", "sliding-ladder", "trebuchet",
 )  # fmt: skip
 
 
