@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 242
 LINES = 73_820
-LINES_OF_TESTS = 54_260
+LINES_OF_TESTS = 54_270
 
 
 def lines(folder):
