@@ -16,7 +16,8 @@ from lagsim.language.functions import FUNCTIONS
 from lagsim.language.names import HIDDEN
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES, steps, tokens
+from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES
+from lagsim.model.expansion.keys import Key, parsed_key
 from lagsim.model.expansion.scope import (
     Family,
     Made,
@@ -42,10 +43,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping as MappingType
 
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Parsed, ParsedRelation, Token
+    from lagsim.language.parser import Parsed, ParsedRelation
     from lagsim.model.expansion.bodies import Drawn
     from lagsim.model.expansion.frames import Frames
-    from lagsim.model.expansion.grammar import Steps
     from lagsim.model.expansion.scope import Indices
 
 # Keys of the value in what an entry of a section is given by.
@@ -63,28 +63,6 @@ _COMPONENTS = {"xy": 2, "xyz": 3}
 _NAME = re.compile(r"[^\W\d_]\w*")
 
 
-class _Subscript(NamedTuple):
-    """A range `index = first..last`, or a single subscript."""
-
-    runs: str
-    first: Steps
-    last: Steps | None
-    token: Token
-
-
-class _Key(NamedTuple):
-    """A name with subscripts and a component, as they stand in a key or in a list."""
-
-    name: str
-    subscripts: tuple[_Subscript, ...] = ()
-    letter: str = ""
-
-    @property
-    def ranged(self) -> bool:
-        """Return whether it denotes several members."""
-        return any(s.last is not None for s in self.subscripts)
-
-
 Members = list[tuple["Indices", tuple[int, ...]]]
 _ONE: Members = [({}, ())]
 
@@ -96,62 +74,8 @@ class _Given(NamedTuple):
     node: Node
     family: Family
     form: str  # of names: "{}", or "{}_dot" of rates
-    parsed: _Key
+    parsed: Key
     members: Members
-
-
-def _parsed_key(text: str) -> _Key | None:
-    """Return key of a text; None where it is not of this form.
-
-    Raises
-    ------
-    ExpressionError
-        With the fault of a range.
-    """
-    if not ("(" in text or "." in text):
-        return _Key(text)
-    try:
-        found = tokens(text)
-    except ExpressionError:
-        return None
-    letter = ""
-    if len(found) > 1 and found[-2].kind == "component":
-        letter = found.pop(-2).text[1:].strip()
-    if [t.kind for t in found] == ["name", "end"]:
-        return _Key(found[0].text, (), letter)
-    kinds = [found[0].kind, *(t.kind for t in found[-2:])]
-    if kinds != ["function", "close", "end"]:
-        return None
-    parts: list[list[Token]] = [[]]
-    depth = 0
-    for token in found[2:-2]:
-        depth += (token.kind == "open") - (token.kind == "close")
-        if token.kind == "comma" and depth == 0:
-            parts.append([])
-        else:
-            parts[-1].append(token)
-    return _Key(
-        found[0].text, tuple(_subscript(text, p, found[-2]) for p in parts), letter
-    )
-
-
-def _subscript(text: str, part: list[Token], end: Token) -> _Subscript:
-    index = ""
-    if [t.kind for t in part[:2]] == ["name", "relation"]:
-        index, part = part[0].text, part[2:]
-    at = next((k for k, t in enumerate(part) if t.kind == "range"), None)
-    close = end._replace(kind="end", text="")
-    if at is None:
-        if index:
-            hint = f"write {index} = 1..n"
-            raise end.fault(f"the range of `{index}` has no end", hint, "range")
-        return _Subscript("", steps(text, [*part, close]), None, (part or [end])[0])
-    ends = (
-        [*part[:at], close._replace(offset=part[at].offset)],
-        [*part[at + 1 :], close],
-    )
-    first, last = (steps(text, side) for side in ends)
-    return _Subscript(index, first, last, part[at])
 
 
 class Expansion:
@@ -299,10 +223,10 @@ class Expansion:
         self.idle = bodies.idle()
         return found
 
-    def members(self, key: Scalar, what: str) -> tuple[_Key, Members] | None:
+    def members(self, key: Scalar, what: str) -> tuple[Key, Members] | None:
         """Name and members of a key of frames or bodies; a fault is reported."""
         try:
-            parsed = _parsed_key(key.text)
+            parsed = parsed_key(key.text)
             if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
                 named = parsed.subscripts or what == "a frame"
                 if named and parsed.name in (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES):
@@ -360,10 +284,10 @@ class Expansion:
 
     def _key(
         self, key: Scalar, outer: Indices | None = None
-    ) -> tuple[_Key, Members] | None:
+    ) -> tuple[Key, Members] | None:
         """Return a key and its members; None where it is faulty, or no such key."""
         try:
-            parsed = _parsed_key(key.text)
+            parsed = parsed_key(key.text)
             return parsed and (parsed, self._members(parsed, outer or {}))
         except ExpressionError as fault:
             self.fault(fault, key)
@@ -371,7 +295,7 @@ class Expansion:
             self.silent += [key] if fault.code == SILENT else []
         return None
 
-    def _members(self, key: _Key, outer: Indices) -> Members:
+    def _members(self, key: Key, outer: Indices) -> Members:
         """Return the members that a key denotes, within those of `outer` indices.
 
         Raises
@@ -418,7 +342,10 @@ class Expansion:
         """Return an entry that declares its name."""
         found = self._key(key)
         if found is None or found[0].letter:
-            parsed, members = _Key(key.text), _ONE  # the reader refuses the name
+            parsed, members = (
+                Key(key.text),
+                _ONE,
+            )  # the reader refuses the name
             if key.text.partition("(")[0] in self.broken:
                 self._break(key.text.partition("(")[0], section, key)
                 return None
@@ -889,7 +816,7 @@ class Expansion:
         if not isinstance(node, Scalar):
             return [node]
         try:
-            parsed = _parsed_key(node.text)
+            parsed = parsed_key(node.text)
         except ExpressionError:
             parsed = None
         meant = parsed and self.scope.reference(parsed.name)
