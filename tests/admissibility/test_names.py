@@ -29,7 +29,9 @@ def filled(text, values):
 def warned(keywords=None, scene=SCENE, **given):
     text = filled(scene, PLAIN | {"unit": "''"} | given)
     case, _ = check(read(text, "model.yaml", **(keywords or {})))
-    return [f"{w.code}: {w.text}" for w in case.examined.warnings]
+    found = [f"{w.code}: {w.text}" for w in case.examined.warnings]
+    # Fillings of one file do not fit its units; tests/model/test_units_checked.py does.
+    return [text for text in found if not text.startswith("unit-mismatch")]
 
 
 # What enters a function, and what is said of it.

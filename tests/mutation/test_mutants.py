@@ -48,12 +48,12 @@ def test_the_same_of_a_commit_others_of_another(rooms):
 @needs_git
 def test_what_tests_notice(tmp_path):
     copy = Copy(tmp_path)
-    path = "lagsim/outputs/units.py"
+    path = "lagsim/language/units.py"
     text = (ROOT / path).read_text("utf-8")
     tests = ["tests/outputs/test_units.py"]
     # A line that says nothing, one that ends the reading of the file, and no end.
     for line, noticed in (("#", False), ("0 / 0", True), ("while True: pass", True)):
-        mutant = Mutant("outputs", path, 1, len(text) - 1, "\n", f"\n{line}\n")
+        mutant = Mutant("language", path, 1, len(text) - 1, "\n", f"\n{line}\n")
         assert copy.notices(mutant, tests, 10.0) == noticed
         assert (copy.tree / path).read_text("utf-8") == text
     clean = copy.clean(tests[0], "all")

@@ -479,11 +479,7 @@ class Expansion:
         parser: Callable[[str], Any] = parse
         if section == "constraints":
             parser = parse_relation
-        try:
-            left, right, _ = self.scope.values(node.text, parser, one.members[0][0])
-        except ExpressionError:
-            return ()
-        size = max(trees.size(left), 1 if right is None else trees.size(right))
+        size = self.scope.size(node.text, parser, one.members[0][0])
         return trees.components(size) if size > 1 else ()
 
     def _components(self, given: Node) -> tuple[str, ...]:
@@ -652,10 +648,7 @@ class Expansion:
         """Return a list of components for a vector that stands where a list does."""
         if not isinstance(node, Scalar) or not self._vectors:
             return self.bound(node, reading)
-        try:
-            size = trees.size(self.scope.values(node.text, parse, reading.indices)[0])
-        except ExpressionError:
-            size = 1
+        size = self.scope.size(node.text, parse, reading.indices)
         if size == 1:
             return self.bound(node, reading)
         readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))

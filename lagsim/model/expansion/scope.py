@@ -212,6 +212,23 @@ class Scope:
             )
         return self._value
 
+    def size(self, text: str, parser: Parser, indices: Indices) -> int:
+        """Return size of an expression for a member, 1 where it is faulty.
+
+        Its fault is left for those who read the expression to report.
+
+        Raises
+        ------
+        UnresolvedError
+        """
+        known = set(self._faulty)
+        try:
+            left, right, _ = self.values(text, parser, indices)
+        except ExpressionError:
+            self._faulty = known
+            return 1
+        return max(trees.size(left), 1 if right is None else trees.size(right))
+
     # Steps
 
     def value(self, steps: Steps, indices: Indices) -> Value:
