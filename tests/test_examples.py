@@ -11,8 +11,8 @@ import doctest
 import json
 import re
 import shutil
-import sys
 import subprocess
+import sys
 from decimal import Decimal
 from pathlib import Path
 
