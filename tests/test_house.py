@@ -6,9 +6,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 242
-LINES = 73_820
-LINES_OF_TESTS = 54_270
+FILES = 243
+LINES = 73_840
+LINES_OF_TESTS = 54_280
 
 
 def lines(folder):
