@@ -110,10 +110,13 @@ class Numbers:
 
 
 def reads(path):
-    """Tell whether a file has numbers alone: no families, vectors, bodies, tables."""
+    """Tell whether a file has numbers alone: no families, vectors, bodies, tables.
+
+    Frames may be there for what is drawn.
+    """
     text = path.read_text(encoding="utf-8")
     return not re.search(
-        r"^(frames|bodies|tables):|\.\. ?\w|\bcomponents:|relation: \[",
+        r"^(bodies|tables):|\.\. ?\w|\bcomponents:|relation: \[",
         text,
         re.MULTILINE,
     )

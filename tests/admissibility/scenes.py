@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from lagsim.admissibility.examination import StartReport
 
 
-def judged(text: str, *, classify: bool = False) -> StartReport:
-    """Examine the start of a model's text."""
-    return examine(derive(read(text, "model.yaml")), classify=classify)
+def judged(
+    text: str, *, classify: bool = False, file: str = "model.yaml"
+) -> StartReport:
+    """Examine the start of a model's text; `file` has its tables beside it."""
+    return examine(derive(read(text, file)), classify=classify)
 
 
 def scene(

@@ -195,7 +195,7 @@ def test_an_exact_start_comes_back_bit_for_bit(relation, initial, guessed):
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_shipped_models_start_exactly_where_they_say(path):
-    start = judged(path.read_text())
+    start = judged(path.read_text(), file=str(path))
     check(start, admissible=True, changes={})
     assert not {"rough-start", "redundant", "vanishing-gradient"} & set(codes(start))
 

@@ -62,7 +62,10 @@ def lambda_sign(name, _random):
     if name in STRIKING:
         return
     other, motion, _ = whole(name)
-    for column in [c for c in motion.columns if c.startswith("lambda_")][:2]:
+    # The length of a quaternion takes no force.
+    forceless = {f"lambda_{row}" for row in other.equations.model.quaternions}
+    pushing = [c for c in motion.columns if c.startswith("lambda_")]
+    for column in [c for c in pushing if c not in forceless][:2]:
         k = motion.columns.index(column)
         yield column, other, replaced(motion, column, -motion.rows[:, k])
 

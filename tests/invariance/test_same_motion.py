@@ -13,6 +13,7 @@ from tests.invariance import transforms as put
 from tests.invariance.same import CHANGES, Change, differs, known
 from tests.invariance.transforms import document
 from tests.support import MODELS, run
+from tests.sympy_oracle import reads
 
 # A million ranges from the origin: 2^-53 of that is 1e-10 of a range.
 FAR = 1e6
@@ -83,7 +84,9 @@ initial: {x: 0, y: 1, phi: 0, phi_dot: 50}
 simulation: {duration: 2, output_step: 0.02}
 """,
 }
-SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
+# Files whose texts `transforms` can rewrite: those of numbers alone. It does not know
+# families, vectors, bodies and tables, so models with these are not tested here.
+SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml") if reads(path))
 QUICK = [
     ("pendulum-cartesian", "shifted"), ("elastic-pendulum", "boosted"),
     ("elastic-pendulum", "beside-a-planet"), ("dry-friction", "microseconds"),
