@@ -6,7 +6,7 @@ import lagsim.outputs.bare_matplotlib  # noqa: F401
 
 # isort: split
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from matplotlib.colors import to_hex, to_rgb
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from lagsim.model.model import Model, Scene
     from lagsim.outputs.figure import Entry, Pen, Picture
@@ -324,8 +325,7 @@ def _bodies(record: Record, model: Model) -> list[Body]:
 def _inch(axes: Axes) -> float:
     """Return how much of its scale an inch of a panel is."""
     low, high = axes.get_xlim()
-    figure = axes.get_figure(root=True)
-    assert figure is not None
+    figure = cast("Figure", axes.figure)  # matplotlib 3.9 has no `root`
     width: float = axes.get_position().width * figure.get_size_inches()[0]
     return (high - low) / width
 
