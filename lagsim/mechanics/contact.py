@@ -35,7 +35,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.mechanics.algebra import Metric, Span, scaled
-from lagsim.mechanics.complementarity import Problem, least_squares, rates_at, solve
+from lagsim.mechanics.complementarity import (
+    RATES_ROUNDOFF,
+    Problem,
+    least_squares,
+    rates_at,
+    solve,
+)
 from lagsim.mechanics.constraints import Kind
 from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
@@ -328,6 +334,7 @@ def modes(
     roundoff: Floats,
     slip_noise: Floats,
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None = None,
+    left: Flags | None = None,
 ) -> Modes:
     """Decide what the rows do.
 
@@ -344,7 +351,11 @@ def modes(
         change, and the rounding of that, (r,) each. It decides about rows on an edge, a
         contact with neither force nor acceleration or a row that rests at its bound:
         else they hold.
+    left : ndarray of bool, shape (r,), optional
+        What held until now, and has reached the edge of what it bears: there it does
+        not go on where no rate decides.
     """
+    left = np.zeros(len(rates), dtype=bool) if left is None else left
     begun = np.zeros(len(rates), dtype=bool)
     given, directions = _sliding(closed, rates, slip_noise)
     while True:
@@ -354,7 +365,7 @@ def modes(
         if not solution.found:
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
-        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead)
+        rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
         found, directions_found, plain = rows.edges(solution)
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
@@ -392,6 +403,7 @@ class _Rows:
     directions: Floats
     roundoff: Floats
     ahead: Callable[[Floats], tuple[Floats, Floats]] | None
+    left: Flags
 
     @cached_property
     def one_sided(self) -> list[int]:
@@ -486,7 +498,9 @@ class _Rows:
         """
         closed, span = self.closed, _Independent(self.closed)
         x, rate = self._rates(p, held, tied, pressed)
-        apart = [k for k in tied if rate[self._disc(k)].any()]
+        none = np.abs(x) <= RATES_ROUNDOFF * np.abs(x).max(initial=0.0)
+        ends = self.left & none
+        apart = [k for k in tied if ends[k] or rate[self._disc(k)].any()]
         for k in (*held, *sorted(tied, key=lambda k: -abs(x[k]))):
             n = closed.normals[k]
             if n >= 0 and modes[n] is not Mode.HELD:

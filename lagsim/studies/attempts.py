@@ -419,10 +419,11 @@ class Attempt(Evidence):
     @cached_property
     def sections(self) -> dict[str, Floats]:
         """Rows (k, columns) of the sections that are asked for."""
+        if not self.equations.model.output.sections:
+            return {}
         from lagsim.studies.sections import sections
 
-        asked = self.equations.model.output.sections
-        return sections(self.session, self.trajectory) if asked else {}
+        return sections(self.session, self.trajectory)
 
     def cautions(self) -> list[Caution]:
         """Return all warnings on it."""

@@ -15,7 +15,6 @@ import numpy as np
 
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
-from lagsim.outputs.figure import Column, content, crossed
 from lagsim.outputs.letters import letters_of, raised
 from lagsim.outputs.table import table_of
 from lagsim.outputs.units import units
@@ -220,6 +219,8 @@ def tables(session: Session, found: dict[str, Floats]) -> Iterator[Made]:
 
 def pictures(session: Session, found: dict[str, Floats], form: str) -> Iterator[Made]:
     """Give name and content of the picture of each section."""
+    from lagsim.outputs.figure import Column, content, crossed
+
     e, names = session.case.equations, session.system.columns.of_table
     letters, known = letters_of(e.model), units(e, names)
     for section in e.model.output.sections:

@@ -96,6 +96,9 @@ class Contacts(Source):
         # What slid until this time, whoever asks once more at it.
         self.slid: set[int] = set()
         self.asked_at = arc.t
+        # What held until this time, and has reached the edge of what it bears.
+        self.left: set[int] = set()
+        self.left_at = arc.t
         p = arc.system.p
         p.law_mode[:] = p.law_direction[:] = p.law_still[:] = p.impulses[:] = 0.0
         p.law_floor[:] = p.law_opens[:] = 0.0
@@ -122,6 +125,10 @@ class Contacts(Source):
         arc.meet_row()
         self.sequence.add(arc.t, k)
         p, pair = arc.system.p, self.laws[k].pair
+        if arc.t != self.left_at:
+            self.left, self.left_at = set(), arc.t
+        if p.law_mode[k] == kept.HELD:
+            self.left.add(k)
         if p.law_mode[k] == kept.SLIDING and pair >= 0:
             p.law_floor[[k, pair]] = 0.0  # the beginning on a disc has ended
         found = self._through(arc, k)
@@ -192,7 +199,8 @@ class Contacts(Source):
             before = enumerate(arc.system.p.law_mode.tolist())
             self.slid = {k for k, mode in before if mode == kept.SLIDING}
             self.asked_at = arc.t
-        events, paradox, unique = select_modes(here, also, self.slid)
+        left = self.left if arc.t == self.left_at else set()
+        events, paradox, unique = select_modes(here, also, self.slid, left)
         rested = {e.constraint for e in found.events if e.kind == "zeno"}
         found.events += [e for e in events if e.constraint not in rested]
         if paradox:
@@ -362,7 +370,10 @@ def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
 
 
 def select_modes(
-    here: Kinematics, also: Collection[int], slid: Collection[int]
+    here: Kinematics,
+    also: Collection[int],
+    slid: Collection[int],
+    left: Collection[int],
 ) -> tuple[list[Event], bool, bool]:
     """Set the modes at a state.
 
@@ -372,6 +383,8 @@ def select_modes(
         Laws that are closed whatever their gaps are.
     slid
         Laws that slid until now: they go on to begin, or to slide.
+    left
+        Laws that held until now, and have reached the edge of what they bear.
 
     Returns
     -------
@@ -380,7 +393,7 @@ def select_modes(
     """
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
-    found = _chosen(here, also)
+    found = _chosen(here, also, left)
     p.law_mode[:], p.law_direction[:] = found.mode, found.direction
     _set_floors(here, found, slid)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
@@ -435,7 +448,7 @@ class Chosen(NamedTuple):
     paradox: bool
 
 
-def _chosen(here: Kinematics, also: Collection[int]) -> Chosen:
+def _chosen(here: Kinematics, also: Collection[int], left: Collection[int]) -> Chosen:
     """Select modes by the accelerations of what is closed and does not separate."""
     laws, L, rates = here.laws, here.count, here.rates
     closed = here.is_closed(also)
@@ -459,6 +472,7 @@ def _chosen(here: Kinematics, also: Collection[int]) -> Chosen:
         roundoff,
         np.maximum(here.still, 2.0 * here.arc.system.p.law_still)[some],
         _ahead(here, some),
+        np.array([k in left for k in some]),
     )
     mode[some], direction[some] = [float(x) for x in found.mode], found.direction
     diagonal = np.diag(problem.D).copy()

@@ -46,6 +46,7 @@ LEVEL = 3  # of a surface that is no boundary here: its expression is constant
 REDUNDANT = 4  # on its level because others are: its share is constant
 # Where some surface does not attract, all modes are tried up to this many surfaces.
 FEW = 5
+MOST_EXCHANGES = 1000
 
 
 class FilippovCone:
@@ -102,7 +103,7 @@ class FilippovCone:
         Of several selections, those with fewer sliding surfaces and with the sides
         `now` come first.
         """
-        found = self._complementary() if self.count > 1 else None
+        found = self._complementary(now) if self.count > 1 else None
         if found is not None or self.count > FEW:
             return found
         candidates = list(self._candidates(now))
@@ -197,8 +198,11 @@ class FilippovCone:
         leaves = np.where(sides == ABOVE, rho, -rho) >= least
         return bool(np.all(known | np.where(sides == SLIDING, follows, leaves)))
 
-    def _complementary(self) -> list[int] | None:
-        """Mode by one complementarity problem, if each surface attracts; else None.
+    def _complementary(self, now: Sequence[int]) -> list[int] | None:
+        """Mode by one complementarity problem; None where few do not all attract.
+
+        What does not attract is no part of it: it has the side that it has `now`, or
+        the other if its rate leads there, one exchanged after the other.
 
         With p = -w the rates are rho = rho_0 - B p. A surface with rate 0 whose share
         is at its end is left if the rates of the shares ask for that, see `rates_at`;
@@ -214,15 +218,26 @@ class FilippovCone:
             return None
         ends, none = np.zeros((4, n)), np.full(n, -1)
         ends[0] = -1.0
-        for k, side in self.held.items():  # what has reached its end is at it
+        aside = {k: now[k] for k in np.flatnonzero(~attract).tolist()}
+        aside.update(self.held)
+        for k, side in aside.items():  # what has reached its end is at it
             ends[::2, k] = -side
-        found = solve(Problem(-B, base, ends[:2], ends[2:], none, none))
-        if not found.found:
+        for _ in range(MOST_EXCHANGES):
+            found = solve(Problem(-B, base, ends[:2], ends[2:], none, none))
+            if not found.found:
+                return None
+            leads = np.where(ends[0] < 0.0, found.w < -tolerance, found.w > tolerance)
+            wrong = [k for k in aside if k not in self.held and leads[k]]
+            if not wrong:
+                break
+            aside[wrong[0]] = 1 - aside[wrong[0]]
+            ends[::2, wrong[0]] = -aside[wrong[0]]
+        else:
             return None
         w, rho = -found.p, found.w
         small = tolerance / np.abs(np.where(own, own, 1.0))
         sides = np.where(rho > 0.0, ABOVE, BELOW)
-        rests = np.flatnonzero(np.abs(rho) <= tolerance).tolist()
+        rests = np.flatnonzero(attract & (np.abs(rho) <= tolerance)).tolist()
         inside = [k for k in rests if small[k] < w[k] < 1.0 - small[k]]
         tied = [k for k in rests if k not in inside]
         w[tied] = np.round(w[tied])
@@ -237,6 +252,9 @@ class FilippovCone:
         for k in (*inside, *tied):
             new = k in free or span.extend(units[:, k], DEPENDENT_DIRECTIONS)
             sides[k] = SLIDING if new else REDUNDANT
+        for k, side in aside.items():
+            if not attract[k]:
+                sides[k] = side
         self.shares = w
         return [int(side) for side in sides]
 
