@@ -286,7 +286,10 @@ class Run:
         if self.interrupt is None or not self.interrupt.asked:
             return False
         arc = self.arc
-        over = code == at.EVENT_FOUND or arc.t >= arc.settings.end
+        # After events that act the run would go on; after `until` it does not.
+        acting = sum(x.at is not None for x in arc.system.equations.model.events)
+        until = code == at.EVENT_FOUND and not 0 < arc.state.event <= acting
+        over = until or arc.t >= arc.settings.end
         over |= arc.state.cut > 0.0  # the state is that of the step as it was
         return not over
 
