@@ -31,11 +31,12 @@ from lagsim.outputs.table import check_format, table_writer
 from lagsim.run import session
 from lagsim.run.error import ErrorBar
 from lagsim.run.interrupt import Interrupt
-from lagsim.run.observers import Keep, Moments
+from lagsim.run.observers import Keep
 from lagsim.run.observers.thinning import picture_thinning
 from lagsim.run.session import Clock, StartError, open_case, wanted
 from lagsim.studies.attempts import Attempts, ErrorBars
 from lagsim.studies.drawing import beside
+from lagsim.studies.sections import rows_at
 from lagsim.studies.spectrum import spectrum
 
 if TYPE_CHECKING:
@@ -337,13 +338,7 @@ class Result:
         if outside.any():
             text = f"t = {float(times[outside][0])!r} lies outside the run, which goes"
             raise ValueError(f"{text} from {first!r} to {last!r}")
-        different, places = np.unique(times.ravel(), return_inverse=True)
-        session, interrupt = self._made.session, Interrupt()
-        moments = Moments(different, len(session.system.columns.names), interrupt)
-        if len(different):
-            asked = session.asking(moments=tuple(different.tolist()))
-            asked.run([moments], interrupt=interrupt)
-        rows = moments.rows[places.ravel()]
+        rows = rows_at(self._made.session, times.ravel())
         columns = zip(self.columns, rows.T, strict=False)
         if not times.ndim:
             return {name: float(values[0]) for name, values in columns}

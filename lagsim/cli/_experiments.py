@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from lagsim.cli._shared import coloured, counted, progress_bar, show_json
+from lagsim.cli._shared import coloured, counted, listed, progress_bar, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import commit, drawn
 from lagsim.errors import Problem
@@ -140,8 +140,3 @@ def left_out(refused: Iterable[Mapping[str, str]]) -> list[tuple[str, str]]:
     for one in refused:
         by_reason.setdefault(one["reason"], []).append(one["method"])
     return listed("left out", (f"{', '.join(m)}: {r}" for r, m in by_reason.items()))
-
-
-def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Return lines of a table of which the first alone has a name."""
-    return [("" if k else name, text) for k, text in enumerate(texts)]

@@ -58,12 +58,7 @@ def reporting(command: Callable[..., int]) -> Callable[..., int]:
 
 @contextlib.contextmanager
 def _paths_told() -> Iterator[None]:
-    """Report a path that cannot be looked at as an argument that is wrong.
-
-    Raises
-    ------
-    InputError
-    """
+    """Report a path that cannot be looked at as an argument that is wrong."""
     try:
         yield
     except (OSError, RuntimeError) as error:

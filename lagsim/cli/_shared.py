@@ -137,6 +137,11 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
     return aligned(list(rows), lefts=2)
 
 
+def listed(name: str, texts: Iterable[str]) -> list[tuple[str, str]]:
+    """Return rows of a table of which the first alone has a name."""
+    return [("" if k else name, text) for k, text in enumerate(texts)]
+
+
 def aligned(rows: Sequence[Sequence[str]], *, lefts: int) -> str:
     """Return rows of texts, which may end early, in columns.
 

@@ -14,7 +14,6 @@ from lagsim.cli._experiments import (
     experiment,
     headline,
     left_out,
-    listed,
     numbers,
 )
 from lagsim.cli._faults import reported
@@ -25,6 +24,7 @@ from lagsim.cli._shared import (
     Picture,
     assignments,
     coloured,
+    listed,
     output_folder,
     quiet,
     show_json,
@@ -132,12 +132,7 @@ def _opened(
 def _drawn_again(
     path: str, overrides: Mapping[str, str], wish: Wish, form: str
 ) -> tuple[Measure, Path]:
-    """Return what draws a finished measurement again, and its folder.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return what draws a finished measurement again, and its folder."""
     if overrides or wish != Wish(wish.methods):
         text = f"{path} holds finished measurements: only --methods can be chosen"
         hint = "measure again: lagsim bench MODEL"
@@ -169,12 +164,7 @@ def _written(
 def _wish(
     methods: str | None, tolerances: str | None, steps: str | None, budget: float | None
 ) -> Wish:
-    """Return what the options ask for.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return what the options ask for."""
     problems: list[Problem] = []
     chosen = None
     if methods is not None:

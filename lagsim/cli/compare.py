@@ -94,13 +94,7 @@ def _picture(found: _Found) -> bytes:
 def _tolerances(
     rtol: str | None, atol: str | None
 ) -> tuple[float | None, float | None]:
-    """Read the tolerances.
-
-    Raises
-    ------
-    InputError
-        Where one is no number, or negative.
-    """
+    """Read the tolerances; refuse what is no number, or negative."""
     values: list[float | None] = []
     problems = []
     for option, text in (("--rtol", rtol), ("--atol", atol)):

@@ -73,12 +73,7 @@ def command(
 def _refuse(
     model: str, form: Format, options: dict[str, bool], output: Path | None
 ) -> None:
-    """Refuse options that mean nothing for the format, and a file that cannot be.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse options that mean nothing for the format, and a file that cannot be."""
     meant = {
         Format.text: ("ascii", "substitute", "solve", "gauss"),
         Format.python: (),

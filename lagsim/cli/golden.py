@@ -139,13 +139,7 @@ def _task(path: str, folder: Path | None) -> _Task:
 
 
 def _refuse_twins(tasks: Sequence[_Task]) -> None:
-    """Refuse models whose goldens would be the same files.
-
-    Raises
-    ------
-    InputError
-        That names both files.
-    """
+    """Refuse models whose goldens would be the same files."""
     first: dict[tuple[Path, str], str] = {}
     problems = []
     for path, model, folder in tasks:
@@ -164,12 +158,7 @@ def _refuse_twins(tasks: Sequence[_Task]) -> None:
 
 
 def _answer(task: _Task, plots: Path | None, *, update: bool) -> _Answer:
-    """Compare a model with its golden, or store one.
-
-    Raises
-    ------
-    LagsimError
-    """
+    """Compare a model with its golden, or store one."""
     model = task.model
     if isinstance(model, LagsimError):
         raise model

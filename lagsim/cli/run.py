@@ -25,6 +25,7 @@ from lagsim.cli._shared import (
     assignments,
     coloured,
     counted,
+    listed,
     output_folder,
     progress_bar,
     quiet,
@@ -61,7 +62,6 @@ from lagsim.studies.attempts import Attempts, ErrorBars
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from lagsim.model.model import Model
     from lagsim.notes import Event
     from lagsim.outputs.results import Results
     from lagsim.outputs.table import TableWriter, Writer
@@ -248,15 +248,12 @@ class Job:
             aside = artist(model)
         with aside as self._draw:
             with self.interrupt.raised():
-                session = self._ready(model)
+                settings = wanted(model, "run", hint="add it, or give --duration")
+                self.clock.lap("read")
+                with helped() if is_watched() else contextlib.nullcontext():
+                    case = open_case(model, settings, clock=self.clock)
+                    session = case.ready(clock=self.clock)
             return self._made(session, {**options, "set": {**overrides}})
-
-    def _ready(self, model: Model) -> Session:
-        """Derive, examine, plan and compile."""
-        settings = wanted(model, "run", hint="add it, or give --duration")
-        self.clock.lap("read")
-        with helped() if is_watched() else contextlib.nullcontext():
-            return open_case(model, settings, clock=self.clock).ready(clock=self.clock)
 
     def _made(self, session: Session, wishes: Mapping[str, Any]) -> int:
         """Run a session into its folder; return the exit code."""
@@ -451,26 +448,22 @@ def _cut_short(
 
     `lost`: not even the table did.
     """
-    found: dict[str, Any] = {"outcome": "failed", "complete": False}
-    found["failure"] = failure(UnwritableError.code)
+    what, rest, kept = "events or a picture", "the table is whole", dict[str, Any]()
     if lost:
-        found["reason"] = (
-            f"the table could not be written: {full.strerror}; a CSV table is "
-            "written row by row, and would keep its rows"
-        )
-        return found
-    if made.fault is None:
-        found["reason"] = (
-            "events or a picture could not be written: "
-            f"{full.strerror}; the table is whole"
-        )
-        return found
-    end = made.trajectory.start if writer.last is None else writer.last
-    found["reason"] = (
-        f"the table could not be written beyond t = {end!r}: {full.strerror}; the rows "
-        "up to there were kept"
-    )
-    return found | {"end": end, "rows": writer.rows}
+        what = "the table"
+        rest = "a CSV table is written row by row, and would keep its rows"
+    elif made.fault is not None:
+        end = made.trajectory.start if writer.last is None else writer.last
+        kept = {"end": end, "rows": writer.rows}
+        what, rest = "the table", "the rows up to there were kept"
+    beyond = f" beyond t = {kept['end']!r}" if kept else ""
+    return {
+        "outcome": "failed",
+        "complete": False,
+        "failure": failure(UnwritableError.code),
+        "reason": f"{what} could not be written{beyond}: {full.strerror}; {rest}",
+        **kept,
+    }
 
 
 # --- The closing lines
@@ -492,19 +485,17 @@ def summary(made: Attempt, document: Mapping[str, Any], folder: Path) -> str:
     equations = made.session.case.equations
     held = len(equations.model.constraints)
     contacts = sum(law.kind is Kind.CONTACT for law in equations.laws)
-    parts = [counted(len(equations.q), "coordinate")]
-    parts += [counted(len(equations.states), "state")] if equations.states else []
-    parts += [counted(held - contacts, "constraint")] if held > contacts else []
-    parts += [counted(contacts, "contact")] if contacts else []
-    rows = [("system", ", ".join(parts))]
-    plan = [f"{c['choice']} ({c['reason']})" for c in document["plan"]]
-    rows += [("" if k else "plan", text) for k, text in enumerate(plan)]
-    rows.append(_accuracy(document))
+    parts = {
+        "coordinate": len(equations.q), "state": len(equations.states),
+        "constraint": held - contacts, "contact": contacts,
+    }  # fmt: skip
+    system = ", ".join(counted(n, noun) for noun, n in parts.items() if n)
+    plan = (f"{c['choice']} ({c['reason']})" for c in document["plan"])
+    rows = [("system", system), *listed("plan", plan), _accuracy(document)]
     if document["outcome"] == "until":
         rows.append(("ended", document["reason"]))
     if made.session.lists_events:
-        happened = _happened(made.trajectory)
-        rows += [("" if k else "events", text) for k, text in enumerate(happened)]
+        rows += listed("events", _happened(made.trajectory))
     rows.append(("work done", _work(document)))
     unit = document["columns"]["energy"]
     drift = document["energy_drift"]

@@ -61,12 +61,7 @@ def command(
 
 
 def _spectrum(result: Path, column: str) -> Spectrum:
-    """Return the spectrum of a column of a result.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return the spectrum of a column of a result."""
     table = read_results(result)
     for remark in table.remarks:
         complain(f"warning: {remark}")

@@ -16,7 +16,6 @@ from lagsim.cli._experiments import (
     experiment,
     headline,
     left_out,
-    listed,
     numbers,
 )
 from lagsim.cli._shared import (
@@ -28,6 +27,7 @@ from lagsim.cli._shared import (
     aligned,
     assignments,
     counted,
+    listed,
     output_folder,
     quiet,
     table,
@@ -127,12 +127,7 @@ def _check_parameter(model: Model, name: str | None) -> None:
 
 
 def _wish(methods: str | None, steps: str | None, vary: list[str] | None) -> Wish:
-    """Return what the options ask for.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return what the options ask for."""
     problems: list[Problem] = []
     names = None
     if methods is not None:

@@ -1,8 +1,8 @@
 """Files beside the table of a run: events, a page of the motion, pictures.
 
 Pictures may be drawn by a second process, which loads matplotlib while the run is made.
-It is a fork of the first, so it has the model; the rows come as declared arrays, and
-pictures come back one by one. What does not come back is drawn by the first.
+It is a fork of the first, so it has the model; the rows come pickled, and pictures come
+back one by one. What does not come back is drawn by the first.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from __future__ import annotations
 import contextlib
 import gc
 import math
+import pickle
 from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 from lagsim.native.link import ahead
 from lagsim.notes import Caution
 from lagsim.outputs import attempted
-from lagsim.outputs.letters import Letters, letters_of
+from lagsim.outputs.letters import letters_of
 from lagsim.outputs.record import Record, marked
 from lagsim.outputs.table import events_table
-from lagsim.studies.declared import decoded, encoded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -125,14 +125,6 @@ def _horizon(made: Attempt) -> float:
     return math.inf if horizon is None else horizon
 
 
-_CLASSES = (
-    "lagsim.outputs.record:Record",
-    "lagsim.run.observers.thinning:Thinning",
-    "lagsim.run.observers.thinning:_Envelope",
-    "lagsim.run.observers.thinning:_Sample",
-)
-
-
 def drawn(record: Record, model: Model) -> Iterator[Made]:
     """Draw in this process: give the file name and the content of each picture."""
     from lagsim.outputs.plots import pictures
@@ -149,8 +141,7 @@ def artist(model: Model) -> Iterator[Draw]:
 
     def draw(record: Record, model: Model) -> Iterator[Made]:
         brought = set()
-        content = encoded(record, _CLASSES, _of_model)
-        for picture in helper.give(content) if helper else ():
+        for picture in helper.give(pickle.dumps(record)) if helper else ():
             name, _, file = picture.partition(b"\n")
             brought.add(name.decode())
             yield name.decode(), file
@@ -175,15 +166,10 @@ def _ready() -> None:
 def _contents(model: Model, content: bytes) -> Iterator[bytes]:
     """Give the name and the content of each picture, up to one that is not drawn."""
     gc.freeze()  # what is loaded stays
-    record = decoded(content, _CLASSES, lambda _: letters_of(model))
+    record: Record = pickle.loads(content)
     with ahead.helped():
         for name, picture in drawn(record, model):
             if isinstance(picture, Caution):
                 # The first draws it again, and reports it.
                 raise RuntimeError(picture.text)  # noqa: TRY004
             yield b"%b\n%b" % (name.encode(), picture)
-
-
-def _of_model(x: object) -> str | None:
-    """Return the name of an object that the other process makes from the model."""
-    return "letters" if isinstance(x, Letters) else None

@@ -97,7 +97,7 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
             found[section.name] = _located(session, brackets, name)
     for section in asked:
         if section.every is not None:
-            found[section.name] = _rows(session, _strobe(session, made, section))
+            found[section.name] = rows_at(session, _strobe(session, made, section))
     return {s.name: found[s.name][:, : columns.table] for s in asked}
 
 
@@ -127,17 +127,12 @@ def _crossings(t: Floats, g: Floats, direction: str) -> Brackets:
     touch = np.flatnonzero(
         (a * b > 0.0) & (b * c > 0.0) & (extreme * b < 0.0) & (np.abs(part) <= 1.0)
     )
-    if len(touch):
-        middle = t[touch + 1] + part[touch] * 0.5 * (t[touch + 2] - t[touch])
-        pairs = [
-            (t[touch], middle),
-            (middle, t[touch + 2]),
-            (a[touch], extreme[touch]),
-            (extreme[touch], c[touch]),
-        ]
-        found = [
-            np.concatenate([x, *pair]) for x, pair in zip(found, pairs, strict=True)
-        ]
+    middle = t[touch + 1] + part[touch] * 0.5 * (t[touch + 2] - t[touch])
+    pairs = [
+        (t[touch], middle), (middle, t[touch + 2]),
+        (a[touch], extreme[touch]), (extreme[touch], c[touch]),
+    ]  # fmt: skip
+    found = [np.concatenate([x, *two]) for x, two in zip(found, pairs, strict=True)]
     seen = np.ones((len(change), 2), bool)
     seen = np.concatenate(
         [seen, *(np.tile(x, (len(touch), 1)) for x in ([True, False], [False, True]))]
@@ -163,7 +158,7 @@ def _located(session: Session, brackets: Brackets, name: int) -> Floats:
         slow = ~((time >= a) & (time <= b)) | (b - a > 0.5 * width[open_])
         time = np.where(slow, 0.5 * (a + b), time)
         width[open_] = b - a
-        now = _rows(session, time)
+        now = rows_at(session, time)
         rows[open_] = now
         value = now[:, name]
         below = value * at_lo[open_] > 0.0
@@ -197,8 +192,8 @@ def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:
     return np.minimum(times, made.end)
 
 
-def _rows(session: Session, times: Floats) -> Floats:
-    """Rows (k, columns) of the run at some times."""
+def rows_at(session: Session, times: Floats) -> Floats:
+    """Rows (k, columns) of the run at some times (k,), by repeating it in its steps."""
     interrupt = Interrupt()
     different, places = np.unique(times, return_inverse=True)
     moments = Moments(different, len(session.system.columns.names), interrupt)
@@ -210,11 +205,9 @@ def _rows(session: Session, times: Floats) -> Floats:
 
 def tables(session: Session, found: dict[str, Floats]) -> Iterator[Made]:
     """Give name and content of the table of each section."""
+    columns = session.system.columns.of_table
     for name, rows in found.items():
-        yield (
-            f"section_{name}.csv",
-            table_of(session.system.columns.of_table, rows.tolist()),
-        )
+        yield f"section_{name}.csv", table_of(columns, rows.tolist())
 
 
 def pictures(session: Session, found: dict[str, Floats], form: str) -> Iterator[Made]:
@@ -225,18 +218,12 @@ def pictures(session: Session, found: dict[str, Floats], form: str) -> Iterator[
     letters, known = letters_of(e.model), units(e, names)
     for section in e.model.output.sections:
         rows = found[section.name]
-        varying = (
-            [
-                n
-                for n, x in zip(names, rows.T, strict=True)
-                if n != "t" and np.ptp(x) > 1e-9 * np.max(np.abs(x))
-            ]
-            if len(rows)
-            else []
-        )
-        shown = section.plot or tuple(
-            (varying + [n for n in names if n not in varying])[:2]
-        )
+        varying = [
+            name
+            for name, x in zip(names, rows.T, strict=True)
+            if len(x) and name != "t" and np.ptp(x) > 1e-9 * np.max(np.abs(x))
+        ]
+        shown = section.plot or [*dict.fromkeys([*varying, *names])][:2]
         x, y = (
             Column(letters.name(n), raised(known.get(n, "")), rows[:, names.index(n)])
             for n in shown

@@ -159,12 +159,7 @@ def spectrum(t: Floats, values: Floats, column: str, unit: str = "") -> Spectrum
 
 
 def _even(t: Floats, column: str) -> tuple[NDArray[np.intp], float]:
-    """Give the places of equally spaced rows, and their spacing.
-
-    Raises
-    ------
-    InputError
-    """
+    """Give the places of equally spaced rows, and their spacing."""
     apart = np.diff(t)
     if not (apart >= 0.0).all():
         raise _unusable("the times of the rows do not go forward")

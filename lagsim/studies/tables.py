@@ -15,6 +15,7 @@ import re
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from itertools import count
 from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
@@ -125,11 +126,8 @@ def of_another_run(
     listed = manifest.get("sha256", {}).get(name)
     if listed is None or files.digest(folder / name) == listed:
         return ()
-    text = (
-        f"{folder / name} is not the file that {MANIFEST} beside it lists: it was "
-        "changed, or belongs to another run"
-    )
-    return (text,)
+    text = f"{folder / name} is not the file that {MANIFEST} beside it lists: it was "
+    return (f"{text}changed, or belongs to another run",)
 
 
 class _FaultError(Exception):
@@ -174,7 +172,7 @@ def _read(file: BinaryIO) -> Table:
     rows = _numbers(file, len(columns))
     if rows is None:
         file.seek(body)
-        rows = _cells(_Lines(file, line), columns)
+        rows = _cells(file, line, columns)
     if not len(rows):
         raise _FaultError("there are no rows after the header")
     return Table("", columns, rows.T, units)
@@ -194,13 +192,7 @@ def _numbers(file: BinaryIO, count: int) -> Floats | None:
 
 
 def _block(lines: bytes) -> Floats:
-    """Read whole lines of numbers (lines, cells).
-
-    Raises
-    ------
-    ValueError
-        Where they are no such lines.
-    """
+    """Read whole lines of numbers (lines, cells); ValueError where they are none."""
     # Decimals as lagsim writes them are JSON, which is read in a third of the time.
     if not lines.translate(None, DECIMALS) and not SIGNED_ZERO.search(lines):
         with contextlib.suppress(ValueError):
@@ -210,23 +202,19 @@ def _block(lines: bytes) -> Floats:
     return np.loadtxt(text, delimiter=",", comments=None, ndmin=2)
 
 
-class _Lines:
-    """The lines that are left of a file, decoded; the first of them has a number."""
-
-    def __init__(self, file: BinaryIO, first: int) -> None:
-        self.file, self.first, self.read = file, first, 0
-
-    def __iter__(self) -> Iterator[str]:
-        while line := self.file.readline(LONGEST_LINE + 1):
-            if len(line) > LONGEST_LINE:
-                most = limits.size(LONGEST_LINE)
-                raise _FaultError(f"a line has more than {most}, which is the limit")
-            try:
-                yield line.decode()
-            except UnicodeDecodeError:
-                where = self.first + self.read
-                raise _FaultError(f"line {where} is not UTF-8") from None
-            self.read += 1
+def _decoded(file: BinaryIO, first: int) -> Iterator[str]:
+    """Give the lines that are left of a file; the first of them has a number."""
+    for number in count(first):
+        line = file.readline(LONGEST_LINE + 1)
+        if not line:
+            return
+        if len(line) > LONGEST_LINE:
+            most = limits.size(LONGEST_LINE)
+            raise _FaultError(f"a line has more than {most}, which is the limit")
+        try:
+            yield line.decode()
+        except UnicodeDecodeError:
+            raise _FaultError(f"line {number} is not UTF-8") from None
 
 
 def _cut(line: bytes, encoding: str = "utf-8") -> list[str] | None:
@@ -311,17 +299,11 @@ def _header(head: bytes) -> tuple[str, ...]:
     return tuple(columns)
 
 
-def _cells(lines: _Lines, columns: tuple[str, ...]) -> Floats:
-    """Read rows cell by cell (rows, columns).
-
-    Raises
-    ------
-    _FaultError
-        That names the line of the first cell that is no number.
-    """
-    reader = csv.reader(lines, strict=True)
+def _cells(file: BinaryIO, first: int, columns: tuple[str, ...]) -> Floats:
+    """Read rows cell by cell (rows, columns); a fault names the first bad line."""
+    reader = csv.reader(_decoded(file, first), strict=True)
     rows: list[list[float]] = []
-    here, blank = lines.first, 0
+    here, blank = first, 0
     try:
         for cells in reader:
             if blank and cells:
@@ -335,7 +317,7 @@ def _cells(lines: _Lines, columns: tuple[str, ...]) -> Floats:
             else:
                 pairs = zip(cells, columns, strict=True)
                 rows.append([_number(cell, column, here) for cell, column in pairs])
-            here = lines.first + reader.line_num
+            here = first + reader.line_num
     except csv.Error as error:
         raise _FaultError(f"line {here}: {error}") from None
     return np.array(rows, dtype=np.float64).reshape(-1, len(columns))

@@ -569,15 +569,7 @@ class Runs:
     def _written(
         self, number: int, session: Session, extremes: Extremes, interrupt: Interrupt
     ) -> Attempt:
-        """Make a run, and write its results.
-
-        Raises
-        ------
-        InputError
-            Where the folder cannot be used.
-        OSError
-            Where there is no room.
-        """
+        """Make a run, and write its results."""
         from lagsim.outputs.results import MANIFEST, open_results
 
         clock, work = Clock(), self.work
