@@ -119,7 +119,7 @@ def test_constraints_have_their_own_errors():
 
 
 def test_what_does_not_apply_is_left_out_with_its_reason():
-    forced = oscillator(ROWS, force="sign(sin(t))")
+    forced = oscillator("duration: 4, output_step: 0.5", force="sign(sin(t))")
     found = measure(scene(forced), Wish(("scipy:RK45", "rk4"), steps=(0.1, 0.1)))
     assert [row["method"] for row in found["rows"]] == ["rk4"]
     why = "they would step over the model's switches"

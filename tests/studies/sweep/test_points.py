@@ -10,7 +10,7 @@ from scipy.special import ndtri
 import lagsim
 from lagsim.errors import InputError
 from lagsim.model.reader import read
-from lagsim.studies.sweep.points import Sample, drawn, of_file
+from lagsim.studies.sweep.points import Sample, _normal, drawn, of_file
 from tests.cli.conftest import lagsim as command  # noqa: F401
 from tests.small_scenes import PENDULUM
 
@@ -51,11 +51,16 @@ def test_draws_are_those_of_philox(seed):
 
 
 def test_normal_draws_far_out():
-    z = sample({"theta": "normal(0, 1)"}, 200_000)["theta"]
-    assert z == pytest.approx(ndtri(uniform(0, 0, 200_000)), rel=1e-14, abs=1e-15)
-    assert np.max(np.abs(z)) > 4
+    z = sample({"theta": "normal(0, 1)"}, 20_000)["theta"]
+    # The stream itself is that of the test before.
+    raw = np.random.Philox(key=0).random_raw(20_000)
+    expected = ndtri(((raw >> np.uint64(11)) + 0.5) / 2**53)
+    assert z == pytest.approx(expected, rel=1e-14, abs=1e-15)
     assert abs(np.mean(z)) < 4 / math.sqrt(len(z))
     assert abs(np.var(z) - 1) < 4 * math.sqrt(2 / len(z))
+    # As far out as the smallest and the largest number that can be drawn.
+    far = np.array([2.0**-54, 1e-15, 1e-11, 1e-3, 1 - 2.0**-53])
+    assert _normal(far) == pytest.approx(ndtri(far), rel=1e-14)
 
 
 def test_another_name_or_more_runs_do_not_change_draws():
@@ -83,17 +88,17 @@ def test_rows_are_those_of_single_runs(tmp_path):
 def test_the_command(command, tmp_path):  # noqa: F811
     (tmp_path / "pendulum.yaml").write_text(PENDULUM)
     given = [x for name, text in TWO.items() for x in ("--sample", f"{name}={text}")]
-    line = ["sweep", "pendulum.yaml", *given, "-N", "6", "--seed", "3", "-o", "out"]
+    line = ["sweep", "pendulum.yaml", *given, "-N", "2", "--seed", "3", "-o", "out"]
     assert command(*line, "--keep").code == 0
     record = json.loads((tmp_path / "out" / "sweep.json").read_text())
     assert [x["drawn"] for x in record["grid"]] == [*TWO.values()]
-    assert (record["seed"], record["runs"]) == (3, 6)
-    assert record["grid"][0]["values"] == sample(TWO, 6, 3)["g"].tolist()
+    assert (record["seed"], record["runs"]) == (3, 2)
+    assert record["grid"][0]["values"] == sample(TWO, 2, 3)["g"].tolist()
     assert (tmp_path / "out" / "sweep.png").exists()
-    assert (tmp_path / "out" / "run-6" / "trajectory.csv").exists()
+    assert (tmp_path / "out" / "run-2" / "trajectory.csv").exists()
     assert "nothing to do" in command(*line, "--keep", "--resume").out
     model = lagsim.load(tmp_path / "pendulum.yaml")
-    there = lagsim.sweep(model, sample=TWO, N=6, seed=3)
+    there = lagsim.sweep(model, sample=TWO, N=2, seed=3)
     rows = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
     assert [float(row.split(",")[0]) for row in rows[1:]] == there["g"].tolist()
 
