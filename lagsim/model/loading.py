@@ -28,6 +28,8 @@ from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence, S
 STANDARD_INPUT = "-"
 # What it is called.
 STDIN = "<stdin>"
+# What a model is called that comes from no file, and so has no folder.
+TEXT = "<model>"
 
 # Where a shell's `<(command)` is: a pipe, and somebody writes into it.
 _OPEN_ALREADY = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")

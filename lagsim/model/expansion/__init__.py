@@ -333,7 +333,7 @@ class Expansion:
                 raise token.fault(text, "", code)
             for indices, member, first, last in ranges:
                 for k in range(first, last + 1):
-                    inner = {**indices, index: k} if index else indices
+                    inner = {**indices, index: trees.number(k)} if index else indices
                     new.append((dict(inner), (*member, k)))
             found = new
         return found

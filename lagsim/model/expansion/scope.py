@@ -47,8 +47,8 @@ if TYPE_CHECKING:
     from lagsim.model.expansion.grammar import Steps
     from lagsim.model.expansion.rotations import Frame
 
-    # A number, or what the word `bodies` denotes.
-    Indices = dict[str, int | Tree]
+    # Numbers, or what the word `bodies` denotes.
+    Indices = dict[str, Tree]
     Parser = Callable[[str], Any]
 
 # A file has so many for each operation.
@@ -251,12 +251,9 @@ class Scope:
         for step in steps:
             op, payload, token = step
             if op == "number":
-                assert isinstance(payload, float)
-                stack.append(trees.number(payload))
+                stack.append(trees.number(float(token.text)))
             elif op == "name":
-                found = indices.get(token.text)
-                named = self._named(token) if found is None else found
-                stack.append(trees.number(named) if isinstance(named, int) else named)
+                stack.append(indices.get(token.text) or self._named(token))
             else:
                 count = payload if isinstance(payload, int) else _POPPED[op[:4]]
                 at = len(stack) - count
@@ -374,7 +371,7 @@ class Scope:
         total: Value = EMPTY
         inner = dict(indices)
         for k in range(first, last + 1):
-            inner[index] = k
+            inner[index] = trees.number(k)
             term = self.value(terms, inner)
             total = term if k == first else _operation(op, [total, term], token)
         return total

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from lagsim import limits
 from lagsim.errors import InputError, Problem, unseen
 from lagsim.language.graph import Graph
-from lagsim.model.loading import STDIN, load, text_of, unusable
+from lagsim.model.loading import STDIN, TEXT, load, text_of, unusable
 from lagsim.model.model import Coordinate, Gimbal, Level, Model, Transition
 from lagsim.model.nodes import (
     Broken,
@@ -32,7 +32,7 @@ from lagsim.model.nodes import (
     leaves,
     words,
 )
-from lagsim.model.reader import equations, runs, tables, values
+from lagsim.model.reader import equations, runs, values
 from lagsim.model.reader.expressions import Expressions, Kind, Names, check_columns
 from lagsim.model.reader.fields import (
     Faults,
@@ -54,7 +54,6 @@ from lagsim.model.reader.sections import (
     has_key,
     schema,
 )
-from lagsim.model.reader.tables import TEXT
 from lagsim.model.reader.values import STARTED, Definitions
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ if TYPE_CHECKING:
 
     from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.scope import Scope
-    from lagsim.model.model import Mismatch, Settings
+    from lagsim.model.model import Mismatch, Settings, Table
 
 __all__ = ["TEXT", "read", "read_file", "schema"]
 
@@ -224,7 +223,7 @@ class File:
             With every fault.
         """
         top, x = self.top, self.x
-        functions = tables.read_tables(self.tables, x, self.file)
+        functions = self._functions()
         numbers = values.Parameters(x, self.instead)
         parameters = numbers.read(self.parameters, self.modes)
         coordinates = values.read_coordinates(self.coordinates, x)
@@ -254,7 +253,7 @@ class File:
             text = f"the range of `{key.text}` depends on itself"
             x.faults.add("expression-range", text, key.place)
         x.faults.raise_if_any()
-        tables.check_used(x)
+        self._check_tables()
         x.faults.raise_if_any()
         assert energies.lagrangian is not None
         x.read = []
@@ -288,6 +287,21 @@ class File:
             description=description,
             source=source,
         )
+
+    def _functions(self) -> tuple[Table, ...]:
+        if not self.tables:
+            return ()
+        from lagsim.model.reader.tables import read_tables
+
+        return read_tables(self.tables, self.x, self.file)
+
+    def _check_tables(self) -> None:
+        """Report tables that no expression calls."""
+        names = self.x.names
+        for name in names.tables.keys() - names.called:
+            text = f"nothing uses the table `{name}`"
+            hint = f"write `{name}(...)` where it is meant, or leave the table out"
+            self.x.faults.add("unused-table", text, names.places[name], hint)
 
     def mismatches(self, model: Model) -> list[Mismatch]:
         """Give the units of the file that do not fit, found once."""

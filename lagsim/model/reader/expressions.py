@@ -477,7 +477,8 @@ class Expressions:
                 found = known(scalar.text)
             else:
                 found = reading.parsed(scalar.text, parser)
-                self._check_arities(found, scalar.text)
+                if self.names.tables:
+                    self._check_arities(found, scalar.text)
         except ExpressionError as fault:
             self._report(fault, scalar, known, beside=beside)
             return None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim import files, limits
 from lagsim.errors import Place
 from lagsim.language import tables
-from lagsim.model.loading import STDIN
+from lagsim.model.loading import STDIN, TEXT
 from lagsim.model.model import Table
 from lagsim.model.nodes import Broken, Entry, Node, Scalar, Sequence, words
 from lagsim.model.reader.expressions import Kind
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
     from lagsim.model.reader.expressions import Expressions
 
-# What a model is called that comes from no file, and so has no folder.
-TEXT = "<model>"
 AXES = ("x", "y", "z")
 
 
@@ -45,17 +43,6 @@ def read_tables(given: list[Entry], x: Expressions, file: str) -> tuple[Table, .
         else:
             x.names.tables[key.text] = table
     return tuple(x.names.tables.values())
-
-
-def check_used(x: Expressions) -> None:
-    """Report tables that no expression calls."""
-    for name in x.names.tables:
-        if name not in x.names.called:
-            hint = f"write `{name}(...)` where it is meant, or leave the table out"
-            place = x.names.places[name]
-            x.faults.add(
-                "unused-table", f"nothing uses the table `{name}`", place, hint
-            )
 
 
 class _Reader:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import ChainMap
 from contextlib import suppress
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
@@ -203,27 +204,31 @@ class Unfolded(Graph):
         self.numbers[repr(x)] = x, 0.0 if exact else UNIT_ROUNDOFF * abs(x)
         return self.variable(repr(x))
 
+    def value_with_error(
+        self,
+        parsed: Parsed,
+        known: dict[str, Value],
+        tables: MappingType[str, Table],
+    ) -> Value:
+        """Give value and rounding error of an expression of numbers.
 
-def value_with_error(
-    parsed: Parsed, known: MappingType[str, Value], tables: MappingType[str, Table]
-) -> Value:
-    """Give value and rounding error of an expression of numbers.
-
-    A number alone is exact: it is what the file states. `known`: value and error of
-    each name in it but `pi`.
-    """
-    (kind, number), *more = parsed.postfix
-    if not more and kind == "number":
-        return float(number), 0.0
-    g = Unfolded()
-    node = parsed.build(
-        g,
-        lambda name: g.constant(math.pi) if name == "pi" else g.variable(name),
-        tables,
-    )
-    value, error = evaluate_with_error(g, [node], {**known, **g.numbers})[0]
-    alone = all(kind in ("number", "neg") for kind, _ in parsed.postfix)
-    return value, 0.0 if alone else error
+        A number alone is exact: it is what the file states. `known`: value and error of
+        each name in it but `pi`.
+        """
+        (kind, number), *more = parsed.postfix
+        if not more and kind == "number":
+            return float(number), 0.0
+        node = parsed.build(
+            self,
+            lambda name: (
+                self.constant(math.pi) if name == "pi" else self.variable(name)
+            ),
+            tables,
+        )
+        values = ChainMap(self.numbers, known)
+        value, error = evaluate_with_error(self, [node], values)[0]
+        alone = all(kind in ("number", "neg") for kind, _ in parsed.postfix)
+        return value, 0.0 if alone else error
 
 
 class _Numbers:
@@ -236,6 +241,7 @@ class _Numbers:
     def __init__(self, x: Expressions, instead: MappingType[str, str]) -> None:
         self.x = x
         self.known = x.known
+        self._unfolded = Unfolded()
         self._instead = {
             name: argument(f"{SET}{name}=", text) for name, text in instead.items()
         }
@@ -258,7 +264,8 @@ class _Numbers:
             return None
         if not wanted:
             return None
-        value = value_with_error(found[1], self.known, self.x.names.tables)
+        tables = self.x.names.tables
+        value = self._unfolded.value_with_error(found[1], self.known, tables)
         sound = self.x.is_finite(value[0], what, found[0].place)
         return (found[0], value) if sound else None
 
@@ -436,7 +443,9 @@ class Initial(_Numbers):
         values = [value for k, value in entries_of(node) if k.text not in own]
         given = node.items if isinstance(node, Sequence) else values
         texts = texts_of(given)
-        if isinstance(node, Scalar) and not quantities.separated(node.text):
+        if isinstance(node, Scalar):
+            if "," not in node.text or quantities.separated(node.text):
+                return []
             texts = [part.strip() for part in node.text.split(",")]
             texts = [] if "(" in node.text or "" in texts else texts
         elif len(texts) < len(given):
