@@ -28,7 +28,7 @@ NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # What sympy reads.
 READ = [name for name in NAMES if reads(MODELS / f"{name}.yaml")]
 # Its equations, written out, are more than `derive` writes.
-ENDLESS = ("seven-joint-arm",)
+ENDLESS = ("bicycle", "seven-joint-arm")
 # Their equations fill pages: some seconds each.
 LONG = ("andrews", "chain-angles", "chain-cartesian", "rolling-disk-steady")
 EACH = [

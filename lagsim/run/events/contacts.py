@@ -306,16 +306,20 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         elif not result.impulses.any():
             found.rows = None  # of rates that are rounding beside others of their body
-        self._warn(here, some, result, found)
+        self._warn(here, some, result, found, ending=bool(stopped))
 
     def _warn(
-        self, here: Kinematics, some: list[int], result: Impact, found: Found
-    ) -> None:
+        self, here: Kinematics, some: list[int], result: Impact, found: Found,
+        *, ending: bool,
+    ) -> None:  # fmt: skip
         """Warn of what the law of impacts leaves open, or gets wrong."""
         if result.open:
             self._report(found, "impact-order", some, t=here.t)
         speeds = np.abs(here.rates[some]) + np.abs(result.after)
-        if result.energy > COMPUTED_ZERO * (np.abs(result.impulses) @ speeds):
+        # What ends a series is held, and may be pulled down from a last flight.
+        if not ending and result.energy > COMPUTED_ZERO * (
+            np.abs(result.impulses) @ speeds
+        ):
             self._report(found, "impact-energy", some, t=here.t, gained=result.energy)
 
 

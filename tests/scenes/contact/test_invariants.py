@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import lagsim
+from lagsim.language.names import rate_of
 from tests.scenes.contact import scenes
 from tests.scenes.contact.motions import play
 from tests.scenes.reference import PROBLEMS, model_text
@@ -88,7 +89,7 @@ def test_positions_never_jump_and_velocities_only_at_impacts(name):
     assert [*found.t[shared]] == found.instants("impact")
     step = np.diff(found.t)
     for q in coordinates:
-        x, v, a = found[q], found[f"{q}_dot"], found[f"{q}_ddot"]
+        x, v, a = found[q], found[rate_of(q)], found[rate_of(q, 2)]
         assert np.max(np.abs(x[shared] - x[shared - 1]), initial=0) <= ROUNDING * size(
             x
         )
