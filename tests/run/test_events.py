@@ -288,6 +288,22 @@ def test_crossings_are_no_chatter():
     assert acts(found, "equal") == pytest.approx(both, abs=1e-10)
 
 
+@pytest.mark.parametrize("name", ["dop853", "euler", "rk4"])
+def test_what_an_impact_makes_true_for_the_shortest_flight(name):
+    """A ball's rate becomes positive at every impact, also where a step is a flight."""
+    ball = FREE.replace("potential: 0", "potential: 9.81*x")
+    text = """modes: {hits: 0}
+events: {hit: {at: x_dot >= 0, set: {hits: hits + 1}}}
+constraints: {floor: {relation: x >= 0, restitution: 0.6}}"""
+    asked = {"method": name, "output_step": 0.1} | (
+        {"step": 0.01} if name != "dop853" else {}
+    )
+    found = simulate(scene(text, "x: 0.3", 1.5, ball, **asked), error_bar="never")
+    impacts = [e.time for e in found.events if e.kind == "impact"]
+    assert len(impacts) > 10
+    assert acts(found, "hit") == impacts
+
+
 # --- Periodic events
 
 

@@ -492,6 +492,9 @@ def find_end(s: State, p: Parameters) -> None:
     t = s.t
     rows = s.row_limit
     if UNTIL:
+        if true_at_once(s, p):
+            cut(s, p, 0.0, TINY)
+            return
         follow_true(s, p)
     search(s, p, 0.0)
     while UNTIL and s.event > 0.0 and follows(s, int(s.event) - 1):
@@ -507,6 +510,18 @@ def find_end(s: State, p: Parameters) -> None:
         for k in range(s.conditions):
             if follows(s, k):
                 s.orientation[k] = 0.0
+
+
+def true_at_once(s: State, p: Parameters) -> bool:
+    """Whether a condition that was false is true at the start: a velocity has jumped.
+
+    It need not be true for long, and be false at all points of the step.
+    """
+    events_at(s, p, 0.0)
+    for k in range(s.conditions):
+        if not s.event_functions[of_surfaces(p) + k] > 0.0:
+            return True
+    return False
 
 
 def follow_true(s: State, p: Parameters) -> None:
