@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 73_790
-LINES_OF_TESTS = 54_430
+LINES = 73_800
+LINES_OF_TESTS = 54_450
 
 
 def lines(folder):
