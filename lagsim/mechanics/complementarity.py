@@ -16,8 +16,7 @@ stands for is nothing but its bounds:
 
 D need not be symmetric. Rows may depend on each other: then p is not unique, w is.
 
-What is not determined by its own row alone (a single one is) goes through attempts, the
-first of which that solves it to rounding counts, else the best.
+Of some attempts the first that solves it to rounding counts, else the best.
 
 1. Newton's method on F(p) = p - P(p - w), with P the projection onto the bounds, from
    0. F has kinks, but slopes on each side of them; where it converges the rows that
@@ -51,8 +50,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
-from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -70,7 +67,7 @@ from lagsim.tolerances import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from lagsim.language.arrays import Flags, Floats, Ints
 
@@ -140,13 +137,12 @@ class Problem:
 class Solution(NamedTuple):
     """Multipliers p and w = D p + c (r,); whether they are a solution at all.
 
-    w is 0 where p is between its bounds. few : one or two rows, far from dependent.
+    w is 0 where p is between its bounds.
     """
 
     p: Floats
     w: Floats
     found: bool
-    few: bool = False
 
 
 def solve(problem: Problem) -> Solution:
@@ -168,7 +164,7 @@ def solve(problem: Problem) -> Solution:
         return _solved(problem)
     p, w, found = np.zeros(r), np.zeros(r), True
     for rows in groups:
-        p[rows], w[rows], own, _ = _solved(problem.part(rows))
+        p[rows], w[rows], own = _solved(problem.part(rows))
         found = found and own
     return Solution(p, w, found)
 
@@ -188,9 +184,6 @@ def _decoupled(problem: Problem) -> list[list[int]]:
 
 
 def _solved(problem: Problem) -> Solution:
-    few = _by_cases(problem) if len(problem.c) <= FEW else None
-    if few is not None:
-        return few
     unit, s = _scaled(problem)
     best, least = None, np.inf
     for point in _attempts(unit):
@@ -205,74 +198,6 @@ def _solved(problem: Problem) -> Solution:
     p[free] = best.p[free]
     w = np.where(best.inside, 0.0, best.w)
     return Solution(p * s, w / s, least < SOLVED_LAWS)
-
-
-# One or two rows have so few cases that all are tried, in plain numbers: most impacts
-# are of these. Rows that leave less than this part of themselves ask for more than
-# Cramer's rule.
-FEW, CLOSE = 2, 1e-2
-
-
-def _by_cases(problem: Problem) -> Solution | None:
-    """Solution of one or two rows, or None where that takes more.
-
-    A case that breaks its laws by more than their terms round is not the one.
-    """
-    D, c = problem.D.tolist(), problem.c.tolist()
-    if problem.pairs.max() >= 0 or min(D[k][k] for k in range(len(c))) <= 0.0:
-        return None
-    normals = problem.normals.tolist()
-    low, high = problem.low.tolist(), problem.high.tolist()
-    choices = []
-    for k in range(len(c)):
-        ends = [end for end in (low, high) if isfinite(end[0][k])]
-        fixed = low[0][k] == high[0][k] and low[1][k] == high[1][k]
-        choices.append(ends[:1] if fixed else [None, *ends])
-    for case in product(*choices):
-        p = _held(D, c, normals, case)
-        if p is None:
-            continue
-        w, keeps = [0.0] * len(c), True
-        for k, end in enumerate(case):
-            terms = [c[k], *(d * x for d, x in zip(D[k], p, strict=True))]
-            push = max(p[normals[k]], 0.0) if normals[k] >= 0 else 0.0
-            if end is None:
-                off = max(
-                    low[0][k] + low[1][k] * push - p[k],
-                    p[k] - high[0][k] - high[1][k] * push,
-                ) * D[k][k]  # fmt: skip
-            else:
-                w[k] = sum(terms)
-                off = 0.0 if len(choices[k]) == 1 else w[k] if end is high else -w[k]
-            keeps = keeps and off <= RESIDUAL_ROUNDOFF * sum(map(abs, terms))
-        if keeps:
-            return Solution(np.array(p), np.array(w), found=True, few=True)
-    return None
-
-
-def _held(
-    D: list[list[float]],
-    c: list[float],
-    normals: list[int],
-    case: Sequence[list[list[float]] | None],
-) -> list[float] | None:
-    """Multipliers of one or two rows, each held or at a bound; None if too close."""
-    rows, right = [], []
-    for k, end in enumerate(case):
-        row = D[k] if end is None else [float(j == k) for j in range(len(c))]
-        if end is not None and normals[k] >= 0:
-            row[normals[k]] -= end[1][k]
-        rows.append(row)
-        right.append(-c[k] if end is None else end[0][k])
-    if len(c) == 1:
-        return [right[0] / rows[0][0]]
-    (a, b), (d, e) = rows
-    rest = a * e - b * d
-    if rest <= CLOSE * a * e:
-        return None
-    return [
-        (e * right[0] - b * right[1]) / rest, (a * right[1] - d * right[0]) / rest,
-    ]  # fmt: skip
 
 
 def _scaled(problem: Problem) -> tuple[Problem, Floats]:

@@ -366,16 +366,14 @@ def modes(
             nothing, off = np.zeros(len(rates)), (Mode.OFF,) * len(rates)
             return Modes(off, nothing, nothing, paradox=True)
         rows = _Rows(closed, problem, sizes, given, directions, roundoff, ahead, left)
-        found, directions_found, plain = rows.edges(solution)
+        found, directions_found = rows.edges(solution)
         begins = np.array([mode is Mode.SLIDING for mode in found], dtype=bool)
         begins &= ~given & (closed.bounds != sizes)
         if begins.any():
             begun |= begins
             continue
-        if plain:
-            return Modes(tuple(found), directions_found, solution.p, paradox=False)
         if problem.discs:
-            found, directions_found, _ = rows.edges(_supported(rows, solution))
+            found, directions_found = rows.edges(_supported(rows, solution))
         return _decided(rows, found, directions_found)
 
 
@@ -422,12 +420,11 @@ class _Rows:
         parts = np.where(problem.pairs >= 0, SETTLED_IMPULSE, ACCELERATION_ROUNDOFF)
         return np.asarray(np.maximum(self.roundoff, parts * terms))
 
-    def edges(self, solution: Solution) -> tuple[list[Mode], Floats, bool]:
+    def edges(self, solution: Solution) -> tuple[list[Mode], Floats]:
         """Modes and directions where ties are decided, and held rows independent.
 
         What is strictly between its bounds is held, what has an acceleration is at one
-        of them; the rest is tied. And whether few rows have no ties: then the solution
-        is all there is.
+        of them; the rest is tied.
         """
         p, own = solution.p, self.closed.D.diagonal()
         limits = self.problem.limits(p)
@@ -453,12 +450,8 @@ class _Rows:
             else:
                 (held if modes[k] is Mode.HELD else tied).append(k)
                 modes[k] = Mode.OFF
-        if solution.few and not tied:
-            for k in held:
-                modes[k] = Mode.HELD
-            return modes, directions, True
         self._hold(p, held, tied, modes, directions, limits, limits > small)
-        return modes, directions, False
+        return modes, directions
 
     def _bounded(
         self, k: int, solution: Solution, rounding: Floats, bound: float, small: float
