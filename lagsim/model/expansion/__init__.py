@@ -12,11 +12,10 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import limits
-from lagsim.language.functions import FUNCTIONS
 from lagsim.language.names import HIDDEN
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.grammar import OF_VECTORS, OVER_RANGES
+from lagsim.model.expansion.grammar import CALLED
 from lagsim.model.expansion.keys import Key, parsed_key
 from lagsim.model.expansion.scope import (
     Family,
@@ -35,7 +34,6 @@ from lagsim.model.nodes import (
     Sequence,
     entries_of,
     items_of,
-    leaves,
 )
 
 if TYPE_CHECKING:
@@ -53,9 +51,8 @@ _VALUES = {
     "parameters": ("value",), "definitions": ("value",), "constraints": ("relation",),
     "initial": ("guess", "steady"), "states": ("rate",), "modes": ("value",),
 }  # fmt: skip
-_DECLARING = (
-    "parameters", "modes", "coordinates", "states", "constraints", "definitions",
-)  # fmt: skip
+# Sections that declare names, beside `parameters`.
+_DECLARING = ("modes", "coordinates", "states", "constraints", "definitions")
 _SIZES = (2, 3)
 # Of a parameter: the entries of a symmetric matrix, too.
 _MATRIX = 6
@@ -112,12 +109,10 @@ class Expansion:
         is_unit: Callable[[str], bool],
         graph: Graph,
     ) -> None:
+        self._top = {key.text: node for key, node in entries_of(root)}
         self.scope = Scope(graph)
-        given = (node for key, node in entries_of(root) if key.text == "tables")
-        names = (key.text for node in given for key, _ in entries_of(node))
-        self.scope.tables = frozenset(names)
-        self._report, self._is_unit = report, is_unit
-        self.report = report
+        self.scope.tables = frozenset(key.text for key, _ in self._entries("tables"))
+        self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
         self.units: frozenset[str] = frozenset()
         # Hidden definitions of positions, by the scalars that they are of.
@@ -126,15 +121,12 @@ class Expansion:
         self.points: dict[str, Family] = {}
         self.idle: list[str] = []
         self.broken: set[str] = set()
-        self.plain = Reading(self.scope, {}, None, 1)
+        self.plain = Reading(self.scope, {})
         self.hidden: list[Entry] = []
-        self._instead = instead
         self._count = 0
         self.silent: list[Scalar] = []
         self.node = root
         if isinstance(root, Mapping):
-            self._top = {key.text: (key, value) for key, value in root.entries}
-            self._vectors = _mentions_vectors(root)
             new = self._sections()
             entries = [(k, new.get(k.text) or self.bound(v)) for k, v in root.entries]
             entries += [
@@ -166,13 +158,13 @@ class Expansion:
         given: dict[str, list[_Given]] = {}
         new: dict[str, list[Entry]] = {}
         new["parameters"] = list(self._parameters())
-        for section in _DECLARING[1:]:
+        for section in _DECLARING:
             declared = (self._declared(*e, section) for e in self._entries(section))
             given[section] = [one for one in declared if one]
         frames = self._frames()
         self._resolve(given["definitions"])
         units = frames.all() if frames else []
-        for section in _DECLARING[1:]:
+        for section in _DECLARING:
             new[section] = [e for one in given[section] for e in self._written(one)]
         new["constraints"] += units
         new["energy"] = self._energy(frames)
@@ -184,14 +176,14 @@ class Expansion:
         new["definitions"] += self.hidden
         found: dict[str, Node] = {}
         for section, entries in new.items():
-            _, node = self._top.get(section, (None, None))
+            node = self._top.get(section)
             if isinstance(node, Mapping):
                 found[section] = node._replace(entries=tuple(entries))
             elif entries:  # which the file does not write
                 found[section] = Mapping(tuple(entries), entries[0][0].place)
         if "output" in self._top:
-            found["output"] = self._output(self._top["output"][1])
-        scene = self._top["scene"][1] if "scene" in self._top else None
+            found["output"] = self._output(self._top["output"])
+        scene = self._top.get("scene")
         if scene or self._drawn:
             found["scene"] = self._scene(scene)
         return found
@@ -202,14 +194,14 @@ class Expansion:
             return None
         from lagsim.model.expansion.frames import Frames
 
-        frames = self.scope.frames = Frames(self, self._top["frames"][1])
+        frames = self.scope.frames = Frames(self, self._top["frames"])
         return frames
 
     def _energy(self, frames: Frames | None) -> list[Entry]:
         """Return the energies, in which the word `bodies` is what it denotes there."""
-        node = self._top["energy"][1] if "energy" in self._top else None
+        node = self._top.get("energy")
         found = [(key, self.bound(value)) for key, value in entries_of(node)]
-        given = [self._top.get(key, (None, None))[1] for key in ("bodies", "gravity")]
+        given = [self._top.get(key) for key in ("bodies", "gravity")]
         if given == [None, None]:
             return found
         from lagsim.model.expansion.bodies import Bodies
@@ -218,7 +210,7 @@ class Expansion:
         self._drawn = bodies.drawn
         for k, (key, value) in enumerate(entries_of(node)):
             if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):
-                reading = Reading(self.scope, {"bodies": tree}, None, 1)
+                reading = Reading(self.scope, {"bodies": tree})
                 found[k] = key, self.bound(value, reading)
         self.idle = bodies.idle()
         return found
@@ -229,7 +221,7 @@ class Expansion:
             parsed = parsed_key(key.text)
             if parsed and not parsed.letter and _NAME.fullmatch(parsed.name):
                 named = parsed.subscripts or what == "a frame"
-                if named and parsed.name in (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES):
+                if named and parsed.name in CALLED:
                     text = f"`{parsed.name}` is a function and cannot be {what}"
                     self.report("reserved-name", text, key.place)
                     return None
@@ -255,7 +247,7 @@ class Expansion:
 
     def _entries(self, section: str) -> tuple[Entry, ...]:
         """Return the entries of a section."""
-        return entries_of(self._top[section][1]) if section in self._top else ()
+        return entries_of(self._top.get(section))
 
     def bound(self, node: Node, reading: Reading | None = None) -> Node:
         """Return a node whose scalars are read for a member, or outside of families."""
@@ -280,7 +272,7 @@ class Expansion:
         """Report a fault in a scalar."""
         if fault.code != SILENT:
             place = scalar.place_of(fault.offset, fault.length)
-            self._report(f"expression-{fault.code}", fault.text, place, fault.hint)
+            self.report(f"expression-{fault.code}", fault.text, place, fault.hint)
 
     def _key(
         self, key: Scalar, outer: Indices | None = None
@@ -305,83 +297,63 @@ class Expansion:
         found: Members = [(outer, ())]
         for subscript in key.subscripts:
             token, index = subscript.token, subscript.runs
-            new: Members = []
             ranges = []
             for indices, member in found:
                 if index in indices:
                     text = f"the index `{index}` is given twice"
-                    raise token.fault(
-                        text, "each range has an index of its own", "range"
-                    )
-                first = self.scope.whole(
-                    self.scope.value(subscript.first, indices), token
-                )
-                last = first
-                if subscript.last is not None:
-                    last = self.scope.whole(
-                        self.scope.value(subscript.last, indices), token
-                    )
-                ranges.append((indices, member, first, last))
-            count = sum(max(0, last - first + 1) for *_, first, last in ranges)
-            if self._count + count > limits.MEMBERS:
-                text = (
-                    f"the families of this file have {self._count + count:,} members, "
-                )
+                    hint = "each range has an index of its own"
+                    raise token.fault(text, hint, "range")
+                ends = [
+                    self.scope.whole(self.scope.value(end, indices), token)
+                    for end in (subscript.first, subscript.last)
+                    if end is not None
+                ]
+                ranges.append((indices, member, range(ends[0], ends[-1] + 1)))
+            count = self._count + sum(len(numbers) for *_, numbers in ranges)
+            if count > limits.MEMBERS:
+                text = f"the families of this file have {count:,} members, "
                 text += f"more than {limits.MEMBERS:,}"
                 code = SILENT if self.scope.full else "too-many"
                 self.scope.full = True
                 raise token.fault(text, "", code)
-            for indices, member, first, last in ranges:
-                for k in range(first, last + 1):
-                    inner = {**indices, index: trees.number(k)} if index else indices
-                    new.append((dict(inner), (*member, k)))
-            found = new
+            found = [
+                ({**indices, index: trees.number(k)} if index else indices,
+                 (*member, k))
+                for indices, member, numbers in ranges
+                for k in numbers
+            ]  # fmt: skip
         return found
 
     def _declared(self, key: Scalar, node: Node, section: str) -> _Given | None:
         """Return an entry that declares its name."""
-        found = self._key(key)
+        found, name = self._key(key), key.text.partition("(")[0]
+        broken = False
         if found is None or found[0].letter:
-            parsed, members = (
-                Key(key.text),
-                _ONE,
-            )  # the reader refuses the name
-            if key.text.partition("(")[0] in self.broken:
-                self._break(key.text.partition("(")[0], section, key)
-                return None
-        else:
-            parsed, members = found
-        name, indexed = parsed.name, bool(parsed.subscripts)
-        space = self.scope.variables
-        if section == "constraints":
-            space = self.scope.constraints
-        family = space.get(name)
-        if family is None:
-            family = space[name] = Family(name, section, key.place, indexed)
-            family.resolved = section != "definitions"
+            broken = name in self.broken
+            found = Key(name if broken else key.text), _ONE  # the reader refuses it
+        parsed, members = found
+        name, indexed = parsed.name, broken or bool(parsed.subscripts)
+        constrains = section == "constraints"
+        space = self.scope.constraints if constrains else self.scope.variables
+        family = space.setdefault(name, Family(name, section, key.place, indexed))
+        if broken:
+            family.broken = True
+            return None
         if section == "coordinates":
             family.letters = self._components(node)
         if indexed and not self._may_be(name, family, section, key):
             return None
         return self._join(_Given(key, node, family, "{}", parsed, members))
 
-    def _break(self, name: str, section: str, key: Scalar) -> None:
-        space = self.scope.variables
-        if section == "constraints":
-            space = self.scope.constraints
-        family = space.setdefault(name, Family(name, section, key.place, True))
-        family.broken = True
-
     def _may_be(self, name: str, family: Family, section: str, key: Scalar) -> bool:
         """Report a family whose name is another's already."""
-        functions = (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES)
-        if name in functions and section != "constraints":
+        if name in CALLED and section != "constraints":
             text = f"`{name}` is a function and cannot be the name of a family"
-            self._report("reserved-name", text, key.place)
+            self.report("reserved-name", text, key.place)
         elif (family.section, family.indexed) != (section, True):
             text = f"`{name}` is given already in `{family.section}` and cannot be a "
             hint = f"the first is in line {family.place.line}"
-            self._report("name-clash", f"{text}family too", key.place, hint)
+            self.report("name-clash", f"{text}family too", key.place, hint)
         else:
             return True
         family.broken = True
@@ -397,13 +369,13 @@ class Expansion:
         counts = {len(m) for m in family.members} | {len(m) for _, m in members}
         if len(counts) > 1:
             text = f"members of `{family.name}` have {min(counts)} or {max(counts)} "
-            self._report("wrong-count", f"{text}subscripts", one.key.place)
+            self.report("wrong-count", f"{text}subscripts", one.key.place)
             return None
         again = next((m for _, m in members if m in family.members), None)
         if again is not None:
             name = dotted(family.name, again)
             text = f"the member `{name}` of `{family.name}` is given twice"
-            self._report("duplicate-member", text, one.key.place)
+            self.report("duplicate-member", text, one.key.place)
             return None
         family.members.update(m for _, m in members)
         self._count += len(members)
@@ -438,12 +410,10 @@ class Expansion:
 
     def _resolve(self, given: list[_Given]) -> None:
         """Find the sizes of definitions, each after those that it uses."""
-        waiting = [one for one in given if one.members]
-        progress = self._vectors
-        while waiting and progress:
-            left = [one for one in waiting if not self._resolved(one)]
-            progress = len(left) < len(waiting)
-            waiting = left
+        waiting, before = [one for one in given if one.members], -1
+        while len(waiting) != before:
+            before = len(waiting)
+            waiting = [one for one in waiting if not self._resolved(one)]
         for one in given:
             one.family.resolved = True
 
@@ -474,7 +444,7 @@ class Expansion:
             sizes = (*_SIZES, _MATRIX) if section == "parameters" else _SIZES
             fits = len(node.items) in sizes and not self._with_unit(node)
             return trees.components(len(node.items)) if fits else ()
-        if not isinstance(node, Scalar) or not (self._vectors and one.members):
+        if not isinstance(node, Scalar) or not one.members:
             return ()
         parser: Callable[[str], Any] = parse
         if section == "constraints":
@@ -489,7 +459,7 @@ class Expansion:
                 if node.text in _COMPONENTS:
                     return trees.components(_COMPONENTS[node.text])
                 text = f"`components` must be `xy` or `xyz`, found `{node.text}`"
-                self._report("expression-component", text, node.place)
+                self.report("expression-component", text, node.place)
         return ()
 
     def _with_unit(self, node: Sequence) -> bool:
@@ -515,63 +485,50 @@ class Expansion:
     def _by_members(
         self, one: _Given, keys: tuple[str, ...], letters: tuple[str, ...]
     ) -> Iterator[Entry]:
-        key, parsed = one.key, one.parsed
-        if one.family.section == "coordinates" and isinstance(one.node, Mapping):
-            kept = (e for e in one.node.entries if e[0].text != "components")
-            one = one._replace(node=one.node._replace(entries=tuple(kept)))
+        key, node, parsed = one.key, one.node, one.parsed
+        if one.family.section == "coordinates" and isinstance(node, Mapping):
+            kept = (e for e in node.entries if e[0].text != "components")
+            node = node._replace(entries=tuple(kept))
         self._count += max(0, len(letters) - 1) * len(one.members)
-        inner = _inner(one.node, keys)
-        several = parsed.ranged and isinstance(inner, Sequence)
-        if (
-            isinstance(inner, Sequence)
-            and several
-            and len(inner.items) != len(one.members)
-        ):
+        inner, values = _inner(node, keys), [node] * len(one.members)
+        if parsed.ranged and isinstance(inner, Sequence):
+            values = [_with_inner(node, keys, item) for item in inner.items]
+        if len(values) != len(one.members):
             text = f"`{key.text}` has {len(one.members)} members, and the list "
             hint = "a list beside a range has one value a member"
-            text += f"{len(inner.items)} values"
-            self._report("wrong-count", text, inner.place, hint)
-            one, several = one._replace(node=Broken(inner.place)), False
+            self.report("wrong-count", f"{text}{len(values)} values", inner.place, hint)
+            values = [Broken(inner.place)] * len(one.members)
         name = one.form.format(one.family.name)
         if not (letters or parsed.subscripts):
-            outer = one.members[0][0]
-            reading = Reading(self.scope, outer, None, 1) if outer else self.plain
-            yield key, self.bound(one.node, reading)
+            yield key, self.bound(node, Reading(self.scope, one.members[0][0]))
             return
-        for k, (indices, member) in enumerate(one.members):
-            node = one.node
-            if isinstance(inner, Sequence) and several:
-                node = _with_inner(node, keys, inner.items[k])
+        for (indices, member), value in zip(one.members, values, strict=True):
             for c, letter in enumerate(letters or ("",)):
-                full = dotted(name, member, letter)
-                if parsed.letter and letter != parsed.letter:
+                if parsed.letter not in ("", letter):
                     continue
-                size = len(letters)
                 component = c if letters and not parsed.letter else None
-                reading = Reading(self.scope, indices, component, size or 1)
-                value = self._placed(node, keys, reading, key)
-                yield key._replace(text=full, reading=reading), value
+                reading = Reading(self.scope, indices, component, len(letters) or 1)
+                full = key._replace(text=dotted(name, member, letter), reading=reading)
+                yield full, self._placed(value, keys, reading, key)
 
     def _placed(
         self, node: Node, keys: tuple[str, ...], reading: Reading, key: Scalar
     ) -> Node:
         """Return what an entry gives a component of a member."""
-        inner, c = _inner(node, keys), reading.component
-        outer = reading
-        if c is not None:
-            outer = Reading(self.scope, reading.indices, None, 1)
-        if isinstance(inner, Sequence) and c is not None:
-            if len(inner.items) != reading.size:
-                text = f"`{key.text}` is a vector of {reading.size}, found a list of "
-                text += f"{len(inner.items)}"
-                self._report("wrong-count", text, inner.place)
-                return Broken(inner.place)
-            inner = self.bound(inner.items[c], outer)
+        inner, outer = _inner(node, keys), reading
+        if reading.component is None:
+            new = self.bound(inner, reading)
         else:
-            inner = self.bound(inner, reading)
-        if isinstance(node, Mapping) and inner is not node:
-            return _with_inner(self.bound(node, outer), keys, inner)
-        return inner
+            outer = Reading(self.scope, reading.indices)
+            if not isinstance(inner, Sequence):
+                new = self.bound(inner, reading)
+            elif len(inner.items) == reading.size:
+                new = self.bound(inner.items[reading.component], outer)
+            else:
+                text = f"`{key.text}` is a vector of {reading.size}, found a list of "
+                self.report("wrong-count", f"{text}{len(inner.items)}", inner.place)
+                return Broken(inner.place)
+        return new if inner is node else _with_inner(self.bound(node, outer), keys, new)
 
     # Sections that refer to names
 
@@ -582,10 +539,8 @@ class Expansion:
         found: dict[str, tuple[Entry, bool]] = {}
         for key, node in given:
             one = self._referred(key, node, outer)
-            if one is None:
-                continue
-            if isinstance(one, tuple) and not isinstance(one, _Given):
-                found[key.text] = one, False
+            if not isinstance(one, _Given):
+                found |= {key.text: (one, False)} if one else {}
                 continue
             ranged, again = one.parsed.ranged, ""
             for entry in self._by_members(
@@ -599,8 +554,7 @@ class Expansion:
                     found.pop(name, None)  # to stand where the one that wins does
                     found[name] = entry, ranged
             if again:
-                text = f"`{again}` is given twice"
-                self._report("duplicate-member", text, key.place)
+                self.report("duplicate-member", f"`{again}` is given twice", key.place)
         return [entry for entry, _ in found.values()]
 
     def _referred(
@@ -608,48 +562,35 @@ class Expansion:
     ) -> _Given | Entry | None:
         """Return an entry for members; as it is where its name is no family's."""
         found = self._key(key, outer)
-        inner = Reading(self.scope, outer, None, 1) if outer else self.plain
-        if found is None:
-            known = key.text.partition("(")[0] in self.broken
-            return None if known else (key, self.bound(node, inner))
-        parsed, members = found
-        meant = self.scope.reference(parsed.name)
-        if meant is None:
-            return key, self.bound(node, inner)
-        family, form = meant
-        fault = "", "", ""
+        if found is None and key.text.partition("(")[0] in self.broken:
+            return None
+        meant = self.scope.reference(found[0].name) if found else None
+        if found is None or meant is None:
+            return key, self.bound(node, Reading(self.scope, outer or {}))
+        (parsed, members), (family, form) = found, meant
         if family.broken:
             return None
+        code, text = "", f"`{parsed.name}` is no family"
         if family.indexed != bool(parsed.subscripts):
-            fault = (
-                "subscript",
-                f"`{parsed.name}` is a family: a subscript is missing",
-                "",
-            )
-            if not family.indexed:
-                fault = "subscript", f"`{parsed.name}` is no family", ""
-        elif missing := [m for _, m in members if m not in family.members]:
-            text = (
-                f"there is no `{dotted(parsed.name, missing[0])}`: {family.described()}"
-            )
-            fault = "member", text, ""
+            code = "subscript"
+            if family.indexed:
+                text = f"`{parsed.name}` is a family: a subscript is missing"
+        elif missing := family.missing(parsed.name, members):
+            code, text = "member", missing
         elif parsed.letter and parsed.letter not in family.letters:
-            fault = (
-                "component",
-                f"`{parsed.name}` has no component `.{parsed.letter}`",
-                "",
-            )
-        if fault[0]:
-            self._report(f"expression-{fault[0]}", fault[1], key.place, fault[2])
+            code = "component"
+            text = f"`{parsed.name}` has no component `.{parsed.letter}`"
+        if code:
+            self.report(f"expression-{code}", text, key.place)
             return None
         return _Given(key, node, family, form, parsed, members)
 
     def spread(self, node: Node, reading: Reading) -> Node:
         """Return a list of components for a vector that stands where a list does."""
-        if not isinstance(node, Scalar) or not self._vectors:
-            return self.bound(node, reading)
-        size = self.scope.size(node.text, parse, reading.indices)
-        if size == 1:
+        size = 1
+        if isinstance(node, Scalar):
+            size = self.scope.size(node.text, parse, reading.indices)
+        if size == 1 or not isinstance(node, Scalar):
             return self.bound(node, reading)
         readings = (Reading(self.scope, reading.indices, c, size) for c in range(size))
         return Sequence(tuple(node._replace(reading=r) for r in readings), node.place)
@@ -713,7 +654,7 @@ class Expansion:
             self.report("wrong-count", text, node.place)
             return
         for k, (indices, member) in enumerate(members):
-            reading = Reading(self.scope, indices, None, 1)
+            reading = Reading(self.scope, indices)
             full = key._replace(text=dotted(parsed.name, member), reading=reading)
             yield full, reading, items[k] if several else node
 
@@ -763,11 +704,8 @@ class Expansion:
             return [node if family is None else Broken(node.place)]
         if not parsed.subscripts:
             members = [({}, m) for m in sorted(family.members)]
-        if missing := [m for _, m in members if m not in family.members]:
-            text = (
-                f"there is no `{dotted(parsed.name, missing[0])}`: {family.described()}"
-            )
-            self._report("expression-member", text, node.place)
+        if missing := family.missing(parsed.name, members):
+            self.report("expression-member", missing, node.place)
             return [Broken(node.place)]
         letters = (parsed.letter,) if parsed.letter else family.letters or ("",)
         return [
@@ -837,26 +775,6 @@ def _written(name: str, *rest: str) -> str:
     numbers = [part for part in rest if not part[0].isalpha()]
     letters = [f".{part}" for part in rest if part[0].isalpha()]
     return name + (f"({', '.join(numbers)})" if numbers else "") + "".join(letters)
-
-
-def _mentions_vectors(root: Mapping) -> bool:
-    """Return whether there may be vectors in a file."""
-    sections = {key.text: node for key, node in root.entries}
-    if any(key in sections for key in ("frames", "bodies", "gravity")):
-        return True
-    below = [
-        e
-        for key in ("parameters", "definitions")
-        for e in entries_of(sections.get(key))
-    ]
-    if any(isinstance(_inner(node, ("value",)), Sequence) for _, node in below):
-        return True
-    coordinates = entries_of(sections.get("coordinates"))
-    if any(
-        key.text == "components" for _, n in coordinates for key, _ in entries_of(n)
-    ):
-        return True
-    return any("vec(" in leaf.text.replace(" ", "") for _, leaf in leaves(root))
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:

@@ -240,7 +240,7 @@ class Frames(Section):
         ------
         ExpressionError
         """
-        *subscripts, (op, _, token) = steps
+        *subscripts, (op, _, token, _) = steps
         if op not in ("name", "member"):
             raise token.fault("the name of a frame is expected here", "", "frame")
         values = self.scope.run(tuple(subscripts), indices)

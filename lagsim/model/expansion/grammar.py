@@ -33,20 +33,23 @@ OF_VECTORS = {"vec": (2, 3), "dot": (2,), "cross": (2,), "norm": (1,), "unit": (
 # The same of frames, which are named first.
 OF_FRAMES = {"rotate": (2,), "unrotate": (2,), "omega": (1,), "omega_space": (1,)}
 OF_VECTORS |= {"spin": (2,), **OF_FRAMES}
+# All names that are called.
+CALLED = (*FUNCTIONS, *OF_VECTORS, *OVER_RANGES)
 NESTED = 16
 _RANGE = "such as sum(i = 1..n, m(i))"
 
 
 class Step(NamedTuple):
-    """An operation on a stack of values; `payload` is a number, a name or a count.
+    """An operation on a stack of values, of which it `takes` so many.
 
-    Of what runs over a range: the index, and the steps of a term; of a function of
-    frames: the steps that name one.
+    payload : a number, a name or a count; of what runs over a range the index, and the
+        steps of a term; of a function of frames the steps that name one.
     """
 
     op: str
     payload: float | str | int | tuple[str, Steps]
     token: Token
+    takes: int = 0
 
 
 Steps: TypeAlias = tuple[Step, ...]
@@ -77,9 +80,14 @@ class _Extended(Parser):
         self.steps: list[Step] = []
 
     def _emit(
-        self, token: Token, op: str, payload: float | str | tuple[str, Steps]
+        self,
+        token: Token,
+        op: str,
+        payload: float | str | tuple[str, Steps],
+        takes: int = 0,
     ) -> None:
-        self.steps.append(Step(op, payload, token))
+        takes = payload if isinstance(payload, int) else takes
+        self.steps.append(Step(op, payload, token, takes))
 
     def _function(self, token: Token) -> None:
         name, ahead = token.text, self.part[self.at : self.at + 3]
@@ -102,7 +110,7 @@ class _Extended(Parser):
 
     def _after_operand(self, token: Token) -> bool:
         if token.kind == "component":
-            self._emit(token, "component", token.text[1:].strip())
+            self._emit(token, "component", token.text[1:].strip(), 1)
             return False
         if token.kind != "range":
             return super()._after_operand(token)
@@ -143,7 +151,7 @@ class _Extended(Parser):
             return super()._close(token)
         self.pending.pop()
         payload: int | tuple[str, Steps] = top.arity
-        op = top.op
+        op, takes = top.op, 2
         if isinstance(top, _Over):
             if top.begin < 0:
                 text = f"`{top.op}` takes a range and an expression"
@@ -157,10 +165,10 @@ class _Extended(Parser):
             text = f"`{top.op}` takes {counts} arguments, found {top.arity}"
             raise top.token.fault(text, "", "arity")
         elif isinstance(top, _OfFrame):
-            payload = "", top.frame
+            payload, takes = ("", top.frame), top.arity - 1
         self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
         self.kinds.append((False, top.token))
-        self._emit(top.token, op, payload)
+        self._emit(top.token, op, payload, takes)
         return False
 
 

@@ -14,7 +14,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
 
 from lagsim import limits
-from lagsim.language.functions import FUNCTIONS, OPERATIONS
+from lagsim.language.functions import OPERATIONS
 from lagsim.language.names import ENDINGS
 from lagsim.language.parser import (
     SILENT,
@@ -28,8 +28,8 @@ from lagsim.language.parser import (
 )
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.grammar import (
+    CALLED,
     OF_FRAMES,
-    OF_VECTORS,
     OVER_RANGES,
     Step,
     steps,
@@ -39,7 +39,7 @@ from lagsim.model.expansion.rotations import OF_A_FRAME, spin
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 
     # Numbers, or what the word `bodies` denotes.
     Indices = dict[str, Tree]
+    Member = tuple[int, ...]
     Parser = Callable[[str], Any]
 
 # A file has so many for each operation.
@@ -85,8 +86,19 @@ class Family:
         self.indexed = indexed
         self.members: set[tuple[int, ...]] = set()
         self.letters: tuple[str, ...] = ()
-        self.resolved = True
+        self.resolved = section != "definitions"
         self.broken = False
+
+    def missing(self, name: str, members: Iterable[tuple[object, Member]]) -> str:
+        """Return text on the first of some members that it does not have, or none.
+
+        name : its own, or that of its rate.
+        """
+        missing = (m for _, m in members if m not in self.members)
+        found = next(missing, None)
+        if found is None:
+            return ""
+        return f"there is no `{dotted(name, found)}`: {self.described()}"
 
     def described(self) -> str:
         """Return text on its members, for messages."""
@@ -130,7 +142,10 @@ class Frames(Protocol):
 
 
 class Scope:
-    """Families of a file, values of its parameters, and expressions of them."""
+    """Families of a file, values of its parameters, and expressions of them.
+
+    What evaluates raises an ExpressionError with the place of the first fault.
+    """
 
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
@@ -168,12 +183,7 @@ class Scope:
     # Texts
 
     def source(self, text: str, parser: Parser) -> _Source:
-        """Return steps of a text, parsed once.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return steps of a text, parsed once."""
         key = text, parser
         if key not in self._sources:
             try:
@@ -188,12 +198,7 @@ class Scope:
     def values(
         self, text: str, parser: Parser, indices: Indices
     ) -> tuple[Value, Value | None, str]:
-        """Return both sides of an expression (None: there is one) for a member.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return both sides of an expression (None: there is one) for a member."""
         last = self._last
         if last[:2] != (text, parser) or last[2] is not indices:
             source = self.source(text, parser)
@@ -221,49 +226,40 @@ class Scope:
         ------
         UnresolvedError
         """
-        known = set(self._faulty)
+        known, terms = set(self._faulty), self._terms
         try:
             left, right, _ = self.values(text, parser, indices)
         except ExpressionError:
             self._faulty = known
             return 1
+        finally:
+            self._terms = terms
         return max(trees.size(left), 1 if right is None else trees.size(right))
 
     # Steps
 
     def value(self, steps: Steps, indices: Indices) -> Value:
-        """Return value of steps for a member.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return value of steps for a member."""
         return self.run(steps, indices).pop()
 
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
-        """Return the values that steps leave.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return the values that steps leave."""
         stack: list[Value] = []
         for step in steps:
-            op, payload, token = step
+            op, _, token, _ = step
             if op == "number":
                 stack.append(trees.number(float(token.text)))
             elif op == "name":
                 stack.append(indices.get(token.text) or self._named(token))
             else:
-                count = payload if isinstance(payload, int) else _POPPED[op[:4]]
-                at = len(stack) - count
+                at = len(stack) - step.takes
                 args = stack[at:]
                 del stack[at:]
                 stack.append(self._applied(step, args, indices))
         return stack
 
     def _applied(self, step: Step, args: list[Value], indices: Indices) -> Value:
-        op, payload, token = step
+        op, payload, token, _ = step
         try:
             if op == "member" and token.text in self.tables:
                 about = f"an argument of `{token.text}`"
@@ -346,8 +342,8 @@ class Scope:
 
     def _no_family(self, token: Token) -> NoReturn:
         name = token.text
-        known = [*FUNCTIONS, *OF_VECTORS, *OVER_RANGES]
-        known += [f.name for f in self.variables.values() if f.indexed]
+        families = (f.name for f in self.variables.values() if f.indexed)
+        known = [*CALLED, *families]
         near = get_close_matches(name, known, 1) if name[1:] else []
         hint = f"did you mean `{near[0]}`?" if near else ""
         text = f"there is no function or family `{name}`"
@@ -379,12 +375,7 @@ class Scope:
     # Numbers
 
     def whole(self, value: Value, token: Token) -> int:
-        """Return value of a subscript or of an end of a range.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return value of a subscript or of an end of a range."""
         if not isinstance(value, Tree):
             text = f"a subscript is one number, found {trees.said(value)}"
             raise token.fault(text, "", "subscript")
@@ -414,12 +405,7 @@ class Scope:
         self._asked |= {name.text for found in parsed for name in found.names}
 
     def number(self, found: Parsed) -> float:
-        """Return value of an expression of numbers and parameters.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return value of an expression of numbers and parameters."""
         for name in found.names:
             self._check_number(name.text, name.offset)
         stack: list[float] = []
@@ -448,9 +434,6 @@ class Scope:
         about = f"`{name}` is none"
         code = self._once({name}, "subscript")
         raise ExpressionError(offset, len(name), text + about, "", code)
-
-
-_POPPED = {"over": 2, "comp": 1, "rota": 1, "unro": 1, "omeg": 0}
 
 
 def _parsed(text: str, parser: Parser) -> _Source:
@@ -541,18 +524,17 @@ class Reading:
     __slots__ = ("component", "indices", "scope", "size")
 
     def __init__(
-        self, scope: Scope, indices: Indices, component: int | None, size: int
+        self,
+        scope: Scope,
+        indices: Indices,
+        component: int | None = None,
+        size: int = 1,
     ) -> None:
         self.scope, self.indices = scope, indices
         self.component, self.size = component, size
 
     def parsed(self, text: str, parser: Parser) -> Any:
-        """Return what the parser would give for the expression of this member.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return what the parser would give for the expression of this member."""
         left, right, sense = self.scope.values(text, parser, self.indices)
         found = self._part(left, text)
         if parser is not parse_relation:

@@ -30,7 +30,7 @@ class Shapes(Section):
                 yield key, self._written(node, {})
             elif found := self.x.members(key, "a shape"):
                 for indices, member in found[1]:
-                    reading = Reading(self.scope, indices, None, 1)
+                    reading = Reading(self.scope, indices)
                     name = dotted(found[0].name, member)
                     written = self._written(node, indices)
                     yield key._replace(text=name, reading=reading), written
@@ -39,7 +39,7 @@ class Shapes(Section):
         """Return the shapes of bodies."""
         for one in drawn:
             key, value = one.kind
-            reading = Reading(self.scope, one.indices, None, 1)
+            reading = Reading(self.scope, one.indices)
             below = [(key, self.x.bound(value, reading))]
             below.append((key._replace(text="at"), self._list(one.origin, key)))
             if one.frame:
@@ -51,7 +51,7 @@ class Shapes(Section):
     def _written(self, node: Node, indices: Indices) -> Node:
         if not isinstance(node, Mapping):
             return node
-        reading = Reading(self.scope, indices, None, 1)
+        reading = Reading(self.scope, indices)
         rules = {"frame": self._turned, "at": self._point, "arrow": self.x.spread}
         return node._replace(
             entries=tuple(
