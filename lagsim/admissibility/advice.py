@@ -79,7 +79,7 @@ def about_angles(model: Model) -> Iterator[Caution]:
     for parsed in _parsed([*model.stated.numbers(), *texts]):
         # sin(20), of which graphs have only the value
         signless = (x for x in parsed.postfix if x[0] != "neg")
-        for (kind, value), (op, _) in pairwise(signless):
+        for (kind, value, _), (op, *_) in pairwise(signless):
             if kind == "number" and op in _OF_ANGLES and _is_of_degrees(float(value)):
                 found.append((op, _Term(str(value), "an angle is", float(value))))
     for op, term in found:

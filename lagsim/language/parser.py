@@ -186,11 +186,19 @@ class Name(NamedTuple):
 
 
 class Parsed(NamedTuple):
-    """An expression in postfix: numbers, names and operations with their arity."""
+    """An expression in postfix: numbers, names and operations with their arity.
+
+    Each item with the place of its token in the text.
+    """
 
     text: str
-    postfix: tuple[tuple[str, float | str | int], ...]
-    names: tuple[Name, ...]
+    postfix: tuple[tuple[str, float | str | int, int], ...]
+
+    @property
+    def names(self) -> tuple[Name, ...]:
+        """The variables, in the order of the text."""
+        named = (item for item in self.postfix if item[0] == "name")
+        return tuple(Name(str(name), offset) for _, name, offset in named)
 
     def build(
         self, g: Graph, scope: Callable[[str], int], tables: Tables | None = None
@@ -200,7 +208,7 @@ class Parsed(NamedTuple):
         tables : of the file, the functions that make their nodes.
         """
         stack: list[int] = []
-        for kind, payload in self.postfix:
+        for kind, payload, _ in self.postfix:
             if kind == "number":
                 assert isinstance(payload, float)
                 stack.append(g.constant(payload))
@@ -216,11 +224,15 @@ class Parsed(NamedTuple):
 
 
 class ParsedRelation(NamedTuple):
-    """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`."""
+    """Left side, right side (None for a bare expression) and `=`, `<=` or `>=`.
+
+    at : the place of this sign.
+    """
 
     left: Parsed
     right: Parsed | None
     sense: str
+    at: int = 0
 
     @property
     def names(self) -> tuple[Name, ...]:
@@ -261,10 +273,9 @@ class Parser:
         self.arities = dict(tables)
         self.part = part
         self.at = 0
-        self.output: list[tuple[str, float | str | int]] = []
+        self.output: list[tuple[str, float | str | int, int]] = []
         self.kinds: list[tuple[bool, Token]] = []  # (is a condition, begins at)
         self.pending: list[Pending] = []
-        self.names: list[Name] = []
 
     def parse(self, *, conditional: bool = False) -> Parsed:
         """Take all tokens; `conditional`: of a condition."""
@@ -277,7 +288,7 @@ class Parser:
         condition, at = self.kinds[-1]
         if condition != conditional:
             raise _wrong_kind("a comparison is expected here", at, conditional)
-        return Parsed(self.text, tuple(self.output), tuple(self.names))
+        return Parsed(self.text, tuple(self.output))
 
     def _operand(self, token: Token) -> bool:
         """Take the beginning of an operand; return whether one is still expected."""
@@ -285,7 +296,6 @@ class Parser:
             self._value(token, "number", float(token.text))
             return False
         if token.kind == "name":
-            self.names.append(Name(token.text, token.offset))
             self._value(token, "name", token.text)
             return False
         if token.kind == "function":
@@ -334,8 +344,8 @@ class Parser:
             raise token.fault(text, hint, "unknown-function")
         self.pending.append(Pending(token.text, 0, token, call=True))
 
-    def _emit(self, token: Token, op: str, payload: float | str) -> None:  # noqa: ARG002
-        self.output.append((op, payload))
+    def _emit(self, token: Token, op: str, payload: float | str) -> None:
+        self.output.append((op, payload, token.offset))
 
     def _value(self, token: Token, op: str, payload: float | str) -> None:
         self._emit(token, op, payload)
@@ -483,6 +493,7 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
         Parser(text, left, tables).parse(),
         Parser(text, right, tables).parse() if right else None,
         sense,
+        left[-1].offset,
     )
 
 

@@ -409,7 +409,7 @@ class Scope:
         for name in found.names:
             self._check_number(name.text, name.offset)
         stack: list[float] = []
-        for op, payload in found.postfix:
+        for op, payload, _ in found.postfix:
             if op == "number":
                 stack.append(float(payload))
             elif op == "name":

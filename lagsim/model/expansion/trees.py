@@ -14,7 +14,7 @@ from __future__ import annotations
 from functools import reduce
 from typing import NamedTuple, TypeAlias
 
-from lagsim.language.parser import Name, Parsed
+from lagsim.language.parser import Parsed
 
 LETTERS = "xyz"
 # Entries of a symmetric matrix, in the order in which six numbers give them.
@@ -176,16 +176,10 @@ def choice(condition: Value, a: Value, b: Value) -> Value:
 
 def parsed(tree: Tree, text: str) -> Parsed:
     """Return the postfix of a tree; `text` is where the offsets of names are."""
-    items: list[tuple[str, float | str | int]] = []
-    names: list[Name] = []
+    items: list[tuple[str, float | str | int, int]] = []
     stack = [tree]
     while stack:
-        op, value, offset, args = node = stack.pop()
-        if args:
-            items.append((op, len(args)))
-            stack += args
-        else:
-            items.append((op, value))
-            if op == "name":
-                names.append(Name(str(node.value), offset))
-    return Parsed(text, tuple(reversed(items)), tuple(reversed(names)))
+        op, value, offset, args = stack.pop()
+        items.append((op, len(args) if args else value, offset))
+        stack += args
+    return Parsed(text, tuple(reversed(items)))

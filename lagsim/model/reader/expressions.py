@@ -488,7 +488,7 @@ class Expressions:
     def _check_arities(self, found: Parsed | ParsedRelation, text: str) -> None:
         """Check the calls of tables in an expression of a file of families."""
         sides = [found] if isinstance(found, Parsed) else [found.left, found.right]
-        for op, count in (step for x in sides if x for step in x.postfix):
+        for op, count, _ in (step for x in sides if x for step in x.postfix):
             table = self.names.tables.get(op)
             if table is not None and count != len(table.axes):
                 about = f"`{op}` takes {len(table.axes)} arguments, found {count}"

@@ -11,21 +11,13 @@ Other libraries know more units: pint takes half a second to load.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from typing import TYPE_CHECKING
 
 from lagsim.errors import Place
 from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.names import rate_of, rated
-from lagsim.language.parser import (
-    ExpressionError,
-    Parsed,
-    ParsedRelation,
-    Parser,
-    sides,
-    tokens,
-)
+from lagsim.language.parser import TOKEN, Parsed, ParsedRelation
 from lagsim.language.units import (
     ALIKE,
     PURE,
@@ -41,9 +33,8 @@ from lagsim.model.reader import quantities
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
-    from lagsim.language.parser import Token
     from lagsim.language.units import Unit
     from lagsim.model.model import Model
     from lagsim.model.nodes import Scalar
@@ -109,18 +100,6 @@ def mismatches(
     return check.run() if check.units else []
 
 
-class _Placed(Parser):
-    """A pass that keeps the token of each number, name and operation."""
-
-    def __init__(self, text: str, part: list[Token], tables: Mapping[str, int]) -> None:
-        super().__init__(text, part, tuple(tables.items()))
-        self.marks: list[Token] = []
-
-    def _emit(self, token: Token, op: str, payload: float | str) -> None:
-        super()._emit(token, op, payload)
-        self.marks.append(token)
-
-
 class _Check:
     """Goes through all expressions once; `read` has them by what messages call them."""
 
@@ -134,7 +113,6 @@ class _Check:
         for what, scalar, x in read:  # some are called alike: components of a point
             key = f"{what} {len(self.read)}" if what in self.read else what
             self.read[key] = scalar, x
-        self.tables = {table.name: len(table.axes) for table in model.tables}
         self.units = {name: _given(unit) for name, unit in given_units(model)}
         self.values: dict[str, Quantity] = {}
 
@@ -209,39 +187,20 @@ class _Check:
         return Quantity(unit, text if found.text else "")
 
     def _went_through(self, scalar: Scalar, read: Parsed | ParsedRelation) -> Quantity:
-        parts = [read] if isinstance(read, Parsed) else [read.left, read.right]
-        marks: list[list[Token]] = [[], []]
-        at = 0
-        if scalar.reading is None:  # of a family, tokens are elsewhere
-            found = list(tokens(scalar.text))
-            left, right = found, None
-            if isinstance(read, ParsedRelation):
-                left, right, _ = sides(scalar.text, found)
-            for k, some in enumerate((left, right)):
-                one = _Placed(scalar.text, some or [], self.tables)
-                with contextlib.suppress(ExpressionError, IndexError):
-                    one.parse()  # a condition is none
-                marks[k], at = one.marks, at or left[-1].offset
-        sums = [
-            self._evaluated(scalar, x.postfix, marks[k])
-            for k, x in enumerate(parts)
-            if x is not None
-        ]
-        if len(sums) > 1:
-            span = (at, 1 if scalar.text[at : at + 1] == "=" else 2)
-            text = "the sides of this relation are in {} and {}"
-            self._compare(scalar, span, sums[0], sums[1], text)
-            return _UNKNOWN
-        return sums[0]
+        if isinstance(read, Parsed):
+            return self._evaluated(scalar, read)
+        left = self._evaluated(scalar, read.left)
+        if read.right is None:
+            return left
+        right = self._evaluated(scalar, read.right)
+        span = (read.at, 1 if scalar.text[read.at :].startswith("=") else 2)
+        text = "the sides of this relation are in {} and {}"
+        self._compare(scalar, span, left, right, text)
+        return _UNKNOWN
 
-    def _evaluated(
-        self,
-        scalar: Scalar,
-        postfix: Sequence[tuple[str, float | str | int]],
-        marks: Sequence[Token],
-    ) -> Quantity:
+    def _evaluated(self, scalar: Scalar, read: Parsed) -> Quantity:
         stack = list[tuple[Quantity, float | None]]()
-        for k, (op, payload) in enumerate(postfix):
+        for op, payload, offset in read.postfix:
             if op == "number":
                 x = float(payload)
                 unit = PURE if is_pure(x) else None
@@ -252,13 +211,13 @@ class _Check:
                 count = int(payload)
                 args, powers = zip(*stack[-count:], strict=True)
                 del stack[-count:]
-                span = (marks[k].offset, len(marks[k].text)) if marks else (0, 0)
-                stack.append(
-                    (
-                        self._operation(scalar, span, op, args, powers[-1]),
-                        -powers[0] if op == "neg" and powers[0] else None,
-                    )
-                )
+                span = (0, 0)
+                if scalar.reading is None:  # of a family, tokens are elsewhere
+                    token = TOKEN.match(scalar.text, offset)
+                    span = (offset, len(token[0]) if token else 0)
+                found = self._operation(scalar, span, op, args, powers[-1])
+                negative = -powers[0] if op == "neg" and powers[0] else None
+                stack.append((found, negative))
         return stack[-1][0] if stack else _UNKNOWN
 
     def _operation(

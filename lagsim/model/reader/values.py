@@ -215,7 +215,7 @@ class Unfolded(Graph):
         A number alone is exact: it is what the file states. `known`: value and error of
         each name in it but `pi`.
         """
-        (kind, number), *more = parsed.postfix
+        (kind, number, _), *more = parsed.postfix
         if not more and kind == "number":
             return float(number), 0.0
         node = parsed.build(
@@ -227,7 +227,7 @@ class Unfolded(Graph):
         )
         values = ChainMap(self.numbers, known)
         value, error = evaluate_with_error(self, [node], values)[0]
-        alone = all(kind in ("number", "neg") for kind, _ in parsed.postfix)
+        alone = all(kind in ("number", "neg") for kind, *_ in parsed.postfix)
         return value, 0.0 if alone else error
 
 
