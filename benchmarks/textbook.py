@@ -158,14 +158,14 @@ def andrews(q, v, p, f):
         rest = x * one[1] + y * other[1]
         return inertia, one[0] * forces[0] + other[0] * forces[1] - rest
 
-    m4, m6, m2 = p["m4"], p["m6"], p["m2"]
+    m4, m6, m2 = p["m.4"], p["m.6"], p["m.2"]
     lever4, lever6 = p["e"] - p["ea"], p["zf"] - p["fa"]
     k4, k6, k2 = m4 * zt * lever4, -m6 * u * lever6, m2 * p["da"] * rr
-    i4 = m4 * lever4**2 + p["i4"]
-    i5 = m4 * zt**2 + p["m5"] * (p["ta"] ** 2 + p["tb"] ** 2) + p["i5"]
-    i6 = m6 * lever6**2 + p["i6"]
-    i7 = m6 * u**2 + p["m7"] * (p["ua"] ** 2 + p["ub"] ** 2) + p["i7"]
-    i3 = p["m3"] * (p["sa"] ** 2 + p["sb"] ** 2) + p["i3"]
+    i4 = m4 * lever4**2 + p["I.4"]
+    i5 = m4 * zt**2 + p["m.5"] * (p["ta"] ** 2 + p["tb"] ** 2) + p["I.5"]
+    i6 = m6 * lever6**2 + p["I.6"]
+    i7 = m6 * u**2 + p["m.7"] * (p["ua"] ** 2 + p["ub"] ** 2) + p["I.7"]
+    i3 = p["m.3"] * (p["sa"] ** 2 + p["sb"] ** 2) + p["I.3"]
     forces4 = (c_phi * w_b * -k4, c_phi * w_delta * k4)
     forces6 = (c_omega * w_c * -k6, c_omega * w_epsilon * k6)
     m_4, f_4 = carried(deltas, bs, (i5, i4), s_phi * k4, forces4)
@@ -173,17 +173,17 @@ def andrews(q, v, p, f):
 
     # The spring, from C to D on the arm that turns about B.
     s_gamma, c_gamma = f.sin(gamma), f.cos(gamma)
-    px = s_gamma * p["sc"] + c_gamma * p["sd"]
-    py = s_gamma * p["sd"] - c_gamma * p["sc"]
-    bx, by = p["xb"] - p["xc"], p["yb"] - p["yc"]
-    reach = bx**2 + by**2 + p["sc"] ** 2 + p["sd"] ** 2
+    px = c_gamma * p["tip.x"] - s_gamma * p["tip.y"]
+    py = s_gamma * p["tip.x"] + c_gamma * p["tip.y"]
+    bx, by = p["B.x"] - p["C.x"], p["B.y"] - p["C.y"]
+    reach = bx**2 + by**2 + p["tip.x"] ** 2 + p["tip.y"] ** 2
     long = f.sqrt((px * bx + py * by) * 2.0 + reach)
     spring = (px * by - py * bx) * (p["l0"] / long - 1.0) * p["c0"]
 
     m_gamma = m_4 + m_6 + i3
     f_gamma = f_4 + f_6 + spring
-    i1 = p["m1"] * p["ra"] ** 2 + p["i1"] + m2 * rr**2
-    i2 = m2 * p["da"] ** 2 + p["i2"]
+    i1 = p["m.1"] * p["ra"] ** 2 + p["I.1"] + m2 * rr**2
+    i2 = m2 * p["da"] ** 2 + p["I.2"]
     coupling = c_theta * -k2
     along = crank[0] * coupling + i1
     across = crank[0] * i2 + coupling

@@ -103,4 +103,11 @@ def test_the_quadruped_is_carried_by_its_feet():
     assert r["x"][after] - r["x"][before] == pytest.approx(0.2728, abs=1e-4)
     for name in names[1:]:
         assert r[name][after] == pytest.approx(r[name][before], abs=1e-4)
+
+
+def test_feet_that_come_to_rest_gain_no_energy():
+    # Damped so, two feet end their series of impacts at one time, 1.308 s.
+    model = lagsim.load(MODELS / "quadruped.yaml", d=4)
+    r = lagsim.simulate(model, duration=1.4, error_bar="never")
+    assert "zeno" in [e.kind for e in r.events]
     assert "impact-energy" not in [w.code for w in r.warnings]
