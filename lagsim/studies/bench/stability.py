@@ -117,6 +117,8 @@ class Subject:
         Eigenvalues at the start, and at `states` states of the motion.
     arcs : float
         About how many switches and events end an arc, per unit of time.
+    period : float
+        The shortest of events that act periodically: no step is longer. inf without.
     unknown : str
         Why there are no eigenvalues; "" where there are.
     systems : dict of str to System
@@ -128,6 +130,8 @@ class Subject:
         self.equations = e = case.equations
         self.endless = case._replace(equations=e.of(replace(e.model, until=None)))
         self.span = case.settings.duration
+        periods = (x.every for x in e.model.events if x.at is None)
+        self.period = min(periods, default=math.inf)
         self.systems: dict[str, System] = {}
         motion = self._trusted()
         some = motion[:: max(1, len(motion) // STATES)]
@@ -204,7 +208,7 @@ class Subject:
         if step is not None:
             end = case.settings.start + steps * step
             case = case.asking(output_step=step, end=end, rtol=None, atol=None)
-            most = 2 * steps + 1000
+            most = 2 * (steps + math.ceil(self.arcs * steps * step)) + 1000
         plan = replace(case.plan(), step=step)
         system = self.systems.get(name)
         if system is None or not system.fits(plan):
@@ -593,7 +597,17 @@ class _Map:
 
 
 def _range(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
-    """Return the range of steps around the borders predicted."""
+    """Return the range of steps around the borders predicted.
+
+    Steps past the period of an event are all one: each ends at the event.
+    """
+    low, high = _around(subject, methods)
+    if high > subject.period:
+        low, high = min(low, BELOW * subject.period), subject.period
+    return low, high
+
+
+def _around(subject: Subject, methods: Sequence[str]) -> tuple[float, float]:
     span = 10.0 * subject.span
     borders = [
         border

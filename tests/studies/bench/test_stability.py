@@ -119,6 +119,17 @@ def test_rk4_decays_and_verlet_holds():
         assert "all steps hold" in border["note"]
 
 
+def test_periodic_events_end_the_range_of_steps():
+    # A damped oscillator whose force is set every 0.1 s: no step is longer.
+    text = DAMPED + "modes: {u: 0}\nforces: {x: u}\n"
+    text += "events: {sample: {every: 0.1, set: {u: -x/10}}}\n"
+    found = looked_at(text, "rk4", steps=None)["cells"]
+    assert max(x["step"] for x in found) == pytest.approx(0.1)
+    # Steps that are asked for past it hold as those do: each ends at an event.
+    found += looked_at(text, "rk4", steps=(0.7, 0.8), strip=2)["cells"]
+    assert {x["verdict"] for x in found} == {"holds"}
+
+
 def test_the_third_order_resonance_shows_in_a_map():
     found = looked_at(CUBIC, "verlet", steps=(1.6, 1.85), strip=26)
     lost = [
