@@ -162,6 +162,12 @@ def compared(
         held[:n] = could_push(equations, mine, which, step).reach
         scales, still = _scales(sizes, moving, linked, largest, held)
     rounding = np.fmax(SUM_ROUNDOFF * largest, SUM_ROUNDOFF * held)
+    parted = ""
+    if run.outcome.complete and repeated.outcome.complete and not alike:
+        parted = (
+            f"it ended with `{run.outcome.word}` at t = {run.end:.9g}, and a repeat by "
+            f"{plan.method} with `{repeated.outcome.word}` at t = {repeated.end:.9g}"
+        )
     return ErrorBar(
         method=plan.method,
         rtol=plan.rtol,
@@ -172,7 +178,7 @@ def compared(
         still=still,
         rates=every[:, 1 + n : 1 + 2 * n],
         repeated=repeats,
-        parted="" if alike else _parted(run, repeated, plan),
+        parted=parted,
         rests=bool(np.all(sizes <= rounding)),
     )
 
@@ -180,16 +186,6 @@ def compared(
 def _largest(values: Floats) -> Floats:
     """Return the largest sizes up to each row (k, n)."""
     return np.asarray(np.maximum.accumulate(np.abs(values), axis=0))
-
-
-def _parted(run: Trajectory, repeated: Trajectory, plan: Plan) -> str:
-    """Return the text on two runs that ended differently, or ""."""
-    if not (run.outcome.complete and repeated.outcome.complete):
-        return ""
-    return (
-        f"it ended with `{run.outcome.word}` at t = {run.end:.9g}, and a repeat by "
-        f"{plan.method} with `{repeated.outcome.word}` at t = {repeated.end:.9g}"
-    )
 
 
 # How much tighter the repeat's tolerance is, how much where that does not come to its
@@ -362,11 +358,6 @@ def _steps(trajectory: Trajectory) -> tuple[float | None, ...]:
     """Return counts, and the shortest step to the last bit, that tell all steps."""
     made = trajectory.statistics
     return made.steps, made.rejections, made.smallest_step
-
-
-def _reached(run: Trajectory, end: float) -> bool:
-    """Return whether a time is that of the end of a run, or past it."""
-    return end >= run.end - SAME_ROW * (run.end - run.start)
 
 
 # The steps of a second attempt are shorter than those of the repeat that failed to
@@ -589,6 +580,7 @@ class Attempts:
                 "(--error-bar always makes it)"
             )
         found = Failed("no other method can repeat the run")
+        end = trajectory.end - SAME_ROW * (trajectory.end - trajectory.start)
         for other in by_other_means(session, trajectory):
             own, again = self._again(run, other, progress, always=always)
             repeated, plan = own.trajectory, own.plan
@@ -602,7 +594,7 @@ class Attempts:
             ):
                 text = f"a repeat by {plan.method} took the same steps as the run"
                 found = Failed(text)
-            elif repeated.outcome.complete or _reached(trajectory, repeated.end):
+            elif repeated.outcome.complete or repeated.end >= end:
                 runs = trajectory, repeated
                 return compared(session.case, runs, plan, run.checkpoints, again)
             else:

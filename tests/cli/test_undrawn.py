@@ -29,7 +29,9 @@ def test_whatever_is_raised_is_a_warning_that_names_the_picture():
     assert "test_undrawn.py, line" in found.text
 
 
-@pytest.mark.parametrize("name", ["energy", "trajectory", "constraint_forces"])
+@pytest.mark.parametrize(
+    "name", ["energy", pytest.param("constraint_forces", marks=pytest.mark.slow)]
+)
 def test_one_that_fails_leaves_rows_record_and_the_others(
     lagsim, write, monkeypatch, name
 ):

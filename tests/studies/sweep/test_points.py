@@ -89,14 +89,13 @@ def test_the_command(command, tmp_path):  # noqa: F811
     (tmp_path / "pendulum.yaml").write_text(PENDULUM)
     given = [x for name, text in TWO.items() for x in ("--sample", f"{name}={text}")]
     line = ["sweep", "pendulum.yaml", *given, "-N", "2", "--seed", "3", "-o", "out"]
-    assert command(*line, "--keep").code == 0
+    assert command(*line).code == 0
     record = json.loads((tmp_path / "out" / "sweep.json").read_text())
     assert [x["drawn"] for x in record["grid"]] == [*TWO.values()]
     assert (record["seed"], record["runs"]) == (3, 2)
     assert record["grid"][0]["values"] == sample(TWO, 2, 3)["g"].tolist()
     assert (tmp_path / "out" / "sweep.png").exists()
-    assert (tmp_path / "out" / "run-2" / "trajectory.csv").exists()
-    assert "nothing to do" in command(*line, "--keep", "--resume").out
+    assert "nothing to do" in command(*line, "--resume").out
     model = lagsim.load(tmp_path / "pendulum.yaml")
     there = lagsim.sweep(model, sample=TWO, N=2, seed=3)
     rows = (tmp_path / "out" / "sweep.csv").read_text().splitlines()
