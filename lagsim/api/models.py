@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import fields
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -12,11 +13,11 @@ from lagsim.api.arguments import in_python, number_or_text, numbers
 from lagsim.errors import LagsimError
 from lagsim.language.evaluate import evaluate_rows
 from lagsim.language.names import rate_of
+from lagsim.mechanics.algebra import Metric
 from lagsim.mechanics.equations import derive as _derived
 from lagsim.model.model import Model as Read
 from lagsim.model.reader import TEXT, read, read_file
 from lagsim.outputs.notebook import block, heading, listed, page, paragraph, table
-from lagsim.tolerances import DEPENDENT_ROWS
 from lagsim.version import __version__
 
 if TYPE_CHECKING:
@@ -73,12 +74,11 @@ class Accelerations:
             raise LagsimError(text)
         self._equations, self._name = e, model.name
         self._numbers = {p.name: p.value for p in model.parameters}
-        entries = [(i, j, node) for (i, j), node in e.mass_entries.items()]
+        entries = dict(e.mass_entries)
         for r, row in enumerate(e.rows, len(e.q)):
-            for i, node in row.A.entries.items():
-                entries += [(r, i, node), (i, r, node)]
-        self._places = [i for i, _, _ in entries], [j for _, j, _ in entries]
-        self._nodes = [node for _, _, node in entries]
+            entries |= {(r, i): node for i, node in row.A.entries.items()}
+        self._places = np.array([*entries], int).reshape(-1, 2).T
+        self._nodes = [*entries.values()]
         self._nodes += [*e.f, *(row.b for row in e.rows)]
         self._first = [s.name for s in e.states]
         self._nodes += [s.rate for s in e.states]
@@ -119,19 +119,23 @@ class Accelerations:
         return x
 
     def _solved(self, t: Floats, state: Floats) -> Floats:
-        """Solve M q'' - A^T lambda = f, A q'' = b: q'', lambda, s' (k, n + m + l)."""
-        e, k, entries = self._equations, len(t), len(self._places[0])
+        """Solve M q'' - A^T lambda = f, A q'' = b: q'', lambda, s' (k, n + m + l).
+
+        nan where q'' does not follow from them, as without inertia.
+        """
+        e, k, (i, j) = self._equations, len(t), self._places
         n, size = len(e.q), len(e.q) + len(e.rows)
         values: dict[str, float | Floats] = {**self._numbers, "t": t}
         values |= dict(zip(e.state, state.T, strict=True))
         rows = evaluate_rows(e.graph, self._nodes, values, k).T
-        K, found = np.zeros((k, size, size)), rows[:, entries:].copy()
-        K[:, *self._places] = rows[:, :entries]
-        finite = np.isfinite(rows).all(axis=1)
-        found[~finite, :size] = np.nan
-        for row in np.flatnonzero(finite):
-            found[row, :size] = _solution(K[row], found[row, :size], n)
-        found[:, n:size] *= -1.0
+        K, found = np.zeros((k, size, n)), rows[:, len(i) :].copy()
+        K[:, i, j] = rows[:, : len(i)]
+        f, b = found[:, :n].copy(), found[:, n:size].copy()
+        found[:, :size] = np.nan
+        for row in np.flatnonzero(np.isfinite(rows).all(axis=1)):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                metric = Metric(K[row, :n], K[row, n:])
+                found[row, :size] = np.concatenate(metric.motion(f[row], b[row]))
         return found
 
     def __repr__(self) -> str:
@@ -139,27 +143,6 @@ class Accelerations:
         lines = [("takes", takes), ("gives", "q''"), ("q", listed(self._equations.q))]
         lines += [("s", listed(self._first))] if self._first else []
         return block(f"Accelerations of {self._name}", lines)
-
-
-def _solution(K: Floats, right: Floats, n: int) -> Floats:
-    """Solve M q'' + A^T x = f, A q'' = b; the smallest x where rows are dependent.
-
-    nan where q'' does not follow from them, as without inertia. Coordinates are scaled
-    by their inertia, then rows of A by what that leaves of them.
-    """
-    inertia = np.abs(np.diag(K)[:n])
-    moved = np.abs(K[n:, :n])
-    inertia = np.where(inertia > 0.0, inertia, np.max(inertia, initial=0.0) or 1.0)
-    coordinates = 1.0 / np.sqrt(inertia)
-    sizes = np.max(moved * coordinates, axis=1, initial=0.0)
-    scale = np.append(coordinates, 1.0 / np.where(sizes > 0.0, sizes, 1.0))
-    scaled = scale[:, None] * K * scale
-    found, _, rank, _ = np.linalg.lstsq(scaled, scale * right, rcond=DEPENDENT_ROWS)
-    if rank < len(K):
-        independent = np.linalg.svd(scaled[n:, :n], compute_uv=False) > DEPENDENT_ROWS
-        if rank < n + np.count_nonzero(independent):
-            return np.full_like(right, np.nan)
-    return np.asarray(scale * found)
 
 
 class Model(Read):
