@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.admissibility.point import Point
 from lagsim.language.evaluate import evaluate, evaluate_rows, evaluate_with_error
 from lagsim.language.functions import STEPS
 from lagsim.mechanics.constraints import Kind
@@ -561,10 +562,7 @@ def worst_residual(
 
 def inertia_roots(equations: Equations, start: Instant) -> Floats:
     """Return the roots of the diagonal of M at the start (n,)."""
-    values = {p.name: p.value for p in equations.model.parameters} | {"t": start.t}
-    state = np.concatenate([start.q, start.v, start.s]).tolist()
-    values |= dict(zip(equations.state, state, strict=True))
-    diagonal = evaluate(equations.graph, equations.inertias, values)
+    diagonal = Point(equations, start).array(equations.inertias)
     return np.sqrt(np.fmax(diagonal, 0.0))
 
 

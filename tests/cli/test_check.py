@@ -1,8 +1,6 @@
 """`lagsim check`: the verdict, the contract's keys, the exit codes."""
 
 import json
-import os
-import statistics
 import subprocess
 import sys
 
@@ -296,36 +294,6 @@ def test_no_heavy_library_is_imported():
     )
     assert json.loads(done.stderr) == [0, []]
     assert [m["admissible"] for m in json.loads(done.stdout)] == [True] * len(models)
-
-
-@pytest.fixture(scope="module")
-def cost(tmp_path_factory):
-    """Give a function for the processor time of a Python command.
-
-    With byte code as an installation has it: where none may be written each process
-    would compile all of its sources again.
-    """
-    around = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-    around["PYTHONPYCACHEPREFIX"] = str(tmp_path_factory.mktemp("byte-code"))
-
-    def cost(*line):
-        start = sum(os.times()[2:4])
-        command = [sys.executable, *line]
-        subprocess.run(command, env=around, check=True, capture_output=True)
-        return sum(os.times()[2:4]) - start
-
-    return cost
-
-
-@pytest.mark.nightly(one_in=2)
-@pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.yaml")))
-def test_a_check_costs_at_most_two_and_a_half_times_its_imports(name, cost):
-    bare = ("-c", "import numpy, yaml, typer")
-    check = ("-m", "lagsim", "check", str(MODELS / f"{name}.yaml"))
-    cost(*bare)
-    cost(*check)
-    # One after the other, so that what else the machine does is the same for both.
-    assert statistics.median(cost(*check) / cost(*bare) for _ in range(3)) < 2.5
 
 
 def test_quiet_says_only_what_is_wrong(lagsim, write):

@@ -29,14 +29,6 @@ def test_every_run_tells_its_error(lagsim, write):
     assert called.err == ""
 
 
-def test_never(lagsim, write):
-    called = lagsim(
-        "run", write(SWING), "-o", "out", "--no-plots", "--error-bar", "never", code=0
-    )
-    assert manifest("out")["error"] is None
-    assert "not estimated: not asked for" in called.out
-
-
 def test_the_result_is_the_same_with_and_without(lagsim, write):
     model = write(SWING)
     for choice in ("never", "always"):

@@ -50,22 +50,11 @@ def test_momenta_are_no_parameters_of_the_model(lagsim, write):
     assert "ignorable: phi" in choices
 
 
-def test_a_gain_without_use_is_told(lagsim, write):
-    called = lagsim("run", write(ON_THE_CURVE), "--no-plots", "--gain", "3", code=0)
-    assert "`gain` has no effect" in called.err
-    used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots", "-o", "used"]
+def test_a_gain_is_told(lagsim, write):
+    used = ["--formulation", "baumgarte", "--gain", "3", "--no-plots"]
     called = lagsim("run", write(ON_THE_CURVE), *used)
     assert (called.code, called.err) == (0, "")
     assert "gain 3 per unit of time" in called.out
-
-
-def test_rows_that_leave_the_constraints_are_told(lagsim, write):
-    options = ["--method", "rk4", "--step", "0.1", "--no-plots"]
-    called = lagsim(
-        "run", write(ON_THE_CURVE), "--formulation", "drift", *options, code=0
-    )
-    assert "the formulation drift does not enforce it" in called.err
-    assert lagsim("run", write(ON_THE_CURVE), *options, "-o", "held").err == ""
 
 
 def test_check_says_what_a_run_would_do(lagsim, write):

@@ -213,16 +213,6 @@ def test_options_stand_for_the_files(lagsim, write):
     assert (called.json["rtol"], called.json["atol"]) == (1e-6, 1e-9)
 
 
-def test_what_has_no_effect_is_told(lagsim, write):
-    model = write(PENDULUM)
-    called = lagsim("run", model, "--no-plots", "--step", "0.01", code=0)
-    assert "`step` has no effect: taylor" in called.err
-    called = lagsim(
-        "run", model, "--no-plots", "--method", "rk4", "--rtol", "1e-3", code=0
-    )
-    assert "tolerances have no effect: rk4" in called.err
-
-
 def test_a_duration_without_a_section(lagsim, write):
     model = write(PENDULUM.partition("simulation")[0])
     called = lagsim("run", model, "--duration", "1", "--no-plots", code=0)

@@ -37,23 +37,6 @@ def test_what_was_made_anew_is_told(lagsim, write):
         assert document["method"] == "dop853"
 
 
-def test_an_impact_is_no_failure(lagsim, write):
-    text = """
-parameters: {T: 1.005}
-coordinates: {x: {}, y: {}}
-energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 2*(x - y)^2}
-constraints: {a: "x = abs(t - T)"}
-initial: {x: T, y: T, x_dot: -1, y_dot: -1}
-simulation: {duration: 3}
-"""
-    called = lagsim("run", write(text), "-o", "out", "--no-plots")
-    document = manifest("out")
-    assert called.code == 0
-    assert not anew(document)
-    assert document["error"]["relative"] < 1e-9
-    assert document["energy_drift"] < 1e-9
-
-
 @pytest.mark.parametrize("method", ["auto", "taylor", "dop853", "radau"])
 def test_a_failure_names_what_moves_and_advises_what_is_new(lagsim, write, method):
     # Against its path's friction it falls into the centre: work grows fastest there.
