@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
-LINES = 73_610
-LINES_OF_TESTS = 54_460
+LINES = 73_580
+LINES_OF_TESTS = 54_380
 
 
 def lines(folder):
