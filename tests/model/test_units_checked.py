@@ -43,6 +43,8 @@ def found(expression="1", other="1", **sections):
 WRONG = [
     ("l + theta", "1", "+", "m and rad"),
     ("sin(l)", "1", "sin", "m"),
+    ("l + sin(theta)", "1", "+", "m and a number"),
+    ("l*sin(n) + theta", "1", "+", "m and rad"),
     ("1 - theta*(l - w)", "1", "-", "m and rad/s"),
     ("l^theta^u", "1", "^", "m"),
     ("max(l, theta)", "1", "max", "m and rad"),
@@ -82,6 +84,8 @@ def test_what_does_not_fit(expression, other, mark, units):
         ("l*theta + u + n", "1"),
         ("l + n*theta", "1"),
         ("l + 2", "1"),
+        ("l + cos(2*pi*2/n)", "1"),
+        ("l + exp(-n)", "1"),
         ("l + a", "furlong"),
         ("9.81*u + l", "1"),
         ("K*u + a*l*1", "kg/s^2"),

@@ -245,6 +245,7 @@ class _Check:
             pure = Quantity(PURE, "1")
             # Degrees have a warning of their own; sin(t) a rate of 1, not written.
             passed = bool(degrees) or of is _TIME
+            free = free or (of.unit is None and op != "pow")
             sound = passed or self._compare(scalar, span, of, pure, text)
         if not sound:
             return _UNKNOWN
