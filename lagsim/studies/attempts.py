@@ -152,6 +152,8 @@ def compared(
     moving[:n] = largest_beside(roots, sizes[:n])
     linked[:n] = in_groups(labels, roots, sizes[:n])
     largest = np.max(np.abs(checkpoints.valued(mine)), axis=0)
+    # What constraints link shares the rounding of its positions.
+    largest[:n] = np.fmax(largest[:n], in_groups(labels, roots, largest[:n]))
     scales, still = _scales(sizes, moving, linked, largest, held)
     # All else moves by far more than its error, or than a part of what moves beside it.
     slow = (sizes <= NO_MOTION * moving) | (worst > RESOLVED_BY * scales)

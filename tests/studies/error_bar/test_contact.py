@@ -148,3 +148,24 @@ def test_what_stands_on_legs_stays(corners, height):
     assert bar.rests
     assert bar.horizon is None
     assert np.max(np.abs(checkpoints.rows[:, 2:])) < 1e-12
+
+
+@pytest.mark.parametrize("duration", [1, 30])
+def test_a_string_that_hangs_at_rest_does_not_move(duration):
+    """Reactions balance the weights but for the rounding of the whole string."""
+    text = f"""
+parameters: {{n: 6, g: 9.81, d: 0.8}}
+coordinates: {{"r(1..n)": {{components: xy}}}}
+constraints:
+  rod(i = 1..n-1): norm(r(i+1) - r(i)) = 1/(n+1)
+  left: norm(r(1)) = 1/(n+1)
+  right: norm(r(n) - vec(d, 0)) = 1/(n+1)
+energy:
+  kinetic: sum(i = 1..n, dot(r_dot(i), r_dot(i)))/2
+  potential: g*sum(i = 1..n, r(i).y)
+initial: {{"r(i = 1..n)": {{guess: "vec(i*d/(n+1), -0.2)"}}}}
+simulation: {{begin: rest, duration: {duration}, output_step: 0.1}}
+"""
+    bar = barred(read(text, "m.yaml"))[1]
+    assert bar.rests
+    assert bar.horizon is None
