@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 243
 LINES = 73_580
-LINES_OF_TESTS = 54_380
+LINES_OF_TESTS = 54_410
 
 
 def lines(folder):
