@@ -1,16 +1,29 @@
-"""Write docs/methods.md and docs/gallery.md: python benchmarks/pages.py
+"""Write docs/methods.md, docs/gallery.md and the keys of docs/model-file.md:
 
-What the pages say stands in the methods' own modules and in the headers of models/.
-`thumbnails.py` makes the gallery's pictures.
+    python benchmarks/pages.py
+
+What the pages say stands in the methods' own modules, in the headers of models/, and in
+the JSON Schema. `thumbnails.py` makes the gallery's pictures.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 import re
+from collections import defaultdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import yaml
+
+from lagsim.codes import errors
+from lagsim.errors import InputError
 from lagsim.methods import method, names, page
-from lagsim.model.reader import read_file
+from lagsim.model.reader import read, read_file
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS, MODELS = ROOT / "docs", ROOT / "models"
@@ -104,6 +117,119 @@ def first_lines(text: str) -> str:
     return re.sub(r"([\\*_<|])", r"\\\1", " ".join(lines))
 
 
+# --- the keys of a model file
+
+BEGIN = "<!-- From here on made by benchmarks/pages.py of lagsim.schema.json. -->\n"
+END = "<!-- To here. -->\n"
+SCHEMA = ROOT / "lagsim/lagsim.schema.json"
+# Of what a name is given to; `unit` and `description` are the same everywhere.
+NAMED, SAME = "NAME", ("unit", "description", "title")
+TYPES = {
+    "number": "expression", "string": "expression", "boolean": "true, false",
+    "null": "text",
+}  # fmt: skip
+
+
+def model_page() -> str:
+    """Give docs/model-file.md with its table of keys."""
+    text = (DOCS / "model-file.md").read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    return before + BEGIN + keys_table() + END + rest.partition(END)[2]
+
+
+def keys_table() -> str:
+    """Give every key of the schema: its type, its meaning, errors found there."""
+    schemas = dict(keys(json.loads(SCHEMA.read_text(encoding="utf-8"))))
+    found = faults_by_key(schemas)
+    rows = ["| key | is | meaning | errors |", "|---|---|---|---|"]
+    for path, schema in schemas.items():
+        meaning = re.sub(r"([*<|])", r"\\\1", schema["description"])
+        numbers = " ".join(found.get(path, []))
+        *outer, key = path.replace(f".{NAMED}", "").split(".")
+        name = "· " * len(outer) + f"`{key}`"
+        kind = "" if (kind := _type(schema)) == TYPES["number"] else kind
+        rows.append(f"| {name} | {kind} | {meaning} | {numbers} |")
+    return "\n".join(rows) + "\n"
+
+
+def keys(schema: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Give the path and the schema of each key, those of names once as NAME."""
+    for part in [schema, *schema.get("anyOf", ())]:
+        for key, value in part.get("properties", {}).items():
+            if not (path and key in SAME):
+                yield f"{path}{key}", value
+                yield from keys(value, f"{path}{key}.")
+        below = part.get("additionalProperties")
+        if isinstance(below, dict):
+            yield from keys(below, f"{path}{NAMED}.")
+        if "items" in part:
+            yield from keys(part["items"], path)
+
+
+def _type(schema: dict[str, Any]) -> str:
+    """Name what a value may be."""
+    if "enum" in schema:
+        return ", ".join(dict.fromkeys(f"`{x}`" for x in schema["enum"]))
+    found = [_type(x) for x in schema.get("anyOf", ())]
+    kinds = schema.get("type", [])
+    for kind in [kinds] if isinstance(kinds, str) else kinds:
+        if kind == "array":
+            found.append("list")
+        elif kind == "object":
+            found.append("mapping")
+        elif kind != "null" or "boolean" in kinds:
+            found.append("text" if kinds == "string" else TYPES[kind])
+    if "boolean" in kinds and "string" in kinds:
+        return "text"
+    return " or ".join(dict.fromkeys(found))
+
+
+def faults_by_key(known: Collection[str]) -> dict[str, list[str]]:
+    """Give the numbers of errors by the key at which their examples have them."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for row in errors().values():
+        try:
+            read(row.model, "model.yaml")
+        except InputError as error:
+            for problem in error.problems:
+                if problem.code == row.code and problem.place is not None:
+                    at = problem.place.line - 1, problem.place.column - 1
+                    found[_key_at(row.model, at, known)].append(row.number)
+    return {path: sorted(set(numbers)) for path, numbers in found.items()}
+
+
+def _key_at(text: str, at: tuple[int, int], known: Collection[str]) -> str:
+    """Give the innermost key with an entry in the table that holds a place."""
+    with contextlib.suppress(yaml.YAMLError):
+        node = yaml.compose(text)
+        found = path = ""
+        while below := [x for x in _below(node) if _begin(x[0]) <= at < _end(x[1])]:
+            key, node = below[0]
+            if key is not node:
+                fixed = f"{path}{key.value}"
+                name = fixed if fixed in known else f"{path}{NAMED}"
+                found = name if name in known else found
+                path = f"{name}."
+        return found
+    return ""
+
+
+def _below(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
+    """Give the entries of a mapping, or those of a list, each as its own key."""
+    if isinstance(node, yaml.MappingNode):
+        return list(node.value)
+    return [(x, x) for x in node.value] if isinstance(node, yaml.SequenceNode) else []
+
+
+def _begin(node: yaml.Node) -> tuple[int, int]:
+    return node.start_mark.line, node.start_mark.column
+
+
+def _end(node: yaml.Node) -> tuple[int, int]:
+    return node.end_mark.line, node.end_mark.column
+
+
 if __name__ == "__main__":
-    for name, text in (("methods", methods_page()), ("gallery", gallery_page())):
+    made = {"methods": methods_page(), "gallery": gallery_page()}
+    for name, text in (made | {"model-file": model_page()}).items():
         (DOCS / f"{name}.md").write_text(text, encoding="utf-8")

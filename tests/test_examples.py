@@ -51,7 +51,7 @@ SLOW = {
 }
 # Starts that are shown to be refused.
 REFUSED = {"caption", "swing"}
-CAPTION = "docs/model-file.md"
+GUIDE = "docs/guide.md"
 
 
 def only(page, kind, word):
@@ -195,8 +195,8 @@ def test_the_pages_that_others_run_are_there():
 
 
 def test_the_repair_that_is_shown_is_the_nearest(folder, lagsim):  # noqa: F811
-    (folder / "caption.yaml").write_text(only(CAPTION, "yaml", "name: caption"))
-    shown = only(CAPTION, "console", "check caption.yaml")
+    (folder / "caption.yaml").write_text(only(GUIDE, "yaml", "name: caption"))
+    shown = only(GUIDE, "console", "check caption.yaml")
     told = lagsim("check", "caption.yaml").out
     for name in ("theta", "u"):
         number = re.compile(rf"^ +{name}: ([\d.]+)$", re.MULTILINE)
@@ -285,8 +285,8 @@ def double_pendulum(numbers):
 
 
 def test_the_whole_model_file_is_whole(folder, lagsim):  # noqa: F811
-    """Every key that the reader knows stands in the page's first model."""
-    text = only("docs/model-file.md", "yaml", "format version")
+    """Every key that the reader knows stands in the guide's last model."""
+    text = only(GUIDE, "yaml", "format version")
     (folder / "whole.yaml").write_text(text)
     called = lagsim("run", "whole.yaml", "--duration", "0.1")
     assert called.code == 0, called.err
@@ -300,7 +300,7 @@ def test_the_whole_model_file_is_whole(folder, lagsim):  # noqa: F811
 
 
 def test_the_laws_of_constraints_are_those_of_the_page(folder, lagsim):  # noqa: F811
-    text = only("docs/model-file.md", "yaml", "a freewheel")
+    text = only(GUIDE, "yaml", "a freewheel")
     (folder / "laws.yaml").write_text(text)
     called = lagsim("check", "laws.yaml", "--json")
     assert called.code == 0, called.err

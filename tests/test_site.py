@@ -77,6 +77,7 @@ def test_pages_that_are_made_are_in_step():
     """`python benchmarks/pages.py` has been run."""
     assert text_of("docs/methods.md") == made.methods_page()
     assert text_of("docs/gallery.md") == made.gallery_page()
+    assert text_of("docs/model-file.md") == made.model_page()
 
 
 def test_the_gallery_has_each_model_once():
