@@ -483,7 +483,7 @@ class _Examiner:
             return self._guessed()[0], "no rest was found near the guesses"
         rates = self.stated.v.copy()
         rates[self.free[1]] = 0.0
-        self.touching |= one_sided(self.e, found.touching)
+        self.touching |= one_sided(found.point, found.touching)
         self._undetermined(found.undetermined, "nothing determines")
         solved, errors = found.point, found.point.solved_errors(self.origin)
         for name in self._guesses_at(solved):
@@ -609,7 +609,7 @@ class _Examiner:
             for x in laws
             if x.judged and x.position.value < 0 and not x.position.exact
         }
-        self.touching |= one_sided(self.e, passed)
+        self.touching |= one_sided(point, passed)
         point = self._exact_values(point, velocities=False)
         judged = self._analysed(self._exact_values(point, velocities=True), LEVELS)
         if judged.contradictions:
@@ -665,7 +665,7 @@ class _Examiner:
         missed = {x.name for x in judge_laws(solved, self.off) if not x.satisfied}
         new = {
             name: row
-            for name, row in one_sided(self.e, missed).items()
+            for name, row in one_sided(solved, missed).items()
             if name not in self.touching
             and row.holonomic is not velocities
             and (free is None or not row.A.entries.keys().isdisjoint(free))

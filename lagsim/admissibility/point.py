@@ -112,6 +112,7 @@ class Point:
         values = {p.name: p.value for p in self.e.model.parameters} | {"t": self.t}
         state = np.concatenate([self.q, self.v, self.state.s]).tolist()
         values |= dict(zip(self.e.state, state, strict=True))
+        values |= {law.slider.way: 0.0 for law in self.e.laws if law.slider}
         return values | self.multipliers
 
     def array(self, nodes: Sequence[int]) -> Floats:

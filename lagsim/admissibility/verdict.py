@@ -28,12 +28,14 @@ from lagsim.admissibility.point import (
     of_rows,
 )
 from lagsim.admissibility.rank import analyse
+from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
 from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares
-from lagsim.mechanics.constraints import Kind
+from lagsim.mechanics.constraints import Kind, constraint_row
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
+from lagsim.mechanics.sliders import at_limit
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
 
@@ -132,6 +134,8 @@ class Verdict(NamedTuple):
         Whether it acts there; None where that was not decided.
     mode : str
         What it does.
+    limit : Residual or None
+        Of a slider without mass: what its force is below its limit by.
     """
 
     name: str
@@ -148,10 +152,13 @@ class Verdict(NamedTuple):
     active: bool | None = None
     holds: bool | None = None
     mode: str = ""
+    limit: Residual | None = None
 
     @property
     def satisfied(self) -> bool:
         """Whether position and velocity satisfy the relation."""
+        if self.limit is not None:
+            return self.limit.value >= -self.limit.bound
         if not self.judged:
             return True
         if self.kind == ONE_SIDED:
@@ -276,11 +283,24 @@ def judge_laws(point: Point, off: Collection[str]) -> list[Verdict]:
         moving = rate._replace(floor=CONVERGED * body)
         residual = value if law.row.holonomic else moving
         in_force = law.constraint not in off
-        found.append(_of_law(law, residual, moving, in_force=in_force))
+        limit = _of_limit(point, law)
+        found.append(_of_law(law, residual, moving, limit, in_force=in_force))
     return found
 
 
-def _of_law(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Verdict:
+def _of_limit(point: Point, law: Law) -> Residual | None:
+    """Judge the force of a slider that hangs on springs, as its state gives it."""
+    if not (law.slider and law.slider.first and law.solved.holonomic):
+        return None
+    limit = [law.slider.limit]
+    value, bound = point.array([*limit, law.bound])
+    rounding = CAUTION * point.rounding(limit)[0]
+    return Residual(float(value), float(abs(bound)), float(rounding), "the limit")
+
+
+def _of_law(
+    law: Law, value: Residual, rate: Residual, limit: Residual | None, *, in_force: bool
+) -> Verdict:
     signed, active = law.kind.one_sided, in_force
     found = _of_row(law.row, value, rate)
     if signed:
@@ -288,6 +308,7 @@ def _of_law(law: Law, value: Residual, rate: Residual, *, in_force: bool) -> Ver
         active = in_force and value.value <= max(value.rounding, value.floor)
     return found._replace(
         name=law.constraint,
+        limit=limit,
         judged=signed and in_force,
         rate=rate,
         active=active,
@@ -400,13 +421,17 @@ def with_timed(equations: Equations, off: frozenset[str]) -> Equations:
     return replace(equations, rows=tuple(rows))
 
 
-def one_sided(equations: Equations, names: Collection[str]) -> dict[str, Row]:
-    """Rows of those contacts and freewheels."""
-    return {
-        law.constraint: law.row
-        for law in equations.laws
-        if law.kind.one_sided and law.constraint in names
-    }
+def one_sided(point: Point, names: Collection[str]) -> dict[str, Row]:
+    """Rows of those contacts and freewheels, and of sliders at their limits."""
+    e, found = point.e, {}
+    for law in e.laws:
+        if law.constraint in names and law.kind.one_sided:
+            found[law.constraint] = law.row
+        elif law.constraint in names and law.slider and law.slider.first:
+            node = at_limit(point.g, law, float(point.array([law.slider.force])[0]))
+            row = constraint_row(point.g, law.constraint, node, e.flow)
+            found[law.constraint] = row
+    return found
 
 
 def in_force(verdicts: Sequence[Verdict], equations: Equations) -> list[Verdict]:
@@ -454,7 +479,8 @@ def contact_status(
         laws = acting(point, verdicts)
         paradox = laws.paradox
         found = [_with_mode(x, laws.modes, laws.struck, point) for x in verdicts]
-    limited = {x.constraint: x.row for x in point.e.laws if x.kind is Kind.LIMITED}
+    bounded = (Kind.LIMITED, Kind.SLIDER)
+    limited = {x.constraint: x.row for x in point.e.laws if x.kind in bounded}
     held = [
         limited[x.name]
         for x in found
@@ -492,13 +518,41 @@ class Acting(NamedTuple):
 
 def acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
     """Decide what laws do, of which those whose verdicts are active act."""
+    found = _acting(point, verdicts)
+    return found._replace(modes={**found.modes, **_sliders(point)})
+
+
+def _sliders(point: Point) -> dict[int, Mode]:
+    """Whether sliders without mass stick, or are at their limits and led outside."""
+    own = {k: x.slider for k, x in enumerate(point.e.laws) if x.slider}
+    if not own:
+        return {}
+    laws, v = point.e.laws, point.v.copy()
+    for k, x in own.items():  # the velocities of what sticks
+        slip, slope = point.array([laws[k].row.rate, laws[k].row.A[x.coordinate]])
+        v[x.coordinate] -= slip / slope
+    point, found = point.at(v=v), {}
+    for k, x in own.items():
+        if x.first:
+            nodes = [x.limit, *tangent(point.g, [x.limit], point.e.flow.forward)]
+            inside, rate = point.array(nodes)
+            small, slow = CAUTION * point.rounding(nodes)
+            slides = inside <= small and (rate < -slow or inside < -small)
+            found[k] = Mode.SLIDING if slides else Mode.HELD
+            if laws[k].pair >= 0:
+                found[laws[k].pair] = found[k]
+    return found
+
+
+def _acting(point: Point, verdicts: Sequence[Verdict]) -> Acting:
+    """Decide what all laws do but sliders without mass."""
     active = {v.name for v in verdicts if v.active}
     laws = point.e.laws
     idle = Acting({}, (), False, [], np.zeros(0))
     chosen = [
         k
         for k, law in enumerate(laws)
-        if law.constraint in active and law.kind is not Kind.TIMED
+        if law.constraint in active and law.kind not in (Kind.TIMED, Kind.SLIDER)
     ]
     if not chosen:
         return idle

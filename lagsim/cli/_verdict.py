@@ -81,6 +81,9 @@ def _violation(verdict: Verdict) -> str:
     if velocity is not None and position.satisfied:
         text = f"the rate of constraint `{verdict.name}` is {velocity.value:.6g}"
         return f"{text} (bound {velocity.bound:.2g}, {velocity.why})"
+    if verdict.limit is not None:
+        over = f"the force of `{verdict.name}` is {-verdict.limit.value:.6g} over its"
+        return f"{over} limit (bound {verdict.limit.bound:.2g}, {verdict.limit.why})"
     text = f"constraint `{verdict.name}` has the residual {position.value:.6g}"
     if verdict.kind == ONE_SIDED:
         text = f"the {_sided(verdict)} of `{verdict.name}` is {position.value:.6g}"

@@ -528,7 +528,8 @@ output: {reactions: [x]}
     Row("E306", "no-inertia",
         "A coordinate has no inertia, and no constraint determines its "
         "acceleration.",
-        "Each coordinate has inertia, or constraints determine its acceleration.",
+        "Each coordinate has inertia, or constraints determine its acceleration; or it "
+        "is that of a slider: it hangs on a spring or a damper, and has a `limit`.",
         "give it mass in `kinetic`, or hold it by a constraint",
         "energy: {kinetic: 0, potential: m*g*y}\n"),
     Row("E307", "negative-inertia",

@@ -154,6 +154,34 @@ def scale_of(
     return largest
 
 
+class Slider(NamedTuple):
+    """Motion of a limited relation on a coordinate without mass, see `sliders`.
+
+    Attributes
+    ----------
+    coordinate : int
+    force : int
+        Its multiplier, as a node of the state.
+    way : str
+        The variable that tells how it moves: 0 where it sticks, else the sign of its
+        multiplier, or 1 of two relations.
+    row : Row
+        The one that holds as it moves now.
+    limit, left : int
+        What its force is below its limit by; its event function: nodes.
+    first : bool
+        It is no second relation of two.
+    """
+
+    coordinate: int
+    force: int
+    way: str
+    row: Row
+    limit: int
+    left: int
+    first: bool
+
+
 class Kind(Enum):
     """Role of a row that holds at times: what it may transmit, and what ends that.
 
@@ -168,6 +196,7 @@ class Kind(Enum):
     SLIP         -mu, mu       with its contact; held: at its bound; slides: at rest
     LIMITED      -L, L         held: at its bound; slides: at rest
     TIMED        -inf, inf     at times known ahead
+    SLIDER       -L, L         never: its row is that of how it moves
     ============ ============= ==================================================
 
     Attributes
@@ -189,6 +218,7 @@ class Kind(Enum):
     SLIP = (kept.SLIP, -1.0, 1.0, True, ("sticks", "slides"))
     LIMITED = (kept.LIMITED, -1.0, 1.0, False, ("sticks", "slides"))
     TIMED = (kept.TIMED, -inf, inf, True, ("closed", "open"))
+    SLIDER = (kept.SLIDER, -1.0, 1.0, False, ("sticks", "slides"))
 
     def __init__(
         self, code: float, low: float, high: float, strikes: bool, words: Words
@@ -222,6 +252,8 @@ class Law(NamedTuple):
         equality, of two; or -1.
     when : int or None
         The condition of t and parameters under which it is in force: a node.
+    slider : Slider or None
+        Of a limited relation on a coordinate without mass.
     """
 
     row: Row
@@ -236,6 +268,12 @@ class Law(NamedTuple):
     when: int | None = None
     bounce: int | None = None
     poisson: bool = False
+    slider: Slider | None = None
+
+    @property
+    def solved(self) -> Row:
+        """The row that the motion is solved with."""
+        return self.slider.row if self.slider else self.row
 
     @property
     def given(self) -> tuple[int, ...]:

@@ -320,12 +320,12 @@ class Equations:
     @property
     def slopes(self) -> tuple[SparseVector, ...]:
         """A of all rows, in the order of the multipliers."""
-        return tuple(row.A for row in self.every_row)
+        return tuple(row.A for row in (*self.rows, *(law.row for law in self.laws)))
 
     @property
     def every_row(self) -> tuple[Row, ...]:
-        """The rows that always hold, then those of the laws."""
-        return (*self.rows, *(law.row for law in self.laws))
+        """The rows that always hold, then those of the laws, as they are solved."""
+        return (*self.rows, *(law.solved for law in self.laws))
 
     @property
     def of_motion(self) -> list[int]:

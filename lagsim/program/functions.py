@@ -92,7 +92,11 @@ class Columns:
         reactions = [f"reaction.{x}" for x in model.output.reactions]
         new |= {g.variable(name): nodes[name] for name in reactions}
         written = g.substitute(nodes.values(), new)
-        self.nodes = dict(zip(nodes, g.substitute(written, recovered), strict=True))
+        known = {
+            g.variable(x.multiplier): x.slider.force for x in equations.laws if x.slider
+        }
+        written = g.substitute(written, {**recovered, **known})
+        self.nodes = dict(zip(nodes, written, strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -189,9 +193,15 @@ def loop_functions(e: Equations, columns: Columns) -> dict[str, list[int]]:
         found["second_order"] += _unknown(g, rows)
     if e.laws:
         found["gaps"] = [
-            law.row.residual if law.kind is Kind.CONTACT else law.row.rate
+            law.slider.left
+            if law.slider
+            else law.row.residual
+            if law.kind is Kind.CONTACT
+            else law.row.rate
             for law in e.laws
         ]
+        if sliders := [law.slider.force for law in e.laws if law.slider]:
+            found["sliders"] = sliders
         found["conditions"] = _conditions(e)
         if any(law.bounce is not None for law in e.laws):
             found["restitutions"] = [

@@ -35,6 +35,7 @@ from lagsim.methods.parts.parameters import (
     HELD,
     LIMITED,
     REDUNDANT,
+    SLIDER,
     SLIDING,
     SLIP,
     Parameters,
@@ -75,6 +76,10 @@ def couple(p: Parameters, sliding: int) -> None:
         row[:n] = p.A[i * n : (i + 1) * n]
         push[:n] = row[:n]
         forward(n, p.L, row)
+        place = p.law_place[i - p.m + p.laws] if i >= p.m - p.laws else -1.0
+        if place >= 0.0:
+            push[:n] = 0.0
+            push[int(place)] = 1.0
         if sliding > 0:
             slide_along(p, i, push)
         forward(n, p.L, push)
@@ -96,14 +101,11 @@ def slide_along(p: Parameters, i: int, push: Floats) -> None:
             push[:n] += p.law_part[k] * p.A[(first + k) * n : (first + k + 1) * n]
 
 
-def impress(p: Parameters, sliding: int) -> None:
+def impress(p: Parameters) -> None:
     """Add to u (n,) the forces of the rows that hold, times L^-1."""
     n = p.n
     for k in range(int(p.ranked)):
-        push = p.Y[k * n :]
-        if sliding > 0:
-            push = p.Z[k * n :]
-        p.u[:] += p.w[k] * push[:n]
+        p.u[:] += p.w[k] * p.Z[k * n : (k + 1) * n]
 
 
 def share_out(p: Parameters) -> None:
@@ -244,7 +246,7 @@ TURNED = 0.5
 
 @external
 def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write of each law (L,) the gap, or the speed of what has none."""
+    """Write of each law (L,) the gap, the speed of what has none, or what is `left`."""
 
 
 def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -306,7 +308,7 @@ def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) ->
     p.u[:] = 0.0
     couple(p, 0)
     solve_rows(p, count, p.w)
-    impress(p, 0)
+    impress(p)
     backward(p.n, p.L, p.u, out)
     out[p.n] = largest
 
@@ -370,7 +372,7 @@ def respond(p: Parameters) -> None:
     couple(p, 1)
     solve_rows(p, count, p.w)
     p.u[:] = p.v
-    impress(p, 1)
+    impress(p)
     share_out(p)
     backward(p.n, p.L, p.u, p.motion)
 
@@ -382,6 +384,8 @@ def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None
         solve_motion(t, y, p)
     gaps(t, y, p, out)
     for k in range(p.laws):
+        if p.law_kind[k] == SLIDER:
+            continue
         if mode[k] == HELD:
             out[k] = hold_left(p, k)
         elif mode[k] == SLIDING:

@@ -329,6 +329,8 @@ class System:
             p.law_varies[:] = [x.normal >= 0 and x.bound in moves for x in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
+        places = [x.slider.coordinate if x.slider else -1 for x in self.laws]
+        p.law_place[:] = places
         return cast("Parameters", p)
 
     def _filled(self, p: Parameters) -> Parameters:
@@ -359,6 +361,8 @@ class System:
         for k, law in enumerate(self.laws):
             if law.normal < 0:  # that of a slip is none of these
                 p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
+            if law.slider and law.slider.first:
+                p[law.slider.way] = memory.place("law_direction") + k
         motion = e.accelerations
         if self.moreau is None:
             motion = (*motion, *e.multipliers)

@@ -242,11 +242,11 @@ def open_case(
     ------
     InputError, StartError
     """
-    from lagsim.mechanics.equations import derive
+    from lagsim.mechanics.sliders import motion_of
 
     clock = clock or Clock()
     clock.lap("import")
-    equations = derive(model)
+    equations = motion_of(model)
     clock.lap("derive")
     return _examined(equations, settings or model.settings(), clock)
 
@@ -293,12 +293,12 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.mechanics.equations import derive
+    from lagsim.mechanics.sliders import motion_of
 
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations, examined = _begun(derive(model), settings, classify=True)
+    equations, examined = _begun(motion_of(model), settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

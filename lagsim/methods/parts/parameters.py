@@ -32,6 +32,7 @@ FREEWHEEL = 1.0
 SLIP = 2.0
 LIMITED = 3.0
 TIMED = 4.0
+SLIDER = 6.0
 # An equality that always holds, where all rows are met alike.
 ALWAYS = 5.0
 OFF = 0.0
@@ -152,6 +153,7 @@ class Laws(Surfaces):
     law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
+    law_place: Floats = array("laws")  # the coordinate that alone a row acts on; or -1
     law_still: Floats = array("laws")  # two slips together no faster have stopped
     # What the laws of an arc could do to each rate of the state.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)

@@ -23,8 +23,15 @@ from lagsim.methods.parts import state as at
 from lagsim.notes import Caution, Event
 from lagsim.run.events.kinematics import Kinematics
 from lagsim.run.events.sequence import Flights, Sequence
+from lagsim.run.events.sliders import at_edge, settle
 from lagsim.run.trajectory import Decision, Ending, Outcome, Source, Turn
-from lagsim.tolerances import COMPUTED_ZERO, LEAST_CLOSING, SATISFIED, SOLUTION_ROUNDOFF
+from lagsim.tolerances import (
+    COMPUTED_ZERO,
+    LEAST_CLOSING,
+    SATISFIED,
+    SOLUTION_ROUNDOFF,
+    SUM_ROUNDOFF,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
@@ -195,6 +202,17 @@ class Contacts(Source):
             here = Kinematics(arc, found.y, known=here.shape)
             here.grazing = grazing
         self.shape = here.shape
+        if any(law.slider for law in self.laws):
+            here = self._settled(here, found)
+        if found.ending is None:
+            self._select(here, also, some, found)
+        return found
+
+    def _select(
+        self, here: Kinematics, also: Collection[int], some: list[int], found: Found
+    ) -> None:
+        """Choose the modes of laws, of which some are closed."""
+        arc = here.arc
         if arc.t != self.asked_at:
             before = enumerate(arc.system.p.law_mode.tolist())
             self.slid = {k for k, mode in before if mode == kept.SLIDING}
@@ -207,7 +225,16 @@ class Contacts(Source):
             found.ending = Ending(Outcome.PARADOX, self._names(some))
         if not unique:
             self._report(found, "shared-contact", some, t=arc.t)
-        return found
+
+    def _settled(self, here: Kinematics, found: Found) -> Kinematics:
+        """Kinematics with sliders without mass as they go on."""
+        settled = settle(here.arc, found.y)
+        found.y, found.events = settled.y, found.events + settled.events
+        if settled.jumps:
+            found.ending = Ending(Outcome.CONSTRAINT_JUMPS, ", ".join(settled.jumps))
+        after = Kinematics(here.arc, found.y, known=here.shape)
+        after.grazing = here.grazing
+        return after
 
     def _jumps(self, here: Kinematics, k: int) -> bool:
         """Whether a law that is in force now is off by more than it was located.
@@ -398,7 +425,8 @@ def select_modes(
     arc, p = here.arc, here.arc.system.p
     before = p.law_mode.copy()
     found = _chosen(here, also, left)
-    p.law_mode[:], p.law_direction[:] = found.mode, found.direction
+    own = p.law_place < 0.0  # a slider's are those that it is settled with
+    p.law_mode[own], p.law_direction[own] = found.mode[own], found.direction[own]
     _set_floors(here, found, slid)
     p.law_forces = float(any(found.mode[k] in FORCING for k in found.some))
     _set_slack(here, found)
@@ -541,6 +569,13 @@ def _set_slack(here: Kinematics, found: Chosen) -> None:
         law = here.laws[k]
         if mode == kept.HELD and push[k] > 0.0:
             size[k] = band[k] = here.roundoff[k] / push[k]
+        elif law.slider:
+            speed = here.seen[arc.velocities][law.slider.coordinate]
+            size[k] = band[k] = SUM_ROUNDOFF * speed
+            if p.law_direction[k] == 0.0:  # free of loss it may come back to its limit
+                size[k], band[k] = (
+                    np.array([SUM_ROUNDOFF, at_edge(arc)]) * here.bounds[k]
+                )
         elif mode == kept.SLIDING:
             size[k] = here.still[k]
             band[k] = 0.5 * p.law_floor[k]  # its way holds so far back

@@ -250,7 +250,7 @@ class Kinematics:
             if law.kind is Kind.SLIP:
                 closed.append(closed[law.normal])
             elif not law.kind.one_sided:
-                closed.append(in_force[k])
+                closed.append(in_force[k] and not law.slider)
             else:
                 holds = mode[k] in (kept.HELD, kept.REDUNDANT) or k in also
                 touches = (holds or self.near[k]) and k not in self.grazing

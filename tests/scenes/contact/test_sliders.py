@@ -1,0 +1,228 @@
+"""Sliders without mass between springs: Jenkins and Iwan elements, by other means.
+
+The play operator, exact between turning points, and scipy, whose events begin and end
+each slip.
+"""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from tests.scenes.contact.motions import GLOBAL, close, play, scene
+
+K, M, SPRING, FORCE = 3.0, 1.0, 2.0, 0.5
+JENKINS = {"slider": {"relation": "s_dot = 0", "limit": FORCE}}
+
+
+def jenkins(**more):
+    """A mass on a spring, and on another in series with a slider."""
+    given = {"x": 0.0, "s": 0.0, "x_dot": 1.0} | more.pop("start", {})
+    potential = f"{K}*x^2/2 + {SPRING}*(x - s)^2/2"
+    given_more = {"duration": 8, "output_step": 0.01} | more
+    return scene("x s", "x_dot^2/2", potential, JENKINS, given, **given_more)
+
+
+def springs(limits, stiffness, force, duration, v=0.0):
+    """Motion of a mass on a spring of 1 N/m beside Jenkins elements, by scipy.
+
+    Returns x (rows,) every 0.01 s, and the times of slips and sticks.
+    """
+    F, k = np.array(limits), np.array(stiffness)
+    moving = np.zeros(len(F))
+    y, t, times = np.array([0.0, v, *np.zeros(len(F))]), 0.0, []
+    rows, grid = [], np.arange(0.0, duration + 0.005, 0.01)
+
+    def rates(t, y):
+        pull = k * (y[0] - y[2:])
+        slips = np.where(moving != 0.0, y[1], 0.0)
+        return [y[1], force(t) - K * y[0] - pull.sum(), *slips]
+
+    def end_of(j):
+        def slips(_, y):
+            return F[j] - abs(k[j] * (y[0] - y[2 + j]))
+
+        def sticks(_, y):
+            return moving[j] * y[1]
+
+        found = sticks if moving[j] else slips
+        found.terminal, found.direction = True, -1.0
+        return found
+
+    while t < duration:
+        part = solve_ivp(
+            rates, (t, duration), y, "DOP853", rtol=1e-13, atol=1e-14, max_step=0.05,
+            events=[end_of(j) for j in range(len(F))], dense_output=True,
+        )  # fmt: skip
+        inside = grid[(grid >= t) & (grid < part.t[-1])]
+        rows += part.sol(inside)[0].tolist()
+        t, y = part.t[-1], part.y[:, -1]
+        for j, found in enumerate(part.t_events):
+            if moving[j] and abs(y[1]) < 1e-10:  # all stop at one time
+                moving[j] = 0.0
+                times.append(t)
+            elif len(found):
+                moving[j] = np.sign(y[1])
+                times.append(t)
+    return np.array([*rows, y[0]]), times
+
+
+def played(x, reach, s=0.0):
+    """Positions of a slider that a spring drags along x (rows,): Moreau's play."""
+    return np.array(
+        list(itertools.accumulate(x, lambda s, x: np.clip(s, x - reach, x + reach),
+             initial=s))
+    )[1:]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("method", "within"),
+    [("dop853", GLOBAL), ("rk4", 1e-7), ("rattle", 1e-3), ("euler", 0.2)],
+)
+def test_a_mass_on_a_jenkins_element(method, within):
+    """Motion and events by scipy; force and limit agree to rounding while it slides."""
+    options = {} if method == "dop853" else {"step": 0.005}
+    found = play(jenkins(method=method, **options))
+    x, times = springs([FORCE], [SPRING], lambda _: 0.0, 8.0, v=1.0)
+    close(found["x"], x, within)
+    events = found.result.events
+    assert [e.kind for e in events] == ["slip", "stick"] * (len(times) // 2) + [
+        "slip"
+    ] * (len(times) % 2)
+    if within < 0.1:
+        close([e.time for e in events], times, max(within, 1e-8))
+    force = SPRING * (found["x"] - found["s"])
+    close(found["lambda_slider"], -force, 1e-14)
+    slides = found["residual_slider"] != 0.0
+    assert 20 < slides.sum() < 400
+    assert np.abs(np.abs(force[slides]) - FORCE).max() < 1e-14
+    assert not found["s_dot"][~slides].any()
+    if method == "dop853":
+        balance = found["energy"] - found["work"]
+        assert np.ptp(balance) < 1e-11
+
+
+def test_an_iwan_model():
+    """Three elements of one mass that is driven, by scipy."""
+    limits = {"a": 0.1, "b": 0.2, "c": 0.4}
+    found = play(scene(
+        "x a b c", "x_dot^2/2",
+        f"{K}*x^2/2 + 2*((x - a)^2 + (x - b)^2 + (x - c)^2)",
+        {q: {"relation": f"{q}_dot = 0", "limit": F} for q, F in limits.items()},
+        dict.fromkeys(["x", "a", "b", "c"], 0.0), forces={"x": "1.5*sin(1.3*t)"},
+        duration=15, output_step=0.01,
+    ))  # fmt: skip
+    x, times = springs(
+        [*limits.values()], [4] * 3, lambda t: 1.5 * np.sin(1.3 * t), 15.0
+    )
+    close(found["x"], x, GLOBAL)
+    close([e.time for e in found.result.events], times, 1e-8)
+    assert len(times) > 15
+    assert np.ptp(found["energy"] - found["work"]) < 1e-11
+
+
+def test_a_hysteresis_loop():
+    """Under a forced displacement of amplitude X a cycle takes 4 F (X - F/k).
+
+    Branches are Masing's: those of the first loading at twice its scale.
+    """
+    X = 0.8
+    law = {"slider": {"relation": "s_dot = 0", "limit": FORCE}}
+    found = play(scene(
+        "s", "0", f"{SPRING}*({X}*sin(2*pi*t) - s)^2/2", law, {"s": 0},
+        duration=4, output_step=0.005,
+    ))  # fmt: skip
+    x = X * np.sin(2 * np.pi * found["t"])
+    s = played(x, FORCE / SPRING)
+    close(found["s"], s, 1e-12)
+    assert np.ptp(found["energy"] - found["work"]) < 1e-11
+    cycle = (found["t"] >= 2.0) & (found["t"] <= 3.0)
+    lost = FORCE * np.abs(np.diff(found["s"][cycle])).sum()
+    close(lost, 4 * FORCE * (X - FORCE / SPRING), 1e-12)
+
+
+def test_a_chain_of_springs_and_sliders():
+    """Loading that grows: each slider slips where the springs before it bear so much.
+
+    k1 (x - a) = F1 + k2 a from x = F1/k1 on; the second slips at k2 a = F2.
+    """
+    k1, k2, F1, F2 = 4.0, 2.0, 0.5, 0.3
+    found = play(scene(
+        "a b", "0", f"{k1}*(t - a)^2/2 + {k2}*(a - b)^2/2",
+        {"one": {"relation": "a_dot = 0", "limit": F1},
+         "two": {"relation": "b_dot = 0", "limit": F2}},
+        {"a": 0, "b": 0}, duration=1, output_step=0.01,
+    ))  # fmt: skip
+    first = F1 / k1
+    second = (F1 + F2) / k1 + F2 / k2
+    assert [(e.kind, e.constraint) for e in found.result.events] == [
+        ("slip", "one"), ("slip", "two")
+    ]  # fmt: skip
+    close([e.time for e in found.result.events], [first, second], 1e-12)
+    t = found["t"]
+    a = np.clip((k1 * t - F1) / (k1 + k2), 0.0, None)
+    a = np.where(t > second, t - (F1 + F2) / k1, a)
+    close(found["a"], a, 1e-12)
+    close(found["b"], np.where(t > second, a - F2 / k2, 0.0), 1e-12)
+
+
+def test_sliders_one_after_the_other():
+    """Of two in series the weaker slips, and both have its force."""
+    found = play(scene(
+        "a b", "0", f"{SPRING}*(t - a)^2/2",
+        {"one": {"relation": "a_dot = b_dot", "limit": 0.5},
+         "two": {"relation": "b_dot = 0", "limit": 0.3}},
+        {"a": 0, "b": 0}, duration=1, output_step=0.01,
+    ))  # fmt: skip
+    assert [(e.kind, e.constraint) for e in found.result.events] == [("slip", "two")]
+    force = np.minimum(SPRING * found["t"], 0.3)
+    for name in "one", "two":
+        close(-found[f"lambda_{name}"], force, 1e-12)
+    close(found["b"], np.maximum(found["t"] - 0.3 / SPRING, 0.0), 1e-12)
+
+
+def test_a_damper_beside_a_slider():
+    """Bingham's: c s' = k (V t - s) - F from k V t = F on."""
+    k, c, F, V = 4.0, 0.5, 0.5, 0.7
+    found = play(scene(
+        "s", "0", f"{k}*({V}*t - s)^2/2",
+        {"slider": {"relation": "s_dot = 0", "limit": F}}, {"s": 0},
+        forces={"s": f"-{c}*s_dot"}, duration=2, output_step=0.01,
+    ))  # fmt: skip
+    begun = F / (k * V)
+    close(found.result.events[0].time, begun, 1e-10)
+    late = np.maximum(found["t"] - begun, 0.0)
+    tau = c / k
+    close(found["s"], V * (late - tau * (1.0 - np.exp(-late / tau))), 1e-9)
+    assert np.ptp(found["energy"] - found["work"]) < 1e-10
+
+
+def test_a_slider_in_the_plane():
+    """Dragged around: as fast as its spring, of length F/k, pulls along itself."""
+    k, F = 4.0, 0.5
+    found = play(scene(
+        "u v", "0", f"{k}*((0.3*cos(t) - u)^2 + (0.3*sin(2*t) - v)^2)/2",
+        {"brake": {"relation": ["u_dot = 0", "v_dot = 0"], "limit": F}},
+        {"u": 0.3, "v": 0}, duration=8, output_step=0.01,
+    ))  # fmt: skip
+    path = lambda t: np.array([0.3 * np.cos(t), 0.3 * np.sin(2 * t)])  # noqa: E731
+    speed = lambda t: np.array([-0.3 * np.sin(t), 0.6 * np.cos(2 * t)])  # noqa: E731
+    (slip,) = found.result.events
+    assert (slip.kind, slip.constraint) == ("slip", "brake")
+    close(np.linalg.norm(path(slip.time) - path(0.0)), F / k, 1e-12)
+
+    def rates(t, s):
+        way = path(t) - s
+        return (way @ speed(t)) / (way @ way) * way
+
+    t = found["t"][found["t"] > slip.time]
+    s = solve_ivp(
+        rates, (slip.time, t[-1]), path(0.0), "DOP853", t, rtol=1e-13, atol=1e-14
+    ).y  # fmt: skip
+    late = found["t"] > slip.time
+    close(found["u"][late], s[0], 1e-10)
+    close(found["v"][late], s[1], 1e-10)
+    size = np.hypot(found["lambda_brake.1"], found["lambda_brake.2"])
+    assert np.abs(size[late] - F).max() < 1e-14
+    assert np.ptp(found["energy"] - found["work"]) < 1e-11
