@@ -6,9 +6,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 243
-LINES = 73_580
-LINES_OF_TESTS = 54_410
+FILES = 245
+LINES = 74_040
+LINES_OF_TESTS = 54_640
 
 
 def lines(folder):
