@@ -45,6 +45,11 @@ class ExpressionError(Exception):
         self.code = code
 
 
+def silent() -> ExpressionError:
+    """Return what stands for a fault that is reported elsewhere."""
+    return ExpressionError(0, 1, "", code=SILENT)
+
+
 class Token(NamedTuple):
     """A piece of text: its kind, and where it begins."""
 

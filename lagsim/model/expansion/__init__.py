@@ -114,7 +114,8 @@ class Expansion:
         self.scope.tables = frozenset(key.text for key, _ in self._entries("tables"))
         self.report, self._is_unit, self._instead = report, is_unit, instead
         self.gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
-        self.units: frozenset[str] = frozenset()
+        self.units: list[Entry] = []
+        self.frames: Frames | None = None
         # Hidden definitions of positions, by the scalars that they are of.
         self.moving: dict[str, Scalar] = {}
         self._drawn: list[Drawn] = []
@@ -161,18 +162,20 @@ class Expansion:
         for section in _DECLARING:
             declared = (self._declared(*e, section) for e in self._entries(section))
             given[section] = [one for one in declared if one]
-        frames = self._frames()
+        self._make_frames()
         self._resolve(given["definitions"])
-        units = frames.all() if frames else []
+        if self.frames:
+            self.frames.make_all()
         for section in _DECLARING:
             new[section] = [e for one in given[section] for e in self._written(one)]
-        new["constraints"] += units
-        new["energy"] = self._energy(frames)
+        new["constraints"] += self.units
+        new["energy"] = self._energy()
         for section in ("forces", "initial"):
             new[section] = self._referring(section, self._entries(section))
         events: dict[str, Family] = {}
-        for key, value in self._entries("events"):
-            new.setdefault("events", []).extend(self._event(key, value, events))
+        new["events"] = [
+            e for entry in self._entries("events") for e in self._event(*entry, events)
+        ]
         new["definitions"] += self.hidden
         found: dict[str, Node] = {}
         for section, entries in new.items():
@@ -188,16 +191,15 @@ class Expansion:
             found["scene"] = self._scene(scene)
         return found
 
-    def _frames(self) -> Frames | None:
-        """Return the frames, if any, each of which is made when it is asked for."""
-        if "frames" not in self._top:
-            return None
-        from lagsim.model.expansion.frames import Frames
+    def _make_frames(self) -> None:
+        """Let frames, if any, be known, each of which is made when it is asked for."""
+        if "frames" in self._top:
+            from lagsim.model.expansion.frames import Frames
 
-        frames = self.scope.frames = Frames(self, self._top["frames"])
-        return frames
+            self.frames = Frames(self, self._top["frames"])
+            self.scope.frame = self.frames.named_by
 
-    def _energy(self, frames: Frames | None) -> list[Entry]:
+    def _energy(self) -> list[Entry]:
         """Return the energies, in which the word `bodies` is what it denotes there."""
         node = self._top.get("energy")
         found = [(key, self.bound(value)) for key, value in entries_of(node)]
@@ -206,7 +208,7 @@ class Expansion:
             return found
         from lagsim.model.expansion.bodies import Bodies
 
-        bodies = Bodies(self, frames, *given)
+        bodies = Bodies(self, *given)
         self._drawn = bodies.drawn
         for k, (key, value) in enumerate(entries_of(node)):
             if isinstance(value, Scalar) and (tree := bodies.word(key.text, value)):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from lagsim.language.names import rate_of
 from lagsim.language.parser import ExpressionError
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.frames import Frames, Section, near, unknown
+from lagsim.model.expansion.frames import Section, near, unknown
 from lagsim.model.expansion.rotations import ZERO, product, rotate, spin, total
 from lagsim.model.expansion.scope import dotted
 from lagsim.model.expansion.trees import (
@@ -138,14 +138,9 @@ class Bodies(Section):
     """
 
     def __init__(
-        self,
-        x: Expansion,
-        frames: Frames | None,
-        section: Node | None,
-        gravity: Node | None,
+        self, x: Expansion, section: Node | None, gravity: Node | None
     ) -> None:
         super().__init__(x)
-        self._frames = frames
         self._energies: dict[str, list[Tree]] = {"kinetic": [], "potential": []}
         self._given, self._weighs = bool(entries_of(section)), gravity is not None
         self._said: set[str] = set()
@@ -243,7 +238,7 @@ class Bodies(Section):
             self.refuse("wrong-count", text, one.below["at"].place)
 
     def _frame(self, one: _Body, n: int) -> Frame | None:
-        node, frames = one.below.get("frame"), self._frames
+        node, frames = one.below.get("frame"), self.x.frames
         if not isinstance(node, Scalar):
             return None
         if frames is None:

@@ -13,7 +13,13 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from lagsim.language.names import rate_of
-from lagsim.language.parser import SILENT, ExpressionError, ParsedRelation, parse
+from lagsim.language.parser import (
+    SILENT,
+    ExpressionError,
+    ParsedRelation,
+    parse,
+    silent,
+)
 from lagsim.model import nodes
 from lagsim.model.expansion.rotations import (
     ONE,
@@ -47,12 +53,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from lagsim.errors import Place
-    from lagsim.language.parser import Parsed
     from lagsim.model.expansion import Expansion
     from lagsim.model.expansion.grammar import Steps
     from lagsim.model.expansion.rotations import Hide
     from lagsim.model.expansion.scope import Indices
-    from lagsim.model.nodes import Entry, Node
+    from lagsim.model.nodes import Node
 
 # A frame by its name and subscripts.
 Called = tuple[str, tuple[int, ...]]
@@ -83,7 +88,10 @@ def near(word: str, known: Iterable[str]) -> str:
 
 
 class Section:
-    """Values of what stands in a section of frames or bodies; faults are reported."""
+    """Values of what stands in a section of frames or bodies.
+
+    Faults are reported; then an ExpressionError is raised that is silent.
+    """
 
     def __init__(self, x: Expansion) -> None:
         self.x, self.scope, self.report = x, x.scope, x.report
@@ -91,28 +99,20 @@ class Section:
     def refuse(self, code: str, text: str, place: Place, hint: str = "") -> NoReturn:
         """Report a fault, and raise what stands for one that is reported."""
         self.report(code, text, place, hint)
-        raise ExpressionError(0, 1, "", code=SILENT)
+        raise silent()
 
     def value(self, node: Node, indices: Indices, what: str) -> tuple[Value, Scalar]:
-        """Value of an expression, and its scalar.
-
-        Raises
-        ------
-        ExpressionError
-            For a fault that is reported.
-        UnresolvedError
-        """
+        """Value of an expression, and its scalar."""
         if isinstance(node, Broken):
-            raise ExpressionError(0, 1, "", code=SILENT)
+            raise silent()
         if not isinstance(node, Scalar) or node.empty:
-            self.refuse(
-                "not-an-expression", f"{what} must be an expression", node.place
-            )
+            text = f"{what} must be an expression"
+            self.refuse("not-an-expression", text, node.place)
         try:
             return self.scope.values(node.text, parse, indices)[0], node
         except ExpressionError as fault:
             self.x.fault(fault, node)
-            raise ExpressionError(0, 1, "", code=SILENT) from None
+            raise silent() from None
 
     def moved(self, hidden: str, tree: Tree, at: Scalar) -> Tree:
         """Hide a definition whose rate is asked for, and so is one of positions."""
@@ -121,7 +121,7 @@ class Section:
         return found
 
     def number(self, node: Node, indices: Indices, what: str) -> tuple[Tree, Scalar]:
-        """Value of an expression that is a number, and its scalar; see `value`."""
+        """Value of an expression that is a number, and its scalar."""
         value, at = self.value(node, indices, what)
         if not isinstance(value, Tree):
             text = f"{what} must be a number, found {said(value)}"
@@ -131,7 +131,7 @@ class Section:
     def vector(
         self, node: Node, indices: Indices, counts: Sequence[int], what: str
     ) -> list[tuple[Tree, Scalar]]:
-        """Components of a list, or of a vector, each with its scalar; see `value`."""
+        """Components of a list, or of a vector, each with its scalar."""
         if isinstance(node, nodes.Sequence):
             found = [self.number(item, indices, what) for item in node.items]
         else:
@@ -156,8 +156,6 @@ class Frames(Section):
 
     def __init__(self, x: Expansion, section: Node | None) -> None:
         super().__init__(x)
-        self._gimbals: list[tuple[str, Parsed, tuple[Parsed, ...]]] = []
-        self._units: list[Entry] = []
         self._given: dict[Called, _Given] = {}
         self._broken: set[str] = set()
         self._making: set[Called] = set()
@@ -168,14 +166,11 @@ class Frames(Section):
         for key, node in given:
             self._declare(key, node)
 
-    def all(self) -> list[Entry]:
-        """Make all frames; return the constraints that hold their quaternions."""
+    def make_all(self) -> None:
+        """Make all frames, and the constraints that hold their quaternions."""
         for called in self._given:
             with suppress(ExpressionError):
-                self.made(called)
-        self.x.gimbals = self._gimbals
-        self.x.units = frozenset(key.text for key, _ in self._units)
-        return self._units
+                self._frame_of(called)
 
     # What the file gives
 
@@ -200,45 +195,43 @@ class Frames(Section):
     def _sound(self, key: Scalar, node: Node, below: dict[str, Node]) -> bool:
         """Report keys that do not make a rotation."""
         what, report = f"the frame `{key.text}`", self.report
-        ways = [k for k in ("angle", "angles", "quaternion") if k in below]
-        pairs = [("axes", "angles"), ("angles", "axes"), ("axis", "angle")]
-        pairs += [("angle", "axis")] if self.n > len("xy") else []
-        missing = [
-            (k, other) for k, other in pairs if k in below and other not in below
-        ]
         if not isinstance(node, Mapping) and "on" in below:
             return True
         if unknown(below, KEYS):
             return False
-        if missing:
-            has, wants = missing[0]
-            text = f"{what} has `{has}` but no `{wants}`"
-            report("missing-key", text, key.place, _HOW)
-        elif not ways:
+        ways = [k for k in ("angle", "angles", "quaternion") if k in below]
+        pairs = [("axes", "angles"), ("angles", "axes"), ("axis", "angle")]
+        pairs += [("angle", "axis")] if self.n > len("xy") else []
+        for has, wants in pairs:
+            if has in below and wants not in below:
+                text = f"{what} has `{has}` but no `{wants}`"
+                report("missing-key", text, key.place, _HOW)
+                return False
+        if not ways:
             report("missing-key", f"{what} has no rotation", key.place, _HOW)
         elif len(ways) > 1:
             text = f"{what} has both `{ways[0]}` and `{ways[1]}`"
             report("both-given", text, key.place, _HOW)
-        return not missing and len(ways) == 1
+        return len(ways) == 1
 
     # Frames by their names
 
     def named(self, node: Scalar, indices: Indices) -> Frame:
-        """Frame that an expression names; an ExpressionError is reported."""
+        """Frame that an expression names; a fault is reported."""
         try:
-            return self.made(
-                self.called(self.scope.source(node.text, parse).left, indices)
-            )
+            return self.named_by(self.scope.source(node.text, parse).left, indices)
         except ExpressionError as fault:
             self.x.fault(fault, node)
-            raise ExpressionError(0, 1, "", code=SILENT) from None
+            raise silent() from None
 
-    def called(self, steps: Steps, indices: Indices) -> Called:
+    def named_by(self, steps: Steps, indices: Indices) -> Frame:
+        """Frame that the steps of an expression name, see `_called` and `_frame_of`."""
+        return self._frame_of(self._called(steps, indices))
+
+    def _called(self, steps: Steps, indices: Indices) -> Called:
         """Name and subscripts of the frame that an expression names.
 
-        Raises
-        ------
-        ExpressionError
+        What does not name one is an ExpressionError with its place.
         """
         *subscripts, (op, _, token, _) = steps
         if op not in ("name", "member"):
@@ -251,21 +244,17 @@ class Frames(Section):
         if name in self._broken:
             raise token.fault("", "", SILENT)
         members = [m for other, m in self._given if other == name]
-        text, hint = f"there is no frame `{dotted(name, member)}`", ""
+        hint = near(name, [SPACE, *(other for other, _ in self._given)]) or _HOW
         if members:
             ends = (dotted(name, m) for m in (min(members), max(members)))
             hint = "there are `{}` to `{}`".format(*ends)
-        else:
-            known = [SPACE, *(other for other, _ in self._given)]
-            hint = near(name, known) or _HOW
+        text = f"there is no frame `{dotted(name, member)}`"
         raise token.fault(text, hint, "frame")
 
-    def made(self, called: Called) -> Frame:
+    def _frame_of(self, called: Called) -> Frame:
         """Frame of a name, made after all those that it is on.
 
-        Raises
-        ------
-        ExpressionError, UnresolvedError
+        An ExpressionError stands for a fault that is reported.
         """
         chain: list[Called] = []
         while called not in self._made:
@@ -287,7 +276,7 @@ class Frames(Section):
                     self._making.discard(one)
         frame = self._made[chain[0] if chain else called]
         if frame is None:
-            raise ExpressionError(0, 1, "", code=SILENT)
+            raise silent()
         return frame
 
     def _parent(self, called: Called) -> Called:
@@ -300,7 +289,8 @@ class Frames(Section):
             if not isinstance(node, Scalar):
                 text = f"`on` of the frame `{given.key.text}` names a frame"
                 self.refuse("not-an-expression", text, node.place, "such as on: arm")
-            return self.called(self.scope.source(node.text, parse).left, given.indices)
+            steps = self.scope.source(node.text, parse).left
+            return self._called(steps, given.indices)
         except ExpressionError as fault:
             if isinstance(node, Scalar):
                 self.x.fault(fault, node)
@@ -397,7 +387,7 @@ class Frames(Section):
             if used.text not in self.scope.numbers:
                 family = self.scope.variables.get(used.text.partition(".")[0])
                 if family and family.section == "parameters":
-                    raise ExpressionError(0, 1, "", code=SILENT)
+                    raise silent()
                 text = f"{what} is made of parameters; `{used.text}` is none"
                 place = at.place_of(used.offset, len(used.text))
                 self.refuse("not-constant", text, place)
@@ -416,9 +406,8 @@ class Frames(Section):
         if all(x.op == "name" and self._is_coordinate(x) for x in p):
             text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
             relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
-            self._units.append(
-                self.x.made(f"unit.{dotted(*called)}", text, relation, given.key)
-            )
+            unit_length = f"unit.{dotted(*called)}"
+            self.x.units.append(self.x.made(unit_length, text, relation, given.key))
         n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
         return by_quaternion(p, n, speeds)
 
@@ -445,5 +434,5 @@ class Frames(Section):
             op = "sin" if letters[0] == letters[2] else "cos"
             angles = tuple(parsed(angle, "") for angle, _ in both)
             lock = parsed(call(op, both[1][0]), "")
-            self._gimbals.append((dotted(*called), lock, angles))
+            self.x.gimbals.append((dotted(*called), lock, angles))
         return frame

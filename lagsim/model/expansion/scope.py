@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 from lagsim import limits
 from lagsim.language.functions import OPERATIONS
@@ -25,6 +25,7 @@ from lagsim.language.parser import (
     parse_condition,
     parse_relation,
     sides,
+    silent,
 )
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.grammar import (
@@ -84,7 +85,7 @@ class Family:
     def __init__(self, name: str, section: str, place: Place, indexed: bool) -> None:
         self.name, self.section, self.place = name, section, place
         self.indexed = indexed
-        self.members: set[tuple[int, ...]] = set()
+        self.members: set[Member] = set()
         self.letters: tuple[str, ...] = ()
         self.resolved = section != "definitions"
         self.broken = False
@@ -109,12 +110,12 @@ class Family:
         return f"`{self.name}` has the members {first} to {last}"
 
 
-def dotted(name: str, member: tuple[int, ...] = (), letter: str = "") -> str:
+def dotted(name: str, member: Member = (), letter: str = "") -> str:
     """Name of a member, or of its component, as columns have it: `G.3.x`."""
     return ".".join([name, *map(str, member), *([letter] if letter else [])])
 
 
-def _called(name: str, member: tuple[int, ...]) -> str:
+def _called(name: str, member: Member) -> str:
     return f"`{name}({', '.join(map(str, member))})`"
 
 
@@ -131,16 +132,6 @@ class _Source(NamedTuple):
     at: int = 0
 
 
-class Frames(Protocol):
-    """The frames of a file, by name and subscripts."""
-
-    def called(self, steps: Steps, indices: Indices, /) -> tuple[str, tuple[int, ...]]:
-        """Return the name that an expression has."""
-
-    def made(self, called: tuple[str, tuple[int, ...]], /) -> Frame:
-        """Return the frame of a name."""
-
-
 class Scope:
     """Families of a file, values of its parameters, and expressions of them.
 
@@ -154,7 +145,7 @@ class Scope:
         self.numbers = {"pi": math.pi}
         self.uses: dict[str, set[str]] = {}
         self.used: set[str] = set()
-        self.frames: Frames | None = None
+        self.frame: Callable[[Steps, Indices], Frame] | None = None
         self.tables: frozenset[str] = frozenset()
         self._asked: set[str] = set()
         self._terms = 0
@@ -281,12 +272,11 @@ class Scope:
         """Value of a function of a frame."""
         assert isinstance(step.payload, tuple)
         named = step.payload[1]
-        if self.frames is None:
+        if self.frame is None:
             token = named[-1].token
             text = f"there is no frame `{token.text}`: the file has no `frames`"
             raise token.fault(text, "", "frame")
-        frame = self.frames.made(self.frames.called(named, indices))
-        return OF_A_FRAME[step.op](frame, *args)
+        return OF_A_FRAME[step.op](self.frame(named, indices), *args)
 
     def reference(self, name: str) -> tuple[Family, str] | None:
         """Return the family of a name, as of a rate or force, and the form of names."""
@@ -449,19 +439,19 @@ def _parsed(text: str, parser: Parser) -> _Source:
 
 def _check(family: Family) -> None:
     if family.broken:
-        raise ExpressionError(0, 1, "", code=SILENT)
+        raise silent()
     if not family.resolved:
         raise UnresolvedError
 
 
-def _of(family: Family, name: str, member: tuple[int, ...], offset: int) -> Value:
+def _of(family: Family, name: str, member: Member, offset: int) -> Value:
     """Return trees of a member; `name` is the family's, or its rate's."""
     if not family.letters:
         return trees.name(dotted(name, member), offset)
     return tuple(trees.name(dotted(name, member, c), offset) for c in family.letters)
 
 
-def _numbered(family: Family, token: Token, member: tuple[int, ...]) -> Value:
+def _numbered(family: Family, token: Token, member: Member) -> Value:
     """Return component of a vector that is no family, by its number from 1."""
     count = len(family.letters)
     if not count:

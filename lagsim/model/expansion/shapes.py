@@ -62,14 +62,13 @@ class Shapes(Section):
 
     def _turned(self, node: Node, reading: Reading) -> Node:
         """Return the matrix of a frame; an expression is an angle."""
-        frames = self.scope.frames
+        frames = self.x.frames
         if isinstance(node, Scalar) and frames is not None:
             try:
                 steps = self.scope.source(node.text, parse).left
-                frame = frames.made(frames.called(steps, reading.indices))
+                return self._axes(frames.named_by(steps, reading.indices), node)
             except ExpressionError:  # a name that is no frame's, or a faulty frame
-                return self.x.bound(node, reading)
-            return self._axes(frame, node)
+                pass
         return self.x.bound(node, reading)
 
     def _point(self, node: Node, reading: Reading) -> Node:

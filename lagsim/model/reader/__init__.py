@@ -258,7 +258,7 @@ class File:
         assert energies.lagrangian is not None
         x.read = []
         places = {name: node.place for name, (_, node) in self.energy.found.items()}
-        scope = self.scope
+        scope, units = self.scope, self.expansion.units if self.expansion else ()
         named = scope.used | scope.structural if scope else words(self.node)
         return Model(
             name=self.name,
@@ -269,7 +269,7 @@ class File:
             unused=tuple(p for p in (*x.known, *x.modes) if p not in named),
             events=events,
             gimbals=self._gimbals(),
-            quaternions=self.expansion.units if self.expansion else frozenset(),
+            quaternions=frozenset(key.text for key, _ in units),
             idle=tuple(self.expansion.idle) if self.expansion else (),
             places={**self.names.places, **places},
             coordinates=coordinates,
