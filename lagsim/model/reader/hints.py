@@ -614,6 +614,8 @@ def rate_within(text: str, moving: Collection[str]) -> str:
 
 def spelt_out(name: str) -> str:
     """Give a name in small letters, with Greek ones by their names: theta for θ."""
+    if name.isascii():
+        return name.casefold()
     full = {x: unicodedata.name(x, "") for x in name if x > "\x7f"}
     greek = {x: n.split()[-1] for x, n in full.items() if n.startswith("GREEK ")}
     return "".join(greek.get(x, x) for x in name).casefold()
