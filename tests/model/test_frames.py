@@ -1,7 +1,6 @@
 """Frames and bodies: what they stand for, and the faults that they may have."""
 
 import math
-import re
 from itertools import pairwise, product
 
 import numpy as np
@@ -9,7 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lagsim.language.evaluate import evaluate
-from tests.model._files import model, problems
+from tests.model import test_faults as faults
+from tests.model._files import model
 
 RNG = np.random.default_rng(4)
 LETTERS = "xyz"
@@ -268,141 +268,95 @@ scene: {points: {o: [0, 0, 0]}, shapes: {wheel: {disk: 1, at: o, frame: g(2)}}}
     assert (sizes["ball.2"], axes["ball.2"]) == ([0.2], [])
 
 
-# The code, a part of the message or of its hint; below, the text with the place ⟪so⟫.
+# See `test_faults`.
 FAULTS = r"""
-cycle | `a` is on itself: a -> b -> a
+cycle | `a` is on itself: a -> b -> a |
     frames: {a: {on: ⟪b⟫, angle: x}, b: {on: a, angle: y}}
-not-an-expression | names a frame
-    frames: {a: {on: ⟪[b]⟫, angle: x}}
-expression-frame | `a` depends on itself
+not-an-expression | names a frame | frames: {a: {on: ⟪[b]⟫, angle: x}}
+expression-frame | `a` depends on itself |
     frames: {a: {angle: '⟪r⟫otate(a, vec(1, 2)).x'}}
-velocity-not-allowed | depend on velocities
+velocity-not-allowed | depend on velocities |
     frames: {a: {angle: 2*x, on: b}, b: {angle: ⟪x_dot⟫}}
-velocity-not-allowed | depend on accelerations
+velocity-not-allowed | depend on accelerations |
     bodies: {b: {mass: 1, at: [x, ⟪y_ddot⟫]}}¶energy: {kinetic: bodies, potential: 0}
-cycle | w -> frame.a.turn -> w
-    frames: {a: {angle: w}}¶definitions: {w: '⟪omega⟫(a)'}
-reserved-name | `bodies` is the word
+cycle | w -> frame.a.turn -> w | frames: {a: {angle: w}}¶definitions: {w: '⟪omega⟫(a)'}
+reserved-name | `bodies` is the word |
     definitions: {⟪bodies⟫: 3}¶bodies: {b: {POINT}}¶ENERGY
-cycle | `a` is on itself: a -> a
-    frames: {a: {on: ⟪a⟫, angle: x}}
-out-of-range | has no direction
-    frames: {a: {axis: ⟪[0, 1 - 1, 0]⟫, angle: x}}
-not-constant | `x` is none
-    frames: {a: {axis: [0, 0, ⟪x⟫], angle: x}}
-wrong-count | 3 components, found 2
-    frames: {a: {axis: ⟪[0, 1]⟫, angle: x}}
-wrong-count | 4 components, found 3
-    frames: {a: {quaternion: ⟪[x, y, 1]⟫}}
-wrong-count | 3 components, found 2
-    frames: {a: {angles: ⟪[x, y]⟫, axes: zxz}}
-unknown-name | letters x, y and z
-    frames: {a: {angles: [x, y], axes: ⟪zu⟫}}
-unknown-name | none twice in a row
-    frames: {a: {angles: [x, y], axes: ⟪zz⟫}}
-missing-key | `angles` but no `axes`
-    frames: {⟪a⟫: {angles: [x, y]}}
-missing-key | `axis` but no `angle`
-    frames: {⟪a⟫: {axis: [0, 0, 1]}}
-missing-key | has no rotation
-    frames: {⟪a⟫: {}}
-missing-key | has no rotation
-    frames: {b: {angle: x}, ⟪a⟫: {on: b}}
-missing-key | `angle` but no `axis`
+cycle | `a` is on itself: a -> a | frames: {a: {on: ⟪a⟫, angle: x}}
+out-of-range | has no direction | frames: {a: {axis: ⟪[0, 1 - 1, 0]⟫, angle: x}}
+not-constant | `x` is none | frames: {a: {axis: [0, 0, ⟪x⟫], angle: x}}
+wrong-count | 3 components, found 2 | frames: {a: {axis: ⟪[0, 1]⟫, angle: x}}
+wrong-count | 4 components, found 3 | frames: {a: {quaternion: ⟪[x, y, 1]⟫}}
+wrong-count | 3 components, found 2 | frames: {a: {angles: ⟪[x, y]⟫, axes: zxz}}
+unknown-name | letters x, y and z | frames: {a: {angles: [x, y], axes: ⟪zu⟫}}
+unknown-name | none twice in a row | frames: {a: {angles: [x, y], axes: ⟪zz⟫}}
+missing-key | `angles` but no `axes` | frames: {⟪a⟫: {angles: [x, y]}}
+missing-key | `axis` but no `angle` | frames: {⟪a⟫: {axis: [0, 0, 1]}}
+missing-key | has no rotation | frames: {⟪a⟫: {}}
+missing-key | has no rotation | frames: {b: {angle: x}, ⟪a⟫: {on: b}}
+missing-key | `angle` but no `axis` |
     frames: {⟪a⟫: {angle: x}, b: {axis: [0, 0, 1], angle: y}}
-both-given | both `angles` and `quaternion`
+both-given | both `angles` and `quaternion` |
     frames: {⟪a⟫: {angles: [x], axes: x, quaternion: [1, 0, 0, 0]}}
-unknown-key | did you mean `axis`
-    frames: {a: {⟪axs⟫: [0, 0, 1], angle: x}}
-unknown-name | unknown name `z`
-    frames: {a: {angle: 2*⟪z⟫}}
-reserved-name | `unit` is a function
-    frames: {⟪unit⟫: {angle: x}}
-bad-name | `my frame`
-    frames: {⟪my frame⟫: {angle: x}}
-duplicate-member | `space` is built in
-    frames: {⟪space⟫: {angle: x}}
-duplicate-member | `a.2` is given twice
+unknown-key | did you mean `axis` | frames: {a: {⟪axs⟫: [0, 0, 1], angle: x}}
+unknown-name | unknown name `z` | frames: {a: {angle: 2*⟪z⟫}}
+reserved-name | `unit` is a function | frames: {⟪unit⟫: {angle: x}}
+bad-name | `my frame` | frames: {⟪my frame⟫: {angle: x}}
+duplicate-member | `space` is built in | frames: {⟪space⟫: {angle: x}}
+duplicate-member | `a.2` is given twice |
     frames: {a(1..2): {angle: x}, ⟪a(2)⟫: {angle: y}}
-expression-frame | `arn`; did you mean `arm`
+expression-frame | did you mean `arm` |
     frames: {arm: {on: ⟪arn⟫, angle: x}, arms: {angle: x}}
-expression-frame | the name of a frame
-    PLANE {w: 'omega(⟪2⟫)'}
-expression-frame | there are `a.1` to `a.2`
+expression-frame | the name of a frame | PLANE {w: 'omega(⟪2⟫)'}
+expression-frame | there are `a.1` to `a.2` |
     frames: {a(1..2): {angle: x}}¶definitions: {w: 'omega(⟪a⟫(3))'}
-expression-frame | the file has no `frames`
-    definitions: {u: 'rotate(⟪a⟫, vec(1, 2))'}
-expression-arity | takes 2 arguments, found 1
-    PLANE {w: '⟪rotate⟫(a)'}
-expression-size | a vector of 2 in this frame, found a vector of 3
+expression-frame | the file has no `frames` | definitions: {u: 'rotate(⟪a⟫, vec(1, 2))'}
+expression-arity | takes 2 arguments, found 1 | PLANE {w: '⟪rotate⟫(a)'}
+expression-size | a vector of 2 in this frame, found a vector of 3 |
     PLANE {u: '⟪rotate⟫(a, vec(1, 2, 3))'}
-expression-size | 1, 3 or 6 moments
+expression-size | 1, 3 or 6 moments |
     parameters: {J: [1, 2]}¶definitions: {u: '⟪spin⟫(J, vec(1, 2, 3))'}
-expression-size | of 3 components, found a number
+expression-size | of 3 components, found a number |
     parameters: {J: [1, 2, 3]}¶definitions: {u: '⟪spin⟫(J, 2)'}
-missing-key | has no `mass`
-    bodies: {⟪b⟫: {at: [x, y]}}
-missing-key | has no `at`
-    bodies: {⟪b⟫: {mass: 1}}
-missing-key | has no `frame`
-    bodies: {⟪b⟫: {mass: 1, at: [x, y], inertia: 1}}
-missing-key | no `inertia` or `shape`
-    TURNED {⟪b⟫: {mass: 1, at: [x, y], frame: f}}
-unknown-key | did you mean `mass`
-    bodies: {b: {⟪mas⟫: 1, at: [x, y]}}
-wrong-count | 2 or 3 components, found 1
-    bodies: {b: {mass: 1, at: ⟪[x]⟫}}
-wrong-count | must be a number
-    bodies: {b: {mass: '⟪vec(1, 2)⟫', at: [x, y]}}
-wrong-count | has 3 components, and its frame has 2
+missing-key | has no `mass` | bodies: {⟪b⟫: {at: [x, y]}}
+missing-key | has no `at` | bodies: {⟪b⟫: {mass: 1}}
+missing-key | has no `frame` | bodies: {⟪b⟫: {mass: 1, at: [x, y], inertia: 1}}
+missing-key | no `inertia` or `shape` | TURNED {⟪b⟫: {mass: 1, at: [x, y], frame: f}}
+unknown-key | did you mean `mass` | bodies: {b: {⟪mas⟫: 1, at: [x, y]}}
+wrong-count | 2 or 3 components, found 1 | bodies: {b: {mass: 1, at: ⟪[x]⟫}}
+wrong-count | must be a number | bodies: {b: {mass: '⟪vec(1, 2)⟫', at: [x, y]}}
+wrong-count | has 3 components, and its frame has 2 |
     TURNED {b: {mass: 1, at: ⟪[x, y, 0]⟫, frame: f, inertia: 1}}
-wrong-count | has 2 components, and `gravity` has 3
+wrong-count | has 2 components, and `gravity` has 3 |
     gravity: [0, 0, 1]¶bodies: {b: {mass: 1, at: ⟪[x, y]⟫}}
-wrong-count | 1 components, found 3
+wrong-count | 1 components, found 3 |
     TURNED {b: {POINT, frame: f, inertia: ⟪[1, 2, 3]⟫}}
-wrong-count | 2 components, found 3
+wrong-count | 2 components, found 3 |
     TURNED {b: {POINT, frame: f, shape: {box: ⟪[1, 2, 3]⟫}}}
-unknown-name | `sphere` in the plane
+unknown-name | `sphere` in the plane |
     TURNED {b: {POINT, frame: f, shape: {⟪sphere⟫: 1}}}
-unknown-name | did you mean `disk`
-    bodies: {b: {POINT, shape: {⟪dsk⟫: 1}}}
-wrong-count | must be one, such as
-    bodies: {b: {POINT, shape: ⟪{disk: 1, ring: 2}⟫}}
-wrong-count | 3 or more corners
-    bodies: {b: {POINT, shape: {polygon: ⟪[[0, 1]]⟫}}}
-expression-frame | there is no frame `g`
-    TURNED {b: {POINT, frame: ⟪g⟫, inertia: 1}}
-expression-frame | the file has no `frames`
+unknown-name | did you mean `disk` | bodies: {b: {POINT, shape: {⟪dsk⟫: 1}}}
+wrong-count | must be one, such as | bodies: {b: {POINT, shape: ⟪{disk: 1, ring: 2}⟫}}
+wrong-count | 3 or more corners | bodies: {b: {POINT, shape: {polygon: ⟪[[0, 1]]⟫}}}
+expression-frame | there is no frame `g` | TURNED {b: {POINT, frame: ⟪g⟫, inertia: 1}}
+expression-frame | the file has no `frames` |
     bodies: {b: {POINT, frame: ⟪g⟫, inertia: 1}}
-missing-key | needs `gravity`
+missing-key | needs `gravity` |
     bodies: {b: {mass: 1, at: [x, y]}}¶energy: {kinetic: bodies, potential: ⟪bodies⟫}
-unknown-name | unknown name `bodies`
-    energy: {kinetic: ⟪bodies⟫, potential: 0}
-unknown-name | unknown name `k`
+unknown-name | unknown name `bodies` | energy: {kinetic: ⟪bodies⟫, potential: 0}
+unknown-name | unknown name `k` |
     bodies: {b: {mass: 2*⟪k⟫, at: [x, y]}}¶energy: {kinetic: bodies, potential: 0}
-wrong-count | 2 or 3 components, found 4
-    gravity: ⟪[0, 0, 0, 1]⟫
+wrong-count | 2 or 3 components, found 4 | gravity: ⟪[0, 0, 0, 1]⟫
 """
 SHORT = {
     "PLANE": "frames: {a: {angle: x}}¶definitions:",
     "TURNED": "frames: {f: {angle: x}}¶bodies:",
     "ENERGY": "energy: {kinetic: bodies, potential: 0}",
     "POINT": "mass: 1, at: [x, y]",
-    "¶": "\n",
 }
-ROWS = re.findall(r"^(\S+) \| (.*)\n    (.*)$", FAULTS, re.MULTILINE)
+CASES = {row[2].replace("\n", "¶"): row for row in faults.table(FAULTS, SHORT)}
 
 
-@pytest.mark.parametrize(("code", "part", "text"), ROWS)
-def test_faults_of_frames_and_bodies(code, part, text):
-    for short, long in SHORT.items():
-        text = text.replace(short, long)
-    before, token, _ = text.replace("⟫", "⟪").split("⟪")
-    (problem,) = problems(text.replace("⟪", "").replace("⟫", ""))
-    assert problem.code == code
-    assert part in f"{problem.text}; {problem.hint}"
-    assert problem.place[1:4] == (
-        before.count("\n") + 1,
-        len(before.rpartition("\n")[2]) + 1,
-        len(token),
-    )
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_faults_of_frames_and_bodies(case):
+    faults.test_fault(case)
