@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
-LINES = 74_040
-LINES_OF_TESTS = 54_640
+LINES = 74_030
+LINES_OF_TESTS = 54_590
 
 
 def lines(folder):
