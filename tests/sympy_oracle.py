@@ -45,6 +45,7 @@ FUNCTIONS = {
     "sign": sp.sign,
     "min": sp.Min,
     "max": sp.Max,
+    "mod": lambda x, y: x - y * sp.floor(x / y),
     "floor": sp.floor,
     "ceil": sp.ceiling,
     "heaviside": lambda x: sp.Heaviside(x, 1),

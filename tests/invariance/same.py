@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,18 +37,32 @@ class Change:
 
 @dataclass(frozen=True)
 class Sizes:
-    """What a model's motion measures: its ranges of positions and of speeds."""
+    """What a model's motion measures: its ranges of positions and of speeds.
+
+    own : the range of each coordinate, where they are known
+    """
 
     length: float
     speed: float
     time: float
+    own: dict[str, float] = field(default_factory=dict)
+
+    def far(self, model, part):
+        """Give how far each coordinate goes, at most ten times `part` of its own range.
+
+        A quaternion is not moved as far as the wheel beside it that turns and turns.
+        """
+        return {
+            q: part * min(self.length, 10.0 * self.own.get(q, self.length))
+            for q in model.coordinates
+        }
 
 
 FAR, FAST = 1e3, 1e2
 CHANGES: dict[str, Change] = {
-    "shifted": Change(lambda m, s: put.replaced(m, far=FAR * s.length), FAR),
+    "shifted": Change(lambda m, s: put.replaced(m, far=s.far(m, FAR)), FAR),
     "boosted": Change(
-        lambda m, s: put.replaced(m, speed=FAST * s.length / s.time), FAST
+        lambda m, s: put.replaced(m, speed=s.far(m, FAST / s.time)), FAST
     ),
     "metres": Change(lambda m, _: put.replaced(m, factor=1e-3)),
     "megametres": Change(lambda m, _: put.replaced(m, factor=1e6)),
@@ -104,9 +118,8 @@ class Known:
         rates = (
             np.abs(np.diff(self.motion.q, axis=0)) / np.diff(self.motion.times)[:, None]
         )
-        return Sizes(
-            float(np.max(self.range)), float(np.max(rates)), self.model.duration
-        )
+        own = dict(zip(self.model.coordinates, map(float, self.range), strict=True))
+        return Sizes(max(own.values()), float(np.max(rates)), self.model.duration, own)
 
 
 def known(model):

@@ -39,7 +39,7 @@ class Document:
     definitions: dict[str, str]
     energy: dict[str, str]
     forces: dict[str, str]
-    constraints: dict[str, str]
+    constraints: dict[str, str | list[str]]
     initial: dict[str, float]
     guesses: frozenset[str]
     start: float
@@ -53,6 +53,7 @@ class Document:
     states: dict[str, str] = field(default_factory=dict)
     modes: dict[str, str] = field(default_factory=dict)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
+    tables: dict[str, Any] = field(default_factory=dict)
 
     def text(self):
         """Write the model file."""
@@ -79,6 +80,8 @@ class Document:
         }  # fmt: skip
         if self.states:
             document["states"] = {s: {"rate": rate} for s, rate in self.states.items()}
+        if self.tables:
+            document["tables"] = self.tables
         if self.events:
             events = {
                 name: {**x, "every": f"({x['every']})/({self.scale!r})"}
@@ -115,10 +118,13 @@ def _in_all(change, text):
     return [change(x) for x in text] if isinstance(text, list) else change(text)
 
 
-def document(text, keep=()):
-    """Read a model file, less what only its output needs but for `keep`."""
+def document(given, keep=()):
+    """Read a model's text, or its document, less what only its output needs.
+
+    keep : names that are needed all the same
+    """
     # BaseLoader keeps all scalars text.
-    raw = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
+    raw = yaml.load(given, Loader=yaml.BaseLoader) if isinstance(given, str) else given  # noqa: S506
     parameters = _texts(raw.get("parameters"), "value")
     values: dict[str, sp.Expr] = {"pi": sp.pi}
     for name, given in parameters.items():
@@ -145,9 +151,11 @@ def document(text, keep=()):
         if isinstance(entry, dict)
     }
     states = _texts(raw.get("states"), "rate")
-    used = [*keep, *energy.values(), *forces, *forces.values(), *constraints.values()]
-    used += states.values()
-    for text in (text for law in laws.values() for text in law.values()):
+    used = [*keep, *energy.values(), *forces, *forces.values(), *states.values()]
+    for text in (
+        *constraints.values(),
+        *(x for law in laws.values() for x in law.values()),
+    ):
         several = text.values() if isinstance(text, dict) else text
         used += [text] if isinstance(text, str) else several
     used.append(simulation.get("until", ""))
@@ -163,7 +171,7 @@ def document(text, keep=()):
         number(simulation.get("start", "0")), duration,
         number(simulation.get("output_step", repr(duration / 1000))),
         simulation.get("until", ""), laws, kept, states=states, modes=modes,
-        events=events,
+        events=events, tables=raw.get("tables") or {},
     )  # fmt: skip
 
 
@@ -190,21 +198,32 @@ def fresh(model, name):
     return f"new_{name}{count or ''}"
 
 
-def replaced(model, factor=1.0, far=0.0, speed=0.0):
-    """Put q = factor*Q - far - speed*(t - start) for each coordinate."""
+def replaced(model, factor=1.0, far=None, speed=None):
+    """Put q = factor*Q - far[q] - speed[q]*(t - start) for each coordinate.
+
+    far, speed : of each, or one number for all
+    """
     definitions, initial = {}, {s: model.initial[s] for s in model.states}
     L, X, V, begin = (fresh(model, name) for name in ("L", "X", "V", "t"))
     parameters = model.parameters | {L: repr(factor)}
-    parameters |= {X: repr(far)} if far else {}
-    if speed:
-        parameters |= {V: repr(speed), begin: repr(model.start)}
+    far, speed = (
+        x if isinstance(x, dict) else dict.fromkeys(model.coordinates, x or 0.0)
+        for x in (far, speed)
+    )
+    names: dict[tuple[str, float], str] = {}
+    for letter, values in ((X, far), (V, speed)):
+        for x in filter(None, dict.fromkeys(values.values())):
+            names[letter, x] = f"{letter}_{len(names)}" if names else letter
+    parameters |= {name: repr(x) for (_, x), name in names.items()}
+    if any(speed.values()):
+        parameters[begin] = repr(model.start)
     for q in model.coordinates:
         text = f"{L}*{q}_new"
-        text += f" - {X}" if far else ""
-        text += f" - {V}*(t - {begin})" if speed else ""
+        text += f" - {names[X, far[q]]}" if far[q] else ""
+        text += f" - {names[V, speed[q]]}*(t - {begin})" if speed[q] else ""
         definitions[q] = text
-        initial[f"{q}_new"] = (model.initial[q] + far) / factor
-        initial[f"{q}_new_dot"] = (model.initial[f"{q}_dot"] + speed) / factor
+        initial[f"{q}_new"] = (model.initial[q] + far[q]) / factor
+        initial[f"{q}_new_dot"] = (model.initial[f"{q}_dot"] + speed[q]) / factor
     return replace(
         model, parameters=parameters,
         coordinates=tuple(f"{q}_new" for q in model.coordinates),
