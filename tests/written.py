@@ -37,7 +37,7 @@ def flat(name):
 def text_of(parsed):
     """Give the text of an expression in postfix."""
     stack: list[str] = []
-    for kind, payload in parsed.postfix:
+    for kind, payload, *_ in parsed.postfix:
         if kind == "number":
             stack.append(repr(payload))
         elif kind == "name":
