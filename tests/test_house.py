@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
 LINES = 74_030
-LINES_OF_TESTS = 54_590
+LINES_OF_TESTS = 54_770
 
 
 def lines(folder):
