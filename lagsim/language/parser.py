@@ -13,7 +13,7 @@ import re
 import unicodedata
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
@@ -61,6 +61,10 @@ class Token(NamedTuple):
         """Fault that stands here."""
         return ExpressionError(self.offset, len(self.text), text, hint, code)
 
+
+# Operations on a stack: each with a number, a name or how many values it takes, and
+# with its token.
+Steps: TypeAlias = tuple[tuple[str, Any, Token], ...]
 
 # Of the columns with a point in their names those that expressions may name.
 DOTTED = r"(?:reaction\.)?"
@@ -191,19 +195,16 @@ class Name(NamedTuple):
 
 
 class Parsed(NamedTuple):
-    """An expression in postfix: numbers, names and operations with their arity.
-
-    Each item with the place of its token in the text.
-    """
+    """An expression in postfix: numbers, names and operations with their arity."""
 
     text: str
-    postfix: tuple[tuple[str, float | str | int, int], ...]
+    postfix: Steps
 
     @property
     def names(self) -> tuple[Name, ...]:
         """The variables, in the order of the text."""
-        named = (item for item in self.postfix if item[0] == "name")
-        return tuple(Name(str(name), offset) for _, name, offset in named)
+        named = (step for step in self.postfix if step[0] == "name")
+        return tuple(Name(name, token.offset) for _, name, token in named)
 
     def build(
         self, g: Graph, scope: Callable[[str], int], tables: Tables | None = None
@@ -215,12 +216,10 @@ class Parsed(NamedTuple):
         stack: list[int] = []
         for kind, payload, _ in self.postfix:
             if kind == "number":
-                assert isinstance(payload, float)
                 stack.append(g.constant(payload))
             elif kind == "name":
-                stack.append(scope(str(payload)))
+                stack.append(scope(payload))
             else:
-                assert isinstance(payload, int)
                 args = stack[-payload:]
                 del stack[-payload:]
                 table = (tables or {}).get(kind)
@@ -278,7 +277,7 @@ class Parser:
         self.arities = dict(tables)
         self.part = part
         self.at = 0
-        self.output: list[tuple[str, float | str | int, int]] = []
+        self.output: list[tuple[str, Any, Token]] = []
         self.kinds: list[tuple[bool, Token]] = []  # (is a condition, begins at)
         self.pending: list[Pending] = []
 
@@ -349,11 +348,8 @@ class Parser:
             raise token.fault(text, hint, "unknown-function")
         self.pending.append(Pending(token.text, 0, token, call=True))
 
-    def _emit(self, token: Token, op: str, payload: float | str) -> None:
-        self.output.append((op, payload, token.offset))
-
-    def _value(self, token: Token, op: str, payload: float | str) -> None:
-        self._emit(token, op, payload)
+    def _value(self, token: Token, op: str, payload: Any) -> None:
+        self.output.append((op, payload, token))
         self.kinds.append((False, token))
 
     def _after_operand(self, token: Token) -> bool:
@@ -402,7 +398,7 @@ class Parser:
         self._take(top, [condition] * top.arity)
         self.kinds.append((condition or top.power == _COMPARES, first))
         if top.op != "+":
-            self._emit(top.token, top.op, top.arity)
+            self.output.append((top.op, top.arity, top.token))
 
     def _take(self, top: Pending, wanted: Sequence[bool]) -> None:
         """Take the arguments of an operation, which tells which are conditions."""
@@ -430,8 +426,7 @@ class Parser:
             text = f"`{top.op}` takes {self._count(top.op)}, found {top.arity}"
             raise top.token.fault(text, "", "arity")
         self._take(top, [top.op == "if", *(False,) * (top.arity - 1)])
-        self.kinds.append((False, top.token))
-        self._emit(top.token, top.op, top.arity)
+        self._value(top.token, top.op, top.arity)
         return False
 
     def _arity(self, function: str) -> int:
@@ -493,23 +488,30 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
     ExpressionError
         With the place of the first fault in `text`.
     """
-    left, right, sense = sides(text, list(tokens(text)))
-    return ParsedRelation(
-        Parser(text, left, tables).parse(),
-        Parser(text, right, tables).parse() if right else None,
-        sense,
-        left[-1].offset,
+    return relation(
+        text, list(tokens(text)), lambda part: Parser(text, part, tables).parse()
     )
 
 
-def sides(text: str, found: list[Token]) -> tuple[list[Token], list[Token] | None, str]:
-    """Tokens of both sides of a relation (None for a bare expression) and its sign.
+def relation(
+    text: str, found: list[Token], parsed: Callable[[list[Token]], Parsed]
+) -> ParsedRelation:
+    """Relation of the tokens of a text, whose sides are parsed.
 
     Raises
     ------
     ExpressionError
-        Where it has several signs, or a strict one.
+        Where it has several signs, or a strict one, or a side has a fault.
     """
+    left, right, sense = _sides(text, found)
+    other = parsed(right) if right else None
+    return ParsedRelation(parsed(left), other, sense, left[-1].offset)
+
+
+def _sides(
+    text: str, found: list[Token]
+) -> tuple[list[Token], list[Token] | None, str]:
+    """Tokens of both sides of a relation (None for a bare expression) and its sign."""
     depth, at = 0, []
     for i, token in enumerate(found):
         depth += (token.kind == "open") - (token.kind == "close")

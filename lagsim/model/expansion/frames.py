@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from lagsim.errors import Place
+    from lagsim.language.parser import Steps
     from lagsim.model.expansion import Expansion
-    from lagsim.model.expansion.grammar import Steps
     from lagsim.model.expansion.rotations import Hide
     from lagsim.model.expansion.scope import Indices
     from lagsim.model.nodes import Node
@@ -219,7 +219,7 @@ class Frames(Section):
     def named(self, node: Scalar, indices: Indices) -> Frame:
         """Frame that an expression names; a fault is reported."""
         try:
-            return self.named_by(self.scope.source(node.text, parse).left, indices)
+            return self.named_by(self.scope.source(node.text, parse).postfix, indices)
         except ExpressionError as fault:
             self.x.fault(fault, node)
             raise silent() from None
@@ -233,7 +233,7 @@ class Frames(Section):
 
         What does not name one is an ExpressionError with its place.
         """
-        *subscripts, (op, _, token, _) = steps
+        *subscripts, (op, _, token) = steps
         if op not in ("name", "member"):
             raise token.fault("the name of a frame is expected here", "", "frame")
         values = self.scope.run(tuple(subscripts), indices)
@@ -289,7 +289,7 @@ class Frames(Section):
             if not isinstance(node, Scalar):
                 text = f"`on` of the frame `{given.key.text}` names a frame"
                 self.refuse("not-an-expression", text, node.place, "such as on: arm")
-            steps = self.scope.source(node.text, parse).left
+            steps = self.scope.source(node.text, parse).postfix
             return self._called(steps, given.indices)
         except ExpressionError as fault:
             if isinstance(node, Scalar):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language import parser
 from lagsim.language.functions import FUNCTIONS
@@ -17,6 +17,8 @@ from lagsim.language.parser import Parser, Pending, Token
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from lagsim.language.parser import Parsed, Steps
 
 _MORE = re.compile(
     parser.TOKEN.pattern.replace(r"[0-9]+\.?[0-9]*", r"[0-9]+(?:\.(?!\.)[0-9]*)?")
@@ -39,20 +41,16 @@ NESTED = 16
 _RANGE = "such as sum(i = 1..n, m(i))"
 
 
-class Step(NamedTuple):
-    """An operation on a stack of values, of which it `takes` so many.
+class Inner(NamedTuple):
+    """Payload of a step that takes so many values, and what else it is made of.
 
-    payload : a number, a name or a count; of what runs over a range the index, and the
-        steps of a term; of a function of frames the steps that name one.
+    That is a component; the index, and the steps of a term, of what runs over a range;
+    the steps that name a frame, of a function of one.
     """
 
-    op: str
-    payload: float | str | int | tuple[str, Steps]
-    token: Token
-    takes: int = 0
-
-
-Steps: TypeAlias = tuple[Step, ...]
+    takes: int
+    word: str
+    steps: Steps = ()
 
 
 @dataclass(slots=True)
@@ -75,20 +73,6 @@ class _OfFrame(Pending):
 class _Extended(Parser):
     """Parser of expressions with members, components and ranges."""
 
-    def __init__(self, text: str, part: list[Token]) -> None:
-        super().__init__(text, part)
-        self.steps: list[Step] = []
-
-    def _emit(
-        self,
-        token: Token,
-        op: str,
-        payload: float | str | tuple[str, Steps],
-        takes: int = 0,
-    ) -> None:
-        takes = payload if isinstance(payload, int) else takes
-        self.steps.append(Step(op, payload, token, takes))
-
     def _function(self, token: Token) -> None:
         name, ahead = token.text, self.part[self.at : self.at + 3]
         if name in OVER_RANGES and [t.kind for t in ahead] == _HEAD:
@@ -103,14 +87,15 @@ class _Extended(Parser):
         elif name in FUNCTIONS:
             super()._function(token)
         elif name in OF_FRAMES:
-            begin = len(self.steps)
+            begin = len(self.output)
             self.pending.append(_OfFrame(name, 0, token, call=True, begin=begin))
         else:
             self.pending.append(Pending(name, 0, token, call=True))
 
     def _after_operand(self, token: Token) -> bool:
         if token.kind == "component":
-            self._emit(token, "component", token.text[1:].strip(), 1)
+            letter = Inner(1, token.text[1:].strip())
+            self.output.append(("component", letter, token))
             return False
         if token.kind != "range":
             return super()._after_operand(token)
@@ -131,14 +116,19 @@ class _Extended(Parser):
         if not top.ranged or top.begin >= 0:
             text = f"`{top.op}` takes a range and one expression"
             raise token.fault(text, _RANGE, "range")
-        top.begin = len(self.steps)
+        top.begin = len(self.output)
         return True
 
     def _name_frame(self, top: Pending | None) -> None:
         """Take the steps of the first argument of a function of frames."""
         if isinstance(top, _OfFrame) and not top.frame:
-            top.frame = tuple(self.steps[top.begin :])
-            del self.steps[top.begin :]
+            top.frame = self._cut(top.begin)
+
+    def _cut(self, begin: int) -> Steps:
+        """Take away the steps from there on."""
+        cut = tuple(self.output[begin:])
+        del self.output[begin:]
+        return cut
 
     def _close(self, token: Token) -> bool:
         top = self.pending[-1] if self.pending else None
@@ -150,14 +140,13 @@ class _Extended(Parser):
         ):
             return super()._close(token)
         self.pending.pop()
-        payload: int | tuple[str, Steps] = top.arity
-        op, takes = top.op, 2
+        op = top.op
+        payload: int | Inner = top.arity
         if isinstance(top, _Over):
             if top.begin < 0:
                 text = f"`{top.op}` takes a range and an expression"
                 raise top.token.fault(text, _RANGE, "range")
-            payload, op = (top.index, tuple(self.steps[top.begin :])), f"over {top.op}"
-            del self.steps[top.begin :]
+            op, payload = "over", Inner(2, top.index, self._cut(top.begin))
         elif top.op not in OF_VECTORS:
             op = "member"
         elif top.arity not in OF_VECTORS[top.op]:
@@ -165,10 +154,9 @@ class _Extended(Parser):
             text = f"`{top.op}` takes {counts} arguments, found {top.arity}"
             raise top.token.fault(text, "", "arity")
         elif isinstance(top, _OfFrame):
-            payload, takes = ("", top.frame), top.arity - 1
+            payload = Inner(top.arity - 1, "", top.frame)
         self._take(top, [False] * (3 if isinstance(top, _Over) else top.arity))
-        self.kinds.append((False, top.token))
-        self._emit(top.token, op, payload, takes)
+        self._value(top.token, op, payload)
         return False
 
 
@@ -180,14 +168,12 @@ def tokens(text: str) -> list[Token]:
     return list(parser.tokens(text, _MORE))
 
 
-def steps(text: str, part: Sequence[Token], *, conditional: bool = False) -> Steps:
-    """Return steps of the tokens of a text, or of a part of it that `end` closes.
+def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Parsed:
+    """Parse the tokens of a text, or of a part of it that `end` closes.
 
     Raises
     ------
     ExpressionError
         With the place of the first fault.
     """
-    found = _Extended(text, [*part])
-    found.parse(conditional=conditional)
-    return tuple(found.steps)
+    return _Extended(text, [*part]).parse(conditional=conditional)

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.parser import ExpressionError
-from lagsim.model.expansion.grammar import steps, tokens
+from lagsim.model.expansion.grammar import parsed, tokens
 
 if TYPE_CHECKING:
-    from lagsim.language.parser import Token
-    from lagsim.model.expansion.grammar import Steps
+    from lagsim.language.parser import Steps, Token
 
 
 class Subscript(NamedTuple):
@@ -79,10 +78,11 @@ def _subscript(text: str, part: list[Token], end: Token) -> Subscript:
         if index:
             hint = f"write {index} = 1..n"
             raise end.fault(f"the range of `{index}` has no end", hint, "range")
-        return Subscript("", steps(text, [*part, close]), None, (part or [end])[0])
+        single = parsed(text, [*part, close]).postfix
+        return Subscript("", single, None, (part or [end])[0])
     ends = (
         [*part[:at], close._replace(offset=part[at].offset)],
         [*part[at + 1 :], close],
     )
-    first, last = (steps(text, side) for side in ends)
+    first, last = (parsed(text, side).postfix for side in ends)
     return Subscript(index, first, last, part[at])

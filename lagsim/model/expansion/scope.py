@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim import limits
 from lagsim.language.functions import OPERATIONS
@@ -24,18 +24,11 @@ from lagsim.language.parser import (
     parse,
     parse_condition,
     parse_relation,
-    sides,
+    relation,
     silent,
 )
-from lagsim.model.expansion import trees
-from lagsim.model.expansion.grammar import (
-    CALLED,
-    OF_FRAMES,
-    OVER_RANGES,
-    Step,
-    steps,
-    tokens,
-)
+from lagsim.model.expansion import grammar, trees
+from lagsim.model.expansion.grammar import CALLED, OF_FRAMES, OVER_RANGES, tokens
 from lagsim.model.expansion.rotations import OF_A_FRAME, spin
 from lagsim.model.expansion.trees import EMPTY, Tree, UnfitError, Value
 
@@ -44,8 +37,8 @@ if TYPE_CHECKING:
 
     from lagsim.errors import Place
     from lagsim.language.graph import Graph
-    from lagsim.language.parser import Token
-    from lagsim.model.expansion.grammar import Steps
+    from lagsim.language.parser import Steps, Token
+    from lagsim.model.expansion.grammar import Inner
     from lagsim.model.expansion.rotations import Frame
 
     # Numbers, or what the word `bodies` denotes.
@@ -123,15 +116,6 @@ class UnresolvedError(Exception):
     """The size of a definition is needed and not known yet."""
 
 
-class _Source(NamedTuple):
-    """Steps of an expression, or of the sides of a relation with its sign's place."""
-
-    left: Steps
-    right: Steps | None = None
-    sense: str = ""
-    at: int = 0
-
-
 class Scope:
     """Families of a file, values of its parameters, and expressions of them.
 
@@ -151,7 +135,7 @@ class Scope:
         self._terms = 0
         self._faulty: set[str] = set()
         self.full = False
-        self._sources: dict[tuple[str, object], _Source | ExpressionError] = {}
+        self._sources: dict[tuple[str, object], Any] = {}
         self._references: dict[str, tuple[Family, str]] = {}
         self._last: tuple[object, ...] = (None,) * 3
         self._value: tuple[Value, Value | None, str] = EMPTY, None, ""
@@ -173,8 +157,8 @@ class Scope:
 
     # Texts
 
-    def source(self, text: str, parser: Parser) -> _Source:
-        """Return steps of a text, parsed once."""
+    def source(self, text: str, parser: Parser) -> Any:
+        """Return what a parser gives for a text, for all members, once."""
         key = text, parser
         if key not in self._sources:
             try:
@@ -193,15 +177,16 @@ class Scope:
         last = self._last
         if last[:2] != (text, parser) or last[2] is not indices:
             source = self.source(text, parser)
-            left, right = self.value(source.left, indices), None
+            if isinstance(source, Parsed):
+                source = ParsedRelation(source, None, "")
+            left, right = self.value(source.left.postfix, indices), None
             if source.right is not None:
-                right = self.value(source.right, indices)
+                right = self.value(source.right.postfix, indices)
                 sizes = trees.size(left), trees.size(right)
                 if len({*sizes}) > 1 and left is not EMPTY and right is not EMPTY:
                     about = f"both sides must have one size, found {sizes[0]} and "
-                    raise ExpressionError(
-                        source.at, 1, f"{about}{sizes[1]}", "", "size"
-                    )
+                    about += str(sizes[1])
+                    raise ExpressionError(source.at, 1, about, "", "size")
             self._last, self._value = (
                 (text, parser, indices),
                 (left, right, source.sense),
@@ -236,21 +221,22 @@ class Scope:
     def run(self, steps: Steps, indices: Indices) -> list[Value]:
         """Return the values that steps leave."""
         stack: list[Value] = []
-        for step in steps:
-            op, _, token, _ = step
+        for op, payload, token in steps:
             if op == "number":
-                stack.append(trees.number(float(token.text)))
+                stack.append(trees.number(payload))
             elif op == "name":
-                stack.append(indices.get(token.text) or self._named(token))
+                stack.append(indices.get(payload) or self._named(token))
             else:
-                at = len(stack) - step.takes
+                takes = payload if isinstance(payload, int) else payload.takes
+                at = len(stack) - takes
                 args = stack[at:]
                 del stack[at:]
-                stack.append(self._applied(step, args, indices))
+                stack.append(self._applied(op, payload, token, args, indices))
         return stack
 
-    def _applied(self, step: Step, args: list[Value], indices: Indices) -> Value:
-        op, payload, token, _ = step
+    def _applied(
+        self, op: str, payload: Any, token: Token, args: list[Value], indices: Indices
+    ) -> Value:
         try:
             if op == "member" and token.text in self.tables:
                 about = f"an argument of `{token.text}`"
@@ -258,25 +244,22 @@ class Scope:
             if op == "member":
                 return self._member(token, args)
             if op in OF_FRAMES:
-                return self._of_frame(step, args, indices)
-            if isinstance(payload, tuple):
-                return self._over(step, args, indices)
+                return OF_A_FRAME[op](self._frame_of(payload.steps, indices), *args)
+            if op == "over":
+                return self._over(payload, token, args, indices)
             if op == "component":
-                return _component(args[0], str(payload))
+                return _component(args[0], payload.word)
             return _operation(op, args, token)
         except UnfitError as fault:
             code = "component" if op == "component" else "size"
             raise token.fault(fault.text, fault.hint, code) from None
 
-    def _of_frame(self, step: Step, args: list[Value], indices: Indices) -> Value:
-        """Value of a function of a frame."""
-        assert isinstance(step.payload, tuple)
-        named = step.payload[1]
+    def _frame_of(self, named: Steps, indices: Indices) -> Frame:
         if self.frame is None:
-            token = named[-1].token
+            token = named[-1][2]
             text = f"there is no frame `{token.text}`: the file has no `frames`"
             raise token.fault(text, "", "frame")
-        return OF_A_FRAME[step.op](self.frame(named, indices), *args)
+        return self.frame(named, indices)
 
     def reference(self, name: str) -> tuple[Family, str] | None:
         """Return the family of a name, as of a rate or force, and the form of names."""
@@ -339,10 +322,10 @@ class Scope:
         text = f"there is no function or family `{name}`"
         raise token.fault(text, hint, "unknown-function")
 
-    def _over(self, step: Step, args: list[Value], indices: Indices) -> Value:
+    def _over(
+        self, of: Inner, token: Token, args: list[Value], indices: Indices
+    ) -> Value:
         """Return sum, least or greatest value of terms over a range."""
-        assert isinstance(step.payload, tuple)
-        token, (index, terms) = step.token, step.payload
         first, last = (self.whole(arg, token) for arg in args)
         count = max(0, last - first + 1)
         self._terms += count
@@ -357,8 +340,8 @@ class Scope:
         total: Value = EMPTY
         inner = dict(indices)
         for k in range(first, last + 1):
-            inner[index] = trees.number(k)
-            term = self.value(terms, inner)
+            inner[of.word] = trees.number(k)
+            term = self.value(of.steps, inner)
             total = term if k == first else _operation(op, [total, term], token)
         return total
 
@@ -426,15 +409,11 @@ class Scope:
         raise ExpressionError(offset, len(name), text + about, "", code)
 
 
-def _parsed(text: str, parser: Parser) -> _Source:
+def _parsed(text: str, parser: Parser) -> Any:
     found = tokens(text)
-    if parser is not parse_relation:
-        return _Source(steps(text, found, conditional=parser is parse_condition))
-    left, right, sense = sides(text, found)
-    if right is None:
-        return _Source(steps(text, left), None, sense)
-    at = left[-1].offset
-    return _Source(steps(text, left), steps(text, right), sense, at)
+    if parser is parse_relation:
+        return relation(text, found, lambda part: grammar.parsed(text, part))
+    return grammar.parsed(text, found, conditional=parser is parse_condition)
 
 
 def _check(family: Family) -> None:

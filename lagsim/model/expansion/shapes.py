@@ -65,7 +65,7 @@ class Shapes(Section):
         frames = self.x.frames
         if isinstance(node, Scalar) and frames is not None:
             try:
-                steps = self.scope.source(node.text, parse).left
+                steps = self.scope.source(node.text, parse).postfix
                 return self._axes(frames.named_by(steps, reading.indices), node)
             except ExpressionError:  # a name that is no frame's, or a faulty frame
                 pass

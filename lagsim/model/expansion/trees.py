@@ -12,9 +12,9 @@ gives what refers to it.
 from __future__ import annotations
 
 from functools import reduce
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
-from lagsim.language.parser import Parsed
+from lagsim.language.parser import Parsed, Token
 
 LETTERS = "xyz"
 # Entries of a symmetric matrix, in the order in which six numbers give them.
@@ -42,6 +42,7 @@ class Tree(NamedTuple):
 Vector: TypeAlias = tuple[Tree, ...]
 Value: TypeAlias = Tree | Vector
 
+_NOWHERE = Token("", "", 0)
 # The sum over an empty range, of any size.
 EMPTY = Tree("number", 0.0, -1)
 
@@ -176,10 +177,11 @@ def choice(condition: Value, a: Value, b: Value) -> Value:
 
 def parsed(tree: Tree, text: str) -> Parsed:
     """Return the postfix of a tree; `text` is where the offsets of names are."""
-    items: list[tuple[str, float | str | int, int]] = []
+    items: list[tuple[str, Any, Token]] = []
     stack = [tree]
     while stack:
         op, value, offset, args = stack.pop()
-        items.append((op, len(args) if args else value, offset))
+        token = Token(op, "", offset) if offset else _NOWHERE
+        items.append((op, len(args) if args else value, token))
         stack += args
     return Parsed(text, tuple(reversed(items)))

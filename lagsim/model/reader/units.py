@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from lagsim.errors import Place
 from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.names import rate_of, rated
-from lagsim.language.parser import TOKEN, Parsed, ParsedRelation
+from lagsim.language.parser import Parsed, ParsedRelation
 from lagsim.language.units import (
     ALIKE,
     PURE,
@@ -200,21 +200,16 @@ class _Check:
 
     def _evaluated(self, scalar: Scalar, read: Parsed) -> Quantity:
         stack = list[tuple[Quantity, float | None]]()
-        for op, payload, offset in read.postfix:
+        for op, payload, token in read.postfix:
             if op == "number":
-                x = float(payload)
-                unit = PURE if is_pure(x) else None
-                stack.append((Quantity(unit, free=True), x))
+                unit = PURE if is_pure(payload) else None
+                stack.append((Quantity(unit, free=True), payload))
             elif op == "name":
-                stack.append((self._of(str(payload)), None))
+                stack.append((self._of(payload), None))
             else:
-                count = int(payload)
-                args, powers = zip(*stack[-count:], strict=True)
-                del stack[-count:]
-                span = (0, 0)
-                if scalar.reading is None:  # of a family, tokens are elsewhere
-                    token = TOKEN.match(scalar.text, offset)
-                    span = (offset, len(token[0]) if token else 0)
+                args, powers = zip(*stack[-payload:], strict=True)
+                del stack[-payload:]
+                span = (token.offset, len(token.text))
                 found = self._operation(scalar, span, op, args, powers[-1])
                 negative = -powers[0] if op == "neg" and powers[0] else None
                 stack.append((found, negative))
