@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from difflib import get_close_matches
+from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim import limits
@@ -151,7 +152,7 @@ class Scope:
 
     def noted(self, parsed: Parsed) -> Parsed:
         """Note that the names of an expression are used; return it."""
-        self.used.update(name.text for name in parsed.names)
+        self.used.update(name for op, name, _ in parsed.postfix if op == "name")
         self._graph.allow(_LETTERS * len(parsed.postfix))
         return parsed
 
@@ -454,10 +455,10 @@ def _component(value: Value, letter: str) -> Tree:
 
 _HINTS = {"pow": "write dot(a, a)", "abs": "write norm(a)", "sqrt": "write norm(a)"}
 _RULES: dict[str, Callable[..., Value]] = {
-    "add": lambda a, b: trees.plus("add", a, b),
-    "sub": lambda a, b: trees.plus("sub", a, b),
-    "mul": lambda a, b: trees.times("mul", a, b),
-    "div": lambda a, b: trees.times("div", a, b),
+    "add": partial(trees.plus, "add"),
+    "sub": partial(trees.plus, "sub"),
+    "mul": partial(trees.times, "mul"),
+    "div": partial(trees.times, "div"),
     "neg": trees.negative,
     "if": trees.choice,
     "vec": lambda *args: tuple(trees.scalar(a, "a component") for a in args),

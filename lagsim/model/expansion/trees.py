@@ -11,10 +11,13 @@ gives what refers to it.
 
 from __future__ import annotations
 
-from functools import reduce
-from typing import Any, NamedTuple, TypeAlias
+from functools import partial, reduce
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from lagsim.language.parser import Parsed, Token
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
 LETTERS = "xyz"
 # Entries of a symmetric matrix, in the order in which six numbers give them.
@@ -94,6 +97,13 @@ def vector(value: Value, what: str) -> Vector:
     return value
 
 
+def _pairs(a: Value, b: Value) -> Iterator[tuple[Tree, Tree]]:
+    """Return the components of two vectors of one size."""
+    assert not isinstance(a, Tree)
+    assert not isinstance(b, Tree)
+    return zip(a, b, strict=True)
+
+
 def _alike(what: str, a: Value, b: Value) -> None:
     if size(a) != size(b):
         raise UnfitError(
@@ -107,10 +117,10 @@ def plus(op: str, a: Value, b: Value) -> Value:
         return a
     if a is EMPTY:
         return b if op == "add" else negative(b)
-    _alike({"add": "`+`", "sub": "`-`"}[op], a, b)
-    if isinstance(a, Tree) or isinstance(b, Tree):
-        return call(op, *(v for v in (a, b) if isinstance(v, Tree)))
-    return tuple(call(op, x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, Tree) and isinstance(b, Tree):
+        return call(op, a, b)
+    _alike("`+`" if op == "add" else "`-`", a, b)
+    return tuple(call(op, *pair) for pair in _pairs(a, b))
 
 
 def negative(a: Value) -> Value:
@@ -133,13 +143,15 @@ def times(op: str, a: Value, b: Value) -> Value:
     raise UnfitError("`*` of two vectors", "write dot(a, b) or cross(a, b)")
 
 
+def _sum(terms: Iterable[Tree]) -> Tree:
+    return reduce(partial(call, "add"), terms)
+
+
 def dot(a: Value, b: Value) -> Tree:
     """Return scalar product."""
     _alike("`dot`", a, b)
-    pairs = zip(
-        vector(a, "`dot`'s argument"), vector(b, "`dot`'s argument"), strict=True
-    )
-    return reduce(lambda s, p: call("add", s, p), (call("mul", x, y) for x, y in pairs))
+    u, v = vector(a, "`dot`'s argument"), vector(b, "`dot`'s argument")
+    return _sum(call("mul", *pair) for pair in _pairs(u, v))
 
 
 def cross(a: Value, b: Value) -> Value:
@@ -157,8 +169,8 @@ def cross(a: Value, b: Value) -> Value:
 
 def norm(a: Value) -> Tree:
     """Return length of a vector."""
-    squares = [call("pow", x, number(2.0)) for x in vector(a, "`norm`'s argument")]
-    return call("sqrt", reduce(lambda s, x: call("add", s, x), squares))
+    parts = vector(a, "`norm`'s argument")
+    return call("sqrt", _sum(call("pow", x, number(2.0)) for x in parts))
 
 
 def unit(a: Value) -> Value:
@@ -170,9 +182,9 @@ def choice(condition: Value, a: Value, b: Value) -> Value:
     """Return `if(condition, a, b)` between values of one size."""
     test = scalar(condition, "a condition")
     _alike("`if`", a, b)
-    if isinstance(a, Tree) or isinstance(b, Tree):
-        return call("if", test, *(v for v in (a, b) if isinstance(v, Tree)))
-    return tuple(call("if", test, x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, Tree) and isinstance(b, Tree):
+        return call("if", test, a, b)
+    return tuple(call("if", test, *pair) for pair in _pairs(a, b))
 
 
 def parsed(tree: Tree, text: str) -> Parsed:

@@ -143,6 +143,7 @@ class Names:
     tables: dict[str, Table] = field(default_factory=dict)
     called: set[str] = field(default_factory=set)
     _known: dict[object, Any] = field(default_factory=dict, init=False)
+    _meanings: dict[str, Meaning] = field(default_factory=dict, init=False)
 
     @property
     def complete(self) -> bool:
@@ -161,7 +162,7 @@ class Names:
 
     def declare(self, key: Scalar, kind: Kind, faults: Faults) -> bool:
         """Add a name of the file's variables; give whether it is good."""
-        name, self._known = key.text, {}
+        name, self._known, self._meanings = key.text, {}, {}
         if not check_name(key, kind.text, faults):
             self.faulty |= {name, *(f[1] for f in _DECORATED.finditer(name))}
             return False
@@ -203,6 +204,14 @@ class Names:
 
     def meaning(self, name: str) -> Meaning | None:
         """Give what `name` means in an expression, or None."""
+        if name not in self._meanings:
+            found = self._meaning(name)
+            if found is None:  # it may be declared later
+                return None
+            self._meanings[name] = found
+        return self._meanings[name]
+
+    def _meaning(self, name: str) -> Meaning | None:
         if self.variables.get(name, Kind.TABLE) is not Kind.TABLE:
             return Meaning(self.variables[name], name)
         if name in ("t", "pi"):
