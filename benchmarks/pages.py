@@ -19,6 +19,7 @@ import yaml
 
 from lagsim.codes import errors
 from lagsim.errors import InputError
+from lagsim.mechanics.equations import derive
 from lagsim.methods import method, names, page
 from lagsim.model.reader import read, read_file
 
@@ -94,8 +95,7 @@ def group_of(path: Path) -> str:
         return GROUPS[3]
     if not model.constraints:
         return GROUPS[0]
-    said = re.search(r"^constraints:.*\n((?: .*\n)+)", text, re.MULTILINE)
-    return GROUPS[2] if said and "_dot" in said[1] else GROUPS[1]
+    return GROUPS[1 if all(row.holonomic for row in derive(model).rows) else 2]
 
 
 def _entry(path: Path) -> str:
