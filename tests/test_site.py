@@ -98,8 +98,6 @@ def test_the_gallery_has_each_model_once():
         "Contact and friction": ["newtons-cradle", "quadruped"],
     }.items():
         assert all(f"models/{name}.yaml`" in parts[group] for name in some)
-    # The README counts them.
-    assert f"the {len(shipped)} models" in text_of("README.md")
 
 
 def test_the_methods_are_counted():
