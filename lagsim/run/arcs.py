@@ -185,6 +185,8 @@ class Recorder:
 # Of the range of each component, and of what tells numbers of its size apart: nothing
 # in a picture, and clear of rounding.
 ASIDE, SPACINGS = 1e-9, 64
+# Of the way from the last row to an event; more than what rounds in a slip that stops.
+BACK = 1e-6
 
 
 class Run:
@@ -206,6 +208,7 @@ class Run:
         self.tick: Callable[[Run], None] | None = None
         self.interrupt, self.progress = interrupt, progress
         self.corners = corners
+        self.shown = first.row()[0]  # the time and the state of the last row
         self.pace = self.arc.runner.pace
         self.arcs = 0
         self._horizon = Horizon()
@@ -258,6 +261,7 @@ class Run:
         self.pace.lasted(time.perf_counter() - began)
         if emitted := int(arc.state.emitted):
             rows = arc.runner.shown(emitted)
+            self.shown = arc.runner.block[emitted - 1].copy()
             known = finite_rows(rows, 1 + arc.state.dynamic.stop)
             self.recorder.hand_on(rows[:known])
             if known < emitted:
@@ -305,7 +309,8 @@ class Run:
                 ending = self._act(source, decision, before)
                 # An impact has rows of its own.
                 if corner is not None and self.corners and shown == self.recorder.rows:
-                    self.corners.add(corner, self._seen())
+                    within = ASIDE * arc.settings.duration
+                    self.corners.add(corner, self._seen(), within)
                 return ending
         if code == at.DONE:
             return Ending(Outcome.DONE)
@@ -338,12 +343,13 @@ class Run:
         meets = code in (at.SWITCH_FOUND, at.DONE)
         meets |= code == at.EVENT_FOUND and bool(arc.equations.model.events)
         meets &= arc.t < arc.settings.end
-        return self._seen() if meets else None
+        return self._seen(BACK) if meets else None
 
-    def _seen(self) -> Floats:
-        """Columns at the state reached, and at those a little aside (3, k)."""
+    def _seen(self, back: float = 0.0) -> Floats:
+        """Columns a little aside of the state reached, back a part, and at it (4, k)."""
         arc = self.arc
-        states = np.repeat(arc.row(), 3, 0)
+        states = np.repeat(arc.row(), 4, 0)
+        states[2] -= back * (states[2] - self.shown)
         ranges = np.append(arc.settings.duration, arc.ranges_to(arc.y))
         aside = ASIDE * ranges + SPACINGS * np.spacing(np.abs(states[0]))
         # What is kept on the way is that of the last.

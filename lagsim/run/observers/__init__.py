@@ -131,9 +131,12 @@ class Corners:
         """Whether more rows are requested."""
         return len(self.events) < MOST
 
-    def add(self, before: Floats, after: Floats) -> None:
-        """Take the rows at an event; at one time, the first and the last count."""
-        if self.events and self.events[-1][0][0, 0] == after[0, 0]:
+    def add(self, before: Floats, after: Floats, within: float = 0.0) -> None:
+        """Take the rows at an event; at one time, the first and the last count.
+
+        Times `within` of each other are one: a slip on a disc may turn often to stop.
+        """
+        if self.events and after[-1, 0] - self.events[-1][1][-1, 0] <= within:
             before, _ = self.events.pop()
         self.events.append((before, after))
 

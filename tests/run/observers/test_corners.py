@@ -61,6 +61,21 @@ def test_a_sign_has_the_value_of_its_side_at_the_event():
     assert set(np.round(friction, 6)) == {5.0, 1.0}
 
 
+def test_a_slip_on_a_disc_stops_without_a_spike():
+    """Until the stop the force has its limit against the slip, then that of the spring.
+
+    The slip turns often on the last 1e-11 s, and about a stop it has no direction.
+    """
+    series = shown("models/planar-brake.yaml")
+    (t, x), (_, y) = (series(f"lambda_table.{k}") for k in (1, 2))
+    late = t > 3.7
+    before = t[late] < 3.76539826
+    for values, stuck in (x[late], 0.2173356), (y[late], 0.0127790):
+        assert np.abs(np.diff(values[before])).max() < 1e-3
+        assert values[~before][1:] == pytest.approx(stuck, abs=1e-6)
+    assert np.hypot(x, y).max() < 0.08 * 0.5 * 9.81 + 1e-9
+
+
 def test_the_first_and_the_last_of_one_time_are_kept_and_not_too_many():
     corners = Corners()
     for time, value in ((1.0, 5.0), (1.0, 7.0), (2.0, 9.0)):
