@@ -35,6 +35,7 @@ from lagsim.admissibility.refusal import (
     needs_constraints,
     out_of_scale,
     refuse_infinite,
+    refuse_negative,
 )
 from lagsim.admissibility.verdict import (
     Verdict,
@@ -282,6 +283,7 @@ class _Examiner:
         warnings = self.warnings
         satisfied = all(verdict.satisfied for verdict in (*verdicts, *laws, *unmet))
         if satisfied:
+            refuse_negative(point, {x.name for x in laws if x.active})
             warnings += advice.rough_starts(e, verdicts, starts)
             judged = self._exact(point, laws)
         else:

@@ -232,6 +232,33 @@ def _hint(point: Point, node: int) -> str:
     return NO_VALUE
 
 
+def refuse_negative(point: Point, active: Collection[str]) -> None:
+    """Refuse frictions and limits of laws that act which are negative.
+
+    Raises
+    ------
+    InputError
+    """
+    laws = point.e.laws
+    some = [
+        law
+        for k, law in enumerate(laws)
+        if law.kind.bounded and law.constraint in active and not 0 <= law.pair < k
+    ]
+    places = {c.name: c.relation.place for c in point.e.model.constraints}
+    found = []
+    for law, value in zip(some, point.array([x.bound for x in some]), strict=True):
+        what = "friction" if law.kind is Kind.SLIP else "limit"
+        text = (
+            f"the {what} of the constraint `{law.name}` is {value:.6g} at the start, "
+        )
+        if value < 0.0:
+            place = places[law.constraint]
+            found.append(Problem("out-of-range", text + "which is negative", place))
+    if found:
+        raise InputError(found)
+
+
 def out_of_scale(model: Model) -> InputError:
     """Return what tells that doubles do not hold what the start asks for.
 

@@ -138,8 +138,9 @@ initial: {x: 0, q: 1, y: a*sin(q), x_dot: -3}
         "tables: {torque: {points: [[0, 0], [0.5, 1]]}}\nforces: {theta: torque(t)}\n",
         _RUN),
     Row("E520", "law-out-of-range",
-        "A friction became negative, or a restitution left 0 to 1.",
-        "Along the whole motion friction is not negative and restitution 0 to 1.",
+        "A friction or a limit became negative, or a restitution left 0 to 1.",
+        "Along the whole motion no friction or limit is negative, and restitution is 0 "
+        "to 1.",
         "bound the expression, as in max(0, ...) or min(1, ...)",
         "coordinates: {x: {}, y: {}}\ndefinitions: {}\n"
         "energy: {kinetic: (x_dot^2 + y_dot^2)/2, potential: 9.81*y}\n"

@@ -271,6 +271,12 @@ class Law(NamedTuple):
     slider: Slider | None = None
 
     @property
+    def name(self) -> str:
+        """The name in the file of its constraint, also of one of two relations."""
+        two = self.pair >= 0 and self.kind is not Kind.SLIP
+        return self.constraint[:-2] if two else self.constraint
+
+    @property
     def solved(self) -> Row:
         """The row that the motion is solved with."""
         return self.slider.row if self.slider else self.row

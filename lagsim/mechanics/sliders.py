@@ -130,7 +130,10 @@ def _slider(
         return None
     slides = g.call("gt", g.call("mul", way, way), g.zero)
     limit = g.call("sub", law.bound, size)
-    left = g.call("if", slides, g.call("neg", lost), limit) if first else g.one
+    ends = g.call("neg", lost)
+    if law.bound in g.dependent([law.bound], e.moving):
+        ends = g.call("min", ends, law.bound)  # it may not become negative
+    left = g.call("if", slides, ends, limit) if first else g.one
     name, solved = str(g.payload(way)), _one_of(g, slides, row, law.row)
     return Slider(j, force, name, solved, limit, left, first)
 

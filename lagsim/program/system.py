@@ -326,7 +326,7 @@ class System:
             moves = self.equations.graph.dependent(
                 [law.bound for law in self.laws], self.equations.moving
             )
-            p.law_varies[:] = [x.normal >= 0 and x.bound in moves for x in self.laws]
+            p.law_varies[:] = [x.bound in moves for x in self.laws]
         p.law_normal[:] = [law.normal for law in self.laws]
         p.law_pair[:] = [law.pair for law in self.laws]
         places = [x.slider.coordinate if x.slider else -1 for x in self.laws]

@@ -346,7 +346,7 @@ class Run:
         return self._seen(BACK) if meets else None
 
     def _seen(self, back: float = 0.0) -> Floats:
-        """Columns a little aside of the state reached, back a part, and at it (4, k)."""
+        """Columns a little aside of the state reached, a part back, at it: (4, k)."""
         arc = self.arc
         states = np.repeat(arc.row(), 4, 0)
         states[2] -= back * (states[2] - self.shown)

@@ -148,7 +148,7 @@ class Laws(Surfaces):
     slack: Floats = array(each_watched)  # how far past its end a mode still lasts ...
     band: Floats = array(each_watched)  # ... and must be past it for more than noise
     law_kind: Floats = array("laws")
-    law_varies: Floats = array("laws")  # 1: a friction that follows the motion
+    law_varies: Floats = array("laws")  # 1: a bound that follows the motion
     law_mode: Floats = array("laws")
     law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1

@@ -191,11 +191,11 @@ class Contacts(Source):
             if closed[k] and self._jumps(here, k):
                 found.ending = Ending(Outcome.CONSTRAINT_JUMPS, law.constraint)
                 return found
-        some = [k for k, law in enumerate(self.laws) if closed[k]]
-        if wrong := here.out_of_range(some):
+        some = [k for k, law in enumerate(self.laws) if closed[k] or law.slider]
+        if wrong := here.out_of_range(some, met):
             found.ending = Ending(Outcome.LAW_OUT_OF_RANGE, wrong)
             return found
-        some = [k for k in some if self.laws[k].kind.strikes]
+        some = [k for k in some if closed[k] and self.laws[k].kind.strikes]
         if any(here.strikes(k) for k in some):
             self._strike(here, some, ends, found)
             grazing = here.grazing
@@ -596,10 +596,8 @@ def _changes(here: Kinematics, before: Floats) -> Iterator[Event]:
     if (now == before).all():
         return
     for k, law in enumerate(here.laws):
-        name = law.constraint
+        name = law.name
         if law.kind.bounded:
-            if law.kind is Kind.LIMITED and law.pair >= 0:
-                name = name[:-2]  # of its two relations
             was, holds = before[k] in HOLDING, now[k] in HOLDING
             if 0 <= law.pair < k:
                 continue

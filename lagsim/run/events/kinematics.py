@@ -193,13 +193,18 @@ class Kinematics:
             return np.array([law.restitution for law in self.laws])
         return self.arc.runner.function("restitutions", self.count)(self.t, self.y)
 
-    def out_of_range(self, closed: Collection[int]) -> str:
-        """Say which of some laws has a negative friction, or a wrong restitution."""
+    def out_of_range(self, closed: Collection[int], met: int | None) -> str:
+        """Say which of some laws has a negative bound, or a wrong restitution.
+
+        The one that is met and goes on to slide has come to that within rounding.
+        """
         e, mu = self.restitutions.tolist(), self.bounds.tolist()
         for k in closed:
-            name, kind = f"`{self.laws[k].constraint}`", self.laws[k].kind
-            if kind is Kind.SLIP and mu[k] < 0.0:
-                return f"the friction of {name} is {mu[k]:.6g}, which is negative,"
+            name, kind = f"`{self.laws[k].name}`", self.laws[k].kind
+            ends = k == met and abs(self.rates[k]) > self.still[k] and mu[k] <= 0.0
+            if kind.bounded and (mu[k] < 0.0 or ends):
+                what = "friction" if kind is Kind.SLIP else "limit"
+                return f"the {what} of {name} is {mu[k]:.6g}, which is negative,"
             if kind is Kind.CONTACT and self.strikes(k) and not 0.0 <= e[k] <= 1.0:
                 return f"the restitution of {name} is {e[k]:.6g}, outside of 0 to 1,"
         return ""

@@ -79,7 +79,7 @@ class _Sliders:
             if over >= -at_edge(arc) * bound - rounding:
                 edge.append(k)
             if elastic and over > SATISFIED * bound + rounding:
-                far.append(laws[k].constraint)
+                far.append(laws[k].name)
         if far:
             return Settled(self.y, [], far)
         sliding = self._pivoted(edge)
@@ -144,7 +144,8 @@ class _Sliders:
         laws = self.arc.system.laws
         found = []
         for k, slid in zip(self.own, self.before.tolist(), strict=True):
-            name = laws[k].constraint[:-2] if laws[k].pair >= 0 else laws[k].constraint
             if slid != (k in sliding):
-                found.append(Event(self.arc.t, "stick" if slid else "slip", name))
+                found.append(
+                    Event(self.arc.t, "stick" if slid else "slip", laws[k].name)
+                )
         return found

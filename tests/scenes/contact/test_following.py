@@ -122,6 +122,25 @@ def test_a_friction_that_becomes_negative_ends_the_run():
     assert "the friction of `floor`" in found.result.reason
 
 
+@pytest.mark.parametrize("duration", [2, 0.8])
+def test_a_limit_that_becomes_negative_ends_the_run(duration):
+    """As does one at a row's time; at the start it is a fault of the file."""
+    limit = {"brake": {"relation": "x_dot = 0", "limit": "0.5 - t"}}
+    given = {"x": 0.0, "x_dot": 3.0}
+    text = scene("x", "x_dot^2/2", "0", limit, given, duration=duration)
+    found = tried(text)
+    assert found.result.outcome == "failed"
+    assert found.t[-1] == pytest.approx(0.5, abs=GLOBAL)
+    assert "the limit of `brake`" in found.result.reason
+    late = text.replace("duration", "start: 0.75\n  duration")
+    with pytest.raises(InputError, match=r"`brake` is -0.25 at the start") as error:
+        lagsim.check(lagsim.load(late))
+    assert error.value.problems[0].code == "out-of-range"
+    with pytest.raises(InputError, match=r"`floor` is -0.2 at the start"):
+        lagsim.check(lagsim.load(plane(law=rough("x - 0.2"))))
+    lagsim.check(lagsim.load(plane(law=rough("x - 0.2"), start={"y": 1.0})))
+
+
 # --- restitution ----------------------------------------------------------------------
 
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from tests.scenes.contact.motions import GLOBAL, close, play, scene
+import lagsim
+from lagsim.errors import InputError
+from tests.scenes.contact.motions import GLOBAL, close, play, scene, tried
 
 K, M, SPRING, FORCE = 3.0, 1.0, 2.0, 0.5
 JENKINS = {"slider": {"relation": "s_dot = 0", "limit": FORCE}}
@@ -226,3 +228,80 @@ def test_a_slider_in_the_plane():
     size = np.hypot(found["lambda_brake.1"], found["lambda_brake.2"])
     assert np.abs(size[late] - F).max() < 1e-14
     assert np.ptp(found["energy"] - found["work"]) < 1e-11
+
+
+def test_starts():
+    """At or below the limit a start is admissible; a guess is solved for the limit."""
+    assert (
+        lagsim.check(lagsim.load(jenkins())).record["constraints"][0]["mode"]
+        == "sticks"
+    )
+    for v, mode, freedom in ((1.0, "slides", 2), (-1.0, "sticks", 1)):
+        text = jenkins(start={"x": FORCE / SPRING, "x_dot": v})
+        found = lagsim.check(lagsim.load(text)).record
+        assert found["constraints"][0]["mode"] == mode
+        assert found["degrees_of_freedom"] == freedom
+    text = jenkins(start={"x": 0.4})
+    found = lagsim.check(lagsim.load(text))
+    assert not found.admissible
+    repaired = found.record["repair"]
+    assert SPRING * (repaired["x"] - repaired["s"]) == pytest.approx(FORCE, rel=1e-12)
+    with pytest.raises(lagsim.InadmissibleError, match="slider"):
+        lagsim.simulate(lagsim.load(text))
+    free = play(jenkins(start={"x": 0.4, "s": {"guess": 0.0}}))
+    assert free["s"][0] == pytest.approx(0.4 - FORCE / SPRING, rel=1e-12)
+    assert free["s_dot"][0] == free["x_dot"][0] == 1.0
+
+
+def test_a_limit_that_falls_below_the_force_at_once_ends_the_run():
+    """One that falls slowly has the slider follow."""
+
+    def with_limit(limit):
+        return jenkins(start={"x_dot": 0.5}).replace("limit: 0.5", f"limit: {limit}")
+
+    found = tried(with_limit("if(t > 0.7, 0.1, 0.5)"))
+    assert found.result.outcome == "failed"
+    assert found.t[-1] == pytest.approx(0.7, abs=1e-9)
+    assert "`slider`" in found.result.reason
+    found = play(with_limit("0.5*exp(-t)"))
+    slides = found["residual_slider"] != 0.0
+    bound = 0.5 * np.exp(-found["t"])
+    force = SPRING * np.abs(found["x"] - found["s"])
+    assert slides.any()
+    assert np.abs(force - bound)[slides].max() < 1e-14
+    assert (force <= bound + 1e-10).all()
+
+
+def test_a_slider_and_a_stop():
+    """Where the mass rebounds from a stop, its slider sticks."""
+    law = JENKINS | {"stop": {"relation": "x <= 0.4", "restitution": 0.5}}
+    found = play(scene(
+        "x s", "x_dot^2/2", f"{SPRING}*(x - s)^2/2", law,
+        {"x": 0.0, "s": 0.0, "x_dot": 1.5}, duration=0.5, output_step=0.001,
+    ))  # fmt: skip
+    struck = found.times("impact")[0]
+    assert found.times("stick")[0] == struck
+    k = np.flatnonzero(np.diff(found["t"]) == 0.0)[0]
+    before, after = ({q: found[q][k + i] for q in ("x_dot", "s_dot")} for i in (0, 1))
+    # m v^2/2 less the work of the spring, then of the slider.
+    v = np.sqrt(1.5**2 - FORCE**2 / SPRING - 2 * FORCE * (0.4 - FORCE / SPRING))
+    close([before["x_dot"], before["s_dot"]], [v, v], GLOBAL)
+    close([after["x_dot"], after["s_dot"]], [-v / 2, 0.0], GLOBAL)
+
+
+def test_sections_events_and_other_times():
+    """`until` and `result.at` see a slider; a clock that starts late moves nothing."""
+    found = play(jenkins(until="s >= 0.1"))
+    assert found.result.outcome == "until"
+    close(found["x"][-1], 0.1 + FORCE / SPRING, 1e-10)
+    plain = play(jenkins())
+    late = play(jenkins().replace("duration:", "start: 1000\n  duration:"))
+    times = [0.1234, 0.5678]
+    at = plain.result.at(times)
+    close(at["lambda_slider"], -SPRING * (at["x"] - at["s"]), 1e-14)
+    close(late["x"], plain["x"], GLOBAL)
+
+
+def test_what_impulses_cannot_move():
+    with pytest.raises(InputError, match="no impulse moves"):
+        play(jenkins(method="moreau", step=0.01))
