@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
-LINES = 74_010
-LINES_OF_TESTS = 54_770
+LINES = 74_060
+LINES_OF_TESTS = 54_880
 
 
 def lines(folder):
