@@ -8,9 +8,9 @@ Householder reflections with column pivoting, so that nearly parallel rows keep 
 digits (S = Y^T Y would square the condition). Rows that are
 redundant everywhere are set aside: away from the constraints, at the stages of a step,
 they are not quite so, and which of them is left out must not change from stage to
-stage. lambda is the solution of least norm over all rows, and A^T lambda is unique.
-Where M alone is singular, M + A^T W A and f + A^T W b stand for M and f: q'' and
-lambda are the same (W diagonal, to the size of M).
+stage. lambda is the solution of least norm over all rows, and A^T lambda is unique. M,
+or what stands for it, is factored in `mass`. Rows of which some hold at times only,
+LAWS, are solved for in `laws`.
 
 The derivative of the accelerations with respect to the state is exact: with the
 residuals r = M q'' - f - A^T lambda and s = A q'' - b, in which q'' and lambda stand as
@@ -18,8 +18,8 @@ variables, d(q'', lambda)/dy solves the equations of motion themselves with -dr/
 and -ds/dy for b: one factorisation serves all of its columns. dr/dy and ds/dy come from
 the graph. lambda is that of the rows which the decomposition chose.
 
-Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 4.2,
-5.2, 5.4 and 5.5.
+Sources: G. H. Golub and C. F. Van Loan, Matrix Computations, 4th ed., sections 5.2,
+5.4 and 5.5.
 """
 
 from __future__ import annotations
@@ -28,93 +28,24 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import NOTE, Parameters
-from lagsim.native.kernels.words import external
+from lagsim.methods.parts.state import columns, of_model
+from lagsim.program.laws import correct, drive, hold, respond, share, take_out
+from lagsim.program.mass import (
+    augment_force,
+    backward,
+    cholesky,
+    factor,
+    forward,
+    free_motion,
+    missing,
+    product,
+)
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
 if TYPE_CHECKING:
     from lagsim.language.arrays import Floats
 
-
-NAN = float("nan")
-
-
-def factor(p: Parameters) -> None:
-    """Factor M, or M + A^T W A with the rows that always hold."""
-    n = p.n
-    p.L[:] = p.M
-    if p.augmented > 0.0:
-        A = p.A
-        for k in range(p.m - p.laws):
-            row = A[k * n :]
-            weight = row_weight(n, p.M, row)
-            for i in range(n):
-                p.L[i * n : i * n + i + 1] += weight * row[i] * row[: i + 1]
-    cholesky(n, p.L)
-
-
-def cholesky(n: int, L: Floats) -> None:
-    """Replace the lower triangle by its Cholesky factor; nan where not positive."""
-    for j in range(n):
-        for i in range(j, n):
-            value = L[i * n + j]
-            for k in range(j):
-                value -= L[i * n + k] * L[j * n + k]
-            if i > j:
-                L[i * n + j] = value / L[j * n + j]
-            elif value > 0.0:
-                L[j * n + j] = sqrt(value)
-            else:
-                L[j * n + j] = NAN
-
-
-def row_weight(n: int, M: Floats, row: Floats) -> float:
-    """Weight that brings row^T row to the size of M where the row is.
-
-    That of other bodies would drown in it what M has there.
-    """
-    largest = 0.0
-    whole = 0.0
-    square = 0.0
-    for j in range(n):
-        inertia = abs(M[j * n + j])
-        whole = max(whole, inertia)
-        if row[j] != 0.0:
-            largest = max(largest, inertia)
-        square += row[j] * row[j]
-    if square == 0.0:
-        return 0.0
-    if largest == 0.0:
-        largest = whole
-    if largest == 0.0:
-        return 1.0 / square
-    return largest / square
-
-
-def augment_force(p: Parameters) -> None:
-    """Add A^T W b to f."""
-    n = p.n
-    for k in range(p.m - p.laws):
-        row = p.A[k * n :]
-        weight = row_weight(n, p.M, row) * p.b[k]
-        p.f[:] += weight * row[:n]
-
-
-def forward(n: int, L: Floats, x: Floats) -> None:
-    """Replace x by L^-1 x."""
-    for i in range(n):
-        value = x[i]
-        for j in range(i):
-            value -= L[i * n + j] * x[j]
-        x[i] = value / L[i * n + i]
-
-
-def backward(n: int, L: Floats, x: Floats, out: Floats) -> None:
-    """L^-T x; x is used up."""
-    for k in range(n):
-        i = n - 1 - k
-        value = x[i] / L[i * n + i]
-        out[i] = value
-        x[:i] -= L[i * n : i * n + i] * value
+LAWS = False  # set by the translator
 
 
 def spread(p: Parameters) -> None:
@@ -361,52 +292,27 @@ def unscaled_backward(p: Parameters, rank: int, x: Floats) -> None:
         x[k] *= p.scales[k] / diagonal[k]
 
 
-def product(length: int, a: Floats, b: Floats) -> float:
-    """Inner product."""
-    value = 0.0
-    for i in range(length):
-        value += a[i] * b[i]
-    return value
-
-
 # What reflections leave of a vector, in units of the roundoff of its norm.
 REFLECTED = 4.0
 
 
-@external
-def dynamics(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """M (n, n), A (m, n), f (n,), b (m,).
-
-    Then of each law its speed, and its bounds while it slides and sticks (3 laws,).
-    """
-
-
-@external
-def other_rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the rates of what follows the velocities, from q'' and lambda in p."""
-
-
-@external
-def geometry(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,)."""
-
-
-@external
-def second_order(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Second-order residuals after Newton steps, which y holds in place of velocities.
-
-    Of the residuals (m,) and of the rates (m,), against their scales.
-    """
-
-
-@external
-def force_rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the rounding of the forces (n,), and of the rates that follow."""
-
-
-@external
-def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Columns of a row, from q'' and lambda in p."""
+# M (n, n), A (m, n), f (n,), b (m,); then of each law its speed, and its bounds while
+# it slides and sticks (3 laws,).
+dynamics = of_model("dynamics")
+# The rates of what follows the velocities, from q'' and lambda in p.
+other_rates = of_model("other_rates")
+# M (n, n), A (m, n), residuals (m,), rates (m,), the scales of each (m,).
+geometry = of_model("geometry")
+# Second-order residuals after Newton steps, which y holds in place of velocities: of
+# the residuals (m,) and of the rates (m,), against their scales.
+second_order = of_model("second_order")
+# The rounding of the forces (n,), and of the rates that follow.
+force_rounding = of_model("force_rounding")
+# dr/dy (n, d), ds/dy (m, d) and those of the rates of states and works, by the d
+# components that the motion depends on, at the q'' and lambda that p holds; last those
+# of these rates by q'' and lambda. What is zero identically is not written: the room
+# for it holds zeros from the start.
+slopes = of_model("slopes")
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -419,6 +325,8 @@ def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     """Rates y' (size,) and lambda (m,)."""
     derivative(t, y, p, out)
     out[p.size : p.size + p.m] = p.multipliers
+    if LAWS and p.law_shares > 0.0:
+        share(p, out[p.size :])
 
 
 def rates(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -448,6 +356,8 @@ def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     n = p.n
     reaction = out[p.size :]
     solve_motion(t, y, p)
+    if LAWS:
+        take_out(p)
     gather(p, reaction)
     force_rounding(t, y, p, out)
     p.f[:] = out[:n]
@@ -517,7 +427,7 @@ def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gaps, p.gap_scales, out)
     out[p.n + 1] = 0.0
-    out[p.n + 2] = residual_left(0, p.m, t, y, p, out)
+    out[p.n + 2] = residual_left(0, t, y, p, out)
 
 
 def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -525,15 +435,16 @@ def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     geometry(t, y, p, p.terms)
     correction(p, p.gap_rates, p.rate_scales, out)
     out[p.n + 1] = p.sigma
-    out[p.n + 2] = residual_left(p.m, p.m, t, y, p, out)
-    keep_lengths(p)
-    p.reference = max(p.reference, p.sigma)
+    out[p.n + 2] = residual_left(p.m, t, y, p, out)
+    if not LAWS:
+        keep_lengths(p)
+        p.reference = max(p.reference, p.sigma)
 
 
 def residual_left(
-    first: int, count: int, t: float, y: Floats, p: Parameters, step: Floats
+    first: int, t: float, y: Floats, p: Parameters, step: Floats
 ) -> float:
-    """Largest second-order residual after a Newton step, of the first rows in order.
+    """Largest second-order residual after a Newton step, of the rows that hold.
 
     Of their residuals (first = 0), or of their rates (first = m).
     """
@@ -542,23 +453,31 @@ def residual_left(
     z[p.velocities] = step[:n]
     second_order(t, z, p, p.left)
     largest = 0.0
-    for k in range(count):
+    for k in range(int(p.ranked) if LAWS else p.m):
         largest = max(largest, p.left[first + int(p.order[k])])
     return largest
 
 
 def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> None:
     """-M^-1 A^T S^-1 residuals (n,), and the largest against its size (1,)."""
-    factor_rows(p)
+    if LAWS:
+        hold(p)
+    else:
+        factor_rows(p)
     largest = 0.0
-    for k in range(p.m):
+    for k in range(int(p.ranked) if LAWS else p.m):
         i = int(p.order[k])
-        p.w[k] = -residuals[i] * p.scales[k]
+        p.w[k] = -residuals[i]
+        if not LAWS:
+            p.w[k] *= p.scales[k]
         if sizes[i] > 0.0:
             size = abs(residuals[i]) / sizes[i]
             if not size <= largest:  # or not a number
                 largest = size
-    impress(p, int(p.ranked))
+    if LAWS:
+        correct(p)
+    else:
+        impress(p, int(p.ranked))
     backward(p.n, p.L, p.u, out)
     out[p.n] = largest
 
@@ -566,13 +485,19 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
 def solve_motion(t: float, y: Floats, p: Parameters) -> None:
     """Leave q'' (n,) and lambda (m,) as the motion."""
     dynamics(t, y, p, p.terms)
+    if p.augmented > 0.0:
+        augment_force(p)
+    if LAWS:
+        drive(p)
     solve_terms(p)
 
 
 def solve_terms(p: Parameters) -> None:
     """Do so for the terms that are there."""
-    if p.augmented > 0.0:
-        augment_force(p)
+    if LAWS:
+        hold(p)
+        respond(p)
+        return
     factor_rows(p)
     free_motion(p)
     for k in range(p.m):
@@ -592,33 +517,6 @@ def factor_rows(p: Parameters) -> None:
         spread(p)
         p.ranked = reflect(p)
     p.factored = p.constant
-
-
-def free_motion(p: Parameters) -> None:
-    """Leave M^-1 f as the motion, and L^-1 f as v (n,)."""
-    p.v[:] = p.f
-    forward(p.n, p.L, p.v)
-    p.u[:] = p.v
-    backward(p.n, p.L, p.u, p.motion)
-
-
-def missing(p: Parameters, i: int) -> float:
-    """Residual of row i in the accelerations: b_i - A_i q''."""
-    A = p.A[i * p.n :]
-    value = p.b[i]
-    for j in range(p.n):
-        value -= A[j] * p.motion[j]
-    return float(value)
-
-
-@external
-def slopes(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write dr/dy (n, d), ds/dy (m, d) and those of the rates of states and works.
-
-    By the d components that the motion depends on, at the q'' and lambda that p holds.
-    Last those of these rates by q'' and lambda. What is zero identically is not
-    written: the room for it holds zeros from the start.
-    """
 
 
 def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:

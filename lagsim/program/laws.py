@@ -25,7 +25,7 @@ chapter 5.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import nan, sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.newton import decompose, solve
@@ -40,24 +40,9 @@ from lagsim.methods.parts.parameters import (
     SLIP,
     Parameters,
 )
+from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import external
-from lagsim.program.dense import (
-    NAN,
-    REFLECTED,
-    augment_force,
-    backward,
-    dynamics,
-    factor,
-    force_rounding,
-    forward,
-    free_motion,
-    gather,
-    geometry,
-    missing,
-    product,
-    rates,
-    residual_left,
-)
+from lagsim.program.mass import backward, factor, forward, free_motion, missing, product
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -125,7 +110,7 @@ def share_out(p: Parameters) -> None:
 def solve_rows(p: Parameters, count: int, x: Floats) -> None:
     """Solve S x = right side (count,) in place; nan where S is singular."""
     if decompose(1, count, p.S, p.factors) == 0:
-        x[:count] = NAN
+        x[:count] = nan
     else:
         solve(1, count, p.S, p.factors, x)
 
@@ -244,83 +229,29 @@ BEGUN = 16.0
 TURNED = 0.5
 
 
+# Of each law (L,) the gap, the speed of what has none, or what is `left`.
+gaps = of_model("gaps")
+
+
 @external
-def gaps(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write of each law (L,) the gap, the speed of what has none, or what is `left`."""
+def solve_motion(t: float, y: Floats, p: Parameters) -> None:
+    """Leave q'' (n,) and lambda (m,) as the motion, see `dense`."""
 
 
-def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,) and lambda (m,)."""
-    solve_motion(t, y, p)
-    rates(t, y, p, out)
-    out[p.size : p.size + p.m] = p.multipliers
-    if p.law_shares > 0.0:
-        share(p, out[p.size :])
-
-
-def rounding(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Bounds of the rounding of q'' (n,) and of other rates; see `dense`."""
-    n = p.n
+def take_out(p: Parameters) -> None:
+    """Clear the rows of laws that do not hold."""
     first = p.m - p.laws
-    reaction = out[p.size :]
-    solve_motion(t, y, p)
-    for k in range(first, p.m):
-        if p.law_mode[k - first] != HELD:
-            p.A[k * n : (k + 1) * n] = 0.0
-    gather(p, reaction)
-    force_rounding(t, y, p, out)
-    p.f[:] = out[:n]
-    p.b[:] = 0.0
-    hold(p)
-    respond(p)
-    out[:n] = abs(p.motion[:n]) + REFLECTED * reaction[:n]
+    for k in range(p.laws):
+        if p.law_mode[k] != HELD:
+            p.A[(first + k) * p.n : (first + k + 1) * p.n] = 0.0
 
 
-def position_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the least change (n,) in the metric of M that removes the residuals.
-
-    Then the largest residual against its scale, 0, and what the change leaves, (3,).
-    """
-    geometry(t, y, p, p.terms)
-    correction(p, p.gaps, p.gap_scales, out)
-    out[p.n + 1] = 0.0
-    out[p.n + 2] = residual_left(0, int(p.ranked), t, y, p, out)
-
-
-def velocity_step(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Write the same for the velocities and the rates, with 1 instead of 0."""
-    geometry(t, y, p, p.terms)
-    correction(p, p.gap_rates, p.rate_scales, out)
-    out[p.n + 1] = 1.0
-    out[p.n + 2] = residual_left(p.m, int(p.ranked), t, y, p, out)
-
-
-def correction(p: Parameters, residuals: Floats, scales: Floats, out: Floats) -> None:
-    """-M^-1 A^T S^-1 residuals (n,), and the largest against its scale (1,)."""
-    hold(p)
-    largest = 0.0
-    count = int(p.ranked)
-    for k in range(count):
-        i = int(p.order[k])
-        p.w[k] = -residuals[i]
-        if scales[i] > 0.0:
-            largest = max(largest, abs(residuals[i]) / scales[i])
+def correct(p: Parameters) -> None:
+    """Leave the change of the state (n,), times L, by the rows that hold, as u."""
     p.u[:] = 0.0
     couple(p, 0)
-    solve_rows(p, count, p.w)
+    solve_rows(p, int(p.ranked), p.w)
     impress(p)
-    backward(p.n, p.L, p.u, out)
-    out[p.n] = largest
-
-
-def solve_motion(t: float, y: Floats, p: Parameters) -> None:
-    """Leave q'' (n,) and lambda (m,) as the motion."""
-    dynamics(t, y, p, p.terms)
-    if p.augmented > 0.0:
-        augment_force(p)
-    hold(p)
-    drive(p)
-    respond(p)
 
 
 def hold(p: Parameters) -> None:

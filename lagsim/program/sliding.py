@@ -19,7 +19,8 @@ from math import sqrt
 from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import CARRIED, FOLLOWED, Parameters
-from lagsim.native.kernels.words import external
+from lagsim.methods.parts.state import columns, of_model
+from lagsim.program import mass
 from lagsim.tolerances import COMPUTED_ZERO, SOLUTION_ROUNDOFF
 
 if TYPE_CHECKING:
@@ -28,33 +29,15 @@ if TYPE_CHECKING:
 LAWS = True
 
 
-@external
-def field(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Rates y' (size,) and lambda (m,) with each surface on its side."""
-
-
-@external
-def surfaces(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Expressions (K,) of the surfaces."""
-
-
-@external
-def surface_rows(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Residuals (K,), rates (K,), b (K,), scales (K,), and what J has.
-
-    One on the level of velocities has no residual on that of positions. J (K, n + l) is
-    given row by row, without what vanishes; where its elements belong is kept before.
-    """
-
-
-@external
-def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Event functions of the laws (L,)."""
-
-
-@external
-def columns(t: float, y: Floats, p: Parameters, out: Floats) -> None:
-    """Columns of a row, from q'' and lambda in p."""
+# Rates y' (size,) and lambda (m,) with each surface on its side.
+field = of_model("field")
+# Expressions (K,) of the surfaces.
+surfaces = of_model("surfaces")
+# Residuals (K,), rates (K,), b (K,), scales (K,), and what J has. One on the level of
+# velocities has no residual on that of positions. J (K, n + l) is given row by row,
+# without what vanishes; where its elements belong is kept before.
+surface_rows = of_model("surface_rows")
+law_event_functions = of_model("law_event_functions")
 
 
 def derivative(t: float, y: Floats, p: Parameters, out: Floats) -> None:
@@ -305,24 +288,16 @@ def share(size: int, rank: int, B: Floats, right: Floats) -> None:
         row = B[i * size :]
         for j in range(i):
             other = B[j * size :]
-            part = product_of(size, row, other)
+            part = mass.product(size, row, other)
             row[:size] -= part * other[:size]
             right[3 * i] -= part * right[3 * j]
-        length = sqrt(product_of(size, row, row))
+        length = sqrt(mass.product(size, row, row))
         row[:size] /= length
-        part = right[3 * i] / length - product_of(size, row, shares)
+        part = right[3 * i] / length - mass.product(size, row, shares)
         right[3 * i] /= length
         shares[:size] += part * row[:size]
     for k in range(size):
         right[3 * k] = shares[k]
-
-
-def product_of(size: int, a: Floats, b: Floats) -> float:
-    """Product of two rows (size,)."""
-    found = 0.0
-    for j in range(size):
-        found += a[j] * b[j]
-    return found
 
 
 def take_pivot(size: int, row: int, k: int, B: Floats, right: Floats) -> int:

@@ -71,23 +71,21 @@ _TABULATE = (
 
 def kernels(system: System) -> Iterator[Part]:
     """Kernels that a method calls besides the model's functions."""
-    called: list[Callable[..., Any]]
+    statics = {"LAWS": bool(system.laws)}
+    ends: list[Callable[..., Any]]
     if system.moreau is not None:
         yield kernel_part([moreau.observe])
-    elif system.laws:
-        called = [laws.field, laws.rounding, laws.position_step, laws.velocity_step]
-        yield kernel_part([*called, laws.law_event_functions])
-    elif system.plan.elimination is None:
-        called = [dense.derivative, dense.observe]
-        called = [*([dense.field] if system.surfaces else called), dense.rounding]
-        called += [dense.position_step, dense.velocity_step] if system.m else []
-        yield kernel_part(called)
+    elif system.laws or system.plan.elimination is None:
+        motion = [dense.field] if system.watched else [dense.derivative, dense.observe]
+        steps = [dense.position_step, dense.velocity_step] if system.m else []
+        ends = [dense.solve_motion, laws.law_event_functions] if system.laws else []
+        yield kernel_part([*motion, dense.rounding, *steps, *ends], statics)
     if system.has_jacobian:
         yield kernel_part([dense.jacobian])
     if system.watched:
-        called = [sliding.derivative, sliding.observe]
-        called += [sliding.event_functions, sliding.project_sliding]
-        yield kernel_part(called, {"LAWS": bool(system.laws)})
+        motion = [sliding.derivative, sliding.observe]
+        ends = [sliding.event_functions, sliding.project_sliding]
+        yield kernel_part([*motion, *ends], statics)
     if system.model.tables:
         yield kernel_part(tables.KERNELS)
 

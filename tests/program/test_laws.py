@@ -113,7 +113,10 @@ class System:
         }
         out = np.full(4 * N + ROWS + 3, np.nan)
         y = np.linspace(0.5, 1.5, 2 * N) if place is None else place
-        bind(getattr(laws, name), model)(0.0, y, p, out)
+        own = {"LAWS": True}
+        model["solve_motion"] = bind(dense.solve_motion, model, own)
+        kernel = getattr(laws if name == "law_event_functions" else dense, name)
+        bind(kernel, model, own)(0.0, y, p, out)
         return out
 
     @property
