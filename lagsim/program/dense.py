@@ -310,8 +310,7 @@ second_order = of_model("second_order")
 force_rounding = of_model("force_rounding")
 # dr/dy (n, d), ds/dy (m, d) and those of the rates of states and works, by the d
 # components that the motion depends on, at the q'' and lambda that p holds; last those
-# of these rates by q'' and lambda. What is zero identically is not written: the room
-# for it holds zeros from the start.
+# of these rates by q'' and lambda.
 slopes = of_model("slopes")
 
 

@@ -90,15 +90,13 @@ def kernels(system: System) -> Iterator[Part]:
         yield kernel_part(tables.KERNELS)
 
 
-# Functions that find zeros, and do not write what is zero identically.
-SPARSE = ("slopes",)
 # Functions in which a product may be added without being rounded first.
 CONTRACTED = ("series",)
 # Functions that are called once in many steps.
 SELDOM = ("rounding", "force_rounding")
 # Functions that are called once in a step, or for a row.
 ONCE = ("terms", "energies_masses", "inertias", "energies", "observe", "columns")
-MANNER = CONTRACTED, SPARSE, SELDOM, ONCE
+MANNER = CONTRACTED, SELDOM, ONCE
 
 
 class System:
@@ -218,7 +216,7 @@ class System:
             from lagsim.native.graph import tapes
 
             made = keys.nodes_of(functions)
-            return tapes.generate(g, made, layout, SPARSE)
+            return tapes.generate(g, made, layout)
         from lagsim.native.graph import straight_line
 
         return straight_line.generate(g, functions, layout, *MANNER)

@@ -238,11 +238,12 @@ def test_matrices_of_zeros_cost_what_their_other_entries_do(many: int) -> None:
         g = Graph()
         terms = build(g, *(f"x*a + {k}" for k in range(many)))
         nodes = [*([g.zero] * zeros), *terms, g.zero, terms[0], g.zero]
-        compiled = Compiled(g, {"f": nodes, "g": [g.zero, *terms[:2]]})
+        functions = {"f": nodes, "g": [g.zero, *terms[:2]]}
+        tape, compiled = pair(g, functions)
         expected = [VALUES["x"] * VALUES["a"] + k for k in range(many)]
         wanted = [*([0.0] * zeros), *expected, 0.0, expected[0], 0.0]
         found = compiled.at(VALUES)  # what it is given is GUARD everywhere
-        assert bits(found) == bits(wanted)
+        assert bits(found) == bits(tape.at(VALUES)) == bits(wanted)
         assert compiled.at(VALUES, "g") == [0.0, *expected[:2]]
         sizes.append(compiled.code.ir.count("\n"))
     assert sizes[1] == sizes[0] < 20 * many + 100
@@ -266,13 +267,3 @@ def test_memory_is_used_again() -> None:
     # Two values at once; three numbers, of which one is 1 and multiplies nothing; t;
     # the state; and the cosines, which nobody uses.
     assert tape.code.p_size <= SIZE + 2 + 2 + len(STATE) + 2
-
-
-def test_zeros_are_not_written_where_they_are_found() -> None:
-    g = Graph()
-    nodes = [g.zero, *build(g, "x*a", "0", "w"), g.zero]
-    sparse = partial(tapes.generate, sparse=("f",))
-    tape = Compiled(g, {"f": nodes, "g": nodes}, sparse)
-    whole, sparse = tape.at(VALUES, "g"), tape.at(VALUES)
-    assert whole == [0.0, VALUES["x"] * VALUES["a"], 0.0, VALUES["w"], 0.0]
-    assert sparse == [GUARD, whole[1], GUARD, whole[3], GUARD]

@@ -15,17 +15,17 @@ LAYOUT = Layout(y={"x": 0, "v": 1}, p={"k": 0, "c": 1}, fixed=frozenset("kc"), s
 TEXT = "k*sin(x) - 2.5*v"
 
 
-def digest(text: str = TEXT, layout: Layout = LAYOUT, sparse: object = ()) -> str:
+def digest(text: str = TEXT, layout: Layout = LAYOUT, once: object = ()) -> str:
     g = Graph()
     functions = {"f": [*build(g, text), g.zero]}
-    return fingerprint(g, functions, layout, {"sparse": sparse})
+    return fingerprint(g, functions, layout, {"once": once})
 
 
 def test_numbers_of_nodes_say_nothing() -> None:
     g = Graph()
     build(g, *(f"exp({k}*unused)" for k in range(3, 9)))
     functions = {"f": [*build(g, TEXT), g.zero]}
-    assert fingerprint(g, functions, LAYOUT, {"sparse": ()}) == digest()
+    assert fingerprint(g, functions, LAYOUT, {"once": ()}) == digest()
 
 
 def test_what_has_other_code_has_another_digest(
@@ -40,7 +40,7 @@ def test_what_has_other_code_has_another_digest(
         LAYOUT._replace(fixed=frozenset("c")),
     ]
     found = [digest(), *map(digest, texts), *(digest(layout=x) for x in others)]
-    found.append(digest(sparse=("f",)))
+    found.append(digest(once=("f",)))
     g = Graph()
     f, h = build(g, TEXT, "x")
     named = [{"g": [f]}, {"f": [f]}, {"f": [f, h]}, {"f": [h, f]}, {"f": [f], "g": [f]}]

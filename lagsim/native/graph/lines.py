@@ -103,6 +103,15 @@ def fixed_nodes(
     return hoisted(g, roots, moving)
 
 
+# What `clearing` needs declared.
+CLEAR = "declare void @llvm.memset.p0.i64(ptr, i8, i64, i1)"
+
+
+def clearing(count: int) -> str:
+    """Instruction that sets the first numbers of `out` to 0."""
+    return f"call void @llvm.memset.p0.i64(ptr %out, i8 0, i64 {8 * count}, i1 0)"
+
+
 def number(x: float) -> str:
     """LLVM literal of a float, bit for bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}"

@@ -24,9 +24,11 @@ from lagsim.language.series import ORDERS
 from lagsim.native.graph import keys, tapes
 from lagsim.native.graph.lines import (
     CIRCULAR,
+    CLEAR,
     LANES,
     Code,
     Lines,
+    clearing,
     exponent_of,
     fixed_nodes,
     hoisted,
@@ -41,7 +43,6 @@ if TYPE_CHECKING:
     from lagsim.native.graph.keys import Functions, Layout, Loop
 
 
-CLEAR = "llvm.memset.p0.i64"
 # Functions of more pieces are translated one instruction after the other: compiled in
 # less than half the time, and run 5 % longer (40 links; an arm of seven joints).
 LONG = 6
@@ -144,11 +145,10 @@ class Writer(Lines):
             self.lines += [f"call void @{p}({signature})" for p in names]
             self.lines += ["ret void", "}"]
 
-    def _clear(self, numbers: int) -> None:
-        if numbers:
-            self.declared.add(f"declare void @{CLEAR}(ptr, i8, i64, i1)")
-            size = 8 * numbers
-            self.lines.append(f"call void @{CLEAR}(ptr %out, i8 0, i64 {size}, i1 0)")
+    def _clear(self, count: int) -> None:
+        if count:
+            self.declared.add(CLEAR)
+            self.lines.append(clearing(count))
 
     def _passed(
         self, pieces: Sequence[Sequence[int]], places: Mapping[int, Place]
@@ -456,15 +456,13 @@ def generate(
     functions: Functions,
     layout: Layout,
     contracted: Collection[str] = (),
-    sparse: Collection[str] = (),
     seldom: Collection[str] = (),
     once: Collection[str] = (),
 ) -> Code:
     """Code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
-    where the processor can: last digits then depend on it. Those named in `sparse` do
-    not write what is zero identically: they find zeros. Those named in `seldom` are
+    where the processor can: last digits then depend on it. Those named in `seldom` are
     called too rarely for their translation to be worth time; long ones become tapes.
     Those named in `once` are called once in a step, or less.
     """
@@ -486,13 +484,13 @@ def generate(
         if isinstance(nodes, keys.Loop):
             write(writer, name, nodes, places)
             continue
-        stores = [(node, ("out", k)) for k, node in enumerate(nodes) if node != g.zero]
-        zeros = len(nodes) - len(stores)
-        at_once = len(nodes) if zeros > FEW_ZEROS and name not in sparse else 0
-        if not at_once and name not in sparse:
-            stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
+        stores = [(node, ("out", k)) for k, node in enumerate(nodes)]
+        cleared = 0
+        if nodes.count(g.zero) > FEW_ZEROS:
+            cleared = len(nodes)
+            stores = [store for store in stores if store[0] != g.zero]
         shortest = 0 if name in seldom else 1 if name in once else LONG
-        writer.function(name, stores, places, cleared=at_once, shortest=shortest)
+        writer.function(name, stores, places, cleared=cleared, shortest=shortest)
     size = scratch + max(writer.scratch_used for writer in writers)
     made: list[Lines] = [*writers]
     if long:

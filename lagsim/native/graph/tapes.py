@@ -22,9 +22,11 @@ from lagsim.language.functions import JOINING, OPERATIONS
 from lagsim.language.graph import DATA, VARIABLE
 from lagsim.native.graph.lines import (
     CIRCULAR,
+    CLEAR,
     LANES,
     Code,
     Lines,
+    clearing,
     exponent_of,
     fixed_nodes,
     number,
@@ -93,25 +95,16 @@ def scheduled(tasks: Sequence[Task]) -> Iterator[tuple[Kind, list[Task]]]:
                 ready.setdefault(tasks[user].kind, []).append(user)
 
 
-def generate(
-    g: Graph,
-    functions: Mapping[str, Sequence[int]],
-    layout: Layout,
-    sparse: Collection[str] = (),
-) -> Code:
-    """Code of `functions`: name -> the nodes written to out[0], out[1], ...
-
-    Those named in `sparse` do not write what is zero identically: they find zeros.
-    """
+def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -> Code:
+    """Code of `functions`: name -> the nodes written to out[0], out[1], ..."""
     nodes = fixed_nodes(g, functions, layout.fixed)
     fixed = {node: layout.size + k for k, node in enumerate(nodes)}
     tapes = _Tapes(g, layout, functions, layout.size + len(fixed))
     lines = []
     for name, made in functions.items():
-        written = [(n, k) for k, n in enumerate(made)]
-        if name in sparse:
-            written = [(n, k) for n, k in written if n != g.zero]
-        lines += _function(name, tapes.tape(written, fixed, {}), tapes.state)
+        written = [(n, k) for k, n in enumerate(made) if n != g.zero]
+        before = f"{clearing(len(made))}\n{tapes.state}"
+        lines += _function(name, tapes.tape(written, fixed, {}), before)
     lines += _function("prepare", tapes.tape([], {}, fixed), tapes.filled)
     whole = tapes.interpreter(lines)
     return Code("\n".join([*sorted(whole.declared), *whole.lines, ""]), tapes.size)
@@ -342,6 +335,7 @@ class Interpreter(Lines):
         super().__init__()
         self.size = size
         self.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
+        self.declared.add(CLEAR)
         for kind, k in opcodes.items():
             self.lines += [
                 f"op{k}:",
