@@ -92,11 +92,12 @@ def kernels(system: System) -> Iterator[Part]:
 
 # Functions in which a product may be added without being rounded first.
 CONTRACTED = ("series",)
-# Functions that are called once in many steps.
-SELDOM = ("rounding", "force_rounding")
-# Functions that are called once in a step, or for a row.
-ONCE = ("terms", "energies_masses", "inertias", "energies", "observe", "columns")
-MANNER = CONTRACTED, SELDOM, ONCE
+# Functions that are called once in a step, for a row, or hardly ever.
+ONCE = (
+    "terms", "energies_masses", "inertias", "energies", "observe", "columns",
+    "rounding", "force_rounding",
+)  # fmt: skip
+MANNER = CONTRACTED, ONCE
 
 
 class System:

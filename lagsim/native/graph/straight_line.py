@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.graph import CONSTANT, DATA, TRUTH, VARIABLE
 from lagsim.language.series import ORDERS
-from lagsim.native.graph import keys, tapes
+from lagsim.native.graph import keys
 from lagsim.native.graph.lines import (
     CIRCULAR,
     CLEAR,
@@ -46,8 +46,6 @@ if TYPE_CHECKING:
 # Functions of more pieces are translated one instruction after the other: compiled in
 # less than half the time, and run 5 % longer (40 links; an arm of seven joints).
 LONG = 6
-# Of functions that are called seldom, the length from which a tape is ready sooner.
-RARE = 2000
 # An array of a function, and an index there.
 Place = tuple[str, int]
 
@@ -102,7 +100,7 @@ class Writer(Lines):
         more: str = "",
         linkage: str = "",
         cleared: int = 0,
-        shortest: int = LONG,
+        longest: int = LONG,
     ) -> None:
         """Write it.
 
@@ -116,13 +114,13 @@ class Writer(Lines):
             Arrays besides those of the signature.
         cleared
             So many numbers of `out` are set to 0 before any is stored.
-        shortest
+        longest
             Of more pieces than these it is translated as it stands.
         """
         signature = self.signature + more
         order = ordered(self.g, [node for node, _ in stores], places)
         length, end = keys.PIECE, ") {"
-        if len(order) > shortest * length:
+        if len(order) > longest * length:
             length, end = -(-length // 2), ") noinline optnone {"
         pieces = [order[i : i + length] for i in range(0, len(order), length)] or [[]]
         at_end: dict[int, list[Place]] = {}
@@ -262,10 +260,9 @@ class Writer(Lines):
         return self.line(f"getelementptr inbounds double, ptr %{array}, i64 {k}")
 
 
-# Sums are padded to a multiple of this, and made by so many at a time: the widest is
-# enough to overlap, and no more than there are registers.
+# Sums are made by so many at a time, and padded to a multiple of that.
 TOGETHER = 8
-WIDTHS = (32, 16, TOGETHER)
+SUMS = f"<{TOGETHER} x double>"
 # The sums and rows begin where lines of the cache do.
 LINE_BYTES = 64
 
@@ -278,7 +275,7 @@ MOST_EDGES = 32
 _MORE = ", ptr %w, ptr %row, ptr %orders, ptr %ones"
 # Sums over j of a[j] b[-j], where row j follows row j - 1 after so many bytes.
 _SUMS = """\
-define internal void @sums.{width}(ptr %a, ptr %b, i64 %count, ptr %to) {{
+define internal void @sums(ptr %a, ptr %b, i64 %count, ptr %to) {{
 entry:
 %some = icmp sgt i64 %count, 0
 br i1 %some, label %each, label %done
@@ -402,26 +399,16 @@ def write(w: Writer, name: str, loop: Loop, places: Mapping[int, Place]) -> None
 
 def _sums(w: Writer, padded: int) -> str:
     """Return the calls that make the sums of an order, and declare what they call."""
-    calls, start = [], 0
-    while start < padded:
-        width = next(x for x in WIDTHS if x <= padded - start)
-        w.declared.add(
-            _SUMS.format(
-                width=width,
-                vector=f"<{width} x double>",
-                row_bytes=16 * padded,
-                align=LINE_BYTES,
-            )
-        )
-        passed = [f"ptr %a.{start}", f"ptr %b.{start}", "i64 %count"]
-        passed.append(f"ptr %to.{start}")
+    text = _SUMS.format(vector=SUMS, row_bytes=16 * padded, align=LINE_BYTES)
+    w.declared.add(text)
+    calls = []
+    for k in range(0, padded, TOGETHER):
         calls += [
-            f"%a.{start} = getelementptr double, ptr %a, i64 {start}",
-            f"%b.{start} = getelementptr double, ptr %b, i64 {padded + start}",
-            f"%to.{start} = getelementptr double, ptr %w, i64 {start}",
-            f"call void @sums.{width}({', '.join(passed)})",
+            f"%a.{k} = getelementptr double, ptr %a, i64 {k}",
+            f"%b.{k} = getelementptr double, ptr %b, i64 {padded + k}",
+            f"%to.{k} = getelementptr double, ptr %w, i64 {k}",
+            f"call void @sums(ptr %a.{k}, ptr %b.{k}, i64 %count, ptr %to.{k})",
         ]
-        start += width
     return "\n".join(calls)
 
 
@@ -456,29 +443,20 @@ def generate(
     functions: Functions,
     layout: Layout,
     contracted: Collection[str] = (),
-    seldom: Collection[str] = (),
     once: Collection[str] = (),
 ) -> Code:
     """Code of `functions`.
 
     In those named in `contracted` a product may be added without being rounded first,
-    where the processor can: last digits then depend on it. Those named in `seldom` are
-    called too rarely for their translation to be worth time; long ones become tapes.
-    Those named in `once` are called once in a step, or less.
+    where the processor can: last digits then depend on it. Those named in `once` are
+    called once in a step, or less.
     """
     fixed = fixed_nodes(g, keys.nodes_of(functions), layout.fixed)
     places = {node: ("p", layout.size + k) for k, node in enumerate(fixed)}
     scratch = layout.size + len(fixed)
-    long = {
-        name: nodes
-        for name, nodes in keys.nodes_of(functions).items()
-        if name in seldom and len(g.cone(nodes)) > RARE
-    }
     writers = [Writer(g, layout, scratch)]
     writers[0].function("prepare", list(places.items()), {})
     for name, nodes in functions.items():
-        if name in long:
-            continue
         writer = Writer(g, layout, scratch, contract=name in contracted)
         writers.append(writer)
         if isinstance(nodes, keys.Loop):
@@ -489,14 +467,9 @@ def generate(
         if nodes.count(g.zero) > FEW_ZEROS:
             cleared = len(nodes)
             stores = [store for store in stores if store[0] != g.zero]
-        shortest = 0 if name in seldom else 1 if name in once else LONG
-        writer.function(name, stores, places, cleared=cleared, shortest=shortest)
+        longest = 1 if name in once else LONG
+        writer.function(name, stores, places, cleared=cleared, longest=longest)
     size = scratch + max(writer.scratch_used for writer in writers)
-    made: list[Lines] = [*writers]
-    if long:
-        found = tapes.beside(g, long, layout, places, size)
-        size = found.size
-        made.append(found)
-    declared = sorted(set().union(*(x.declared for x in made)))
-    lines = [line for x in made for line in x.lines]
+    declared = sorted(set().union(*(x.declared for x in writers)))
+    lines = [line for x in writers for line in x.lines]
     return Code("\n".join([*declared, *lines, ""]), size)

@@ -106,28 +106,9 @@ def generate(g: Graph, functions: Mapping[str, Sequence[int]], layout: Layout) -
         before = f"{clearing(len(made))}\n{tapes.state}"
         lines += _function(name, tapes.tape(written, fixed, {}), before)
     lines += _function("prepare", tapes.tape([], {}, fixed), tapes.filled)
-    whole = tapes.interpreter(lines)
-    return Code("\n".join([*sorted(whole.declared), *whole.lines, ""]), tapes.size)
-
-
-def beside(
-    g: Graph,
-    functions: Mapping[str, Sequence[int]],
-    layout: Layout,
-    places: Mapping[int, tuple[str, int]],
-    size: int,
-) -> Interpreter:
-    """Tapes of functions beside other code, in whose `places` in p nodes are known.
-
-    They use p from index `size` on, and prepare nothing.
-    """
-    tapes = _Tapes(g, layout, functions, size)
-    known = {node: k for node, (_, k) in places.items()}
-    lines = []
-    for name, nodes in functions.items():
-        code = tapes.tape([(n, k) for k, n in enumerate(nodes)], known, {})
-        lines += _function(name, code, f"{tapes.filled}\n{tapes.state}")
-    return tapes.interpreter(lines)
+    whole = Interpreter(tapes.opcodes, tapes.time)
+    text = [*sorted(whole.declared), tapes.table, *lines, *whole.lines, ""]
+    return Code("\n".join(text), tapes.size)
 
 
 def _copied(array: str, name: str, first: int, count: int) -> str:
@@ -169,6 +150,8 @@ class _Tapes:
         Of the kinds that occur.
     state, filled : str
         What copies y, and the constants, to p.
+    table : str
+        The constants.
     """
 
     def __init__(
@@ -193,14 +176,9 @@ class _Tapes:
         self.free: list[int] = []  # indices of values that are not used again
         self.state = _copied("%y", "state", self.time + 1, self.states)
         self.filled = _copied("@numbers", "numbers", first, len(leaves))
-
-    def interpreter(self, lines: Sequence[str]) -> Interpreter:
-        """Interpreter of what has been made, and functions that call it."""
-        values = [f"double {number(float(self.g.payload(n)))}" for n in self.numbers]
-        table = f"[{len(values)} x double] [{', '.join(values)}]"
-        found = Interpreter(self.opcodes, self.time, self.size)
-        found.lines += [f"@numbers = private constant {table}", *lines]
-        return found
+        values = [f"double {number(float(g.payload(n)))}" for n in leaves]
+        numbers = f"[{len(values)} x double] [{', '.join(values)}]"
+        self.table = f"@numbers = private constant {numbers}"
 
     def tape(
         self,
@@ -326,14 +304,10 @@ class _Tapes:
 
 
 class Interpreter(Lines):
-    """The function that runs a tape: a loop for each opcode.
+    """The function that runs a tape: a loop for each opcode."""
 
-    size : the length of p that the tapes need
-    """
-
-    def __init__(self, opcodes: Mapping[Kind, int], time: int, size: int) -> None:
+    def __init__(self, opcodes: Mapping[Kind, int], time: int) -> None:
         super().__init__()
-        self.size = size
         self.declared.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
         self.declared.add(CLEAR)
         for kind, k in opcodes.items():
