@@ -10,17 +10,15 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-import struct
 import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
-    from typing import BinaryIO
+    from multiprocessing.connection import Connection
 
 # Those at work, within each `helped`; empty where nobody may be sent.
 _helpers: list[list[Helper]] = []
-_LENGTH = struct.Struct("<q")
 
 
 @contextlib.contextmanager
@@ -80,84 +78,51 @@ class Helper:
     def __init__(
         self, ready: Callable[[], None], work: Callable[[bytes], Iterator[bytes]]
     ) -> None:
-        orders, self._orders = os.pipe()
-        self._brought, brings = os.pipe()
+        import multiprocessing
+
+        context = multiprocessing.get_context("fork")
+        self._line, other = context.Pipe()
 
         def serve() -> None:
-            os.close(self._orders)
-            os.close(self._brought)
-            ready()
-            with os.fdopen(orders, "rb") as line:
-                order = _next(line)
-            if order is None:
-                return
-            with os.fdopen(brings, "wb") as line:
-                for content in work(order):
-                    _put(line, content)
-                _put(line, b"")
+            self._line.close()
+            _serve(other, ready, work)
 
-        self._number = _fork(serve)
-        os.close(orders)
-        os.close(brings)
+        self._process = context.Process(target=serve)
+        self._process.start()
+        other.close()
         self.done = False
 
     def give(self, order: bytes) -> Iterator[bytes]:
         """Tell it what to work on; return what it makes, as far as it comes."""
-        with (
-            contextlib.suppress(BrokenPipeError),
-            os.fdopen(self._orders, "wb") as line,
-        ):
-            self._orders = -1
-            _put(line, order)
+        with contextlib.suppress(OSError):
+            self._line.send_bytes(order)
         return self._contents()
 
     def _contents(self) -> Iterator[bytes]:
-        if self._brought < 0:  # it has been ended
-            return
-        with os.fdopen(self._brought, "rb") as line:
-            self._brought = -1
-            while content := _next(line):
+        with contextlib.suppress(EOFError, OSError):
+            while content := self._line.recv_bytes():
                 yield content
-            self.done = content is not None
+            self.done = True
 
     def end(self) -> None:
         """Let it end, whatever it is at."""
-        for line in (self._orders, self._brought):
-            if line >= 0:
-                os.close(line)
-        self._orders = self._brought = -1
-        if self._number:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(self._number, signal.SIGKILL)
-            with contextlib.suppress(ChildProcessError):
-                os.waitpid(self._number, 0)
-        self._number = 0
+        self._line.close()
+        self._process.kill()
+        self._process.join()
 
 
-def _put(line: BinaryIO, content: bytes) -> None:
-    line.write(_LENGTH.pack(len(content)) + content)
-    line.flush()
-
-
-def _next(line: BinaryIO) -> bytes | None:
-    """Next content that comes whole."""
-    said = line.read(_LENGTH.size)
-    if len(said) < _LENGTH.size:
-        return None
-    (length,) = _LENGTH.unpack(said)
-    content = line.read(length)
-    return content if len(content) == length else None
-
-
-def _fork(work: Callable[[], None]) -> int:
-    """Have another process do it, which ends then; return its number."""
-    if number := os.fork():
-        return number
-    try:
-        # Signals are the first one's, and so is the pipe where it hears of them.
-        signal.set_wakeup_fd(-1)
-        for kind in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(kind, signal.SIG_DFL)
-        work()
-    finally:
-        os._exit(0)
+def _serve(
+    line: Connection,
+    ready: Callable[[], None],
+    work: Callable[[bytes], Iterator[bytes]],
+) -> None:
+    """Serve one order in the second process; what fails is left to the first."""
+    # Signals are the first one's, and so is the pipe where it hears of them.
+    signal.set_wakeup_fd(-1)
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, signal.SIG_DFL)
+    with contextlib.suppress(Exception):
+        ready()
+        for content in work(line.recv_bytes()):
+            line.send_bytes(content)
+        line.send_bytes(b"")
