@@ -153,7 +153,8 @@ class Laws(Surfaces):
     law_direction: Floats = array("laws")  # the sign of a force that is given
     law_normal: Floats = array("laws")  # the law of a slip's contact; or -1
     law_pair: Floats = array("laws")  # the other of two slips; or -1
-    law_place: Floats = array("laws")  # the coordinate that alone a row acts on; or -1
+    # The coordinate that alone a row acts on; or -1.
+    law_place: Floats = array("laws", -1.0)
     law_still: Floats = array("laws")  # two slips together no faster have stopped
     # What the laws of an arc could do to each rate of the state.
     law_pushes: Floats = array(lambda p: p.size if p.laws else 0)
