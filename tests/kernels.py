@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from types import FunctionType
+from types import FunctionType, ModuleType, SimpleNamespace
 
 from lagsim.native.kernels.keys import as_kernel, is_own, names_in
 from lagsim.native.kernels.words import is_external
@@ -37,14 +37,21 @@ def bind(
         code, closure = original.__code__, original.__closure__
         copied = FunctionType(code, names, original.__name__, None, closure)
         copies[original] = copied
-        for name in names_in(code):
+        used = names_in(code)
+        for name in used:
             value = names.get(name)
-            if is_own(value):
-                external = is_external(value)
-                names[name] = (
-                    externals.get(value.__name__, value) if external else copy(value)
-                )
+            if isinstance(value, ModuleType):
+                found = {n: put_in(x) for n, x in vars(value).items() if n in used}
+                names[name] = SimpleNamespace(**found)
+            elif is_own(value):
+                names[name] = put_in(value)
         names.update(statics or {})
         return copied
+
+    def put_in(value):
+        if not is_own(value):
+            return value
+        external = is_external(value)
+        return externals.get(value.__name__, value) if external else copy(value)
 
     return copy(as_kernel(function))

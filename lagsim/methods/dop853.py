@@ -15,27 +15,7 @@ from math import sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
-from lagsim.methods.parts.constraints import (
-    bent,
-    forget_removed,
-    hides_error,
-    leave_loss,
-    needs_loops,
-    note_directions,
-    passable,
-    project_step,
-)
-from lagsim.methods.parts.control import (
-    add_change,
-    against,
-    allow_roundoff,
-    first_step,
-    hardly_moves,
-    keep_compensation,
-    record_measured,
-    record_sizes,
-    set_tolerances,
-)
+from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
@@ -104,11 +84,11 @@ def start(s: Dop853, p: Parameters) -> None:
     s.evaluations += 1.0
     s.step_h = 0.0
     s.previous_error = 1e-4
-    record_sizes(s, p)
-    s.h = first_step(s, p, ORDER, s.k)
+    control.record_sizes(s, p)
+    s.h = control.first_step(s, p, ORDER, s.k)
     s.at_bound = 0.0
     if CONSTRAINED:
-        s.h = leave_loss(s, p, s.h)
+        s.h = constraints.leave_loss(s, p, s.h)
 
 
 def step(s: Dop853, p: Parameters) -> int:
@@ -128,12 +108,12 @@ def step(s: Dop853, p: Parameters) -> int:
             if CONSTRAINED and p.least_sigma < BESIDE * s.sigma:
                 s.h = max(s.h, ASIDE * h)
             trouble = STEP_TOO_SMALL
-        elif CONSTRAINED and project_step(s, p, s.t + h, h, s.new) == 0:
+        elif CONSTRAINED and constraints.project_step(s, p, s.t + h, h, s.new) == 0:
             s.h = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
             break
-        if CONSTRAINED and needs_loops(s):
+        if CONSTRAINED and constraints.needs_loops(s):
             return DEGENERATE
         rejected = True
         s.rejections += 1.0
@@ -160,8 +140,8 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     for i in apart(size):
         new[i] = s.y[i]
         s.remainder[i] = h * total(B[j] * k[j * size + i] for j in unrolled(12))
-    add_change(s, p, k, h, new)
-    set_tolerances(s, p, t + h, new, k, h)
+    control.add_change(s, p, k, h, new)
+    control.set_tolerances(s, p, t + h, new, k, h)
     errors = s.errors
     for i in apart(size):
         errors[i] = total(ERROR5[j] * k[j * size + i] for j in unrolled(12))
@@ -173,15 +153,15 @@ def attempt(s: Dop853, p: Parameters, h: float) -> float:
     # Perhaps it is nothing but rounding.
     doubtful = error >= 1.0
     if SWITCHES:
-        doubtful = doubtful or (error >= SHRINKING and hardly_moves(s, p, h, k))
-    if doubtful and allow_roundoff(s, p, h, new, k, sigma):
+        doubtful = doubtful or (error >= SHRINKING and control.hardly_moves(s, p, h, k))
+    if doubtful and control.allow_roundoff(s, p, h, new, k, sigma):
         error = error_norm(s, h, errors)
-    if CONSTRAINED and error >= 1.0 and hides_error(s, p):
-        note_directions(s, p, t + h, new)
-        removed = h * h * forget_removed(s, p, h, errors)
-        forget_removed(s, p, h, errors[size:])
-        error = bent(s, removed, error_norm(s, h, errors))
-        error = passable(s, error)
+    if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
+        constraints.note_directions(s, p, t + h, new)
+        removed = h * h * constraints.forget_removed(s, p, h, errors)
+        constraints.forget_removed(s, p, h, errors[size:])
+        error = constraints.bent(s, removed, error_norm(s, h, errors))
+        error = constraints.passable(s, error)
     return error
 
 
@@ -200,8 +180,8 @@ def error_norm(s: Dop853, h: float, errors: Floats) -> float:
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            e5 = against(errors[i], tolerances[i])
-            e3 = against(errors[size + i], tolerances[i])
+            e5 = control.against(errors[i], tolerances[i])
+            e3 = control.against(errors[size + i], tolerances[i])
             if e5 > 0.0:
                 controlled += 1
             if i < moving:
@@ -211,8 +191,8 @@ def error_norm(s: Dop853, h: float, errors: Floats) -> float:
     error = motion
     for i in range(moving, size):
         if tolerances[i] > 0.0:
-            e5 = against(errors[i], tolerances[i])
-            e3 = against(errors[size + i], tolerances[i])
+            e5 = control.against(errors[i], tolerances[i])
+            e3 = control.against(errors[size + i], tolerances[i])
             both = combined(error5 + e5 * e5, error3 + e3 * e3)
             if not both <= motion:
                 error += both - motion
@@ -248,8 +228,8 @@ def accept(s: Dop853, p: Parameters, h: float) -> None:
         s.evaluations = counted  # nothing that is decided by them depends on it
     s.y[:] = new
     k[:size] = k[12 * size : 13 * size]
-    keep_compensation(s)
-    record_measured(s, p)
+    control.keep_compensation(s)
+    control.record_measured(s, p)
 
 
 def prepare_dense(s: Dop853, p: Parameters) -> None:

@@ -18,20 +18,11 @@ from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
+from lagsim.methods.parts import newton
 from lagsim.methods.parts.constraints import is_finite, largest_part
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import Fixed, Tableau, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
-from lagsim.methods.parts.newton import (
-    LOST,
-    MOST,
-    RENEW,
-    SOLVED,
-    decompose,
-    solve,
-    take_finite,
-    too_large,
-)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
     DONE,
@@ -113,7 +104,7 @@ def refusal(scene: Structure) -> str:
         )
     if scene.constraints != "none":
         return "it has constraints between velocities (`dop853` projects onto them)"
-    return too_large(scene)
+    return newton.too_large(scene)
 
 
 def start(s: Gauss, p: Parameters) -> None:
@@ -172,12 +163,12 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
     if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
     previous = 0.0
-    for iteration in range(MOST):
+    for iteration in range(newton.MOST):
         if s.due > 0.0 and renew(s, p, h) == 0:
             return 0
         s.due = 0.0
         residual(s, p, h)
-        solve(1, unknowns, s.K, s.pivots, right)
+        newton.solve(1, unknowns, s.K, s.pivots, right)
         moved = 0.0
         worst = 0
         for stage in range(s.stages):
@@ -187,11 +178,11 @@ def solve_stages(s: Gauss, p: Parameters, h: float) -> int:
                 moved = part
         s.V[:] += right
         state = judge(s, p, h, s.V[worst:], right[worst:], iteration, moved, previous)
-        if state == SOLVED:
+        if state == newton.SOLVED:
             return 1
-        if state == LOST:
+        if state == newton.LOST:
             return 0
-        if state == RENEW:
+        if state == newton.RENEW:
             s.due = 1.0
         previous = moved
     return 0
@@ -235,7 +226,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
         place(s, stage, h, s.z)
         t = s.t + s.nodes[stage] * h
         lagrangian_slopes(t, s.z, p, s.slopes[stage * block :])
-    take_finite(stages * block, s.slopes)
+    newton.take_finite(stages * block, s.slopes)
     s.factorisations += 1.0
     s.factored_h = h
     for i in range(stages):
@@ -245,7 +236,7 @@ def renew(s: Gauss, p: Parameters, h: float) -> int:
                     s.K[(i * n + r) * unknowns + k * n + c] = entry(
                         s, h, i, k, r * n + c
                     )
-    return decompose(1, unknowns, s.K, s.pivots)
+    return newton.decompose(1, unknowns, s.K, s.pivots)
 
 
 def entry(s: Gauss, h: float, i: int, k: int, rc: int) -> float:
@@ -282,23 +273,23 @@ def solve_velocities(s: Gauss, p: Parameters, t: float, h: float) -> int:
     n, new, M, change = s.n, s.new, s.M, s.change
     v = new[s.velocities]
     previous = 0.0
-    renewing = RENEW
-    for iteration in range(MOST):
-        if renewing == RENEW:
+    renewing = newton.RENEW
+    for iteration in range(newton.MOST):
+        if renewing == newton.RENEW:
             inertia(t, new, p, M)
             s.factorisations += 1.0
-            if decompose(1, n, M, s.M_pivots) == 0:
+            if newton.decompose(1, n, M, s.M_pivots) == 0:
                 return 0
         lagrangian(t, new, p, s.found)
         s.evaluations += 1.0
         s.change[:] = s.momenta - s.found[:n]
-        solve(1, n, M, s.M_pivots, change)
+        newton.solve(1, n, M, s.M_pivots, change)
         moved = largest_part(1, s, h, v, change)
         new[s.velocities] += change
         renewing = judge(s, p, h, v, change, iteration, moved, previous)
-        if renewing == SOLVED:
+        if renewing == newton.SOLVED:
             return 1
-        if renewing == LOST:
+        if renewing == newton.LOST:
             return 0
         previous = moved
     return 0

@@ -20,19 +20,10 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from lagsim.language.arrays import Floats
+from lagsim.methods.parts import newton
 from lagsim.methods.parts.constraints import largest_part
 from lagsim.methods.parts.fixed import Fixed, conclude, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
-from lagsim.methods.parts.newton import (
-    LOST,
-    MOST,
-    RENEW,
-    SOLVED,
-    decompose,
-    solve,
-    take_finite,
-    too_large,
-)
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NEWTON_FAILED, derivative, jacobian
 from lagsim.native.layout import array, option
@@ -57,7 +48,7 @@ ADAPTIVE = False
 IMAGINARY_LIMIT = inf
 HANDLES = "any model; equality constraints by projection"
 
-refusal = too_large
+refusal = newton.too_large
 NEEDS = ("jacobian",)
 
 CONSTRAINED = True
@@ -187,7 +178,7 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     if abs(s.factored_h - h) > SAME_STEP * h:
         s.due = 1.0
     previous = 0.0
-    for iteration in range(MOST):
+    for iteration in range(newton.MOST):
         if s.due > 0.0 and renew(s, p, after, h) == 0:
             return NEWTON_FAILED
         s.due = 0.0
@@ -196,17 +187,17 @@ def balance(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
         for i in range(n):
             new_force = (1.0 - alpha_f) * force[i] + alpha_f * old_force[i]
             change[i] = new_force - (1.0 - alpha_m) * s.a_new[i] - alpha_m * s.a[i]
-        solve(1, n, s.factors, s.pivots, change)
+        newton.solve(1, n, s.factors, s.pivots, change)
         s.a_new[:] += change
         s.change[:] *= h * gamma
         advance(s, h)
         moved = largest_part(1, s, h, v, change)
         state = judge(s, p, h, v, change, iteration, moved, previous)
-        if state == SOLVED:
+        if state == newton.SOLVED:
             return DONE
-        if state == LOST:
+        if state == newton.LOST:
             return NEWTON_FAILED
-        if state == RENEW:
+        if state == newton.RENEW:
             s.due = 1.0
         previous = moved
     return NEWTON_FAILED
@@ -231,7 +222,7 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
     velocities = part * h * weight(radius)
     jacobian(after, s.new, p, J)
     width = s.dynamic.stop
-    take_finite(n * width, J)
+    newton.take_finite(n * width, J)
     s.factorisations += 2.0
     s.factored_h = h
     for i in range(n):
@@ -240,4 +231,4 @@ def renew(s: GeneralizedAlpha, p: Parameters, after: float, h: float) -> int:
             -positions * row[:n] - velocities * row[s.velocities]
         )
         factors[i * n + i] += 1.0 - share(radius)
-    return decompose(1, n, factors, s.pivots)
+    return newton.decompose(1, n, factors, s.pivots)

@@ -18,37 +18,11 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
-from lagsim.methods.parts.constraints import (
-    bent,
-    forget_removed,
-    hides_error,
-    leave_loss,
-    needs_loops,
-    note_directions,
-    project_step,
-    time_to_loss,
-)
-from lagsim.methods.parts.control import (
-    against,
-    allow_roundoff,
-    bound_roundoff,
-    first_step,
-    record_sizes,
-    set_tolerances,
-)
+from lagsim.methods.parts import constraints, control, newton
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
-from lagsim.methods.parts.newton import (
-    SparseNewton,
-    decompose_newton,
-    decompose_sparse,
-    solve_newton,
-    solve_sparse,
-    square,
-    take_finite,
-    too_large,
-)
+from lagsim.methods.parts.newton import SparseNewton
 from lagsim.methods.parts.state import (
     DEGENERATE,
     DONE,
@@ -72,7 +46,7 @@ DENSE_ORDER = 4
 ADAPTIVE = True
 IMAGINARY_LIMIT = inf
 HANDLES = "any model; equality constraints by projection"
-refusal = too_large
+refusal = newton.too_large
 NEEDS = ("jacobian",)
 STATES = True
 
@@ -102,10 +76,10 @@ def start(s: Radau, p: SparseNewton) -> None:
     s.rate = s.previous_h = s.previous_error = s.factored_h = 0.0
     s.jacobian = s.iterations = s.ceiling = s.step_h = 0.0
     s.left_over = 1.0
-    record_sizes(s, p)
-    s.h = first_step(s, p, 4, slope)
+    control.record_sizes(s, p)
+    s.h = control.first_step(s, p, 4, slope)
     if CONSTRAINED:
-        s.h = leave_loss(s, p, s.h)
+        s.h = constraints.leave_loss(s, p, s.h)
 
 
 def step(s: Radau, p: SparseNewton) -> int:
@@ -122,7 +96,7 @@ def step(s: Radau, p: SparseNewton) -> int:
         trouble = verdict(s, p, h, error)
         if trouble == DONE:
             break
-        if CONSTRAINED and needs_loops(s):
+        if CONSTRAINED and constraints.needs_loops(s):
             return DEGENERATE
         rejected = True
         s.rejections += 1.0
@@ -155,7 +129,7 @@ def cannot_pass(s: Radau, p: SparseNewton, rejected: bool) -> bool:
     none. An explicit method has stages at a distance.
     """
     if rejected and s.planned > 0.0 and s.falling > 0.0:
-        return time_to_loss(s, p, s.sigma / s.falling) > 0.0
+        return constraints.time_to_loss(s, p, s.sigma / s.falling) > 0.0
     leaves = s.step_h == 0.0 and s.sigma < s.close_below
     return leaves or s.passes > 0.0
 
@@ -173,7 +147,7 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
         if s.previous_h > 0.0:
             s.h = h / change(s, error)
         return STEP_TOO_SMALL
-    if CONSTRAINED and project_step(s, p, s.t + h, h, s.new) == 0:
+    if CONSTRAINED and constraints.project_step(s, p, s.t + h, h, s.new) == 0:
         s.h = 0.25 * h
         return PROJECTION_FAILED
     return DONE
@@ -203,20 +177,20 @@ def attempt(s: Radau, p: SparseNewton, h: float) -> float:
     """
     if CONSTRAINED:
         p.least_sigma = 1.0
-    set_tolerances(s, p, s.t, s.y, s.slope, h)
+    control.set_tolerances(s, p, s.t, s.y, s.slope, h)
     s.h = 0.5 * h
     if renew(s, p, h) == 0:
         return -1.0
     if converge(s, p, h) == 0:
         return -1.0
     s.new[:] = s.y + s.Z[2 * s.size :]
-    set_tolerances(s, p, s.t + h, s.new, s.slope, h)
+    control.set_tolerances(s, p, s.t + h, s.new, s.slope, h)
     error = estimate(s, p, h)
     sigma = 1.0
     if CONSTRAINED and p.least_sigma < s.close_below:
         sigma = p.least_sigma
     # Perhaps it is nothing but rounding.
-    if error >= 1.0 and allow_roundoff(s, p, h, s.new, s.slope, sigma):
+    if error >= 1.0 and control.allow_roundoff(s, p, h, s.new, s.slope, sigma):
         error = norm(1, s.size, s.errors, s.tolerances)
         error *= s.rtol**0.2
     return error
@@ -246,11 +220,11 @@ def filtered(s: Radau, p: SparseNewton, h: float, errors: Floats) -> float:
     """
     solve(1, s, p, errors)
     error = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
-    if CONSTRAINED and error >= 1.0 and hides_error(s, p):
-        note_directions(s, p, s.t + h, s.new)
-        removed = forget_removed(s, p, h, errors)
+    if CONSTRAINED and error >= 1.0 and constraints.hides_error(s, p):
+        constraints.note_directions(s, p, s.t + h, s.new)
+        removed = constraints.forget_removed(s, p, h, errors)
         left = norm(1, s.size, errors, s.tolerances) * s.rtol**0.2
-        error = bent(s, removed, left)
+        error = constraints.bent(s, removed, left)
     return float(error)
 
 
@@ -279,7 +253,7 @@ def accept(s: Radau, p: SparseNewton, h: float) -> None:
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
-    record_sizes(s, p)
+    control.record_sizes(s, p)
 
 
 def interpolate_rates(s: Radau, x: float, out: Floats) -> None:
@@ -353,7 +327,8 @@ def renew(s: Radau, p: SparseNewton, h: float) -> int:
     """Evaluate the Jacobian and factor where that is due; return 0 where singular."""
     if s.jacobian == 0.0:
         jacobian(s.t, s.y, p, s.J)
-        take_finite(s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop, s.J)
+        count = s.entries if SPARSE else (s.size - s.n) * s.dynamic.stop
+        newton.take_finite(count, s.J)
         s.factorisations += 1.0
         s.jacobian = 2.0
         s.factored_h = 0.0
@@ -373,10 +348,11 @@ def factor(width: Static, s: Radau, p: SparseNewton) -> int:
     """Factor the real matrix, or the complex one; return 0 where it is singular."""
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
-    square(width, g)
+    newton.square(width, g)
     if SPARSE:
-        return decompose_sparse(width, p, g, s.J, K, s.x)
-    return decompose_newton(width, s, g, s.J, K, s.pivots[(width - 1) * full(s) :])
+        return newton.decompose_sparse(width, p, g, s.J, K, s.x)
+    pivots = s.pivots[(width - 1) * full(s) :]
+    return newton.decompose_newton(width, s, g, s.J, K, pivots)
 
 
 def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
@@ -384,10 +360,10 @@ def solve(width: Static, s: Radau, p: SparseNewton, r: Floats) -> None:
     g = s.g[2 * (width - 1) :]
     K = s.K if width == 1 else s.pair
     if SPARSE:
-        solve_sparse(width, p, g, s.J, K, r, s.x)
+        newton.solve_sparse(width, p, g, s.J, K, r, s.x)
     else:
         pivots = s.pivots[(width - 1) * full(s) :]
-        solve_newton(width, s, g, s.J, K, pivots, r, s.x)
+        newton.solve_newton(width, s, g, s.J, K, pivots, r, s.x)
 
 
 def converge(s: Radau, p: SparseNewton, h: float) -> int:
@@ -443,7 +419,7 @@ def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
     if CONSTRAINED and p.least_sigma < s.close_below:
         return False
     if s.rounding_known == 0.0:
-        bound_roundoff(s, p, s.t, s.y, s.slope, 1.0)
+        control.bound_roundoff(s, p, s.t, s.y, s.slope, 1.0)
     for i in range(s.size):
         errors[i] = s.roundoff[i] if i >= s.n else 0.0
         if s.rounding_known == 0.0:
@@ -501,7 +477,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
     controlled = 0
     for i in range(size):
         if tolerances[i] > 0.0:
-            part = against(x[stride * i], tolerances[i])
+            part = control.against(x[stride * i], tolerances[i])
             square += part * part
             controlled += 1
     if controlled == 0:

@@ -25,28 +25,7 @@ from math import exp, log
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
-from lagsim.methods.parts.constraints import (
-    is_finite,
-    leave_loss,
-    passable,
-    project,
-    record_between,
-    satisfied_part,
-)
-from lagsim.methods.parts.control import (
-    TIGHT,
-    add_compensated,
-    add_drift,
-    add_exactly,
-    allow_roundoff,
-    bound_roundoff,
-    find_drift,
-    foresee,
-    keep_compensation,
-    record_measured,
-    record_sizes,
-    set_tolerances,
-)
+from lagsim.methods.parts import constraints, control
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
@@ -98,7 +77,7 @@ SHORTEST = 0.2
 def order_for(rtol: float) -> int:
     """Order for a tolerance (Jorba and Zou, (3-5))."""
     order = math.ceil(1.0 - 0.5 * math.log(LOCAL * max(rtol, TINY)))
-    most = TIGHT_ORDER if rtol < TIGHT else MOST_ORDER
+    most = TIGHT_ORDER if rtol < control.TIGHT else MOST_ORDER
     return min(max(order, LEAST_ORDER), most)
 
 
@@ -114,10 +93,10 @@ def start(s: Taylor, p: Parameters) -> None:
     series(s.t, s.y, p, c)
     s.evaluations += 1.0
     s.step_h = 0.0
-    record_sizes(s, p)
+    control.record_sizes(s, p)
     rates = c[1 + s.size :]
-    bound_roundoff(s, p, s.t, s.y, rates, 1.0)
-    foresee(s, p, rates)
+    control.bound_roundoff(s, p, s.t, s.y, rates, 1.0)
+    control.foresee(s, p, rates)
     # Tolerances depend on the step, and on where it leads what is at rest.
     # One that was taken back has a length to begin with.
     first = s.most_step if s.most_step > 0.0 else s.row_step
@@ -125,12 +104,12 @@ def start(s: Taylor, p: Parameters) -> None:
     for _ in range(PASSES):
         before = s.h
         lead(s.size, c, before, s.new)
-        set_tolerances(s, p, s.t, s.new, rates, before)
+        control.set_tolerances(s, p, s.t, s.new, rates, before)
         s.h = min(before, chosen_step(s, c, s.t))
         if s.h > SETTLED * before:
             break
     if CONSTRAINED:
-        s.h = leave_loss(s, p, s.h)
+        s.h = constraints.leave_loss(s, p, s.h)
 
 
 def step(s: Taylor, p: Parameters) -> int:
@@ -144,7 +123,7 @@ def step(s: Taylor, p: Parameters) -> int:
         if attempt(s, p, h, rejected) == 0:
             s.h = SHORTEST * h
             trouble = NOT_FINITE
-        elif CONSTRAINED and project(s, p, s.t + h, h, s.new, s.work) == 0:
+        elif CONSTRAINED and constraints.project(s, p, s.t + h, h, s.new, s.work) == 0:
             s.h = 0.25 * h
             trouble = PROJECTION_FAILED
         else:
@@ -154,7 +133,7 @@ def step(s: Taylor, p: Parameters) -> int:
             if error <= PASSED:
                 accept(s, p, h, rejected)
                 if CONSTRAINED:
-                    record_between(s, p, sigma, h)
+                    constraints.record_between(s, p, sigma, h)
                 return DONE
             trouble = shorten(s, h, error)
             # Close to a loss of rank a series enlarges rounding by powers of the step.
@@ -179,12 +158,12 @@ def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:
     """State after a step of length h; 0 where it is not finite."""
     size = s.size
     c = s.series[buffer(size, s.which) :]
-    if s.rtol < TIGHT and not rejected:
-        find_drift(s, p, c[1 + size :], s.drift)
+    if s.rtol < control.TIGHT and not rejected:
+        control.find_drift(s, p, c[1 + size :], s.drift)
     reach(s, c, s.compensation, h, s.new)
     # Beside that, as each of both sums waits for itself.
     sum_rates(size, 0, c, h, s.rates)
-    return 1 if is_finite(size, s.new) else 0
+    return 1 if constraints.is_finite(size, s.new) else 0
 
 
 def check(s: Taylor, p: Parameters, h: float) -> float:
@@ -198,13 +177,13 @@ def check(s: Taylor, p: Parameters, h: float) -> float:
     following = s.series[buffer(size, 1.0 - s.which) :]
     series(s.t + h, s.new, p, following)
     s.evaluations += 1.0
-    set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
+    control.set_tolerances(s, p, s.t + h, s.new, c[1 + size :], h)
     error = misfit(s, c[0], following[1 + size :], s.rates, h)
     # Perhaps it is nothing but rounding.
     doubtful = error > PASSED and error < OVERFLOW
-    if doubtful and allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
+    if doubtful and control.allow_roundoff(s, p, h, s.new, c[1 + size :], 1.0):
         error = misfit(s, c[0], following[1 + size :], s.rates, h)
-    return passable(s, error) if CONSTRAINED else error
+    return constraints.passable(s, error) if CONSTRAINED else error
 
 
 def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
@@ -218,21 +197,21 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
         before = s.series[buffer(size, s.which) + 1 + size :]
         check_features(s, p, h, y, before, s.new, rates)
     if CONSTRAINED:
-        s.satisfied = satisfied_part(s, following[0] + 1.0)
+        s.satisfied = constraints.satisfied_part(s, following[0] + 1.0)
     s.which = 1.0 - s.which
     s.y[:] = s.new
     s.carried[:] = s.compensation
-    keep_compensation(s)
+    control.keep_compensation(s)
     s.step_t = s.t
     s.step_h = h
     s.t = s.t + h
     s.steps += 1.0
-    record_measured(s, p)
+    control.record_measured(s, p)
     s.h = next_
     if next_ < SUDDEN * h:
         # Perhaps it is rounding that the last coefficients consist of.
-        bound_roundoff(s, p, s.t, y, rates, 1.0)
-        set_tolerances(s, p, s.t, y, rates, h)
+        control.bound_roundoff(s, p, s.t, y, rates, 1.0)
+        control.set_tolerances(s, p, s.t, y, rates, h)
         s.h = chosen_step(s, following, s.t)
     s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
 
@@ -295,11 +274,11 @@ def reach(s: Taylor, c: Floats, lost: Floats, h: float, out: Floats) -> None:
     """
     size, remainder = s.size, s.remainder
     sum_bend(size, c, h, remainder)
-    if s.rtol < TIGHT:
-        add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
-        add_drift(s, s.drift, h)
+    if s.rtol < control.TIGHT:
+        control.add_exactly(size, c[1:], c[1 + size :], h, out, remainder)
+        control.add_drift(s, s.drift, h)
         s.remainder[:] += lost[:size]
-        add_compensated(size, out, remainder, out, remainder)
+        control.add_compensated(size, out, remainder, out, remainder)
         return
     for i in range(size):
         before = c[1 + i]
@@ -341,7 +320,7 @@ def chosen_step(s: State, c: Floats, t: float) -> float:
         bound(second, 2.0 * LOG_SHRINK, order - 1),
         bound(last, LOG_SHRINK, order),
     )
-    safety = TIGHT_SAFETY if s.rtol < TIGHT else SAFETY
+    safety = TIGHT_SAFETY if s.rtol < control.TIGHT else SAFETY
     return min(safety * exp(logarithm), float(arc))
 
 

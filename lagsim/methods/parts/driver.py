@@ -9,21 +9,10 @@ from __future__ import annotations
 from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
+from lagsim.methods.parts import missed
 from lagsim.methods.parts.constraints import clear_of_loss, project, watch
 from lagsim.methods.parts.control import drop_compensation, record_extents
-from lagsim.methods.parts.missed import (
-    BETWEEN,
-    GOLDEN,
-    Signals,
-    find_defect,
-    hardly_varies,
-    keep_extents,
-    may_approach,
-    missed_feature,
-    reject_step,
-    restore_extents,
-    signals_at,
-)
+from lagsim.methods.parts.missed import BETWEEN, GOLDEN, Signals
 from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
 from lagsim.methods.parts.state import (
     BLOCK_FULL,
@@ -122,7 +111,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             return PAUSED
         made += 1
         if SWITCHES or ADAPTIVE:
-            keep_extents(s)
+            missed.keep_extents(s)
         s.satisfied = 0.0
         code = step(s, p)
         if code != DONE:
@@ -161,12 +150,12 @@ def has_missed(s: State, p: Parameters) -> int:
     """Take the last step back where it missed something; return whether it did."""
     x = 0.0
     if LOCALIZED and s.feature_possible > 0.0:
-        x = missed_feature(s, p)
+        x = missed.missed_feature(s, p)
     if x == 0.0:
-        x = find_defect(s, p)
+        x = missed.find_defect(s, p)
     if x == 0.0:
         return 0
-    reject_step(s, x)
+    missed.reject_step(s, x)
     return 1
 
 
@@ -210,7 +199,7 @@ def take_cut(s: State, p: Parameters) -> None:
     s.y[:] = s.work[: s.size]
     if SWITCHES:
         # What lies past the switch has not been.
-        restore_extents(s)
+        missed.restore_extents(s)
         record_extents(s)
     if CONSTRAINED:
         project(s, p, s.t, s.step_h, s.y, s.work)
@@ -592,13 +581,13 @@ def none_approaches(s: State, p: Parameters, low: float, x: float) -> bool:
 
     A event function that is made of one would be flat at every point.
     """
-    signals_at(s, p, low, s.signals_first)
-    signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
-    signals_at(s, p, x, s.signals_last)
+    missed.signals_at(s, p, low, s.signals_first)
+    missed.signals_at(s, p, low + BETWEEN * (x - low), s.signals_middle)
+    missed.signals_at(s, p, x, s.signals_last)
     still = True
     for k in range(s.signals):
-        if still and may_approach(s, k, (x - low) * s.step_h):
-            still = hardly_varies(s, p, k, x)
+        if still and missed.may_approach(s, k, (x - low) * s.step_h):
+            still = missed.hardly_varies(s, p, k, x)
     return still
 
 
