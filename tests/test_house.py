@@ -6,8 +6,8 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 245
-LINES = 74_060
+FILES = 246
+LINES = 73_810
 LINES_OF_TESTS = 54_880
 
 
