@@ -31,11 +31,11 @@ from lagsim.admissibility.rank import analyse
 from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import addends, evaluate
 from lagsim.language.names import rate_of
-from lagsim.language.sparse import DisjointSets
 from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind, constraint_row
 from lagsim.mechanics.contact import Closed, Mode, delassus, impact, modes
 from lagsim.mechanics.sliders import at_limit
+from lagsim.mechanics.structure import joined
 from lagsim.notes import Caution
 from lagsim.tolerances import CONVERGED, RESIDUAL_ROUNDOFF, SATISFIED
 
@@ -244,16 +244,13 @@ def body_motions(point: Point, rows: Sequence[Mapping[int, int]]) -> list[float]
 
     To CONVERGED of that a rate is known at best.
     """
-    weights, together = point.sizes, DisjointSets(point.n)
-    for _, own in point.e.coupled:
-        for i in own:
-            together.merge(own[0], i)
-    bodies = {i: body for body in together.sets() for i in body}
+    weights = point.sizes
+    bodies = np.array(joined(point.n, (own for _, own in point.e.coupled)))
     found = []
     for row in rows:
         columns = list(row)
         A = point.array(list(row.values())) / weights[columns]
-        body = sorted({i for j in columns for i in bodies[j]})
+        body = np.isin(bodies, [bodies[j] for j in columns])
         motion = np.linalg.norm((weights * point.v)[body])
         found.append(float(np.linalg.norm(A) * motion))
     return found

@@ -55,6 +55,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.language.sparse import DisjointSets
+from lagsim.mechanics.algebra import least_squares
 from lagsim.tolerances import (
     CONVERGED,
     DEPENDENT_DIRECTIONS,
@@ -257,11 +258,6 @@ def _proximal(unit: Problem, firm: float, times: int) -> _Point:
     return found
 
 
-def least_squares(B: Floats, right: Floats) -> Floats:
-    """Solve B x = right, where rows of a Delassus matrix may be dependent."""
-    return np.asarray(np.linalg.lstsq(B, right, rcond=DEPENDENT_SQUARE)[0], float)
-
-
 # --- Newton's method ------------------------------------------------------------------
 
 # Newton's steps; near the solution it takes about five.
@@ -400,7 +396,7 @@ def _by_pivots(problem: Problem, corners: int = 0) -> Floats:
     N, owners = _directions(n, spans)
     G, h = problem.D @ E, problem.c + problem.D @ p0
     B = np.column_stack([G[np.ix_(free, rows)], h[free]])
-    X = least_squares(G[np.ix_(free, free)], B) if len(free) else B
+    X = least_squares(G[np.ix_(free, free)], B, DEPENDENT_SQUARE) if free else B
     H = np.column_stack([G[np.ix_(rows, rows)], h[rows]]) - G[np.ix_(rows, free)] @ X
     first, place = N.shape[1], {k: i for i, k in enumerate(signed.tolist())}
     M = np.zeros((first + len(groups),) * 2)
@@ -480,8 +476,9 @@ def rates_at(
     directions `ways` (k, r) into them. Both are 0 where there is no solution.
     """
     c = np.where(np.abs(c) > noise, c, 0.0)
-    hold = least_squares(D[np.ix_(free, free)], np.column_stack([D, c])[free])
-    G = np.column_stack([D, c]) - D[:, free] @ hold
+    right = np.column_stack([D, c])
+    hold = least_squares(D[np.ix_(free, free)], right[free], DEPENDENT_SQUARE)
+    G = right - D[:, free] @ hold
     sizes = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", ways, D, ways), 0.0))
     N = ways[sizes > 0.0] / sizes[sizes > 0.0, None]
     M = N @ G[:, :-1] @ N.T + REGULAR * np.eye(len(N))
@@ -516,5 +513,5 @@ def _on_basis(M: Floats, q: Floats, basis: Ints) -> Floats:
     z, some = np.zeros(len(q)), np.sort(basis[basis >= len(q)]) - len(q)
     B = M[np.ix_(some, some)]
     for _ in range(2):
-        z[some] -= least_squares(B, (M @ z + q)[some])
+        z[some] -= least_squares(B, (M @ z + q)[some], DEPENDENT_SQUARE)
     return np.maximum(z, 0.0)

@@ -34,11 +34,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lagsim.mechanics.algebra import Metric, Span, scaled
+from lagsim.mechanics.algebra import Metric, Span, least_squares, scaled
 from lagsim.mechanics.complementarity import (
     RATES_ROUNDOFF,
     Problem,
-    least_squares,
     rates_at,
     solve,
 )
@@ -47,6 +46,7 @@ from lagsim.tolerances import (
     ACCELERATION_ROUNDOFF,
     DEPENDENT_DIRECTIONS,
     DEPENDENT_ROWS,
+    DEPENDENT_SQUARE,
     SETTLED_IMPULSE,
     SOLUTION_ROUNDOFF,
     SOLVED_LAWS,
@@ -553,10 +553,6 @@ class _Independent(Span):
         """Take a row unless it is spanned already."""
         return self.extend(self.units[row], self.least)
 
-    def has(self, row: int) -> bool:
-        """Whether a row is spanned."""
-        return float(np.linalg.norm(self.outside(self.units[row]))) <= self.least
-
 
 def _supported(rows: _Rows, solution: Solution) -> Solution:
     """Solution in which the contacts that bear are independent, if there is one.
@@ -636,9 +632,10 @@ def _decided(rows: _Rows, modes: list[Mode], directions: Floats) -> Modes:
     x = np.zeros(len(held))
     for _ in range(2):
         if closed.factor is None:
-            x -= least_squares(B, B @ x + h)
+            x -= least_squares(B, B @ x + h, DEPENDENT_SQUARE)
         else:
-            x -= least_squares(forces, np.linalg.solve(R.T, B @ x + h))
+            right = np.linalg.solve(R.T, B @ x + h)
+            x -= least_squares(forces, right, DEPENDENT_SQUARE)
     p = E[:, held] @ x + p0
     least = -ACCELERATION_ROUNDOFF * np.abs(p).max()
     for k in rows.one_sided:

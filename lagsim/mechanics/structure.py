@@ -45,7 +45,7 @@ def structure(equations: Equations) -> Structure:
     return Structure(
         mass_varies_with=_varies(equations, entries),
         diagonal=all(len(set(together)) == 1 for together in coupled),
-        blocks=_blocks(len(equations.q), coupled),
+        blocks=len(set(joined(len(equations.q), coupled))),
         constant_rows=not g.depends(A) & moving,
         constraints=kinds.get(tuple(levels), "mixed"),
         forces_free_of_velocities=not g.depends(equations.f)
@@ -56,14 +56,6 @@ def structure(equations: Equations) -> Structure:
         and all(d is not None and d <= frozenset((0, 1, 2)) for d in of_power),
         unknowns=len(equations.q) + len(rows),
     )
-
-
-def _blocks(n: int, coupled: Iterable[Sequence[int]]) -> int:
-    found = DisjointSets(n)
-    for first, *others in coupled:
-        for j in others:
-            found.merge(first, j)
-    return len(found.sets())
 
 
 def _varies(equations: Equations, entries: list[int]) -> str:

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.examination import start_at
-from lagsim.language.sparse import SparseVector
 from lagsim.mechanics.equations import Instant, coordinates_of, groups, shared
 from lagsim.mechanics.linearisation import Linearisation
+from lagsim.mechanics.reduction import of_those_left, vector
 from lagsim.model.model import Output, Parameter, Scene
 from lagsim.plan.cost import step_cost
 
@@ -99,31 +99,20 @@ def _part(
     group: Sequence[int],
 ) -> Subsystem:
     g = e.graph
-    place = {j: i for i, j in enumerate(group)}
-
-    def vector(x: SparseVector) -> SparseVector:
-        kept = {place[j]: node for j, node in x.entries.items()}
-        return SparseVector(g, len(group), kept)
-
     # What its energies still hold of the others is a constant: at their start values.
     fixed: dict[str, float] = {}
     for name in sorted(g.depends([e.energy, e.kinetic_form]) & names.keys()):
         j = names[name]
-        if j not in place:
+        if j not in group:
             value = start.q[j] if name == e.q[j] else start.v[j]
             fixed[name] = float(value)
     new = {g.variable(name): g.variable(f"start.{name}") for name in fixed}
     energy, kinetic_form = g.substitute([e.energy, e.kinetic_form], new)
     added = [Parameter(f"start.{name}", value) for name, value in fixed.items()]
     part = replace(
-        e,
+        of_those_left(e, group, e.mass_entries, e.f, e.momenta),
         model=_model(e.model, group, added, g.zero),
-        q=tuple(e.q[j] for j in group),
-        velocities=tuple(e.velocities[j] for j in group),
-        M=tuple(vector(e.M[j]) for j in group),
-        f=tuple(e.f[j] for j in group),
-        rows=tuple(row._replace(A=vector(row.A)) for row in rows),
-        momenta=tuple(e.momenta[j] for j in group),
+        rows=tuple(x._replace(A=vector(g, group, x.A.entries)) for x in rows),
         energy=energy,
         kinetic_form=kinetic_form,
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from lagsim.errors import InputError, Problem
+from lagsim.mechanics.algebra import least_squares
 from lagsim.mechanics.constraints import Kind
 from lagsim.mechanics.contact import impact, modes
 from lagsim.methods.parts import parameters as kept
@@ -390,11 +391,7 @@ def _raised_state(here: Kinematics) -> Floats:
 
 def _raised(D: Floats, deep: list[int], gaps: Floats) -> Floats:
     """Multipliers that take gaps (d,) away, of the rows `deep` of D."""
-    if len(deep) == 1:
-        own = D[deep[0], deep[0]]
-        return gaps / own if own > 0.0 else np.zeros(1)
-    answer = D[np.ix_(deep, deep)]
-    return np.asarray(np.linalg.lstsq(answer, gaps, rcond=None)[0], float)
+    return least_squares(D[np.ix_(deep, deep)], gaps, None)
 
 
 # --- Mode selection: which laws hold from a state on, by the accelerations
