@@ -7,7 +7,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 246
-LINES = 73_810
+LINES = 73_770
 LINES_OF_TESTS = 54_880
 
 
