@@ -294,6 +294,11 @@ def test_a_fault_of_many_ranges_is_reported_once(n, code):
     assert [p.code for p in problems(CHAIN.replace("n: 4", f"n: {n}"))] == [code]
 
 
+def test_links_may_stand_above_their_points():
+    text = "scene: {links: [[p(1..3)]], points: {p(i = 1..3): [x, i]}}"
+    assert model(text).scene.links == (("p.1", "p.2"), ("p.2", "p.3"))
+
+
 def test_a_fault_of_many_members_is_reported_once_and_quickly():
     text = "definitions: {s(i = 1..20000): i*zz, a: s(20001)}"
     assert [p.code for p in problems(text)] == ["unknown-name", "expression-member"]

@@ -15,8 +15,7 @@ from lagsim import limits
 from lagsim.language.names import HIDDEN
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.grammar import CALLED
-from lagsim.model.expansion.keys import Key, parsed_key
+from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
 from lagsim.model.expansion.scope import (
     Family,
     Made,
@@ -174,7 +173,9 @@ class Expansion:
             new[section] = self._referring(section, self._entries(section))
         events: dict[str, Family] = {}
         new["events"] = [
-            e for entry in self._entries("events") for e in self._event(*entry, events)
+            (key, self.by_keys(node, reading, {"set": self._sets}))
+            for entry in self._entries("events")
+            for key, reading, node in self._named(*entry, events)
         ]
         new["definitions"] += self.hidden
         found: dict[str, Node] = {}
@@ -261,12 +262,23 @@ class Expansion:
                 items=tuple(self.bound(n, reading) for n in node.items)
             )
         if isinstance(node, Mapping):
-            rules = {"slip": self.spread}
-            entries = (
-                (k, rules.get(k.text, self.bound)(v, reading)) for k, v in node.entries
-            )
-            return node._replace(entries=tuple(entries))
+            return self.by_keys(node, reading, {"slip": self.spread})
         return node
+
+    def by_keys(
+        self,
+        node: Node,
+        reading: Reading,
+        rules: MappingType[str, Callable[[Node, Reading], Node]],
+    ) -> Node:
+        """Return a mapping in which rules make what stands at some keys."""
+        if not isinstance(node, Mapping):
+            return self.bound(node, reading)
+        entries = []
+        for key, value in node.entries:
+            rule = rules.get(key.text, self.bound)
+            entries.append((key, rule(value, reading)))
+        return node._replace(entries=tuple(entries))
 
     # Keys, and their members
 
@@ -601,38 +613,32 @@ class Expansion:
         """Return the scene: points and shapes by members, links between points."""
         if node is not None and not isinstance(node, Mapping):
             return node
-        points = self.points
-        entries = []
-        for key, value in entries_of(node):
-            new = self.bound(value)
-            if key.text == "points" and isinstance(value, Mapping):
-                found = [
-                    (full, self.spread(one, reading))
-                    for k, v in value.entries
-                    for full, reading, one in self._named(k, v, points)
-                ]
-                new = value._replace(entries=tuple(found))
-            elif key.text == "links" and isinstance(value, Sequence):
-                links = [n for link in value.items for n in self._links(link, points)]
-                new = value._replace(items=tuple(links))
-            entries.append((key, new))
-        return self._shapes(entries, node)
-
-    def _shapes(self, entries: list[Entry], node: Mapping | None) -> Node:
-        """Return the scene with its shapes, and those of bodies."""
-        given = next((e for e in entries if e[0].text == "shapes"), None)
-        if self._drawn or (given and isinstance(given[1], Mapping)):
+        entries: list[Entry] = []
+        if node:  # points first, which others name
+            given = sorted(node.entries, key=lambda entry: entry[0].text != "points")
+            rules = {"points": self._points, "links": self._links}
+            whole = self.by_keys(Mapping(tuple(given), node.place), self.plain, rules)
+            entries += entries_of(whole)
+        shapes = next((e for e in entries if e[0].text == "shapes"), None)
+        if self._drawn or (shapes and isinstance(shapes[1], Mapping)):
             from lagsim.model.expansion.shapes import Shapes
 
-            at = given[0] if given else self._drawn[0].kind[0]
+            at, old = shapes or (self._drawn[0].kind[0], None)
             writer = Shapes(self)
-            old = given[1] if given else None
             found = (*writer.given(old), *writer.of_bodies(self._drawn))
-            new = at._replace(text="shapes"), Mapping(found, at.place)
-            entries = [new if e is given else e for e in entries]
-            entries += [] if given else [new]
-        place = node.place if node else entries[0][0].place
-        return Mapping(tuple(entries), place)
+            entries = [entry for entry in entries if entry is not shapes]
+            entries.append((at._replace(text="shapes"), Mapping(found, at.place)))
+        return Mapping(tuple(entries), node.place if node else entries[0][0].place)
+
+    def _points(self, node: Node, reading: Reading) -> Node:
+        if not isinstance(node, Mapping):
+            return self.bound(node, reading)
+        found = [
+            (full, self.spread(one, reading))
+            for entry in node.entries
+            for full, reading, one in self._named(*entry, self.points)
+        ]
+        return node._replace(entries=tuple(found))
 
     def _named(
         self, key: Scalar, node: Node, space: dict[str, Family]
@@ -660,27 +666,27 @@ class Expansion:
             full = key._replace(text=dotted(parsed.name, member), reading=reading)
             yield full, reading, items[k] if several else node
 
-    def _event(
-        self, key: Scalar, node: Node, events: dict[str, Family]
-    ) -> Iterator[Entry]:
-        """Return an event for each member, with the modes that it sets."""
-        for full, reading, one in self._named(key, node, events):
-            new = self.bound(one, reading)
-            sets = _inner(one, ("set",))
-            if isinstance(sets, Mapping) and sets is not one:
-                found = self._referring("", sets.entries, reading.indices)
-                new = _with_inner(new, ("set",), sets._replace(entries=tuple(found)))
-            yield full, new
+    def _sets(self, node: Node, reading: Reading) -> Node:
+        """Return the modes that an event sets, by members."""
+        if not isinstance(node, Mapping):
+            return self.bound(node, reading)
+        found = self._referring("", node.entries, reading.indices)
+        return node._replace(entries=tuple(found))
 
-    def _links(self, node: Node, points: dict[str, Family]) -> list[Node]:
-        """Return a link, or those between consecutive points of a family."""
+    def _links(self, node: Node, reading: Reading) -> Node:
+        """Return links; those of a family are between consecutive points."""
+        if not isinstance(node, Sequence):
+            return self.bound(node, reading)
+        links = (link for item in node.items for link in self._joining(item))
+        return node._replace(items=tuple(links))
+
+    def _joining(self, node: Node) -> list[Node]:
         if isinstance(node, Mapping):
-            below = {k.text: v for k, v in node.entries}
-            ends = self._links(below.get("points", node), points)
+            ends = self._joining(_inner(node, ("points",)))
             return [_with_inner(node, ("points",), end) for end in ends]
         if not isinstance(node, Sequence):
             return [node]
-        names = [n for item in node.items for n in self.denoted(item, points)]
+        names = [n for item in node.items for n in self.denoted(item, self.points)]
         if any(isinstance(name, Broken) for name in names):
             return [Broken(node.place)]
         if len(names) == len(node.items):
@@ -718,31 +724,29 @@ class Expansion:
 
     def _output(self, node: Node) -> Node:
         """Return columns and reactions by members; the curves of plots."""
-        entries = []
-        for key, value in entries_of(node):
-            new = self.bound(value)
-            if key.text in ("columns", "reactions") and isinstance(value, Sequence):
-                items = (n for item in value.items for n in self.denoted(item))
-                new = value._replace(items=tuple(items))
-            elif key.text == "plots" and isinstance(value, Sequence):
-                new = value._replace(items=tuple(map(self._plot, value.items)))
-            entries.append((key, new))
-        return (
-            node._replace(entries=tuple(entries)) if isinstance(node, Mapping) else node
-        )
+        rules = {
+            "columns": self._names, "reactions": self._names, "plots": self._plots,
+        }  # fmt: skip
+        return self.by_keys(node, self.plain, rules)
 
-    def _plot(self, node: Node) -> Node:
-        if not isinstance(node, Mapping):
-            return self.bound(node)
-        entries = []
-        for key, value in node.entries:
-            new = self.bound(value)
-            if key.text in ("y", "y2"):
-                curves = [c for item in items_of(value) for c in self._curves(item)]
-                several = len(curves) != 1 or isinstance(value, Sequence)
-                new = Sequence(tuple(curves), value.place) if several else curves[0]
-            entries.append((key, new))
-        return node._replace(entries=tuple(entries))
+    def _names(self, node: Node, reading: Reading) -> Node:
+        if not isinstance(node, Sequence):
+            return self.bound(node, reading)
+        items = (n for item in node.items for n in self.denoted(item))
+        return node._replace(items=tuple(items))
+
+    def _plots(self, node: Node, reading: Reading) -> Node:
+        if not isinstance(node, Sequence):
+            return self.bound(node, reading)
+        rules = {"y": self._axis, "y2": self._axis}
+        plots = (self.by_keys(plot, reading, rules) for plot in node.items)
+        return node._replace(items=tuple(plots))
+
+    def _axis(self, node: Node, _: Reading) -> Node:
+        curves = [c for item in items_of(node) for c in self._curves(item)]
+        if len(curves) == 1 and not isinstance(node, Sequence):
+            return curves[0]
+        return Sequence(tuple(curves), node.place)
 
     def _curves(self, node: Node) -> list[Node]:
         """Return expressions that are curves: of each member, and of each component."""

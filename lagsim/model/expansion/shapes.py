@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from lagsim.model.expansion.bodies import Drawn
     from lagsim.model.expansion.rotations import Frame
-    from lagsim.model.expansion.scope import Indices
     from lagsim.model.expansion.trees import Tree
     from lagsim.model.nodes import Entry, Node
 
@@ -27,13 +26,13 @@ class Shapes(Section):
         """Return the shapes of the file, by members."""
         for key, node in entries_of(section):
             if "(" not in key.text:
-                yield key, self._written(node, {})
+                yield key, self._written(node, self.x.plain)
             elif found := self.x.members(key, "a shape"):
                 for indices, member in found[1]:
                     reading = Reading(self.scope, indices)
                     name = dotted(found[0].name, member)
-                    written = self._written(node, indices)
-                    yield key._replace(text=name, reading=reading), written
+                    full = key._replace(text=name, reading=reading)
+                    yield full, self._written(node, reading)
 
     def of_bodies(self, drawn: Iterable[Drawn]) -> Iterator[Entry]:
         """Return the shapes of bodies."""
@@ -48,17 +47,9 @@ class Shapes(Section):
             name = key._replace(text=one.name, reading=reading)
             yield name, Mapping(tuple(below), key.place)
 
-    def _written(self, node: Node, indices: Indices) -> Node:
-        if not isinstance(node, Mapping):
-            return node
-        reading = Reading(self.scope, indices)
+    def _written(self, node: Node, reading: Reading) -> Node:
         rules = {"frame": self._turned, "at": self._point, "arrow": self.x.spread}
-        return node._replace(
-            entries=tuple(
-                (key, rules.get(key.text, self.x.bound)(value, reading))
-                for key, value in node.entries
-            )
-        )
+        return self.x.by_keys(node, reading, rules)
 
     def _turned(self, node: Node, reading: Reading) -> Node:
         """Return the matrix of a frame; an expression is an angle."""
