@@ -6,9 +6,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 246
-LINES = 73_770
-LINES_OF_TESTS = 54_880
+FILES = 245
+LINES = 73_760
+LINES_OF_TESTS = 54_890
 
 
 def lines(folder):
