@@ -532,8 +532,9 @@ def _set_floors(here: Kinematics, found: Chosen, slid: Collection[int]) -> None:
         scale = rubs * _steady(here, found, pair, rubs)
         floor = max(rtol ** (2.0 / 3.0) * scale, 4.0 * here.still[k])
         floor = max(floor, rtol * float(np.max(here.reach[1][pair])))
+        stills[pair] = rtol * scale
         if speed < floor:
-            floors[pair], stills[pair] = floor, rtol * scale
+            floors[pair] = floor
     p.law_floor[:], p.law_still[:] = floors, stills
 
 

@@ -138,8 +138,10 @@ class Kinematics:
         self.near = (self.gaps <= self.slack).tolist()
         self.scales = held, sizes
         self._let_go()
-        # What rounds in the forces has moved what they balance, since the last step.
-        self.still = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
+        # What rounds in the forces has moved what they balance, since the last step;
+        # within rounding of the time they change what moves.
+        rounding = SUM_ROUNDOFF * np.maximum(sizes, self.pushes * arc.state.step_h)
+        self.still = rounding + SAME_TIME * math.ulp(t) * self.pushes
 
     def _let_go(self) -> None:
         """Find the accelerations that there would be without any law."""

@@ -320,6 +320,35 @@ def test_a_central_force_and_a_planar_brake():
     close(found["y"][: len(t)], 0.8 * r)
 
 
+@pytest.mark.parametrize("start", [0, 100, 1e5])
+def test_a_slip_whose_way_turns_stops_once(start):
+    """It turns ever faster as it ends, in times shorter than those of the clock."""
+
+    def rates(_, y):
+        return [*y[2:], *(-20 * y[:2] - 8 * y[2:] / np.hypot(*y[2:]))]
+
+    def slow(_, y):
+        return np.hypot(*y[2:]) - 1e-7
+
+    slow.terminal = True
+    y = solve_ivp(
+        rates, (0, 9), [1, 0, 0, 2], "DOP853", events=slow, rtol=1e-12, atol=1e-13
+    )
+    lost = np.linalg.norm(rates(0, y.y[:, -1])[2:])  # to 1e-7: it stops within 1e-7 s
+    text = scene(
+        "x y", "x_dot^2/2 + y_dot^2/2", "10*(x^2 + y^2)", {"brake": BRAKE},
+        {"x": 1, "y": 0, "x_dot": 0, "y_dot": 2}, parameters={"F": 8},
+        start=start, duration=4, output_step=0.05,
+    )  # fmt: skip
+    found = play(text)
+    assert lost > 1
+    resolved = 1e-7 + 8 * np.spacing(start)
+    stops = [start + y.t[-1]]
+    assert found.times("stick", "brake") == pytest.approx(stops, rel=0, abs=resolved)
+    assert not found.times("slip", "brake")
+    close([found["x"][-1], found["y"][-1]], y.y[:2, -1:].ravel(), 1e-9)
+
+
 def test_a_planar_brake_holds_what_is_within_its_circle():
     """Pulled by (1.2, 1.6) t it slips at 2 t = 3, the way that it is pulled."""
     found = play(braked(forces={"x": "1.2*t", "y": "1.6*t"}))
