@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
 LINES = 73_760
-LINES_OF_TESTS = 54_890
+LINES_OF_TESTS = 54_910
 
 
 def lines(folder):
