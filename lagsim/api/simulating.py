@@ -459,14 +459,14 @@ class Result:
 
     def _beside(self, *, plots: bool = False, animate: bool = False) -> Iterator[Made]:
         """Return name and content of the files beside the table."""
-        session = self._made.session
+        made, session = self._made, self._made.session
         equations, columns = session.case.equations, session.system.columns.names
-        thin = picture_thinning(equations.model, columns) if plots else None
-        frames = frames_of(equations, columns) if animate else None
-        for kept in (thin, frames):
+        made.thin = picture_thinning(equations.model, columns) if plots else None
+        made.frames = frames_of(equations, columns) if animate else None
+        for kept in (made.thin, made.frames):
             if kept is not None:
                 kept.add(self._rows)
-        return beside(self._made, thin, frames)
+        return beside(made)
 
     def write(
         self,

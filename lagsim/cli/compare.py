@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -58,10 +57,7 @@ def command(
     The exit code is 0 within tolerance, 1 where they differ, 2 if unusable.
     """
     tolerances = _tolerances(rtol, atol)
-    # NumPy and SciPy let two threads read at the same time, for the most part.
-    with ThreadPoolExecutor(2) as pool:
-        tables = [pool.submit(read_results, path) for path in (golden, new)]
-        one, two = (table.result() for table in tables)
+    one, two = read_results(golden), read_results(new)
     found = _Found(one, two, compare(one, two, *tolerances))
     if plot is not None:
         put_picture(plot, partial(_picture, found))

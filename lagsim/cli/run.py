@@ -354,7 +354,7 @@ class Job:
         from lagsim.studies.drawing import drawings
 
         form = (self.wish.plots or Picture.PNG).value
-        made = drawings(found, found.thin, found.frames, form, self._draw)
+        made = drawings(found, form, self._draw)
         # Where there is no room for that, pictures will say so.
         with contextlib.suppress(OSError):
             results.stand(encode(document | {"sha256": results.digests()}))

@@ -44,27 +44,22 @@ def events(made: Attempt) -> Iterator[Made]:
 
 
 def drawings(
-    made: Attempt,
-    rows: Thinning | None,
-    frames: Frames | None = None,
-    form: str = "png",
-    draw: Draw | None = None,
+    made: Attempt, form: str = "png", draw: Draw | None = None
 ) -> Iterator[Made]:
-    """Give name and content of a page, of `frames`, and of pictures, of `rows`.
+    """Give name and content of the page and of the pictures that rows are kept for.
 
-    Pictures have the format `form`. What is None is not made. `draw` draws them, by
-    default in this process.
+    Pictures have the format `form`. `draw` draws them, by default in this process.
     """
-    if frames is not None:
+    if made.frames is not None:
         from lagsim.outputs.animation import NAME
 
-        shown = attempted(NAME, partial(_page, made, frames))
+        shown = attempted(NAME, partial(_page, made, made.frames))
         if shown is not None:
             yield NAME, shown
-    if rows is None:
+    if made.thin is None:
         return
     model = made.session.case.equations.model
-    record = attempted("pictures", partial(_record, made, rows, form))
+    record = attempted("pictures", partial(_record, made, made.thin, form))
     if isinstance(record, Caution):
         yield "pictures", record
     else:
@@ -75,12 +70,10 @@ def drawings(
         yield from pictures(made.session, made.sections, form)
 
 
-def beside(
-    made: Attempt, rows: Thinning | None, frames: Frames | None = None
-) -> Iterator[Made]:
+def beside(made: Attempt) -> Iterator[Made]:
     """Return name and content of all files beside the table of a run."""
     yield from events(made)
-    yield from drawings(made, rows, frames)
+    yield from drawings(made)
 
 
 def _record(made: Attempt, rows: Thinning, form: str) -> Record:

@@ -589,7 +589,7 @@ class Runs:
                 if found.fault is not None:
                     raise found.fault
                 writer.finish()
-            undrawn = results.fill(beside(found, found.thin, found.frames))
+            undrawn = results.fill(beside(found))
             cautions = [*results.cautions, *found.cautions(), *undrawn]
             clock.lap("output")
             files = [*results.names, MANIFEST]
