@@ -47,6 +47,8 @@ REDUNDANT = 4  # on its level because others are: its share is constant
 # Where some surface does not attract, all modes are tried up to this many surfaces.
 FEW = 5
 MOST_EXCHANGES = 1000
+# Newton's steps to the shares of surfaces.
+MOST_STEPS = 20
 
 
 class FilippovCone:
@@ -161,28 +163,42 @@ class FilippovCone:
         """Shares that keep sliding surfaces, rates, and attractions (count,).
 
         The attraction of a surface is what its own upper side adds to its rate: below 0
-        where the sides push onto the surface.
+        where the sides push onto the surface. By Newton's method: in the shares of
+        several, rates have products where steps do.
         """
         along = [i for i, k in enumerate(mode) if k == SLIDING]
-        corner = tuple(BELOW if k == SLIDING else k for k in mode)
-        rho = self.rates(corner)
-        w = np.array(corner, dtype=float)
-        own = np.zeros(self.count)
-        if along:
-            B = np.array([self.rates(_above(corner, j)) - rho for j in along]).T
-            B[np.abs(B) <= self.tolerance[:, None]] = 0.0
-            inner = B[along]
-            # Forces of which only the sum matters: the shares closest to one half.
-            half = np.full(len(along), 0.5)
-            right = -rho[along] - inner @ half
+        # Forces of which only the sum matters: the shares closest to one half.
+        w = np.array([0.5 if k == SLIDING else k for k in mode], dtype=float)
+        rho, own = self._blended(w), np.zeros(self.count)
+        for _ in range(MOST_STEPS if along else 0):
+            slopes = np.array([self._change(w, j) for j in along]).T[along]
+            slopes[np.abs(slopes) <= self.tolerance[along, None]] = 0.0
             # Of the same size, whatever the units of each surface.
-            size = np.max(np.abs(inner), axis=1)
+            size = np.max(np.abs(slopes), axis=1)
             size[size == 0.0] = 1.0
-            inner_scaled, right = inner / size[:, None], right / size
-            w[along] = half + np.linalg.lstsq(inner_scaled, right, rcond=None)[0]
-            rho = rho + B @ w[along]
-            own[along] = np.diag(inner)
+            scaled = slopes / size[:, None], rho[along] / size
+            w[along] -= np.linalg.lstsq(*scaled, rcond=None)[0]
+            rho, own[along] = self._blended(w), np.diag(slopes)
+            if np.all(np.abs(rho[along]) <= self.tolerance[along]):
+                break
         return w, rho, own
+
+    def _change(self, w: Floats, j: int) -> Floats:
+        """Change of rates (count,) from below surface j to above it."""
+        below, above = w.copy(), w.copy()
+        below[j], above[j] = BELOW, ABOVE
+        return self._blended(above) - self._blended(below)
+
+    def _blended(self, w: Floats) -> Floats:
+        """Rates (count,) between corners, linear in each of the shares w (count,)."""
+        if self.count > FEW:
+            return self.rates(tuple(w))
+        sides = [(int(x),) if x in (BELOW, ABOVE) else (BELOW, ABOVE) for x in w]
+        rates = np.zeros(self.count)
+        for corner in product(*sides):
+            parts = np.where(np.array(corner) == ABOVE, w, 1.0 - w)
+            rates = rates + np.prod(parts) * self.rates(corner)
+        return rates
 
     def holds(self, mode: Sequence[int], least: Floats, *, alone: bool = True) -> bool:
         """Whether a mode meets the conditions, at rates of `least` or more.

@@ -232,3 +232,24 @@ simulation: {duration: 10, output_step: 0.1}
     )
     assert [w.code for w in found.trajectory.warnings] == ["unresolved-switch"]
     assert found.trajectory.statistics.steps < 1000
+
+
+@pytest.mark.parametrize("force", [0.5, 1.5, 1.9, -0.5, -1.5, -1.9])
+@pytest.mark.parametrize("push", [1.0, -1.0])
+def test_friction_whose_bound_depends_on_what_another_holds(force, push):
+    # Held, sign(y_dot) counts as push/1.5 between -1 and 1, and the bound 1 or 2 of the
+    # other friction as a mean by that.
+    found = run(f"""
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 0}}
+forces:
+  x: {force} - if(y_dot > 0, 2, 1)*sign(x_dot)
+  y: {push} - 1.5*sign(y_dot)
+initial: {{x: 0, y: 0}}
+simulation: {{duration: 2, output_step: 0.1}}
+""")
+    left = max(0.0, abs(force) - (1.5 + push / 3.0))
+    t = found["t"]
+    assert found["x"] == pytest.approx(math.copysign(left, force) * t**2 / 2, abs=1e-12)
+    assert not np.any(found["y"])
+    assert found.trajectory.outcome.complete
