@@ -130,8 +130,7 @@ class FilippovCone:
 
     def attraction(self, k: int) -> float:
         """By how much the upper side of surface k adds to its rate, all below."""
-        low = (BELOW,) * self.count
-        return float(self.rates(_above(low, k))[k] - self.rates(low)[k])
+        return float(self._change(np.zeros(self.count), k)[k])
 
     def is_fork(self, mode: Sequence[int]) -> bool:
         """Whether the other side of some surface would do as well."""
@@ -225,21 +224,20 @@ class FilippovCone:
         and one that keeps to its level because others do has a share that is constant.
         """
         n, tolerance = self.count, self.tolerance
-        low = (BELOW,) * n
-        base = self.rates(low)
-        B = np.array([self.rates(_above(low, j)) - base for j in range(n)]).T
+        none, base = np.zeros(n), self.rates((BELOW,) * n)
+        B = np.array([self._change(none, j) for j in range(n)]).T
         off, own = self.rates((ABOVE,) * n) - base - B.sum(axis=1), B.diagonal()
         attract = (own < -tolerance) & (np.abs(off) <= tolerance * n)
         if n <= FEW and not attract.all():
             return None
-        ends, none = np.zeros((4, n)), np.full(n, -1)
+        ends, alone = np.zeros((4, n)), np.full(n, -1)
         ends[0] = -1.0
         aside = {k: now[k] for k in np.flatnonzero(~attract).tolist()}
         aside.update(self.held)
         for k, side in aside.items():  # what has reached its end is at it
             ends[::2, k] = -side
         for _ in range(MOST_EXCHANGES):
-            found = solve(Problem(-B, base, ends[:2], ends[2:], none, none))
+            found = solve(Problem(-B, base, ends[:2], ends[2:], alone, alone))
             if not found.found:
                 return None
             leads = np.where(ends[0] < 0.0, found.w < -tolerance, found.w > tolerance)
@@ -275,15 +273,10 @@ class FilippovCone:
         return [int(side) for side in sides]
 
 
-def _above(corner: Corner, j: int) -> Corner:
-    return (*corner[:j], ABOVE, *corner[j + 1 :])
-
-
 def _affine(rates: Rates, count: int) -> Rates:
     """Rates that are affine in the shares, from those of count + 1 corners."""
-    low = (BELOW,) * count
-    base = rates(low)
-    effects = np.array([rates(_above(low, j)) - base for j in range(count)])
+    base, sides = rates((BELOW,) * count), np.eye(count, dtype=int).tolist()
+    effects = np.array([rates(tuple(corner)) - base for corner in sides])
     return lambda corner: base + np.array(corner, dtype=float) @ effects
 
 
