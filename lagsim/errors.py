@@ -35,6 +35,19 @@ def unseen(text: str) -> str:
     return found[0] if found else ""
 
 
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Give the word most like another, or an empty text."""
+    from difflib import get_close_matches  # only faults need it
+
+    return (get_close_matches(word, list(known), 1) or [""])[0]
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Give a hint that names the word most like another, or no hint."""
+    near = nearest(word, known)
+    return f"did you mean `{near}`?" if near else ""
+
+
 class Place(NamedTuple):
     """A stretch of a file: line and column count from 1, length in characters."""
 

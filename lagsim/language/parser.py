@@ -12,9 +12,9 @@ import math
 import re
 import unicodedata
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
+from lagsim.errors import did_you_mean
 from lagsim.language.functions import FUNCTIONS, JOINING, OPERATIONS
 
 if TYPE_CHECKING:
@@ -342,8 +342,7 @@ class Parser:
         known = {**FUNCTIONS, **self.arities}
         if token.text not in known:
             # One letter is near to all names of two.
-            near = get_close_matches(token.text, known, 1) if token.text[1:] else []
-            hint = f"did you mean `{near[0]}`?" if near else ""
+            hint = did_you_mean(token.text, known) if token.text[1:] else ""
             text = f"there is no function `{token.text}`"
             raise token.fault(text, hint, "unknown-function")
         self.pending.append(Pending(token.text, 0, token, call=True))

@@ -10,10 +10,11 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
+from lagsim.errors import did_you_mean
 from lagsim.language.names import rate_of
 from lagsim.language.parser import ExpressionError
 from lagsim.model.expansion import trees
-from lagsim.model.expansion.frames import Section, near, unknown
+from lagsim.model.expansion.frames import Section, unknown
 from lagsim.model.expansion.rotations import ZERO, product, rotate, spin, total
 from lagsim.model.expansion.scope import dotted
 from lagsim.model.expansion.trees import (
@@ -273,7 +274,7 @@ class Bodies(Section):
         key, value = given[0]
         kind, known = key.text, SIZES[n]
         if kind not in known:
-            hint = near(kind, known) or f"there are {', '.join(known)}"
+            hint = did_you_mean(kind, known) or f"there are {', '.join(known)}"
             text = f"{what} cannot be a `{kind}`"
             if kind in SIZES[5 - n]:
                 text += " in the plane" if n == len("xy") else " in space"

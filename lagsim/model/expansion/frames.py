@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
+from lagsim.errors import did_you_mean
 from lagsim.language.names import rate_of
 from lagsim.language.parser import (
     SILENT,
@@ -79,12 +79,6 @@ class _Given(NamedTuple):
 def unknown(below: Iterable[str], keys: Iterable[str]) -> bool:
     """Tell whether there are other keys, which the reader reports."""
     return any(k not in keys and not k.startswith("x-") for k in below)
-
-
-def near(word: str, known: Iterable[str]) -> str:
-    """Hint that names what is most like a word, or no hint."""
-    found = get_close_matches(word, list(known), 1)
-    return f"did you mean `{found[0]}`?" if found else ""
 
 
 class Section:
@@ -244,7 +238,7 @@ class Frames(Section):
         if name in self._broken:
             raise token.fault("", "", SILENT)
         members = [m for other, m in self._given if other == name]
-        hint = near(name, [SPACE, *(other for other, _ in self._given)]) or _HOW
+        hint = did_you_mean(name, [SPACE, *(other for other, _ in self._given)]) or _HOW
         if members:
             ends = (dotted(name, m) for m in (min(members), max(members)))
             hint = "there are `{}` to `{}`".format(*ends)

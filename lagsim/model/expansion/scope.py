@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 import sys
-from difflib import get_close_matches
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from lagsim import limits
+from lagsim.errors import did_you_mean
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.names import ENDINGS
 from lagsim.language.parser import (
@@ -318,8 +318,7 @@ class Scope:
         name = token.text
         families = (f.name for f in self.variables.values() if f.indexed)
         known = [*CALLED, *families]
-        near = get_close_matches(name, known, 1) if name[1:] else []
-        hint = f"did you mean `{near[0]}`?" if near else ""
+        hint = did_you_mean(name, known) if name[1:] else ""
         text = f"there is no function or family `{name}`"
         raise token.fault(text, hint, "unknown-function")
 

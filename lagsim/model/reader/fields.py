@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, TypeGuard
 
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, nearest
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader import hints
 from lagsim.model.reader.sections import SECTIONS, has_key
@@ -67,7 +66,7 @@ class Faults:
             return ""
         plain = hints.spelt_out(word)
         alike = (other for other in among if hints.spelt_out(other) == plain)
-        return next(alike, "") or (get_close_matches(word, among, 1) or [""])[0]
+        return next(alike, "") or nearest(word, among)
 
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
         """Give a hint that names the candidate most like `word`, or no hint."""
