@@ -469,24 +469,12 @@ def parse(text: str, tables: Arities = ()) -> Parsed:
 
 
 def parse_condition(text: str, tables: Arities = ()) -> Parsed:
-    """Parse a condition, as that of `if`.
-
-    Raises
-    ------
-    ExpressionError
-        With the place of the first fault in `text`.
-    """
+    """Parse a condition, as that of `if`; see `parse`."""
     return Parser(text, list(tokens(text)), tables).parse(conditional=True)
 
 
 def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
-    """Parse `lhs = rhs`, `lhs <= rhs`, `lhs >= rhs` or a bare expression.
-
-    Raises
-    ------
-    ExpressionError
-        With the place of the first fault in `text`.
-    """
+    """Parse a relation, `lhs = rhs` or with `<=` or `>=`, or a bare expression."""
     return relation(
         text, list(tokens(text)), lambda part: Parser(text, part, tables).parse()
     )
@@ -495,13 +483,7 @@ def parse_relation(text: str, tables: Arities = ()) -> ParsedRelation:
 def relation(
     text: str, found: list[Token], parsed: Callable[[list[Token]], Parsed]
 ) -> ParsedRelation:
-    """Relation of the tokens of a text, whose sides are parsed.
-
-    Raises
-    ------
-    ExpressionError
-        Where it has several signs, or a strict one, or a side has a fault.
-    """
+    """Relation of the tokens of a text; several signs, or a strict one, are a fault."""
     left, right, sense = _sides(text, found)
     other = parsed(right) if right else None
     return ParsedRelation(parsed(left), other, sense, left[-1].offset)

@@ -141,17 +141,16 @@ class Expansion:
 
         `at`: the scalar whose text has the offsets of the value's names.
         """
+        single = isinstance(value, trees.Tree)
         parts = (value,) if isinstance(value, trees.Tree) else value
-        letters = (
-            ("",) if isinstance(value, trees.Tree) else trees.components(len(parts))
-        )
+        letters = ("",) if single else trees.components(len(parts))
         names = [dotted(f"{HIDDEN}{name}", (), letter) for letter in letters]
         for full, part in zip(names, parts, strict=True):
             reading = Made(self.scope, trees.parsed(part, at.text))
             key = at._replace(text=full, reading=reading)
             self.hidden.append((key, at._replace(reading=reading)))
         found = tuple(trees.name(full) for full in names)
-        return found[0] if isinstance(value, trees.Tree) else found
+        return found[0] if single else found
 
     def _sections(self) -> dict[str, Node]:
         """Return sections that are written out."""
@@ -302,12 +301,7 @@ class Expansion:
         return None
 
     def _members(self, key: Key, outer: Indices) -> Members:
-        """Return the members that a key denotes, within those of `outer` indices.
-
-        Raises
-        ------
-        ExpressionError
-        """
+        """Return the members that a key denotes, within those of `outer` indices."""
         found: Members = [(outer, ())]
         for subscript in key.subscripts:
             token, index = subscript.token, subscript.runs
@@ -442,12 +436,7 @@ class Expansion:
         return True
 
     def _letters(self, one: _Given) -> tuple[str, ...]:
-        """Return components of what an entry gives its first member.
-
-        Raises
-        ------
-        UnresolvedError
-        """
+        """Return components of what an entry gives its first member."""
         section, node = one.family.section, one.node
         if section == "coordinates":
             return one.family.letters
@@ -756,11 +745,10 @@ class Expansion:
             parsed = parsed_key(node.text)
         except ExpressionError:
             parsed = None
-        meant = parsed and self.scope.reference(parsed.name)
+        meant = self.scope.reference(parsed.name) if parsed else None
         if meant and meant[0].broken:
             return [Broken(node.place)]
-        of_family = meant and meant[0].indexed
-        if parsed and (of_family or (meant and not parsed.subscripts)):
+        if parsed and meant and (meant[0].indexed or not parsed.subscripts):
             return [
                 self.bound(n._replace(text=_written(*n.text.split("."))))
                 if isinstance(n, Scalar)

@@ -171,10 +171,7 @@ def tokens(text: str) -> list[Token]:
 def parsed(text: str, part: Sequence[Token], *, conditional: bool = False) -> Parsed:
     """Parse the tokens of a text, or of a part of it that `end` closes.
 
-    Raises
-    ------
-    ExpressionError
-        With the place of the first fault.
+    An ExpressionError has the place of the first fault.
     """
     return _Extended(text, [*part]).parse(conditional=conditional)
 
@@ -207,10 +204,7 @@ class Key(NamedTuple):
 def parsed_key(text: str) -> Key | None:
     """Return key of a text; None where it is not of this form.
 
-    Raises
-    ------
-    ExpressionError
-        With the fault of a range.
+    An ExpressionError has the fault of a range.
     """
     if not ("(" in text or "." in text):
         return Key(text)

@@ -197,11 +197,8 @@ class Scope:
     def size(self, text: str, parser: Parser, indices: Indices) -> int:
         """Return size of an expression for a member, 1 where it is faulty.
 
-        Its fault is left for those who read the expression to report.
-
-        Raises
-        ------
-        UnresolvedError
+        Its fault is left for those who read the expression to report. Where the size of
+        a definition is needed that is not known yet, this is an UnresolvedError.
         """
         known, terms = set(self._faulty), self._terms
         try:
