@@ -28,7 +28,7 @@ CISM 302 (1988) 1-82; M. Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235-2
 
 from __future__ import annotations
 
-from math import sqrt
+from math import nan, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
@@ -232,7 +232,6 @@ def interpolate(s: Moreau, x: float, out: Floats) -> None:
 # Source: M. Jean, The non-smooth contact dynamics method, Comput. Methods Appl. Mech.
 # Eng. 177 (1999) 235-257.
 
-NAN = float("nan")
 MOST_SWEEPS = 5000  # after which relaxation ends unsettled, and that is reported
 # A row that is met farther than it needs to be passes on what it changes to the next
 # ones faster: long stacks take a tenth of the sweeps (R. W. Cottle, J.-S. Pang and R.
@@ -283,7 +282,7 @@ def factor(p: Impulses) -> None:
                 elif value > 0.0:
                     value = sqrt(value)
                 else:
-                    value = NAN
+                    value = nan
                 L[row + j - begin] = value
             other += j - before + 1
         row += i - begin + 1

@@ -206,7 +206,6 @@ class System:
         self.p: Parameters = self._filled(p)
         self.modes_at = [layout.p[mode.variable] for mode in self.switches.modes]
         self._runners: dict[str, Runner] = {}
-        self._joined: dict[bytes, list[int]] = {}  # of `held_together`
         self.parts = [System(x.subsystem.equations, x.plan) for x in plan.parts]
         self.program = [written, *kernels(self)]
 
@@ -406,12 +405,8 @@ class System:
     def held_together(self) -> list[int]:
         """Return for each coordinate the first that the rows in force join it with."""
         e, on = self.equations, self.p.law_mode != OFF
-        key = on.tobytes()
-        if key not in self._joined:
-            acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
-            rows = [row.A.entries for row in (*e.rows, *acting)]
-            self._joined[key] = joined(len(e.q), rows)
-        return self._joined[key]
+        acting = (law.row for law, acts in zip(e.laws, on, strict=True) if acts)
+        return joined(len(e.q), [row.A.entries for row in (*e.rows, *acting)])
 
 
 # Kernels work for a moment at a time, so that a signal is seen soon.

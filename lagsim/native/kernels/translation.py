@@ -14,7 +14,8 @@ A kernel is a plain function of annotated parameters (int, float, bool, `Floats`
   `s.half.stop`;
 - `if while for break continue return pass`, `for i in range(...)`, or `apart(n)` where
   no pass touches another's elements: they are then made several at once;
-- calls of other kernels and of functions marked `external`;
+- calls of other kernels and of functions marked `external`, by their names or as parts
+  of their modules, `newton.solve(...)`;
 - the bits of a number, `bits(x)`, and the number of some bits, `from_bits(k)`;
 - static values: numbers and tables (tuples) of them among the module's globals,
   parameters that are `Static`, the variables of loops over `unrolled`, and what is
