@@ -16,18 +16,12 @@ from math import sqrt
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts import constraints, control
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, record_speed, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DEGENERATE,
-    DONE,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    STEP_TOO_SMALL,
-    derivative,
-)
+from lagsim.methods.parts.state import derivative
 from lagsim.native.kernels.words import apart, total, unrolled
 from lagsim.native.layout import array, part
 from lagsim.tolerances import OVERFLOW
@@ -94,7 +88,7 @@ def start(s: Dop853, p: Parameters) -> None:
 def step(s: Dop853, p: Parameters) -> int:
     """Make one accepted step, or return a code other than 0."""
     rejected = False
-    trouble = STEP_TOO_SMALL
+    trouble = at.STEP_TOO_SMALL
     while True:
         h = usable_step(s, p)
         if h == 0.0:
@@ -102,19 +96,19 @@ def step(s: Dop853, p: Parameters) -> int:
         error = attempt(s, p, h)
         if not error < OVERFLOW:
             s.h = 0.1 * h
-            trouble = NOT_FINITE
+            trouble = at.NOT_FINITE
         elif error >= 1.0:
             s.h = h / min(SHRINK, error**EXPONENT / SAFETY)
             if CONSTRAINED and p.least_sigma < BESIDE * s.sigma:
                 s.h = max(s.h, ASIDE * h)
-            trouble = STEP_TOO_SMALL
+            trouble = at.STEP_TOO_SMALL
         elif CONSTRAINED and constraints.project_step(s, p, s.t + h, h, s.new) == 0:
             s.h = 0.25 * h
-            trouble = PROJECTION_FAILED
+            trouble = at.PROJECTION_FAILED
         else:
             break
         if CONSTRAINED and constraints.needs_loops(s):
-            return DEGENERATE
+            return at.DEGENERATE
         rejected = True
         s.rejections += 1.0
     accept(s, p, h)
@@ -123,7 +117,7 @@ def step(s: Dop853, p: Parameters) -> int:
     if rejected:
         s.h = min(s.h, h)
     s.previous_error = max(error, 1e-4)
-    return DONE
+    return at.DONE
 
 
 def attempt(s: Dop853, p: Parameters, h: float) -> float:

@@ -19,15 +19,13 @@ from math import inf, sqrt
 from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
 from lagsim.methods.parts import newton
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import is_finite, largest_part
 from lagsim.methods.parts.control import add
 from lagsim.methods.parts.fixed import Fixed, Tableau, interpolate, judge, step
 from lagsim.methods.parts.fixed import start as begin
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import (
-    DONE,
-    NEWTON_FAILED,
-    NOT_FINITE,
     derivative,
     inertia,
     lagrangian,
@@ -122,15 +120,15 @@ def make(s: Gauss, p: Parameters, after: float, h: float) -> int:
     """Make one step, see `fixed.make`."""
     predict(s)
     if solve_stages(s, p, h) == 0:
-        return NEWTON_FAILED
+        return at.NEWTON_FAILED
     conclude(s, h)
     if not is_finite(s.size, s.new):
-        return NOT_FINITE
+        return at.NOT_FINITE
     if solve_velocities(s, p, after, h) == 0:
-        return NEWTON_FAILED
+        return at.NEWTON_FAILED
     derivative(after, s.new, p, s.slope)
     s.evaluations += 1.0
-    return DONE
+    return at.DONE
 
 
 def predict(s: Gauss) -> None:

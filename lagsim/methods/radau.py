@@ -19,22 +19,12 @@ from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import constraints, control, newton
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.fixed import Tableau
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.newton import SparseNewton
-from lagsim.methods.parts.state import (
-    DEGENERATE,
-    DONE,
-    LOCAL,
-    LOSS_AHEAD,
-    NEWTON_FAILED,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    STEP_TOO_SMALL,
-    derivative,
-    jacobian,
-)
+from lagsim.methods.parts.state import LOCAL, derivative, jacobian
 from lagsim.native.kernels.words import Static, total, unrolled
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SAME_STEP, TINY, UNIT_ROUNDOFF
@@ -85,19 +75,19 @@ def start(s: Radau, p: SparseNewton) -> None:
 def step(s: Radau, p: SparseNewton) -> int:
     """Make one accepted step, or return a code other than 0."""
     rejected = False
-    trouble = STEP_TOO_SMALL
+    trouble = at.STEP_TOO_SMALL
     while True:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
         if CONSTRAINED and cannot_pass(s, p, rejected):
-            return LOSS_AHEAD
+            return at.LOSS_AHEAD
         error = attempt(s, p, h)
         trouble = verdict(s, p, h, error)
-        if trouble == DONE:
+        if trouble == at.DONE:
             break
         if CONSTRAINED and constraints.needs_loops(s):
-            return DEGENERATE
+            return at.DEGENERATE
         rejected = True
         s.rejections += 1.0
         if s.jacobian < 2.0:
@@ -105,7 +95,7 @@ def step(s: Radau, p: SparseNewton) -> int:
     quotient = predict(s, h, error)
     accept(s, p, h)
     plan_next(s, h, h / quotient, rejected)
-    return DONE
+    return at.DONE
 
 
 def plan_next(s: Radau, h: float, ahead: float, rejected: bool) -> None:
@@ -138,19 +128,19 @@ def verdict(s: Radau, p: SparseNewton, h: float, error: float) -> int:
     """Code of an attempted step, DONE or its failure; s.h is the next to try."""
     if not error < OVERFLOW:
         s.h = 0.1 * h
-        return NOT_FINITE
+        return at.NOT_FINITE
     if error < 0.0:
         s.ceiling = h
-        return NEWTON_FAILED
+        return at.NEWTON_FAILED
     if error >= 1.0:
         s.h = 0.1 * h
         if s.previous_h > 0.0:
             s.h = h / change(s, error)
-        return STEP_TOO_SMALL
+        return at.STEP_TOO_SMALL
     if CONSTRAINED and constraints.project_step(s, p, s.t + h, h, s.new) == 0:
         s.h = 0.25 * h
-        return PROJECTION_FAILED
-    return DONE
+        return at.PROJECTION_FAILED
+    return at.DONE
 
 
 def change(s: Radau, error: float) -> float:

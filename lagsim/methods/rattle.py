@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from lagsim.language.arrays import Floats
 from lagsim.methods import Structure
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import (
     is_finite,
     is_small,
@@ -33,14 +34,7 @@ from lagsim.methods.parts.constraints import (
 )
 from lagsim.methods.parts.fixed import Fixed, interpolate, start, step
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DONE,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    derivative,
-    position_step,
-    velocity_step,
-)
+from lagsim.methods.parts.state import derivative, position_step, velocity_step
 from lagsim.methods.verlet import amplification, inseparable
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, RESIDUAL_ROUNDOFF, UNIT_ROUNDOFF
@@ -95,13 +89,13 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
     # The forces of the constraints that k holds are those of y'': what they lack, or
     # have too much, is along the same gradients.
     if CONSTRAINED and hold(s, p, after, h) == 0:
-        return PROJECTION_FAILED
+        return at.PROJECTION_FAILED
     derivative(after, new, p, slope)
     s.evaluations += 1.0
     new[s.velocities] += 0.5 * h * slope[s.velocities]
     if CONSTRAINED:
         if project_level(1, s, p, after, h, new, s.change) == 0:
-            return PROJECTION_FAILED
+            return at.PROJECTION_FAILED
         record_sigma(s, s.change[n + 1], h)
     if s.size > s.quadratures.start:
         derivative(after, new, p, slope)
@@ -109,9 +103,9 @@ def make(s: Rattle, p: Parameters, after: float, h: float) -> int:
         for i in range(s.quadratures.start, s.size):
             new[i] = y[i] + 0.5 * h * (s.k[i] + slope[i])
     if not is_finite(s.size, new):
-        return NOT_FINITE
+        return at.NOT_FINITE
     slope[:n] = v[:n]
-    return DONE
+    return at.DONE
 
 
 def hold(s: Rattle, p: Parameters, after: float, h: float) -> int:

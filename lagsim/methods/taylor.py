@@ -26,18 +26,11 @@ from math import exp, log
 from lagsim.language.arrays import Floats
 from lagsim.methods import unrestricted
 from lagsim.methods.parts import constraints, control
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.driver import State, usable_step
 from lagsim.methods.parts.missed import check_features
 from lagsim.methods.parts.parameters import Parameters
-from lagsim.methods.parts.state import (
-    DONE,
-    LOCAL,
-    LOSS_AHEAD,
-    NOT_FINITE,
-    PROJECTION_FAILED,
-    STEP_TOO_SMALL,
-    series,
-)
+from lagsim.methods.parts.state import LOCAL, series
 from lagsim.native.kernels.words import fused
 from lagsim.native.layout import array
 from lagsim.tolerances import OVERFLOW, SQUARABLE, TINY
@@ -115,17 +108,17 @@ def start(s: Taylor, p: Parameters) -> None:
 def step(s: Taylor, p: Parameters) -> int:
     """Make one accepted step, or return a code other than 0."""
     rejected = False
-    trouble = STEP_TOO_SMALL
+    trouble = at.STEP_TOO_SMALL
     while True:
         h = usable_step(s, p)
         if h == 0.0:
             return trouble
         if attempt(s, p, h, rejected) == 0:
             s.h = SHORTEST * h
-            trouble = NOT_FINITE
+            trouble = at.NOT_FINITE
         elif CONSTRAINED and constraints.project(s, p, s.t + h, h, s.new, s.work) == 0:
             s.h = 0.25 * h
-            trouble = PROJECTION_FAILED
+            trouble = at.PROJECTION_FAILED
         else:
             # The smallest singular value there, as the projection has left it.
             sigma = s.work[s.n + 1]
@@ -134,12 +127,12 @@ def step(s: Taylor, p: Parameters) -> int:
                 accept(s, p, h, rejected)
                 if CONSTRAINED:
                     constraints.record_between(s, p, sigma, h)
-                return DONE
+                return at.DONE
             trouble = shorten(s, h, error)
             # Close to a loss of rank a series enlarges rounding by powers of the step.
             if CONSTRAINED and s.passes > 0.0:
                 s.rejections += 1.0
-                return LOSS_AHEAD
+                return at.LOSS_AHEAD
         rejected = True
         s.rejections += 1.0
 
@@ -148,10 +141,10 @@ def shorten(s: Taylor, h: float, error: float) -> int:
     """Choose the step to try after one of this error; give the code of its failure."""
     if not error < OVERFLOW:
         s.h = SHORTEST * h
-        return NOT_FINITE
+        return at.NOT_FINITE
     shorter = exp(log(PASSED / error) / (s.series[0] + 1.0))
     s.h = h * max(SHORTEST, SHORTER * shorter)
-    return STEP_TOO_SMALL
+    return at.STEP_TOO_SMALL
 
 
 def attempt(s: Taylor, p: Parameters, h: float, rejected: bool) -> int:

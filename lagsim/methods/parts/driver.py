@@ -10,20 +10,12 @@ from math import inf, sqrt
 
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts import missed
+from lagsim.methods.parts import state as at
 from lagsim.methods.parts.constraints import clear_of_loss, project, watch
 from lagsim.methods.parts.control import drop_compensation, record_extents
 from lagsim.methods.parts.missed import BETWEEN, GOLDEN, Signals
 from lagsim.methods.parts.parameters import FREEWHEEL, OFF, Parameters
 from lagsim.methods.parts.state import (
-    BLOCK_FULL,
-    DEGENERATE,
-    DONE,
-    EVENT_FOUND,
-    FEATURE_PASSED,
-    PAUSED,
-    RANK_LOST,
-    STIFF,
-    SWITCH_FOUND,
     derivative,
     event_functions,
     inertias,
@@ -101,20 +93,20 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
     made = 0
     while True:
         if emit(s, p, out, rows) == 0:
-            return BLOCK_FULL
+            return at.BLOCK_FULL
         code = arrived(s, p)
         if code != NOWHERE:
             return code
         if s.ask_at > 0.0 and s.at_bound >= s.ask_at:
-            return STIFF
+            return at.STIFF
         if made >= budget:
-            return PAUSED
+            return at.PAUSED
         made += 1
         if SWITCHES or ADAPTIVE:
             missed.keep_extents(s)
         s.satisfied = 0.0
         code = step(s, p)
-        if code != DONE:
+        if code != at.DONE:
             return code
         s.most_step = 0.0
         if ADAPTIVE and has_missed(s, p) > 0:
@@ -122,7 +114,7 @@ def advance(s: State, p: Parameters, out: Floats, rows: int, budget: int) -> int
             continue
         inspect(s, p)
         if CONSTRAINED and watch(s, p) > 0:
-            return RANK_LOST
+            return at.RANK_LOST
 
 
 def arrived(s: State, p: Parameters) -> int:
@@ -134,15 +126,15 @@ def arrived(s: State, p: Parameters) -> int:
             s.arc_start = s.t
             begin(s, p)
     if s.event > 0.0:
-        return EVENT_FOUND
+        return at.EVENT_FOUND
     if SWITCHES and s.switched > 0.0:
-        return SWITCH_FOUND
+        return at.SWITCH_FOUND
     if s.t >= s.end:
-        return DONE
+        return at.DONE
     if s.feature_width > 0.0 and s.t >= s.feature_end:
-        return FEATURE_PASSED
+        return at.FEATURE_PASSED
     if CONSTRAINED and s.sigma < s.degenerate_below:
-        return DEGENERATE
+        return at.DEGENERATE
     return NOWHERE
 
 
