@@ -10,7 +10,6 @@ import functools
 import os
 import platform
 import re
-import struct
 import sys
 import weakref
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -27,16 +26,6 @@ CPU_VARIABLE = "LAGSIM_CPU"
 PORTABLE = "portable"
 """Any CPU, by code that gives the same bits on all: each operation is rounded as it
 stands, none is contracted, and elementary functions are lagsim's own."""
-
-# What LLVM may call on its own or for an intrinsic. Objects may use these functions of
-# the process and no others: a name left open would else meet a stranger in libc, where
-# `index`, `time` and `y0` are functions.
-_RUNTIME = """
-acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp10 exp2 expm1
-fabs floor fma fmax fmin fmod frexp hypot ldexp lgamma log log10 log1p log2 modf
-nearbyint pow rint round sin sincos __sincos_stret sinh sqrt tan tanh tgamma trunc
-__exp10 bzero __bzero memcpy memmove memset memset_pattern16
-"""
 
 _LIBRARY = "lagsim"
 
@@ -264,8 +253,7 @@ class Engine:
     Raises
     ------
     NativeError
-        If the objects cannot be loaded, two define the same symbol, or one leaves a
-        symbol open (where objects are not ELF this is found by `address`).
+        If the objects cannot be loaded, or two define the same symbol.
     """
 
     def __init__(self, objects: Sequence[bytes]) -> None:
@@ -274,11 +262,10 @@ class Engine:
         for code in objects:
             builder.add_object_img(code)
         # An LLJIT for each: the name of a library stays taken when the library is gone.
-        # What it prints names open symbols: of use where `_open_symbols` does not see
-        # them. JITLink is LLVM's choice for ARM, where the older linker has limits.
+        # What it prints names open symbols. JITLink is LLVM's choice for ARM, where the
+        # older linker has limits.
         self._jit = llvm.create_lljit_compiler(
             _machine(target()),
-            suppress_errors=sys.platform != "darwin",
             use_jit_link=platform.machine().lower() in ("arm64", "aarch64"),
         )
         try:
@@ -290,9 +277,6 @@ class Engine:
         # The code goes before what holds it, also when both are found in a cycle. Not
         # at exit: a callable may still be used there, and the process frees all.
         weakref.finalize(self, _close, self._trackers, self._jit).atexit = False
-        if missing := _open_symbols(objects):
-            names = ", ".join(f"`{name}`" for name in missing)
-            raise NativeError(f"native code needs {names}, which nothing defines")
 
     def address(self, name: str) -> int:
         """Address of a symbol; it is valid while this engine lives.
@@ -300,7 +284,7 @@ class Engine:
         Raises
         ------
         NativeError
-            If no object defines `name`.
+            If no object defines `name`, or what its code calls.
         """
         if name not in self._addresses:
             try:
@@ -328,25 +312,6 @@ class Engine:
         callable_ = prototype(self.address(name))
         callable_.engine = self  # type: ignore[attr-defined]
         return callable_
-
-
-def _open_symbols(objects: Sequence[bytes]) -> list[str]:
-    """Symbols that neither an object nor `_RUNTIME` has (ELF only)."""
-    defined, needed = set(_RUNTIME.split()), {""}
-    for code in objects:
-        # No function of llvmlite tells the symbols of an object.
-        sections: dict[bytes, bytes] = {}
-        with _binding().ObjectFileRef.from_data(code) as parsed:
-            for section in parsed.sections():
-                if section.name() in (b".symtab", b".strtab"):
-                    sections[section.name()] = section.data()
-        names = sections.get(b".strtab", b"")
-        # Elf64_Sym: st_name, st_info, st_other, st_shndx, st_value, st_size.
-        for symbol in struct.iter_unpack("<IBBHQQ", sections.get(b".symtab", b"")):
-            start, section_index = symbol[0], symbol[3]
-            name = names[start : names.index(b"\0", start)].decode()
-            (defined if section_index else needed).add(name)
-    return sorted(needed - defined - {""})
 
 
 def _close(trackers: list[Any], jit: Any) -> None:
