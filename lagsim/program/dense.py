@@ -29,17 +29,8 @@ from typing import TYPE_CHECKING
 
 from lagsim.methods.parts.parameters import NOTE, Parameters
 from lagsim.methods.parts.state import columns, of_model
+from lagsim.program import mass
 from lagsim.program.laws import correct, drive, hold, respond, share, take_out
-from lagsim.program.mass import (
-    augment_force,
-    backward,
-    cholesky,
-    factor,
-    forward,
-    free_motion,
-    missing,
-    product,
-)
 from lagsim.tolerances import DEPENDENT_ROWS, LOST_RANK
 
 if TYPE_CHECKING:
@@ -58,8 +49,8 @@ def spread(p: Parameters) -> None:
     for i in range(p.m):
         row = p.Y[i * n :]
         row[:n] = p.A[i * n : (i + 1) * n]
-        forward(n, p.L, row)
-        length = max(p.lengths[i], sqrt(product(n, row, row)))
+        mass.forward(n, p.L, row)
+        length = max(p.lengths[i], sqrt(mass.product(n, row, row)))
         p.scales[i] = 1.0 / length if length > 0.0 else 0.0
         row[:n] *= p.scales[i]
 
@@ -129,7 +120,7 @@ def note_directions(p: Parameters, end: int) -> None:
     p.noted = end
     for k in range(end):
         z = p.directions[n * k :]
-        mass = p.momenta[n * k :]
+        momentum = p.momenta[n * k :]
         u[:n] = 0.0
         u[k] = 1.0
         for before in range(k + 1):
@@ -137,10 +128,10 @@ def note_directions(p: Parameters, end: int) -> None:
             mirror(n, j, p.Y[j * n :], p.factors[j], u)
         from_places(n, p.places, u)
         for a in range(n):
-            mass[a] = 0.0
+            momentum[a] = 0.0
             for j in range(a + 1):
-                mass[a] += p.L[a * n + j] * u[j]
-        backward(n, p.L, u, z)
+                momentum[a] += p.L[a * n + j] * u[j]
+        mass.backward(n, p.L, u, z)
 
 
 def longest_row(n: int, k: int, end: int, Y: Floats) -> int:
@@ -175,7 +166,7 @@ def set_aside(p: Parameters) -> int:
 
 def rest_of_row(n: int, k: int, row: Floats) -> float:
     """Square of the length of a row from column k on."""
-    return product(n - k, row[k:], row[k:])
+    return mass.product(n - k, row[k:], row[k:])
 
 
 def swap(p: Parameters, k: int, i: int) -> None:
@@ -221,7 +212,7 @@ def from_places(n: int, places: Floats, x: Floats) -> None:
 
 def mirror(n: int, k: int, row: Floats, factor_k: float, x: Floats) -> None:
     """Apply the k-th reflection to x (n,)."""
-    along = factor_k * (x[k] + product(n - k - 1, row[k + 1 :], x[k + 1 :]))
+    along = factor_k * (x[k] + mass.product(n - k - 1, row[k + 1 :], x[k + 1 :]))
     x[k] -= along
     x[k + 1 : n] -= along * row[k + 1 : n]
 
@@ -271,13 +262,13 @@ def shorten(p: Parameters, rank: int) -> None:
         unscaled_backward(p, rank, column)
     z = x[rank:]
     for c in range(spare):
-        z[c] = product(rank, B[c * rank :], x)
+        z[c] = mass.product(rank, B[c * rank :], x)
         for d in range(c + 1):
-            normal[c * spare + d] = product(rank, B[c * rank :], B[d * rank :])
+            normal[c * spare + d] = mass.product(rank, B[c * rank :], B[d * rank :])
         normal[c * spare + c] += 1.0
-    cholesky(spare, normal)
-    forward(spare, normal, z)
-    backward(spare, normal, z, p.w)
+    mass.cholesky(spare, normal)
+    mass.forward(spare, normal, z)
+    mass.backward(spare, normal, z, p.w)
     for c in range(spare):
         x[:rank] -= p.w[c] * B[c * rank : (c + 1) * rank]
 
@@ -477,7 +468,7 @@ def correction(p: Parameters, residuals: Floats, sizes: Floats, out: Floats) -> 
         correct(p)
     else:
         impress(p, int(p.ranked))
-    backward(p.n, p.L, p.u, out)
+    mass.backward(p.n, p.L, p.u, out)
     out[p.n] = largest
 
 
@@ -485,7 +476,7 @@ def solve_motion(t: float, y: Floats, p: Parameters) -> None:
     """Leave q'' (n,) and lambda (m,) as the motion."""
     dynamics(t, y, p, p.terms)
     if p.augmented > 0.0:
-        augment_force(p)
+        mass.augment_force(p)
     if LAWS:
         drive(p)
     solve_terms(p)
@@ -498,20 +489,20 @@ def solve_terms(p: Parameters) -> None:
         respond(p)
         return
     factor_rows(p)
-    free_motion(p)
+    mass.free_motion(p)
     for k in range(p.m):
-        p.w[k] = p.scales[k] * missing(p, int(p.order[k]))
+        p.w[k] = p.scales[k] * mass.missing(p, int(p.order[k]))
     rank = int(p.ranked)
     impress(p, rank)
     multipliers(p, rank)
     p.u[:] += p.v
-    backward(p.n, p.L, p.u, p.motion)
+    mass.backward(p.n, p.L, p.u, p.motion)
 
 
 def factor_rows(p: Parameters) -> None:
     """Factor M and the rows, as far as that has not been done for the whole arc."""
     if p.factored < 1.0:
-        factor(p)
+        mass.factor(p)
     if p.factored < 2.0:
         spread(p)
         p.ranked = reflect(p)
@@ -523,7 +514,7 @@ def jacobian(t: float, y: Floats, p: Parameters, out: Floats) -> None:
     n, m, slope = p.n, p.m, p.slopes
     column = p.column
     dynamics(t, y, p, p.terms)
-    factor(p)
+    mass.factor(p)
     spread(p)
     rank = reflect(p)
     solve_again(p, rank, p.motion)
@@ -553,8 +544,8 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
     n, f, Y, places, w = p.n, p.f, p.Y, p.places, p.w
     diagonal, x = p.diagonal, p.x
     if p.augmented > 0.0:
-        augment_force(p)
-    forward(n, p.L, f)
+        mass.augment_force(p)
+    mass.forward(n, p.L, f)
     to_places(n, places, f)
     for k in range(rank):
         mirror(n, k, Y[k * n :], p.factors[k], f)
@@ -569,7 +560,7 @@ def solve_again(p: Parameters, rank: int, out: Floats) -> None:
         k = rank - 1 - back
         mirror(n, k, Y[k * n :], p.factors[k], f)
     from_places(n, places, f)
-    backward(n, p.L, f, out)
+    mass.backward(n, p.L, f, out)
     unscaled_backward(p, rank, x)
     out[n : n + p.m] = 0.0
     for k in range(rank):

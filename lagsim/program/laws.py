@@ -42,7 +42,7 @@ from lagsim.methods.parts.parameters import (
 )
 from lagsim.methods.parts.state import of_model
 from lagsim.native.kernels.words import external
-from lagsim.program.mass import backward, factor, forward, free_motion, missing, product
+from lagsim.program import mass
 from lagsim.tolerances import OVERFLOW
 
 if TYPE_CHECKING:
@@ -60,20 +60,20 @@ def couple(p: Parameters, sliding: int) -> None:
         row, push, i = p.Y[k * n :], p.Z[k * n :], int(p.order[k])
         row[:n] = p.A[i * n : (i + 1) * n]
         push[:n] = row[:n]
-        forward(n, p.L, row)
+        mass.forward(n, p.L, row)
         place = p.law_place[i - p.m + p.laws] if i >= p.m - p.laws else -1.0
         if place >= 0.0:
             push[:n] = 0.0
             push[int(place)] = 1.0
         if sliding > 0:
             slide_along(p, i, push)
-        forward(n, p.L, push)
+        mass.forward(n, p.L, push)
     for k in range(count):
         row = p.Y[k * n :]
-        square = product(n, row, row)
+        square = mass.product(n, row, row)
         scale = 1.0 / square if square > 0.0 else 0.0
         for i in range(count):
-            p.S[k * count + i] = product(n, row, p.Z[i * n :]) * scale
+            p.S[k * count + i] = mass.product(n, row, p.Z[i * n :]) * scale
         p.w[k] *= scale
 
 
@@ -164,7 +164,7 @@ def share_among(p: Parameters, count: int) -> int:
     for i in range(count):
         for j in range(count):
             row, other = p.free[i * p.laws :], p.free[j * p.laws :]
-            p.S[i * count + j] = product(p.laws, row, other)
+            p.S[i * count + j] = mass.product(p.laws, row, other)
     solve_rows(p, count, p.w)
     found = -1
     most = 0.0
@@ -265,7 +265,7 @@ def hold(p: Parameters) -> None:
             count += 1
     p.ranked = count
     if p.factored < 1.0:
-        factor(p)
+        mass.factor(p)
     p.factored = min(p.constant, 1.0)
 
 
@@ -296,16 +296,16 @@ def drive(p: Parameters) -> None:
 
 def respond(p: Parameters) -> None:
     """Solve for q'' and lambda: the terms are there, and what slides is noted."""
-    free_motion(p)
+    mass.free_motion(p)
     count = int(p.ranked)
     for k in range(count):
-        p.w[k] = missing(p, int(p.order[k]))
+        p.w[k] = mass.missing(p, int(p.order[k]))
     couple(p, 1)
     solve_rows(p, count, p.w)
     p.u[:] = p.v
     impress(p)
     share_out(p)
-    backward(p.n, p.L, p.u, p.motion)
+    mass.backward(p.n, p.L, p.u, p.motion)
 
 
 def law_event_functions(t: float, y: Floats, p: Parameters, out: Floats) -> None:
