@@ -469,7 +469,7 @@ def _each(op: str, axis: Data, x: Interval) -> Floats:
 def _cells(axis: Data, x: Interval, piece: Interval | None) -> Floats:
     """First and last cells (2, k) that x, or a piece of it, runs through."""
     smooth, period = axis.numbers[1:3]
-    if piece is not None and not smooth:
+    if piece is not None and not smooth > 0.0:
         return np.floor([piece.lo, piece.hi])
     found = np.floor(np.nan_to_num(_each("table.knot", axis, x)))
     if piece is not None and not period:

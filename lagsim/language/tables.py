@@ -1,15 +1,17 @@
 """Functions given by points: piecewise polynomials, the data of operations of a graph.
 
 A table has cells between its knots, and one beyond each end: the cells -1, 0, ... m.
-`axis` holds m, 1 if the table is smooth, the period (0: none), 1 if a run ends with
-the table, and the m + 1 knots.
+`axis` holds m, 1 if the table is smooth (-1: and its argument is a t + b), the period
+(0: none), 1 if a run ends with the table, and the m + 1 knots.
 `pieces` holds p, then c_0 ... c_(p - 1) of each cell from -1 on: the polynomial in the
 distance from the cell's lower knot (of the cell m, from the last one). With two
 arguments each cell has p*p of them, those of the second argument side by side.
 
 Pieces are chosen by a number apart, `floor(table.knot(axis, x))`, which is a switch as
-any other. Of a smooth table it tells only where the argument is: -1 below the first
-knot, 0 between the ends, 1 above. Functions that begin with `table_` are kernels.
+any other. Of a smooth table it tells only where the argument is, -1 below the first
+knot, 0 between the ends, 1 above, unless the time alone leads from knot to knot: there
+steps end, as no estimate sees that a high derivative jumps. Functions that begin with
+`table_` are kernels.
 """
 
 from __future__ import annotations
@@ -199,6 +201,8 @@ def table_piece2(
     return found
 
 
+# Pieces of tables of one argument, and of two.
+PIECES = ("table.piece", "table.piece2")
 KERNELS = (table_knot, table_rate, table_piece, table_piece2)
 
 
@@ -239,6 +243,19 @@ def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) ->
     op = "table.piece" if len(axes) == 1 else "table.piece2"
     data = map(g.data, (*axes, pieces))
     return g.call(op, *data, *[g.zero] * len(axes), *args, *chosen)
+
+
+def met(axis: Data) -> Data:
+    """Return the axis of a table at whose knots steps end, smooth or not."""
+    _, smooth, *others = axis.values
+    return _axis(axis.name, others[2:], (-smooth, *others[:2])) if smooth else axis
+
+
+def is_smooth(g: Builder, discrete: int) -> bool:
+    """Tell whether a discrete function is the cell of a smooth table."""
+    (inner,) = g.args[discrete][:1] or (discrete,)
+    at_knot = g.ops[discrete] == "floor" and g.ops[inner] == "table.knot"
+    return at_knot and g.payload(g.args[inner][0]).numbers[1] != 0.0
 
 
 class Written(NamedTuple):
@@ -296,7 +313,7 @@ OUTSIDE = ("error", "hold", "extend", "repeat")
 INTERPOLATIONS = ("linear", "cubic", "monotone")
 
 
-def _axis(name: str, knots: Floats, head: tuple[float, ...]) -> Data:
+def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Data:
     import numpy as np
 
     return Data(name, np.array([len(knots) - 1.0, *head, *knots]))

@@ -30,7 +30,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoized
 from lagsim.language.tables import written
@@ -494,17 +493,6 @@ class Switches:
         """
         shown = Shown(self.graph, self.sides, self._sides_of, self._roots)
         return shown.nodes(list(nodes))
-
-    def mode_values(
-        self, start: float, end: float, values: Mapping[str, float]
-    ) -> list[float]:
-        """Mode variables on an arc without breaks, `values` the parameters."""
-        if not self.modes:
-            return []
-        discrete = [mode.discrete for mode in self.modes]
-        return prevailing(
-            lambda t: evaluate(self.graph, discrete, {**values, "t": t}), start, end
-        )
 
 
 def prevailing(

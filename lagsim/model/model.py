@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from lagsim.language.tables import called
+from lagsim.language.derivatives import tangent
+from lagsim.language.tables import called, met
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -436,7 +437,7 @@ class Stated(Protocol):
 class Table(NamedTuple):
     """Function given by points, those of a `file` with this `sha256`, or of the model.
 
-    axes, pieces : see `language.tables`.
+    axes, pieces : see `language.tables`; constants : the parameters and modes.
     """
 
     name: str
@@ -446,10 +447,20 @@ class Table(NamedTuple):
     outside: str
     file: str = ""
     sha256: str = ""
+    constants: frozenset[str] = frozenset()
 
     def __call__(self, g: Graph, args: list[int]) -> int:
         """Give the node of its value."""
-        return called(g, self.axes, self.pieces, args)
+        pairs = zip(self.axes, args, strict=True)
+        axes = tuple(met(a) if self._is_clock(g, x) else a for a, x in pairs)
+        return called(g, axes, self.pieces, args)
+
+    def _is_clock(self, g: Graph, x: int) -> bool:
+        """Whether an argument is a t + b."""
+        if not g.depends([x]) <= {"t", *self.constants}:
+            return False
+        (rate,) = tangent(g, [x], {g.variable("t"): g.one})
+        return "t" not in g.depends([rate])
 
 
 class State(NamedTuple):

@@ -18,6 +18,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import Neighbourhood, row_lengths
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
+from lagsim.language.tables import PIECES
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
 from lagsim.mechanics.structure import structure
@@ -136,7 +137,8 @@ def _automatic(
         if is_constant and len(equations.state) <= MOST_STATES:
             reason = "linear equations, and constant in time"
             return Choice("method: exponential", reason)
-        gain = 0.0 if smooth_tables(equations) else _gain(equations, solved, rtol)
+        curved = any(t.interpolation != "linear" for t in equations.model.tables)
+        gain = 0.0 if curved else _gain(equations, solved, rtol)
         if gain >= PAYS:
             reason = f"estimated {gain:.1f} times as fast as {ANY}"
             return Choice("method: taylor", reason)
@@ -192,8 +194,8 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
     if equations.states and not getattr(chosen, "STATES", False):
         names = ", ".join(f"`{x.name}`" for x in equations.states[:4])
         return f"it does not integrate first-order states ({names})"
-    smooth = smooth_tables(equations)
-    if smooth and "series" in chosen.NEEDS:
+    smooth = "series" in chosen.NEEDS and smooth_tables(equations)
+    if smooth:
         return f"the series of the table `{smooth}` ends at each of its points"
     if equations.laws and chosen.NEEDS and locates(name):
         return "constraints that come and go need a method that evaluates y' only"
@@ -208,9 +210,16 @@ def method_refusal(name: str, equations: Equations, scene: Structure) -> str:
 
 
 def smooth_tables(equations: Equations) -> str:
-    """Name of a table between whose points no step ends; empty where there is none."""
-    smooth = (t.name for t in equations.model.tables if t.interpolation != "linear")
-    return next(smooth, "")
+    """Name of a table at whose points no step ends; empty where there is none."""
+    if all(t.interpolation == "linear" for t in equations.model.tables):
+        return ""
+    g = equations.graph
+    for n in g.cone(equations.of_motion):
+        count = PIECES.index(g.ops[n]) + 1 if g.ops[n] in PIECES else 0
+        axes = [g.payload(a) for a in g.args[n][:count]]
+        if any(axis.numbers[1] > 0.0 for axis in axes):
+            return str(axes[0].name)
+    return ""
 
 
 def locates(name: str) -> bool:

@@ -8,8 +8,8 @@ from lagsim.language.evaluate import evaluate
 from lagsim.language.graph import Graph
 from lagsim.language.parser import parse
 from lagsim.mechanics.surfaces import expression_text
-from lagsim.mechanics.switches import find_switches
-from lagsim.run.events.breaks import break_times
+from lagsim.mechanics.switches import find_switches, prevailing
+from lagsim.run.events.breaks import Values, break_times
 
 MOVING = ("x", "x_dot")
 
@@ -76,7 +76,7 @@ def test_frozen_expressions_and_slopes_equal_the_original_on_each_arc(text):
     for start, end in itertools.pairwise(ends):
         if end - start < 1e-12:
             continue  # between two breaks that rounding holds apart
-        found = switches.mode_values(start, end, values)
+        found = prevailing(Values(g, discrete, values), start, end)
         modes = {m.variable: v for m, v in zip(switches.modes, found, strict=True)}
         for _ in range(10):
             t = start + (end - start) * draw.uniform(1e-6, 1 - 1e-6)
@@ -90,7 +90,8 @@ def test_the_frozen_form_goes_on_smoothly_past_the_end_of_its_arc():
     g, node, switches = switches_of("abs(t - 1) + if(t < 1, 0, 100)*abs((t - 0.5)^2)")
     frozen = switches.freeze([node])
     # (t - 0.5)^2 vanishes in the very middle of the arc: that is outvoted.
-    found = switches.mode_values(0.0, 1.0, {})
+    discrete = [mode.discrete for mode in switches.modes]
+    found = prevailing(Values(g, discrete, {}), 0.0, 1.0)
     assert sorted(found) == [-1.0, 1.0, 1.0]
     modes = {m.variable: v for m, v in zip(switches.modes, found, strict=True)}
     assert evaluate(g, frozen, modes | {"t": 1.25}) == [-0.25]

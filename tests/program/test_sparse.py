@@ -7,8 +7,10 @@ import pytest
 
 from benchmarks.rod_chain import rod_chain
 from lagsim.mechanics.ldl import BUDGET
+from lagsim.mechanics.switches import prevailing
 from lagsim.native.graph import tapes
 from lagsim.program.system import System
+from lagsim.run.events.breaks import Values
 from lagsim.run.observers import Keep
 from tests.support import MODELS, case_of, ready, run
 
@@ -61,7 +63,9 @@ def motion(e, plan, y, t):
     runner = system.link("dop853")
     if system.switches.modes:
         parameters = {p.name: p.value for p in e.model.parameters}
-        system.set_modes(system.switches.mode_values(t, t + 1e-9, parameters))
+        discrete = [mode.discrete for mode in system.switches.modes]
+        value = Values(e.graph, discrete, parameters)
+        system.set_modes(prevailing(value, t, t + 1e-9))
     runner.prepare()
     names = system.columns.names
     wanted = [names.index(name) for name in (*e.accelerations, *e.multipliers)]

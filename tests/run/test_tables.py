@@ -1,5 +1,6 @@
 """Runs with tables, against closed forms and scipy's integration of its own curves."""
 
+import itertools
 import math
 import re
 
@@ -142,7 +143,55 @@ def test_taylor_refuses_what_has_no_series_and_auto_does_not_take_it():
     text = GROUND.replace("ground: {", "ground: {interpolation: cubic, ")
     assert simulate(load(text)).record["method"] == "dop853"
     with pytest.raises(Exception, match="the table `ground`"):
-        simulate(load(text), method="taylor")
+        simulate(load(text.replace("ground(t)", "ground(x + 1)")), method="taylor")
+
+
+@pytest.mark.parametrize("how", ["cubic", "monotone"])
+@pytest.mark.parametrize("outside", ["hold", "extend", "repeat"])
+@pytest.mark.parametrize("name", ["dop853", "taylor", "radau"])
+def test_steps_end_at_the_points_of_a_smooth_table_of_the_time(how, outside, name):
+    """Each piece is a polynomial: what it moves is one, too, and so is the work."""
+    x, y = CURVE
+    points = [[float(a), float(b)] for a, b in zip(x, y, strict=True)]
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 0.3, x_dot: 0.5}}\n"
+    text += f"tables: {{f: {{points: {points}, interpolation: {how}, "
+    text += f"outside: {outside}}}}}\nparameters: {{rate: 1.7}}\n"
+    text += "forces: {x: f(rate*t - 1)}\nsimulation: {duration: 4, output_step: 0.05}"
+    found = simulate(load(text), method=name)
+    curve = {"cubic": CubicSpline, "monotone": PchipInterpolator}[how]
+    again = {"bc_type": "periodic"} if how == "cubic" and outside == "repeat" else {}
+    if how == "monotone" and outside == "repeat":
+        turns = [x[:-1] + k * x[-1] for k in (-2, -1, 0, 1, 2)]
+        inner = curve(np.concatenate(turns), np.tile(y[:-1], 5))
+    else:
+        inner = curve(x, y, **again)
+    ends = np.array([-1.0, *x, *(x[1:] + x[-1]), 5.8])
+    speed, place, t0 = 0.5, 0.3, 0.0
+    for low, high in itertools.pairwise(ends[ends <= 5.8]):
+
+        def value(s, low=low, high=high):
+            middle = 0.5 * (low + high)
+            if outside == "repeat":
+                return inner(s - np.floor(middle / x[-1]) * x[-1])
+            if x[0] < middle < x[-1]:
+                return inner(s)
+            end = x[0] if middle < x[0] else x[-1]
+            slope = inner(end, 1) if outside == "extend" else 0.0
+            return inner(end) + slope * (s - end)
+
+        # A polynomial of degree 3 through four points, integrated twice.
+        s = np.linspace(low, high, 4)
+        force = np.polynomial.Polynomial.fit((s + 1.0) / 1.7, value(s), 3)
+        once = force.integ(lbnd=t0) + speed
+        twice = once.integ(lbnd=t0) + place
+        t0 = (high + 1.0) / 1.7
+        speed, place = once(t0), twice(t0)
+    assert found["x"][-1] == pytest.approx(place, abs=1e-12)
+    assert found["x_dot"][-1] == pytest.approx(speed, abs=1e-12)
+    assert not found.events
+    balance = found["energy"] - found["work"]
+    near = 1e-11 * np.max(np.abs(found["energy"]))
+    assert balance == pytest.approx(balance[0], abs=near)
 
 
 @pytest.mark.parametrize("how", ["linear", "cubic"])

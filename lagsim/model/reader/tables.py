@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from lagsim.model.reader.expressions import Expressions
 
 AXES = ("x", "y", "z")
+_CONSTANT = (Kind.PARAMETER, Kind.MODE)
 
 
 class _Points(NamedTuple):
@@ -75,7 +76,9 @@ class _Reader:
             return None
         made = tables.made(self.name, axes, values, how, outside)
         path = self.below.text("file")
-        return Table(self.name, *made, how, outside, path, self.sha256)
+        variables = self.x.names.variables.items()
+        constants = frozenset(k for k, kind in variables if kind in _CONSTANT)
+        return Table(self.name, *made, how, outside, path, self.sha256, constants)
 
     def _fault(self, code: str, text: str, place: Place, hint: str = "") -> None:
         self.sound = False

@@ -21,7 +21,9 @@ import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.intervals import Enclosures
+from lagsim.language.tables import is_smooth
 from lagsim.mechanics.surfaces import expression_text
+from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
 from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
@@ -51,7 +53,7 @@ class _Ahead(Source):
     events set modes on which it depends, from then on.
     """
 
-    DERIVED = ("_coming",)
+    DERIVED: tuple[str, ...] = ("_coming",)
 
     def __init__(self, arc: Arc, nodes: Iterable[int]) -> None:
         self._arc, self._start = arc, arc.settings.start
@@ -94,8 +96,15 @@ class _Ahead(Source):
 class TimeBreaks(_Ahead):
     """The breaks in time of a run."""
 
+    DERIVED = ("_coming", "_discrete")
+
     def __init__(self, arc: Arc) -> None:
-        super().__init__(arc, [mode.discrete for mode in arc.system.switches.modes])
+        discrete = [mode.discrete for mode in arc.system.switches.modes]
+        super().__init__(arc, discrete)
+        # The knots of smooth tables are no events.
+        self._quiet = [is_smooth(arc.equations.graph, d) for d in discrete]
+        self._branches: list[float] = []
+        self._discrete: Values | None = None
         self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
         self._first = math.nan
         self._next: float = self._following(inf)
@@ -104,6 +113,7 @@ class TimeBreaks(_Ahead):
         arc, settings = self._arc, self._arc.settings
         discrete = [mode.discrete for mode in arc.system.switches.modes]
         g, ends = arc.equations.graph, (self._start, settings.end)
+        self._discrete = None
         return break_times(g, discrete, self._values, *ends)
 
     def begin(self, arc: Arc) -> Decision:
@@ -112,10 +122,26 @@ class TimeBreaks(_Ahead):
         if self._is_other(arc):
             self._next = self._following(inf)
         if switches.modes:
-            end = min(self._next, arc.settings.end)
-            arc.system.set_modes(switches.mode_values(arc.t, end, arc.parameters))
+            self._branches = self._next_branches(arc)
+            arc.system.set_modes(self._branches)
         arc.runner.prepare()
         return GO_ON
+
+    def _next_branches(self, arc: Arc) -> list[float]:
+        """Return the branches (modes,) from the time reached to the next break."""
+        if self._discrete is None:
+            nodes = [mode.discrete for mode in arc.system.switches.modes]
+            self._discrete = Values(arc.equations.graph, nodes, self._values)
+        end = min(self._next, arc.settings.end)
+        return prevailing(self._discrete, arc.t, end)
+
+    def _is_event(self, arc: Arc) -> bool:
+        """Whether more than the pieces of smooth tables changes."""
+        if not any(self._quiet):
+            return True
+        pairs = zip(self._branches, self._next_branches(arc), strict=True)
+        changed = [k for k, (a, b) in enumerate(pairs) if repr(a) != repr(b)]
+        return not all(self._quiet[k] for k in changed)
 
     def limit(self, arc: Arc) -> float:  # noqa: ARG002
         """Next break."""
@@ -133,7 +159,7 @@ class TimeBreaks(_Ahead):
             if limit is not None and limit - arc.t < SHORT * (arc.t - self._first):
                 ending = Ending(Outcome.SWITCHES_ACCUMULATE, "in time")
         self._next = self._following(inf)
-        switch = (Event(arc.t, "switch"),)
+        switch = (Event(arc.t, "switch"),) if self._is_event(arc) else ()
         return Decision(events=switch, turn=Turn.MODES, ending=ending)
 
 

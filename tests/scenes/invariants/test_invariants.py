@@ -10,13 +10,9 @@ from tests.support import MODELS, at_outputs, has_laws, run
 SHIPPED = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # Chaotic: the errors of both tolerances grow tenfold in 2 s, to 1e-4 of the angles.
 CHAOTIC = {"double-pendulum"}
-# dop853's estimate misses part of what the bends of a cubic table, which are no breaks,
-# do to `work`: it is off by 6e-8 where 2e-9 is asked. The motion is right to 2e-12.
-BENT = pytest.param("car-on-a-road", marks=pytest.mark.xfail(strict=True))
-EACH = [BENT if name == "car-on-a-road" else name for name in SHIPPED]
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", SHIPPED)
 def test_energy_constraints_and_tolerances_of_every_model(name):
     found = run(name)
     model = found.equations.model
