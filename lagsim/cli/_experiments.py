@@ -22,30 +22,18 @@ if TYPE_CHECKING:
 
 
 class Measured(NamedTuple):
-    """The result of an experiment, as it is written and reported.
+    """The result of an experiment, as it is written and reported."""
 
-    Attributes
-    ----------
-    document
-        Its record, which will list its files; the manifest.
-    tables
-        Name and content of what else is written.
-    chart, draw
-        The name of its picture, and what draws it; None where there is none.
-    summary
-        Gives the closing lines, of what they say of the files.
-    remarks
-        Lines for stderr.
-    code
-        The exit code, if no signal has another.
-    """
-
+    # Its record, the manifest, which will list its files; what else is written.
     document: dict[str, Any]
     tables: Mapping[str, bytes]
+    # The name of its picture, and what draws it; None where there is none.
     chart: str
     draw: Callable[[], bytes] | None
+    # Gives the closing lines, of what they say of the files; and lines for stderr.
     summary: Callable[[str], str]
     remarks: Sequence[str] = ()
+    # The exit code, if no signal has another.
     code: int = 0
 
 

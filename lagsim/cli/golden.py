@@ -100,22 +100,14 @@ class _Task(NamedTuple):
 
 
 class _Answer(NamedTuple):
-    """The exit code of a model, and what is reported of it.
-
-    Attributes
-    ----------
-    document, lines
-        For JSON, and for a person.
-    why
-        Kind, code and text of a failure, for JUnit.
-    faults
-        Those of a model that cannot be run.
-    """
+    """The exit code of a model, and what is reported of it."""
 
     code: int
     document: dict[str, Any] | None
     lines: Sequence[str] = ()
+    # Kind, code and text of a failure, for JUnit.
     why: tuple[str, str, str] = ("", "", "")
+    # Those of a model that cannot be run.
     faults: Sequence[Any] = ()
 
 

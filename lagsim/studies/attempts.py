@@ -478,15 +478,17 @@ class Attempts:
     def best(self, session: Session) -> Attempt:
         """Make the rows; regenerate them where the audit has a finding."""
         first = self._made(session)
-        finding = self._audited(first)
+        finding = None if self.interrupt.asked else audit(first)
         if finding is None or not (finding.refutes or self._is_outlier(first)):
             return first
         others = self._others(first, finding)
         if others is None:
             return self._judged(first, finding)
         second = self._made(others)
-        if second.trajectory.outcome.complete or self.interrupt.asked:
-            return self._judged(second, self._audited(second))
+        if self.interrupt.asked:
+            return second
+        if second.trajectory.outcome.complete:
+            return self._judged(second, audit(second))
         return self._judged(self._made(session, first.bar), finding)
 
     def _judged(self, attempt: Attempt, finding: Finding | None) -> Attempt:
@@ -659,9 +661,6 @@ class Attempts:
         )
         self.allowance.take(other, found)
         return evidence.end(found, "a repeat has none"), again
-
-    def _audited(self, attempt: Attempt) -> Finding | None:
-        return None if self.interrupt.asked else audit(attempt)
 
     def _others(self, first: Attempt, finding: Finding) -> Session | None:
         """Return other means than those of an attempt with a finding."""

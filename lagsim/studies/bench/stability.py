@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from lagsim.language.arrays import Floats
-    from lagsim.mechanics.equations import Equations
     from lagsim.run.session import Case
 
     CaseAt = Callable[[float | None], Case]
@@ -668,9 +667,12 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
     at, is_start, reason = None, False, subject.unknown
     about: tuple[Mode, ...] = ()
     if linearisation is not None:
-        q0 = subject.case.start.q
-        reason, q = _no_rest(e), None
-        if not reason:
+        q0, q = subject.case.start.q, None
+        if not structure(e).autonomous:
+            reason = "the equations depend on time"
+        elif e.states:
+            reason = "the model has first-order states"
+        else:
             q = lowest(Point(e, start))
             reason = "the search from the start did not come to rest at one"
         if q is None:
@@ -691,12 +693,6 @@ def _equilibrium(subject: Subject) -> dict[str, Any]:
         "equilibrium_reason": reason or None,
         "modes": [_mode(mode, e.q) for mode in about],
     }
-
-
-def _no_rest(e: Equations) -> str:
-    if not structure(e).autonomous:
-        return "the equations depend on time"
-    return "the model has first-order states" if e.states else ""
 
 
 def _mode(mode: Mode, names: Sequence[str]) -> dict[str, Any]:
