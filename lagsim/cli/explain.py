@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import textwrap
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -11,7 +10,7 @@ import typer
 from lagsim.cli._shared import JSON, show_json, table
 from lagsim.cli._streams import say
 from lagsim.codes import every, found
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, did_you_mean
 
 if TYPE_CHECKING:
     from lagsim.codes.row import Row
@@ -33,9 +32,8 @@ def command(
     """Explain a message, and what to try."""
     rows = every() if code is None else found(code)
     if not rows and code is not None:
-        near = get_close_matches(code.upper(), _words(), 1)
-        near = near or get_close_matches(code.lower(), _words(), 1)
-        hint = f"did you mean `{near[0]}`?" if near else ""
+        hint = did_you_mean(code.upper(), _words())
+        hint = hint or did_you_mean(code.lower(), _words())
         text = f"there is no message `{code}`"
         raise InputError([Problem("unknown-code", text, hint=hint)])
     if as_json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path  # noqa: TC003  typer looks at it
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from lagsim import files
 from lagsim.cli._shared import JSON, aligned, counted, show_json
 from lagsim.cli._streams import complain, say
 from lagsim.cli._writing import put_file, put_picture
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, did_you_mean
 from lagsim.outputs.results import MANIFEST
 from lagsim.outputs.table import table_of
 from lagsim.studies.spectrum import spectrum
@@ -66,8 +65,7 @@ def _spectrum(result: Path, column: str) -> Spectrum:
     for remark in table.remarks:
         complain(f"warning: {remark}")
     if column not in table.columns:
-        near = get_close_matches(column, table.columns, 1)
-        hint = f"did you mean `{near[0]}`?" if near else ""
+        hint = did_you_mean(column, table.columns)
         hint = hint or f"its columns are {', '.join(table.columns)}"
         text = f"{table.name}: there is no column `{column}`"
         raise InputError([Problem("unknown-name", text, hint=hint)])

@@ -6,14 +6,13 @@ of a run without a page the point (x, y) or (x, y, z), where its table has these
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import orjson
 
 from lagsim import files
-from lagsim.errors import InputError, Problem
+from lagsim.errors import InputError, Problem, did_you_mean
 from lagsim.language.names import rate_of, rated
 from lagsim.notes import Event
 from lagsim.outputs import animation
@@ -184,9 +183,9 @@ def chosen(runs: Sequence[Shown], names: Sequence[str] | None = None) -> list[st
     for run in runs:
         for name in names:
             if name == "t" or name not in run.table.columns:
-                near = get_close_matches(name, run.table.columns[1:], 1)
-                hint = f"did you mean `{near[0]}`?" if near and name != "t" else ""
-                hint = hint or f"there are {', '.join(run.table.columns[1:])}"
+                others = run.table.columns[1:]
+                hint = did_you_mean(name, others) if name != "t" else ""
+                hint = hint or f"there are {', '.join(others)}"
                 what = f"{run.folder} has no column `{name}`"
                 if name == "t":
                     what = "the column `t` is what the others are drawn against"

@@ -17,7 +17,6 @@ end, energy that is not kept, a model that `run.ensemble` refuses.
 from __future__ import annotations
 
 import contextlib
-import difflib
 import functools
 import gc
 import math
@@ -31,7 +30,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
-from lagsim.errors import InputError, LagsimError, Problem
+from lagsim.errors import InputError, LagsimError, Problem, did_you_mean
 from lagsim.language.names import rate_of, rated
 from lagsim.mechanics.sliders import motion_of
 from lagsim.methods.parts.state import DONE as ENDED
@@ -279,11 +278,9 @@ def _check_start(model: Model, name: str) -> None:
     known = [*moving, *map(rate_of, moving), *(x.name for x in model.initial)]
     if name in known:
         return
-    near = difflib.get_close_matches(
-        name, [*(p.name for p in model.parameters), *known], 1
-    )
-    names = ", ".join(p.name for p in model.parameters) or "none"
-    hint = f"did you mean `{near[0]}`?" if near else f"its parameters are {names}"
+    parameters = [p.name for p in model.parameters]
+    hint = did_you_mean(name, [*parameters, *known])
+    hint = hint or f"its parameters are {', '.join(parameters) or 'none'}"
     text = f"`{name}` is no parameter of {model.name}, and has no start value"
     raise InputError([Problem("unknown-name", text, hint=hint)])
 
