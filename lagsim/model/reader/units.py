@@ -33,7 +33,7 @@ from lagsim.model.reader import quantities
 from lagsim.tolerances import COMPUTED_ZERO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Sequence
 
     from lagsim.language.units import Unit
     from lagsim.model.model import Model
@@ -53,17 +53,8 @@ _TOGETHER = ALIKE | {"mod", "atan2"}
 _ANGLES = ("sin", "cos", "tan")
 # What takes any unit.
 _ANY = (
-    "mul",
-    "div",
-    "neg",
-    "abs",
-    "sign",
-    "heaviside",
-    "sqrt",
-    "cbrt",
-    "floor",
-    "ceil",
-)
+    "mul", "div", "neg", "abs", "sign", "heaviside", "sqrt", "cbrt", "floor", "ceil",
+)  # fmt: skip
 
 
 def reduced(text: str) -> Unit | None:
@@ -79,14 +70,6 @@ def reduced(text: str) -> Unit | None:
         if factors != 1.0:
             found = times(found, {SCALE: math.log10(factors)}, power)
     return found
-
-
-def given_units(model: Model) -> Iterator[tuple[str, str]]:
-    """Give the names that have units, and these."""
-    yield from ((x.name, x.unit) for x in model.parameters if x.unit)
-    yield from ((x.name, x.unit) for x in model.coordinates if x.unit)
-    yield from ((x.name, x.unit) for x in model.definitions if x.unit)
-    yield from ((x.name, x.unit) for x in model.states if x.unit)
 
 
 def mismatches(
@@ -113,7 +96,10 @@ class _Check:
         for what, scalar, x in read:  # some are called alike: components of a point
             key = f"{what} {len(self.read)}" if what in self.read else what
             self.read[key] = scalar, x
-        self.units = {name: _given(unit) for name, unit in given_units(model)}
+        given = (*model.parameters, *model.variables, *model.definitions)
+        self.units = {
+            x.name: Quantity(reduced(x.unit), x.unit) for x in given if x.unit
+        }
         self.values: dict[str, Quantity] = {}
 
     def run(self) -> list[Mismatch]:
@@ -259,10 +245,6 @@ class _Check:
         place = scalar.place_of(*span)
         self.found.setdefault(place, Mismatch(place, text.format(_text(a), _text(b))))
         return False
-
-
-def _given(text: str) -> Quantity:
-    return Quantity(reduced(text), text)
 
 
 def _text(of: Quantity) -> str:
