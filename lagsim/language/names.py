@@ -8,6 +8,8 @@ from __future__ import annotations
 
 # What begins the names of definitions that are no columns; no name of a file does.
 HIDDEN = "~"
+# What begins the names of the constraints on the lengths of quaternions.
+UNIT_LENGTH = "unit."
 ENDINGS = ("", "_dot", "_ddot")
 
 

@@ -34,7 +34,7 @@ from lagsim.language.derivatives import local_slopes, tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS
 from lagsim.language.intervals import Enclosures
-from lagsim.language.names import rate_of
+from lagsim.language.names import UNIT_LENGTH, rate_of
 from lagsim.language.sparse import Budget, SparseVector
 from lagsim.mechanics.constraints import Row
 from lagsim.mechanics.equations import Quadrature, Work
@@ -274,6 +274,32 @@ def _add_products(
         for j, b in y.items():
             if j <= i:
                 M[i, j] = M[j, i] = plus(g, M.get((i, j), g.zero), a, b)
+
+
+def augmented(e: Equations, rows: Sequence[Row]) -> Equations:
+    """Equations with M + A^T W A and f + A^T W b in place of M and f, for some rows.
+
+    q'' and lambda are the same, and M is regular where those rows make up for what it
+    lacks: the length of a quaternion has no inertia. W is diagonal, to the size of M.
+    """
+    g, M, f = e.graph, e.mass_entries, list(e.f)
+    inertias = {i: node for (i, j), node in M.items() if i == j}
+    for row in rows:
+        A = row.A.entries
+        own = [inertias[j] for j in A if j in inertias] or list(inertias.values())
+        square = g.product_sum((a, a) for a in A.values())
+        weight = g.call("div", g.sum(own), square)
+        weighted = {j: g.call("mul", weight, a) for j, a in A.items()}
+        _add_products(g, M, weighted, A)
+        for j, a in weighted.items():
+            f[j] = plus(g, f[j], a, row.b)
+    return of_those_left(e, range(len(e.q)), M, f, e.momenta)
+
+
+def with_lengths(e: Equations) -> Equations:
+    """Equations with inertia along the lengths of quaternions, which never change."""
+    rows = [row for row in e.rows if row.name.startswith(UNIT_LENGTH)]
+    return augmented(e, rows) if rows else e
 
 
 # The momentum of a coordinate becomes a parameter, or a column, of this name and its.

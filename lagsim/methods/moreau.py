@@ -55,7 +55,7 @@ ORDER = 1
 DENSE_ORDER = 1
 ADAPTIVE = False
 IMAGINARY_LIMIT = 2.0
-HANDLES = "any model with a regular M; contacts by hundreds"
+HANDLES = "any model; contacts by hundreds"
 
 refusal = unrestricted
 NEEDS = ("balance",)

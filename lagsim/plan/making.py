@@ -16,11 +16,13 @@ import numpy as np
 
 from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import Neighbourhood, row_lengths
+from lagsim.admissibility.refusal import needs_constraints
 from lagsim.errors import InputError, Problem
 from lagsim.language.evaluate import evaluate
 from lagsim.language.tables import PIECES
 from lagsim.mechanics.ldl import BUDGET, dense_operations, eliminated
 from lagsim.mechanics.motion_series import MOST_OPERATIONS, motion_rates, series_cost
+from lagsim.mechanics.reduction import augmented, with_lengths
 from lagsim.mechanics.structure import structure
 from lagsim.mechanics.switches import model_switches
 from lagsim.methods import method, options_of
@@ -222,6 +224,12 @@ def smooth_tables(equations: Equations) -> str:
     return ""
 
 
+def needs_regular_mass(name: str) -> bool:
+    """Whether a method that is asked for needs M to be regular without constraints."""
+    straight = name != "auto" and STRAIGHT_ONLY.intersection(method(name).NEEDS)
+    return bool(straight) or not locates(name)
+
+
 def locates(name: str) -> bool:
     """Whether a method stops at switches and contacts; `auto` chooses such."""
     return name == "auto" or bool(getattr(method(name), "EVENTS", True))
@@ -372,7 +380,11 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         Where the method or the formulation asked for cannot be had, or `output` asks
         for what the model or the method has not.
     """
-    if equations.model.output.gauss and start.augmented:
+    if (
+        start.augmented
+        and equations.model.output.gauss
+        and needs_constraints(Point(with_lengths(equations), start))
+    ):
         text = "`output.gauss` asks for the accelerations without constraints, M^-1 f, "
         text += "and the mass matrix of this model is singular without the constraints"
         hint = "leave `gauss` out, or give every coordinate some mass"
@@ -382,6 +394,10 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
         settings = settings._replace(formulation="full")
     found = formulate(equations, start, settings, partial(suits, settings.method))
     equations, start = found.reduction.equations, found.start
+    if start.augmented and needs_regular_mass(settings.method):
+        equations = augmented(equations, equations.rows)
+        start = replace(start, augmented=False)
+        found = found._replace(reduction=found.reduction._replace(equations=equations))
     scene = structure(equations)
     choices = [
         Choice(f"mass matrix: {_mass_matrix(scene)}", _mass_reason(equations, scene))
@@ -405,9 +421,6 @@ def make_plan(equations: Equations, start: Start, settings: Settings) -> Plan:
     if start.augmented:
         solved_with = "mass matrix solved with the constraints"
         choices.append(Choice(solved_with, "it is singular without them"))
-        if not locates(settings.method):
-            text = "its mass matrix is singular, and impulses would be infinite there"
-            refuse(settings.method, text, settings, "`--method dop853` handles it")
     tape = from_tape(equations, elimination)
     smallest = start.ranks.generic_smallest
     if elimination is not None and tape:

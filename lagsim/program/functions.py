@@ -22,6 +22,7 @@ from lagsim.mechanics.equations import (
 )
 from lagsim.mechanics.ldl import without_rows
 from lagsim.mechanics.motion_series import linear_form, motion_rates
+from lagsim.mechanics.reduction import with_lengths
 from lagsim.mechanics.structure import coupled
 from lagsim.methods.parts.parameters import ALWAYS
 from lagsim.plan.formulation import GAIN
@@ -146,7 +147,7 @@ def _optional(equations: Equations) -> dict[str, int]:
         elif law.kind is Kind.SLIP:
             nodes[law.multiplier] = g.variable(law.multiplier)
     if e.model.output.gauss:
-        alone = without_rows(e)
+        alone = without_rows(with_lengths(e))
         free = alone.motion()[0]
         nodes.update((f"gauss.a_{q}", a) for q, a in zip(e.q, free, strict=True))
         # G = (q'' - a)^T M (q'' - a)/2, which the constrained q'' makes least, with

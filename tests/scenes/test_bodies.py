@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.special import ellipk
+from scipy.special import ellipj, ellipk
 
 import lagsim
 from lagsim.errors import InputError
@@ -154,10 +154,10 @@ def test_a_top_by_a_quaternion_and_by_angles():
 
 @pytest.mark.parametrize("formulation", ["projection", "baumgarte", "drift"])
 @pytest.mark.parametrize(
-    "method", ["dop853", "euler", "generalized-alpha", "radau", "rk4"]
+    "method", ["dop853", "euler", "generalized-alpha", "radau", "rk4", "taylor"]
 )
 def test_a_quaternion_keeps_its_length(method, formulation):
-    adaptive = method in ("dop853", "radau")
+    adaptive = method in ("dop853", "radau", "taylor")
     r = lagsim.simulate(
         lagsim.load(QUATERNION), method=method, formulation=formulation, duration=0.1,
         step=None if adaptive else 1e-4, error_bar="never",
@@ -242,6 +242,69 @@ def test_the_intermediate_axis_flips():
     # It starts at its largest w.y, and is there again with the other sign after half.
     flipped = r.at([period / 2, period])["w.y"]
     np.testing.assert_allclose(flipped, [-wy, wy], atol=1e-8)
+
+
+def spun(t, w1, w3):
+    """Angular velocity (3, k) from (w1, 0, w3) on, J = (1, 2, 3); Landau, eq. 37.10."""
+    E2, M2 = w1**2 + 3 * w3**2, w1**2 + 9 * w3**2
+    assert M2 > 2 * E2
+    rate = math.sqrt((M2 - E2) / 6)
+    sn, cn, dn, _ = ellipj(rate * t, (3 * E2 - M2) / (M2 - E2))
+    return np.array([w1 * cn, math.sqrt((3 * E2 - M2) / 2) * sn, w3 * dn])
+
+
+def freely(method, step=None, more=""):
+    """Run a free body that tumbles for 20 s; give its w (3, k), and the run."""
+    text = FREE.replace("[W]", "[0.6, 0, 0.8]").replace("duration: 50", "duration: 20")
+    r = lagsim.simulate(lagsim.load(text + more), method=method, step=step)
+    return np.array([r[f"w.{c}"] for c in "xyz"]), r
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor"])
+def test_a_body_that_tumbles(method):
+    """By elliptic functions. Nothing but its length constrains it: Gauss's a is q''."""
+    w, r = freely(method, more="output: {gauss: true}\n")
+    assert r.record["method"] == method
+    np.testing.assert_allclose(w, spun(r.t, 0.6, 0.8), atol=1e-10)
+    p = np.array([r[f"p.{k}"] for k in range(4)])
+    assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < 1e-14
+    for k in range(4):
+        np.testing.assert_allclose(r[f"gauss.a_p.{k}"], r[f"p_ddot.{k}"], atol=1e-12)
+    assert np.max(r["gauss.G"]) < 1e-20
+
+
+def test_a_body_that_tumbles_in_steps():
+    """Moreau's time stepping is of order 1, and keeps the length to h^2."""
+    errors = []
+    for step in (1e-3, 5e-4):
+        w, r = freely("moreau", step)
+        errors.append(np.max(np.abs(w - spun(r.t, 0.6, 0.8))))
+        p = np.array([r[f"p.{k}"] for k in range(4)])
+        assert np.max(np.abs(np.linalg.norm(p, axis=0) - 1)) < step**2
+    assert errors[0] < 0.02
+    assert 1.8 < errors[0] / errors[1] < 2.2
+
+
+def test_a_top_by_a_series():
+    series, angles = (
+        lagsim.simulate(lagsim.load(text), method=method)
+        for text, method in ((QUATERNION, "taylor"), (ZXZ, "auto"))
+    )
+    assert series.record["method"] == "taylor"
+    for c in "xyz":
+        np.testing.assert_allclose(series[f"G.{c}"], angles[f"G.{c}"], atol=1e-9)
+
+
+def test_gauss_of_a_body_on_an_axis():
+    """Its w.x is held at 0.6: w.y and w.z go on by Euler's equations, held by a torque.
+
+    G = J_1 (w_1' - a_1)^2/2, where J_1 a_1 = (J_2 - J_3) w_2 w_3.
+    """
+    held = "constraints: {held: w.x = 0.6}\noutput: {gauss: true}\n"
+    w, r = freely("dop853", more=held)
+    np.testing.assert_allclose(w[0], 0.6, atol=1e-12)
+    np.testing.assert_allclose(r["gauss.G"], (w[1] * w[2]) ** 2 / 2, atol=1e-10)
+    assert np.ptp(w[1] * w[2]) > 0.1
 
 
 def test_a_torque_is_a_force_on_the_angular_velocity():

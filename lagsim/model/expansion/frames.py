@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from lagsim.errors import did_you_mean
-from lagsim.language.names import rate_of
+from lagsim.language.names import UNIT_LENGTH, rate_of
 from lagsim.language.parser import (
     SILENT,
     ExpressionError,
@@ -400,7 +400,7 @@ class Frames(Section):
         if all(x.op == "name" and self._is_coordinate(x) for x in p):
             text = " + ".join(f"{x.value}^2" for x in p) + " = 1"
             relation = ParsedRelation(parsed(square, text), parsed(ONE, text), "=")
-            unit_length = f"unit.{dotted(*called)}"
+            unit_length = UNIT_LENGTH + dotted(*called)
             self.x.units.append(self.x.made(unit_length, text, relation, given.key))
         n = scalar(self.x.hide(f"{name}.square", square, given.key), name)
         return by_quaternion(p, n, speeds)
