@@ -33,7 +33,7 @@ from lagsim.admissibility.newton import (
     unwound,
 )
 from lagsim.admissibility.point import Condition, Lengths, conditions
-from lagsim.admissibility.verdict import acting, judge, judge_laws
+from lagsim.admissibility.verdict import acting, judge, judge_laws, one_sided
 from lagsim.language.derivatives import gradient, slopes
 from lagsim.language.names import rate_of
 from lagsim.mechanics.algebra import (
@@ -368,12 +368,16 @@ def find_rest(
     """
     laws = point.e.laws
     apart = [k for k in _by_gap(point) if laws[k].constraint not in off]
-    begun = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
+    active = _of(laws, {x.name for x in judge_laws(point, off) if x.active})
+    # The force of a slider without mass is known; a row keeps it at its limit.
+    begun = {k for k in active if not laws[k].slider}
+    limits = one_sided(point, {law.constraint for law in laws if law.slider})
+    rows = [limits.get(law.constraint, law.row) for law in laws]
     for far in (False, True):
         held, tried = begun, set[frozenset[int]]()
         while frozenset(held) not in tried:
             tried.add(frozenset(held))
-            rest = Rest(point, stated, [laws[k].row for k in sorted(held)], free)
+            rest = Rest(point, stated, [rows[k] for k in sorted(held)], free)
             end = _solved(rest, far=far)
             if end.converged:
                 there = rest.at(end.x).at(errors=rest.errors(end.x))

@@ -253,6 +253,18 @@ def test_starts():
     assert free["s_dot"][0] == free["x_dot"][0] == 1.0
 
 
+def test_a_start_at_rest():
+    """The mass rests where its spring balances the other, which has at most the limit.
+
+    One whose guess would pull with more is at its limit.
+    """
+    guesses = {"x": {"guess": 0.1}, "x_dot": 0.0}
+    for s, x in ((0.2, SPRING * 0.2 / (K + SPRING)), ({"guess": 0.9}, FORCE / K)):
+        found = play(jenkins(start={**guesses, "s": s}, begin="rest"))
+        close(found["x"], np.full(len(found.t), x), 1e-12)
+        close(SPRING * (found["s"] - found["x"])[0], K * x, 1e-12)
+
+
 def test_a_limit_that_falls_below_the_force_at_once_ends_the_run():
     """One that falls slowly has the slider follow."""
 
