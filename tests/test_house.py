@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
-LINES = 73_640
-LINES_OF_TESTS = 54_980
+LINES = 73_680
+LINES_OF_TESTS = 55_060
 
 
 def lines(folder):
