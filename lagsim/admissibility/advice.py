@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import suppress
-from itertools import pairwise
+from itertools import groupby, pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.graph import CONSTANT, VARIABLE, Graph
@@ -233,10 +233,12 @@ def beyond_state(equations: Equations) -> Iterator[Caution]:
     are 0.
     """
     model, g = equations.model, equations.graph
-    for name in model.unused:
-        what = "mode" if name in model.modes else "parameter"
-        text = f"the {what} `{name}` is given and used nowhere"
-        yield Caution("unused-parameter", text)
+    for stem, found in groupby(model.unused, lambda name: name.partition(".")[0]):
+        name, *others = found
+        text = f"the {'mode' if name in model.modes else 'parameter'} `{name}` is"
+        if others:
+            text = f"`{name}` and {len(others)} other members of `{stem}` are"
+        yield Caution("unused-parameter", f"{text} given and used nowhere")
     for text in model.idle:
         yield Caution("no-effect", text)
     yield from about_angles(model)

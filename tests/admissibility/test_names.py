@@ -110,6 +110,10 @@ def test_sums_of_sums_are_looked_through_once(theta, told):
 def test_a_parameter_that_nothing_names():
     [text] = warned(more="k: 1, spare: 2*k")
     assert text == "unused-parameter: the parameter `spare` is given and used nowhere"
+    [text] = warned(more='k: 1, "spare(1..3)": 2')
+    assert text.endswith(
+        "`spare.1` and 2 other members of `spare` are given and used nowhere"
+    )
     assert warned(more="k: 1, spare: 2", seen="k + spare") == []
     # It is named, though something else was said instead of it.
     instead = {"options": {"duration": "1"}}

@@ -333,7 +333,8 @@ class Scope:
         op = OVER_RANGES[token.text]
         if not count and op != "add":
             text = f"`{token.text}` over an empty range, {first}..{last}"
-            raise token.fault(text, "", "range")
+            hint = "it takes one member at least; `sum` alone may have none"
+            raise token.fault(text, hint, "range")
         total: Value = EMPTY
         inner = dict(indices)
         for k in range(first, last + 1):
