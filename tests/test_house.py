@@ -7,7 +7,7 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 245
-LINES = 73_680
+LINES = 73_690
 LINES_OF_TESTS = 55_060
 
 
