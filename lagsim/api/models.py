@@ -362,6 +362,7 @@ def derive(
     substitute: bool = False,
     solve: bool = False,
     gauss: bool = False,
+    expand: bool = False,
 ) -> Derivation:
     """Derive the equations of motion of a model.
 
@@ -375,6 +376,8 @@ def derive(
         Give the accelerations in closed form, however long.
     gauss
         Give Gauss's principle, too.
+    expand
+        Write the definitions of the file out, however long the equations are.
 
     Raises
     ------
@@ -382,4 +385,5 @@ def derive(
         Where the model has faults.
     """
     options = {"substitute": substitute, "solve": solve, "with_gauss": gauss}
+    options["expand"] = expand
     return Derivation(_derived(model_of(model), chained=False), options)

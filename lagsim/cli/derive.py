@@ -43,18 +43,23 @@ def command(
         help="Solve for the accelerations, even if the result is long.",
     ),
     gauss: bool = typer.Option(False, "--gauss", help="Add Gauss's principle."),
+    expand: bool = typer.Option(
+        False, "--expand",
+        help="Write the definitions of the file out, even if the result is long.",
+    ),
     output: Path | None = typer.Option(
         None, "-o", "--output", metavar="FILE", help="Write to a file."
     ),
 ) -> int:  # fmt: skip
     """Derive the equations of motion, symbolically."""
     options = {"substitute": substitute, "solve": solve, "gauss": gauss}
+    options["expand"] = expand
     _refuse(model, form, {**options, "ascii": ascii_only}, output)
     read = read_file(model, assignments(sets))
     if form is not Format.python:
-        from lagsim.show.symbols import refuse_long
+        from lagsim.show.separation import refuse_long
 
-        refuse_long(read)
+        refuse_long(read, expand=expand or gauss)
     found = derive(read, **options)
     if form is Format.json:
         content = encode(found.json)
@@ -75,9 +80,9 @@ def _refuse(
 ) -> None:
     """Refuse options that mean nothing for the format, and a file that cannot be."""
     meant = {
-        Format.text: ("ascii", "substitute", "solve", "gauss"),
+        Format.text: ("ascii", "substitute", "solve", "gauss", "expand"),
         Format.python: (),
-    }.get(form, ("substitute", "solve", "gauss"))
+    }.get(form, ("substitute", "solve", "gauss", "expand"))
     problems = [
         Problem("usage", f"--{name} means nothing with --format {form.value}")
         for name, given in options.items()

@@ -510,7 +510,8 @@ class Model:
     `settings` evaluate. `unused` are parameters that nothing names. `places` are those
     of parameters, coordinates, definitions and energies in the file. `gimbals` are the
     frames by three angles, `quaternions` the constraints that hold their lengths;
-    `idle` says what of the file has no effect.
+    `idle` says what of the file has no effect. `hidden` are definitions that the file
+    implies, such as the entries of a frame's matrix `frame.arm.2.xy`.
     """
 
     name: str
@@ -540,6 +541,7 @@ class Model:
     quaternions: frozenset[str] = frozenset()
     idle: tuple[str, ...] = ()
     tables: tuple[Table, ...] = ()
+    hidden: tuple[Definition, ...] = field(default=(), repr=False)
     places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property

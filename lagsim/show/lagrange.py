@@ -31,16 +31,18 @@ from lagsim.mechanics.constraints import constraint_row
 from lagsim.mechanics.equations import generalized_forces, mass_matrix
 from lagsim.mechanics.ldl import Elimination
 from lagsim.model.model import Level
-from lagsim.show.conserved import conserved_quantities
+from lagsim.show.conserved import conserved_quantities, named, part
 from lagsim.show.content import RESTITUTION_LAW, Content, always, law_of
 from lagsim.show.names import Name
-from lagsim.show.symbols import Translation, number, refuse_long, symbol, to_sympy
+from lagsim.show.separation import Separation, is_long, refuse_long, words_of
+from lagsim.show.symbols import Translation, number, symbol, to_sympy
 from lagsim.show.tidy import MOST_PRODUCTS, cost
 from lagsim.tolerances import DEPENDENT_ROWS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from lagsim.mechanics.constraints import Row
     from lagsim.mechanics.equations import Equations
     from lagsim.model.model import Constraint, Force, Transition
 
@@ -66,6 +68,8 @@ class _Solver:
         Those of the document.
     notes
         What is left out is added.
+    in_words
+        The entries are names of steps, which nobody reads.
     """
 
     def __init__(
@@ -75,8 +79,11 @@ class _Solver:
         f: list[Any],
         constraints: Sequence[Part],
         notes: list[str],
+        *,
+        in_words: bool = False,
     ) -> None:
         self.x, self.M, self.f, self.notes = x, M, f, notes
+        self.in_words = in_words
         self.constraints = constraints
         self.held = [k for k in constraints if always(k)]
         self.come_and_go = len(self.held) < len(constraints)
@@ -100,7 +107,7 @@ class _Solver:
 
     def solution(self, *, insist: bool) -> Part | None:
         """Give accelerations and multipliers, or None where they are too long."""
-        found = self._closed()
+        found = None if self.in_words else self._closed()
         if found and _readable((*found["q_ddot"], *found["lambda"])):
             return found
         if without_inertia(self.x.equations) is not None:
@@ -315,6 +322,7 @@ def content(
     substitute: bool = False,
     solve: bool = False,
     with_gauss: bool = False,
+    expand: bool = False,
 ) -> Content:
     """Derive the equations of a model, and what follows from them.
 
@@ -324,6 +332,8 @@ def content(
         The model.
     substitute
         Put the numbers of the parameters in.
+    expand
+        Write definitions out, however long that is; so does Gauss's principle.
     solve
         Give the accelerations in closed form, however long.
     with_gauss
@@ -335,7 +345,12 @@ def content(
         Where the energies are too long to be written out, or M is singular and Gauss's
         principle is asked for.
     """
-    refuse_long(equations.model)
+    words = words_of(equations.model)
+    expand = expand or with_gauss or not is_long(equations, words)
+    refuse_long(equations.model, expand=expand)
+    if not expand:
+        x = Translation(equations, substitute=substitute, named=words)
+        return _InWords(x, Separation(equations, words)).in_words(solve=solve)
     x = Translation(equations, substitute=substitute)
     return _Derivation(x).content(solve=solve, with_gauss=with_gauss)
 
@@ -413,7 +428,10 @@ class _Derivation:
             "potential": self.potential,
             "lagrangian": x.tidy(self.lagrangian, written=True),
             "dissipation": self.dissipation,
-            "forces": [self._force(force) for force in model.forces],
+            "forces": [
+                {**self._force(force), "Q": x.sympy(self._work(force))}
+                for force in model.forces
+            ],
             "equations": self.lines,
             "M": M,
             "f": f,
@@ -423,6 +441,11 @@ class _Derivation:
             "gauss": solver.gauss() if with_gauss else None,
             "notes": notes,
         }
+        return self._completed(document)
+
+    def _completed(self, document: Part) -> Content:
+        """Add first-order states, events, and what there is to note."""
+        x, model, notes = self.x, self.x.equations.model, document["notes"]
         if model.states:
             rates = x.sympy([s.rate for s in model.states], written=True)
             document["states"] = dict(
@@ -430,7 +453,7 @@ class _Derivation:
             )
         if model.events:
             document["events"] = {x.name: self._event(x) for x in model.events}
-        if x.equations.is_set and conserved:
+        if x.equations.is_set and document["conserved"]:
             notes.append("what is conserved is so between events: they set the energy")
         if x.tidy.cut:
             notes.append(
@@ -450,17 +473,19 @@ class _Derivation:
         }
 
     def _force(self, force: Force) -> Part:
-        x, g = self.x, self.x.g
-        p, direction = x.sympy([force.node, force.direction], written=True)
-        velocity = force.level is not Level.POSITION
-        levers = self.flow.gradient(g, force.direction, by_rates=velocity)
+        p, direction = self.x.sympy([force.node, force.direction], written=True)
         return {
             "on": force.on,
             "force": p,
             "direction": direction,
-            "level": "velocity" if velocity else "position",
-            "Q": x.sympy(g.call("mul", force.node, lever) for lever in levers),
+            "level": force.level.name.lower(),
         }
+
+    def _work(self, force: Force) -> list[int]:
+        """Give the generalized force that it is on each coordinate: nodes (n,)."""
+        velocity = force.level is not Level.POSITION
+        levers = self.flow.gradient(self.x.g, force.direction, by_rates=velocity)
+        return [self.x.g.call("mul", force.node, lever) for lever in levers]
 
     def _line(self, j: int, Q: Any) -> Part:
         """Work out the equation of coordinate j, with its generalized force."""
@@ -491,7 +516,10 @@ class _Derivation:
         """Part Q into what stands right, given in time, and what stands left."""
         state = {*self.x.q, *self.x.v, *self.x.states}
         parts = sp.Add.make_args(Q)
-        driving = [p for p in parts if not self.x.free(p) & state]
+        pushing = {*self.x.multipliers}
+        driving = [
+            p for p in parts if not self.x.free(p) & state or p.free_symbols & pushing
+        ]
         return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))
 
     def _pair(self, constraint: Constraint) -> Part:
@@ -501,7 +529,7 @@ class _Derivation:
         return {"pair": both} if constraint.pair else {}
 
     def _constraint(self, constraint: Constraint) -> Part:
-        x, g, law = self.x, self.x.g, constraint.law
+        x, g = self.x, self.x.g
         node = constraint.relation.node
         (function,) = x.sympy([node], written=True)
         tidy = x.node(function, node)
@@ -510,7 +538,19 @@ class _Derivation:
         (rate,) = x.sympy([row.rate])
         tidy = x.node(rate, row.rate)
         (drift,) = x.sympy(tangent(g, [tidy], self.flow.forward))
-        moved = sp.Add(*(entry * a for entry, a in zip(A, x.a, strict=True)))
+        return self._held(constraint, row, (function, rate), A, x.tidy(-drift))
+
+    def _held(
+        self,
+        constraint: Constraint,
+        row: Row,
+        values: tuple[Any, Any],
+        A: list[Any],
+        b: Any,
+    ) -> Part:
+        """Give a constraint by its function and rate, its row of A and its b."""
+        x, law = self.x, constraint.law
+        (function, rate), moved = values, _dot(A, x.a)
         kind = "holonomic" if row.holonomic else "nonholonomic"
         given = law_of(constraint)
         nodes = [given["friction"], given["static_friction"], constraint.limit]
@@ -524,9 +564,9 @@ class _Derivation:
             "kind": kind if law is None else "one-sided",
             "function": function,
             "rate": rate if row.holonomic else function,
-            "acceleration": x.tidy(moved + drift),
+            "acceleration": x.tidy(moved - b),
             "A": A,
-            "b": x.tidy(-drift),
+            "b": b,
             "restitution": given["restitution"] if e is None else e,
             "friction": friction,
             "static_friction": static,
@@ -536,6 +576,103 @@ class _Derivation:
             "when": when,
             **{key: given[key] for key in RESTITUTION_LAW if key in given},
         }
+
+
+class _InWords(_Derivation):
+    """The same in the definitions of the file, see `separation`.
+
+    Entries of matrices are numbered steps, for programs.
+    """
+
+    def __init__(self, x: Translation, separation: Separation) -> None:
+        self.x, self.separation = x, separation
+        self.flow = x.equations.flow
+        groups = {"momentum": 3, "reaction": 5, "force": 5}
+        for k, (called, name) in enumerate(separation.names.items(), len(x.rank)):
+            group = groups.get(name.kind, 2) + name.order
+            x.add(symbol(called), name, (min(group, 5), k))
+
+    def in_words(self, *, solve: bool) -> Content:
+        """Give the document."""
+        x, e, s = self.x, self.x.equations, self.separation
+        model = e.model
+        energies = [model.kinetic, model.potential, model.dissipation]
+        T, V, F = x.sympy(energies, written=True)
+        (L,) = x.sympy([model.lagrangian], written=True) if T is None else (T - V,)
+        forces = [self._force(force) for force in model.forces]
+        separated = {
+            key: dict(zip(found, x.sympy(found.values()), strict=True))
+            for key, found in (
+                ("momenta", s.momenta), ("rates", s.rates), ("forces", s.forces),
+                ("reactions", s.reactions),
+            )
+        }  # fmt: skip
+        lines = [self._written(j) for j in range(len(x.q))]
+        rows = [
+            constraint_row(x.g, c.name, c.relation.node, self.flow)
+            for c in model.constraints
+        ]
+        known = dict(x.known)
+        levers = [self._work(force) for force in model.forces]
+        wanted = [n for row in (*e.M, e.f, *levers) for n in row]
+        wanted += [n for row in rows for n in (*row.A, row.b)]
+        steps = _steps(x, known, wanted)
+        for force, Q in zip(forces, levers, strict=True):
+            force["Q"] = [known[n] for n in Q]
+        constraints = []
+        for c, row in zip(model.constraints, rows, strict=True):
+            values = x.sympy([row.residual, row.rate], written=True)
+            A = [known[n] for n in row.A]
+            constraints.append(self._held(c, row, tuple(values), A, known[row.b]))
+        M, f = [[known[n] for n in row] for row in e.M], [known[n] for n in e.f]
+        notes = _on_contacts(constraints)
+        notes.append(
+            "the equations are written in the definitions of the file; `--expand` "
+            "writes them out, and the mass matrix"
+        )
+        solver = _Solver(x, M, f, constraints, notes, in_words=True)
+        return self._completed({
+            "definitions": {k.name: v for k, v in x.kept.items()} | steps,
+            "kinetic": T,
+            "potential": V,
+            "lagrangian": L,
+            "dissipation": F,
+            "forces": forces,
+            "equations": lines,
+            "separated": separated,
+            "M": M,
+            "f": f,
+            "constraints": constraints,
+            "accelerations": solver.solution(insist=solve),
+            "conserved": self._conserved(),
+            "gauss": None,
+            "notes": notes,
+        })  # fmt: skip
+
+    def _written(self, j: int) -> Part:
+        x = self.x
+        momentum, left, Q = x.sympy(self.separation.equations[j])
+        right, rest = self._driving(Q)
+        return {
+            "coordinate": x.q[j].name,
+            "momentum": momentum,
+            "left": x.tidy(left - rest),
+            "right": x.tidy(right),
+        }
+
+    def _conserved(self) -> list[Part]:
+        """Give the energy, and the momenta of coordinates that are not in L."""
+        x, e = self.x, self.x.equations
+        if e.laws or e.model.events:
+            return []
+        found = []
+        if not e.works:
+            kind = "energy" if e.energy_is_sum else "energy function"
+            found.append(part(kind, (), x.sympy([e.energy], written=True)[0]))
+        for j, q in enumerate(e.q):
+            if q in e.unforced and all(row.A[j] == x.g.zero for row in e.rows):
+                found.append(part("momentum", (q,), x.sympy([e.momenta[j]])[0]))
+        return named(x, found)
 
 
 def _on_contacts(constraints: Sequence[Part]) -> list[str]:

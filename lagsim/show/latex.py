@@ -62,6 +62,13 @@ _SIGNS = {
     r"-\mathbf{A}^{\mathsf{T}} (\mathbf{A} \mathbf{M}^{-1} "
     r"\mathbf{A}^{\mathsf{T}})^{-1}$.",
     "function": r"\sum \dot{{q}} \, \partial {0} / \partial \dot{{q}} - {0}",
+    "range": r"{}, \dots, {}", "members": r", \quad {}",
+    "momenta": r"${0} = \partial L / \partial w + \sum_{{v}} {2} \, \partial v / "
+    r"\partial w$, over all $v$ that are written with $w$",
+    "forces": "${0}$ is the force along $w$",
+    "reactions": r"${1} = d/dt \, \partial L / \partial \dot{{u}} - \partial L / "
+    r"\partial u - {3} + \sum_{{v}} {2} \, \partial v / \partial u$, over all $v$ that "
+    "are written with $u$, is the force that holds $u$ to its definition",
     "momentum": "p_{{{}}}", "shifted momentum": r"\mathrm{{const}}_{{{}}}",
     "total momentum": r"\mathrm{{const}}", "angular momentum": r"\mathrm{{const}}",
 }  # fmt: skip
@@ -124,7 +131,7 @@ class _Latex(Outline):
     def _say(self, text: str) -> None:
         text = text.strip()
         if not text.startswith("\\["):
-            end = "" if text.endswith(".") else "."
+            end = "" if text.endswith((".", ":")) else "."
             text = f"{text[0].upper()}{text[1:]}{end}\n"
         self.lines.append(text)
 
@@ -200,13 +207,19 @@ class _Latex(Outline):
             self.lines.append(f"For ${self.show(line['coordinate'])}$:")
             self._rows(terms)
         self.lines.append("The equations of motion are")
-        self.align(self._motion())
+        self._balances([(line["left"], line["right"]) for line, _ in lines])
 
-    def _motion(self) -> list[Typeset]:
+    def _balance(self, left: Any, right: Any) -> None:
+        self._balances([(left, right)])
+
+    def _balances(self, equations: Sequence[tuple[Any, Any]]) -> None:
+        self.align(self._motion(equations))
+
+    def _motion(self, equations: Sequence[tuple[Any, Any]]) -> list[Typeset]:
         """Give the equations, one = under the other where there is room."""
         found = []
-        for line in self.c["equations"]:
-            left, right = line["left"], self.pieces(line["right"], LONGEST_LINE)
+        for left, whole in equations:
+            right = self.pieces(whole, LONGEST_LINE)
             found.append((self.write(left), left, right))
         widths = [
             (_width(left), sum(_width(text) + 3 for _, text in right))

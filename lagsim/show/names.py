@@ -28,7 +28,7 @@ _OF_LETTER = {letter: name for name, letter in GREEK.items()}
 # Letters that look like Latin ones have no command of their own.
 _ALIKE = "omicron Alpha Beta Epsilon Zeta Eta Iota Kappa Mu Nu Omicron Rho Tau Chi"
 _LATIN = dict(zip(_ALIKE.split(), "oABEZHIKMNOPTX", strict=True))
-_LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+_LOWERED = str.maketrans("0123456789+-ijkmn", "₀₁₂₃₄₅₆₇₈₉₊₋ᵢⱼₖₘₙ")
 RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PARTS = re.compile(r"([^\W\d_]+)(?:_?([0-9]+))?((?:_\w*[^\W_])?)\Z")
 _SPECIAL = {
@@ -41,13 +41,24 @@ _IN_FONTS = frozenset("ßæÆøØœŒłŁđĐþÞðÐ§°±²³µ·×÷–—‘
 
 DOTS = ("", "dot", "ddot")
 
+LETTERS_OF_MEMBERS = "ijkmn"
+"""Of these, one stands for the number of a member: `tip.i-1.x`."""
+_MEMBER = re.compile(r"([0-9]+|[ijkmn]([+-][0-9]+)?)\Z")
+_ANY_MEMBER = re.compile(r"\.([ijkmn](?:[+-][0-9]+)?)(?=[.}]|\Z)")
+
+
+def called(name: str) -> str:
+    """Give a name with a letter for its member as a file writes it: `tip(i-1).x`."""
+    return _ANY_MEMBER.sub(r"(\1)", name)
+
 
 @dataclass(frozen=True, slots=True)
 class Name:
     """Symbol to print: a name, its order of differentiation, and its kind.
 
-    `kind` is "" for a name of the file, "multiplier" for that of a constraint, and
-    "unconstrained" for the acceleration of a coordinate without constraints.
+    `kind` is "" for a name of the file, "multiplier" for that of a constraint,
+    "unconstrained" for the acceleration of a coordinate without constraints, and
+    "momentum", "force" or "reaction" for that of a definition.
     """
 
     base: str
@@ -67,14 +78,19 @@ class ModelNames:
 
     names: Iterable[str]
     _shown: dict[str, tuple[str, str]] = field(init=False)
+    _taken: set[str] = field(init=False)
 
     of_multiplier: ClassVar[str] = "lambda_{}"
     """The multiplier of a constraint, whose name is written letter by letter."""
-    unconstrained: ClassVar[tuple[str, ...]] = ("a_{}",)
-    """An acceleration without constraints, the best look first."""
+    letters: ClassVar[dict[str, tuple[str, ...]]] = {
+        "unconstrained": ("a_",), "momentum": ("momentum.",), "force": ("force.",),
+        "reaction": ("reaction.",),
+    }  # fmt: skip
+    """Of the other kinds, the best first; a name of the file follows as `below`."""
+    below: ClassVar[str] = "{}"
 
     def __post_init__(self) -> None:
-        taken: set[str] = set()
+        taken = self._taken = set()
         self._shown = {}
         for name in self.names:
             parts = self.split(name)
@@ -90,13 +106,13 @@ class ModelNames:
     def show(self, name: Name) -> str:
         """Give `name` typeset."""
         if name.kind == "multiplier":
-            return self.of_multiplier.format(self.verbatim(name.base)[0])
-        if name.kind == "unconstrained":
-            taken = {self.joined(*parts, 0) for parts in self._shown.values()}
-            shown = self.show(Name(name.base))
-            looks = [look.format(shown) for look in self.unconstrained]
+            return called(self.of_multiplier.format(self.verbatim(name.base)[0]))
+        if name.kind:
+            below = self.below.format(self.show(Name(name.base)))
+            letters = self.letters[name.kind]
+            looks = [self.joined(x, below, name.order) for x in letters]
             more = (looks[0] + "_" * k for k in itertools.count(1))
-            return next(x for x in itertools.chain(looks, more) if x not in taken)
+            return next(x for x in itertools.chain(looks, more) if x not in self._taken)
         base, below = self._shown.get(name.base) or self.split(name.base)
         return self.joined(base, below, name.order)
 
@@ -110,13 +126,17 @@ class ModelNames:
 
     def joined(self, base: str, below: str, order: int) -> str:
         """Put letter, subscript and derivative together: `q`, `q_dot`, `q_ddot`."""
-        return rate_of(f"{base}{below}", order)
+        return called(rate_of(f"{base}{below}", order))
 
 
 class UnicodeNames(ModelNames):
     """Greek letters, subscripts, and dots above."""
 
-    of_multiplier, unconstrained = "λ_{}", ("a_{}", "a\u0304_{}")
+    of_multiplier, below = "λ_{}", "_{}"
+    letters: ClassVar = {
+        "unconstrained": ("a", "a\u0304"), "momentum": ("p", "p\u0304"),
+        "force": ("Q", "Q\u0304"), "reaction": ("R", "R\u0304"),
+    }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
         """Give θ, ₁ for `theta1`, q, ₁,₂ for `q.1.2`, and r, .x for `r.x`."""
@@ -126,8 +146,9 @@ class UnicodeNames(ModelNames):
             return name, ""
         word, digits, rest = match.groups("")
         below = digits.translate(_LOWERED) + rest
-        below += ",".join(part.translate(_LOWERED) for part in member if part.isdigit())
-        below += "".join(f".{part}" for part in member if not part.isdigit())
+        numbers = [part for part in member if _MEMBER.match(part)]
+        below += ",".join(part.translate(_LOWERED) for part in numbers)
+        below += "".join(f".{part}" for part in member if part not in numbers)
         return GREEK.get(word, word), below
 
     def joined(self, base: str, below: str, order: int) -> str:
@@ -141,7 +162,10 @@ class LatexNames(ModelNames):
     """Commands for Greek letters, subscripts, and dots above."""
 
     of_multiplier = r"\lambda_{{{}}}"
-    unconstrained = "a_{{{}}}", r"\bar{{a}}_{{{}}}"
+    letters: ClassVar = {
+        "unconstrained": ("a", r"\bar{a}"), "momentum": ("p", r"\bar{p}"),
+        "force": ("Q", r"\bar{Q}"), "reaction": ("R", r"\bar{R}"),
+    }  # fmt: skip
 
     def split(self, name: str) -> tuple[str, str]:
         r"""Give \theta, 1 for `theta1`."""
@@ -178,7 +202,7 @@ class LatexNames(ModelNames):
         return rf"\mathit{{{word}}}" if word.isascii() else upright_latex(word)
 
     def _subscript(self, part: str) -> str:
-        if part.isdigit():
+        if _MEMBER.match(part):
             return part
         name = _OF_LETTER.get(part, part)
         if len(part) == 1 or name in GREEK:

@@ -213,6 +213,8 @@ class Printer:
 class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
     """Prints the language of model files."""
 
+    sum_of = "sum"
+
     def _print_Pow(self, e: Any, rational: bool = False) -> str:
         if e.exp.is_Rational and e.exp < 0:
             return self._print_Mul(e)
@@ -234,6 +236,11 @@ class ModelPrinter(Printer, StrPrinter):  # type: ignore[misc]
         for value, condition in reversed(cases):
             text = f"if({self._print(condition)}, {self._print(value)}, {text})"
         return text
+
+    def _print_Sum(self, e: Any) -> str:
+        """Print a sum over the members of a family as model files write it."""
+        term, (letter, first, last) = e.args
+        return f"{self.sum_of}({letter} = {first}..{last}, {self._print(term)})"
 
     def _print_Not(self, e: Any) -> str:
         return f"not ({self._print(e.args[0])})"
@@ -266,7 +273,7 @@ def exact_printer(x: Translation) -> ModelPrinter:
 class TextPrinter(ModelPrinter):
     """Prints plain text with superscripts, roots and signs."""
 
-    minus, negative, between = " − ", "−", " "
+    minus, negative, between, sum_of = " − ", "−", " ", "Σ"
 
     def _print_Pow(self, e: Any, rational: bool = False) -> str:
         base, exponent = e.args
@@ -336,6 +343,11 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
         bare = len(e.args) == 1 and (e.args[0].is_Symbol or e.args[0].is_Integer)
         bare = bare and not e.args[0].is_negative and "(" not in inside and not orders
         return f"{command} {inside}" if bare else rf"{command}\left({inside}\right)"
+
+    def _print_Sum(self, e: Any) -> str:
+        term, (letter, first, last) = e.args
+        shown = self.parenthesize(term, _MUL)
+        return rf"\sum_{{{letter} = {first}}}^{{{last}}} {shown}"
 
     # A name may be e: exp stays as it is.
     _print_exp = _print_log = _print_Abs = _print_Function

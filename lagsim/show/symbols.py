@@ -215,6 +215,9 @@ class Translation:
         The model and its graph.
     substitute
         Put the numbers of the parameters in.
+    named
+        Nodes that keep these names, whatever they are, instead of those of definitions
+        that read better so.
 
     Attributes
     ----------
@@ -234,7 +237,13 @@ class Translation:
     tidy : Tidier
     """
 
-    def __init__(self, equations: Equations, *, substitute: bool = False) -> None:
+    def __init__(
+        self,
+        equations: Equations,
+        *,
+        substitute: bool = False,
+        named: Mapping[int, Name] | None = None,
+    ) -> None:
         model, g = equations.model, equations.graph
         self.equations, self.g = equations, g
         self.substitute = substitute
@@ -251,18 +260,21 @@ class Translation:
         self._parameters = frozenset(parameters)
         given = [p for p in model.parameters if substitute]
         self.known = {g.variable(p.name): number(p.value) for p in given}
-        self.kept = self._keep(physics, substitute=substitute)
+        kept = self._well_read(physics) if named is None else named
+        self.kept = self._keep(kept)
         self._nodes = {x: n for n, x in self.known.items() if x.is_Symbol}
-        self.names, self.rank = self._shown(parameters)
-        moving = {*self.v, *self.a, *self.multipliers}
+        self.names, self.rank = self._shown(parameters, kept)
+        rates = (self.known[n] for n, name in kept.items() if name.order)
+        moving = {*self.v, *self.a, *self.multipliers, *rates}
         moving_names = {*self.q, *moving, *self.states, self.t}
         still = [s for s, e in self.kept.items() if not self.free(e) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(constants, frozenset(moving))
-        self._sizes: dict[int, tuple[int, int]] = {}
+        self._sizes = dict.fromkeys(named or (), (1, 1))
         self._operations = 0
 
-    def _keep(self, physics: list[int], *, substitute: bool) -> dict[Any, Any]:
+    def _well_read(self, physics: list[int]) -> dict[int, Name]:
+        """Give the nodes of definitions that keep their names, see above."""
         g = self.g
         used = set(g.cone(physics))
         arguments = {
@@ -272,7 +284,7 @@ class Translation:
             for a in g.args[n]
         }
         variables = {*self.equations.moving}
-        wanted = {}
+        wanted: dict[int, Name] = {}
         for d in self.equations.model.definitions:
             n = d.node
             if d.level is not Level.POSITION or n not in used or n in wanted:
@@ -281,12 +293,18 @@ class Translation:
                 continue
             constant = not g.depends([n]) & variables
             sum_inside = n in arguments and g.ops[n] in ("add", "sub")
-            if (constant and not substitute) or g.ops[n] in _ROOTS or sum_inside:
-                wanted[n] = d.name
+            named = constant and not self.substitute
+            if named or g.ops[n] in _ROOTS or sum_inside:
+                wanted[n] = Name(d.name)
+        return wanted
+
+    def _keep(self, named: Mapping[int, Name]) -> dict[Any, Any]:
+        """Have nodes known by their names; give what each symbol stands for."""
         kept = {}
-        for n, name in sorted(wanted.items()):
-            kept[symbol(name)] = self._value(n)
-            self.known[n] = symbol(name)
+        for n, name in sorted(named.items()):
+            s = symbol(rate_of(name.base, name.order))
+            kept[s] = self._value(n)
+            self.known[n] = s
         return kept
 
     def _value(self, node: int) -> Any:
@@ -316,19 +334,22 @@ class Translation:
     # Symbols
 
     def _shown(
-        self, parameters: list[Any]
+        self, parameters: list[Any], kept: Mapping[int, Name]
     ) -> tuple[dict[Any, Name], dict[Any, tuple[int, int]]]:
-        model, kept = self.equations.model, list(self.kept)
-        single = *parameters, *kept, *self.states, *self.speeds, self.t
-        names = {s: Name(s.name) for s in single}
+        model = self.equations.model
+        named = {self.known[n]: name for n, name in sorted(kept.items())}
+        values = [s for s, name in named.items() if not name.order]
+        names = {s: Name(s.name) for s in parameters} | named
+        names |= {s: Name(s.name) for s in (*self.states, *self.speeds, self.t)}
         for order, group in enumerate((self.q, self.v, self.a)):
             shown = (Name(q.name, order) for q in self.q)
             names |= dict(zip(group, shown, strict=True))
         shown = (Name(c.name, 0, "multiplier") for c in model.constraints)
         names |= dict(zip(self.multipliers, shown, strict=True))
         groups = [
-            _as_people_order(model.parameters), kept,
-            [self.t, *self.q, *self.states, *self.speeds], self.v, self.a,
+            _as_people_order(model.parameters), values,
+            [self.t, *self.q, *self.states, *self.speeds],
+            [*self.v, *(s for s in named if s not in values)], self.a,
             self.multipliers,
         ]  # fmt: skip
         rank = {
@@ -467,36 +488,19 @@ def physics_of(model: Model) -> list[int]:
     return [n for n in nodes if n is not None]
 
 
-def refuse_long(model: Model) -> None:
-    """Refuse a model whose energies are too long to be written out.
-
-    Raises
-    ------
-    InputError
-    """
-    sizes = written_out(model.graph, physics_of(model), {})
-    size = sum(operations for operations, _ in sizes)
-    depth = max((depth for _, depth in sizes), default=0)
-    if size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH:
-        about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
-        most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
-        raise too_long(
-            f"the energies, written out, have {about}, nested {depth} deep, and the "
-            f"limits are {most}"
-        )
-
-
 def written_out(
     g: Graph, nodes: Iterable[int], found: dict[int, tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """Give how many operations each node takes, nothing shared, and its depth.
 
-    Those of all nodes below are added to `found`.
+    Sums within a sum, and products within a product, make it no deeper. Those of all
+    nodes below are added to `found`.
     """
     nodes = list(nodes)
     for n in g.cone(nodes, ends=found):
         if n not in found:
-            below = [found[a] for a in g.args[n]]
+            below, alike = [found[a] for a in g.args[n]], _CHAINS.get(g.ops[n], ())
+            depths = [found[a][1] - (g.ops[a] in alike) for a in g.args[n]]
             operations = 1 + sum(size for size, _ in below)
-            found[n] = operations, 1 + max((depth for _, depth in below), default=0)
+            found[n] = operations, 1 + max(depths, default=0)
     return [found[n] for n in nodes]

@@ -11,6 +11,8 @@ import textwrap
 import unicodedata
 from typing import TYPE_CHECKING, Any
 
+import sympy as sp
+
 from lagsim.show.content import (
     ASCII,
     UNICODE,
@@ -19,8 +21,11 @@ from lagsim.show.content import (
     in_ascii,
     on_velocities,
 )
-from lagsim.show.names import ModelNames, Name, UnicodeNames
+from lagsim.show.families import Families
+from lagsim.show.families import Rows as Members
+from lagsim.show.names import ModelNames, Name, UnicodeNames, called
 from lagsim.show.printers import ModelPrinter, TextPrinter
+from lagsim.show.symbols import symbol
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -65,6 +70,7 @@ class Outline:
     ) -> None:
         (self.x, self.c), self.names, self.signs = content, write.names, signs
         self.write = write
+        self.families = Families(self.x) if "separated" in self.c else None
         self.coordinates = [self.show(q.name) for q in self.x.q]
         self.lines: list[str] = []
 
@@ -72,17 +78,16 @@ class Outline:
         """Write all sections; give the lines."""
         c = self.c
         self._energies()
-        if c["forces"] or c["dissipation"] is not None:
-            self._forces()
-        self._equations([(line, self._terms(line)) for line in c["equations"]])
-        if "states" in c:
-            self._title("First-order states")
-            self._rows([(self.show(s, 1), rate) for s, rate in c["states"].items()])
-        if "events" in c:
-            self._events()
-        self._matrix_form()
-        for k, multiplier in zip(c["constraints"], self.x.multipliers, strict=True):
-            self._constraint(k, multiplier)
+        if self.families:
+            self._in_words(self.families)
+        else:
+            self._in_full()
+        rows = [*zip(c["constraints"], self.x.multipliers, strict=True)]
+        if self.families:
+            self._at_times(self.families, [row for row in rows if not always(row[0])])
+        else:
+            for k, multiplier in rows:
+                self._constraint(k, multiplier)
         self._solution()
         if c["conserved"]:
             self._title(self.signs["conserved"])
@@ -112,17 +117,95 @@ class Outline:
         if c["kinetic"] is not None and c["potential"] is not None:
             rows += [(signs["T"], c["kinetic"]), (signs["V"], c["potential"])]
             head = f"{head} = {signs['T']} {signs['minus']} {signs['V']}"
-        rows.append((head, c["lagrangian"]))
+        if not (rows and self.families):
+            rows.append((head, c["lagrangian"]))
         if c["dissipation"] is not None:
             rows.append((signs["F"], c["dissipation"]))
+        if self.families:
+            rows = [(label, self.families.sums(e)) for label, e, *_ in rows]
+            kept = [(self.x.names[s], e) for s, e in self.x.kept.items()]
+            words = self._of_families([x for x in kept if not x[0].order])
+        else:
+            words = [(self.show(name), e) for name, e in c["definitions"].items()]
         self._rows(rows)
-        if c["definitions"]:
-            kept = c["definitions"].items()
-            self._where([(self.show(name), e) for name, e in kept])
+        if words:
+            self._where(words)
 
-    def _events(self) -> None:
-        self._title("Events")
-        for name, event in self.c["events"].items():
+    def _of_families(
+        self, rows: Sequence[tuple[Name, Any]], tail: str = ""
+    ) -> list[Row]:
+        """Give rows by their names, those of the members of a family as one."""
+        assert self.families is not None
+        return [
+            (self.names.show(row.name), *row.parts, tail + self._tail(row))
+            for row in self.families.rows((name, (e,)) for name, e in rows)
+        ]
+
+    def _range(self, row: Members) -> str:
+        """Say of which members a row is: `i = 2..7`; nothing of a row alone."""
+        numbers = row.members
+        if self.families is None or not numbers:
+            return ""
+        shown = ", ".join(map(str, numbers))
+        if numbers[-1] - numbers[0] == len(numbers) - 1 > 1:
+            shown = self.sign("range", str(numbers[0]), str(numbers[-1]))
+        return f"{self.families.letter} = {shown}"
+
+    def _tail(self, row: Members) -> str:
+        """Say the same behind a formula."""
+        members = self._range(row)
+        return self.sign("members", members) if members else ""
+
+    def _named(self, row: Members) -> str:
+        """Name what a row is about, within a sentence, and its members."""
+        shown, members = self.names.show(row.name), self._range(row)
+        return self._inline(f"{shown}, {members}" if members else shown)
+
+    def _in_full(self) -> None:
+        """Write the equations term by term, and in matrices."""
+        c = self.c
+        if c["forces"] or c["dissipation"] is not None:
+            self._forces()
+        self._equations([(line, self._terms(line)) for line in c["equations"]])
+        self._rates_and_events()
+        self._matrix_form()
+
+    def _in_words(self, families: Families) -> None:
+        """Write the equations in the definitions of the file, see `separation`."""
+        c, x = self.c, self.x
+        if c["forces"]:
+            self._forces()
+        kinds = {"momenta": "momentum", "forces": "force", "reactions": "reaction"}
+        for key, kind in kinds.items():
+            if rows := c["separated"][key].items():
+                self._title(key.capitalize())
+                pairs = ("w", kind), ("u", kind), ("v", kind), ("u", "force")
+                letters = (self.names.show(Name(u, 0, of)) for u, of in pairs)
+                self._say(self.sign(key, *letters))
+                named = [(x.names[symbol(name)], e) for name, e in rows]
+                self._rows(self._of_families(named))
+        if held := [k for k in c["constraints"] if always(k)]:
+            self._title("Constraints")
+            rows = [(Name(k["name"]), k["function"]) for k in held]
+            self._rows(self._of_families(rows, " = 0"))
+        self._title("Equations of motion")
+        lines = [
+            (Name(line["coordinate"]), (line["left"], line["right"]))
+            for line in c["equations"]
+        ]
+        for row in families.rows(lines):
+            self._say(f"for {self._named(row)}:")
+            self._balance(*row.parts)
+        self._rates_and_events()
+
+    def _rates_and_events(self) -> None:
+        if states := self.c.get("states"):
+            self._title("First-order states")
+            self._rows([(self.show(s, 1), rate) for s, rate in states.items()])
+        events = self.c.get("events", {})
+        if events:
+            self._title("Events")
+        for name, event in events.items():
             at, every = event["at"], event["every"] or 0.0
             when = f"at {self._plain(at)}" if at else f"every {every:g}"
             self._say(f"{self._plain(name)} acts {when}")
@@ -130,13 +213,21 @@ class Outline:
 
     def _forces(self) -> None:
         self._title("Generalized forces by virtual work")
-        for force in self.c["forces"]:
-            on = self.show(force["on"])
-            written = self._inline(self.write(force["force"]))
-            self._say(f"force on {self._inline(on)}: {written}")
-            if not force["direction"].is_Symbol:
-                self._rows([(on, force["direction"])])
-        self._labelled("Q", self.coordinates, [k["Q"] for k in self.c["equations"]])
+        given = [
+            (Name(force["on"]), (force["force"], force["direction"]))
+            for force in self.c["forces"]
+        ]
+        rows = [Members(name, parts, ()) for name, parts in given]
+        for row in self.families.rows(given) if self.families else rows:
+            force, direction = row.parts
+            written = self._inline(self.write(force))
+            self._say(f"force on {self._named(row)}: {written}")
+            if not direction.is_Symbol:
+                on = self.names.show(row.name)
+                self._rows([(on, direction, self._tail(row))])
+        if not self.families:
+            values = [k["Q"] for k in self.c["equations"]]
+            self._labelled("Q", self.coordinates, values)
 
     def _terms(self, line: Part) -> list[Row]:
         q, v = (self.show(line["coordinate"], k) for k in (0, 1))
@@ -195,7 +286,11 @@ class Outline:
         if solved is None:
             return
         self._title("Accelerations")
-        rows = [(self.show(name), e) for name, e in solved["steps"].items()]
+        steps = solved["steps"]
+        if self.families:  # those of M and f
+            steps = self.c["definitions"] | steps
+        shown = {s.name for s in self.x.kept}
+        rows = [(self.show(name), e) for name, e in steps.items() if name not in shown]
         second = (self.show(q.name, 2) for q in self.x.q)
         rows += zip(second, solved["q_ddot"], strict=True)
         multipliers = map(self.write, self.x.multipliers)
@@ -220,13 +315,39 @@ class Outline:
         forces = zip(names, principle["Qc"] or (), strict=False)
         self._rows([*rows, *((self.sign("Qc", q), e) for q, e in forces)])
 
-    def _constraint(self, k: Part, multiplier: Any) -> None:
+    def _at_times(self, families: Families, held: Sequence[tuple[Part, Any]]) -> None:
+        """Write constraints that hold at times, those of a family as one."""
+        groups: dict[Any, list[tuple[Part, Any]]] = {}
+        for k, multiplier in held:
+            stated = {
+                key: e for key, e in k.items() if isinstance(e, str | float | None)
+            }
+            stated |= {"name": "", "slips": len(k["slip"]), "pair": "pair" in k}
+            groups.setdefault(tuple(stated.items()), []).append((k, multiplier))
+        for group in groups.values():
+            first, _ = group[0]
+            keys = [key for key, e in first.items() if isinstance(e, sp.Basic)]
+            keys = [key for key in keys if key not in ("b", "acceleration")]
+            rows = [
+                (Name(k["name"]), (s, *(k[key] for key in keys), *k["slip"]))
+                for k, s in group
+            ]
+            for row in families.rows(rows):
+                multiplier, *values = row.parts
+                k = first | dict(zip(keys, values, strict=False))
+                k |= {"name": called(row.name.base), "slip": values[len(keys) :]}
+                self._constraint(k, multiplier, self._range(row))
+
+    def _constraint(self, k: Part, multiplier: Any, members: str = "") -> None:
         self._title(f"Constraint {k['name']} ({k['kind']})")
+        if members:
+            self._say(f"for {self._inline(members)}")
         relation = self.signs["at least" if k["kind"] == "one-sided" else "="]
         moving = on_velocities(k)
-        values = [k["function"], *([] if moving else [k["rate"]]), k["acceleration"]]
+        values = [k["function"], *([] if moving else [k["rate"]])]
+        values += [] if self.families else [k["acceleration"]]
         labels = self._derivatives(k)
-        (gap, first), *rest = zip(labels, values, strict=True)
+        (gap, first), *rest = zip(labels, values, strict=False)
         self._rows([(gap, first, f" {relation} 0"), *rest])
         given = []
         for key in () if moving else ("restitution", "friction", "static_friction"):
@@ -270,7 +391,8 @@ class Outline:
         if item["definition"]:
             why += f"; the file calls it {self._plain(item['definition'])}"
         left = total if item["kind"] == "energy" else self.sign(item["kind"], q)
-        self._rows([(left, item["expression"])])
+        value = item["expression"]
+        self._rows([(left, self.families.sums(value) if self.families else value)])
         self._say(f"  {why}")
 
     # How it looks
@@ -329,9 +451,9 @@ class Outline:
             for label, *value in terms:
                 self._equals(label + " " * (width - _width(label)), *value)
             self.lines.append("")
-            self._equation(line["left"], line["right"])
+            self._balance(line["left"], line["right"])
 
-    def _equation(self, left: Any, right: Any) -> None:
+    def _balance(self, left: Any, right: Any) -> None:
         terms = self.write.terms(left)
         tail = self.write(right)
         if sum(_width(text) + 3 for _, text in terms) + _width(tail) > WIDTH:
@@ -380,7 +502,11 @@ _SIGNS = {
     "gain": "Qc = K (A a − b), K = −Aᵀ (A M⁻¹ Aᵀ)⁻¹",
     "function": "Σ q̇ ∂{0}/∂q̇ − {0}", "energy function": "h", "momentum": "p_{}",
     "shifted momentum": "shifted momentum", "total momentum": "total momentum",
-    "angular momentum": "angular momentum",
+    "angular momentum": "angular momentum", "range": "{}..{}", "members": ", {}",
+    "momenta": "{0} = ∂L/∂w + Σ {2} ∂v/∂w, over all v that are written with w",
+    "forces": "{0}, the force along w",
+    "reactions": "{1} = d/dt ∂L/∂u' − ∂L/∂u − {3} + Σ {2} ∂v/∂u, over all v that are "
+    "written with u: the force that holds u to its definition",
 }  # fmt: skip
 
 

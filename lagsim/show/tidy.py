@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 # A power of a sum is multiplied out up to this exponent.
 LARGEST_POWER = 6
+# Larger whole numbers are not left in a sum of which a common factor is drawn out.
+LARGEST_WHOLE = 1000
 # Bits of an exponent, and the largest of an atom: in sums within sums to the sixth
 # power, as deep as the budget goes, it does not outgrow them.
 EXPONENT_BITS, LARGEST_EXPONENT = 16, 24
@@ -420,6 +422,8 @@ def _common(sums: Sums, terms: Terms) -> tuple[int, Any, Terms]:
     if len(terms) < 2:
         return 0, 1, terms
     common, number = sums.common(terms), _content([*terms.values()])
+    if max(abs(x / number) for x in terms.values()) > LARGEST_WHOLE:
+        number = Fraction(1)  # decimals with many digits
     if all(x < 0 for x in terms.values()):
         number = -number
     return common, number, {m - common: x / number for m, x in terms.items()}

@@ -27,14 +27,11 @@ if TYPE_CHECKING:
 NAMES = sorted(path.stem for path in MODELS.glob("*.yaml"))
 # What sympy reads.
 READ = [name for name in NAMES if reads(MODELS / f"{name}.yaml")]
-# Its equations, written out, are more than `derive` writes.
-ENDLESS = ("bicycle", "seven-joint-arm")
 # Their equations fill pages: some seconds each.
-LONG = ("andrews", "chain-angles", "chain-cartesian", "rolling-disk-steady")
+LONG = ("andrews", "rolling-disk-steady")
 EACH = [
     pytest.param(name, marks=[pytest.mark.slow] if name in LONG else [])
     for name in NAMES
-    if name not in ENDLESS
 ]
 
 

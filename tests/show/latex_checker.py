@@ -14,7 +14,7 @@ _LETTERS = """
 alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi rho pi sigma
 tau upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi
 Omega
-varphi partial sum cdot le ge perp sin cos tan sinh cosh tanh exp min max ln arcsin
+varphi partial sum dots cdot le ge perp sin cos tan sinh cosh tanh exp min max ln arcsin
 arccos arctan leq geq vee wedge neg quad qquad lfloor rfloor lceil rceil log
 """
 _OVER = "dot ddot bar mathrm mathit mathbf mathcal mathsf boldsymbol operatorname sqrt"

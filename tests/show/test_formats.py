@@ -303,7 +303,7 @@ def test_long_equations_break_where_they_are_one_term(ascii_only):
 @pytest.mark.parametrize("name", ["double-pendulum", "chain-cartesian"])
 def test_long_terms_of_latex_break(name):
     document = as_latex(
-        content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")))
+        content(derive(read((MODELS / f"{name}.yaml").read_text(), "m")), expand=True)
     )
     check(document)
     rows = [x for x in document.splitlines() if "&" in x and "quad" not in x[:9]]

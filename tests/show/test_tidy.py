@@ -48,5 +48,7 @@ definitions:
 energy: {{kinetic: x_dot^2/2, potential: d39}}
 initial: {{x: 0}}
 """
+    found = content(derive(read(text, "model.yaml")))
+    assert str(found.document["definitions"]["d39"]) == "d38**2 + x"
     with pytest.raises(InputError, match="written out"):
-        content(derive(read(text, "model.yaml")))
+        content(derive(read(text, "model.yaml")), expand=True)

@@ -276,6 +276,7 @@ class File:
             states=states,
             tables=functions,
             definitions=definitions.read(),
+            hidden=definitions.read(hidden=True),
             **energies._asdict(),
             forces=forces,
             constraints=constraints,

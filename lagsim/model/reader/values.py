@@ -171,13 +171,13 @@ class Definitions:
         sound = self.x.check(parsed.names, scalar, what, most)
         return self.x.build(parsed) if sound else None
 
-    def read(self) -> tuple[Definition, ...]:
-        """Give the definitions in the order of the file, those that are sound."""
+    def read(self, *, hidden: bool = False) -> tuple[Definition, ...]:
+        """Give the sound definitions in the order of the file, or those it implies."""
         return tuple(
-            Definition(name, known.node, known.level, *about)
+            Definition(name.lstrip(HIDDEN), known.node, known.level, *about)
             for name, about in self._about.items()
             if (known := self.x.definitions.get(name)) and known.node is not None
-            if name[:1] != HIDDEN
+            if (name[:1] == HIDDEN) is hidden
         )
 
 

@@ -1,0 +1,290 @@
+"""Lagrange's equations in the definitions of the file, by virtual separation.
+
+Written out, the equations of an arm of seven joints have millions of operations. Each
+definition u(q, t) that the energies are written with is therefore taken for a
+coordinate of its own, which a reaction R_u holds to its expression, and each
+definition w of velocities has a momentum p_w = dL/dw. With p_u = dL/du', backwards from
+the last definition to the first,
+
+    p_w = dL/dw + sum_v p_v dv/dw,    Q_w = -dF/dw + sum_v Q_v dv/dw + ...,
+    R_u = d/dt p_u - dL/du - Q_u - sum_c lambda_c dg_c/du + sum_v R_v dv/du,
+
+where sums are over the definitions v that are written with w, or u, and L, F, p, Q and
+g count with all w in them. The equation of a coordinate q is that of a u whose R is 0.
+Each definition is differentiated once, so that the length of all grows with theirs.
+
+Source: C. Lanczos, The Variational Principles of Mechanics, section III.5; the sign of
+R is that of `mechanics.equations`. The order of the sums is reverse accumulation (A.
+Griewank, A. Walther, Evaluating Derivatives, section 3.2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from graphlib import TopologicalSorter
+from typing import TYPE_CHECKING
+
+from lagsim import limits
+from lagsim.language.derivatives import pulled, tangent
+from lagsim.language.graph import CONSTANT, VARIABLE
+from lagsim.language.names import rate_of
+from lagsim.mechanics.constraints import Flow
+from lagsim.model.model import Level
+from lagsim.show.names import Name
+from lagsim.show.symbols import physics_of, written_out
+from lagsim.show.tidy import too_long
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from lagsim.language.derivatives import Gradient
+    from lagsim.language.graph import Graph
+    from lagsim.mechanics.equations import Equations
+    from lagsim.model.model import Model
+
+
+Found = dict[str, int]
+"""What stands for variables: name -> node."""
+
+# Equations of more operations, written out, are given in the definitions of the file
+# where energies are written with their rates; and so are those of more coordinates and
+# constraints, whose matrices fill pages.
+LONGEST = 2_500
+MOST_ROWS = 20
+
+
+def words_of(model: Model) -> dict[int, Name]:
+    """Names of the nodes of definitions and their rates, in the order of evaluation.
+
+    Of a frame or a body that is a name without the section: `arm.2.xy`.
+    """
+    g = model.graph
+    velocities = [rate_of(c.name) for c in model.coordinates]
+    flow = Flow(g, [c.name for c in model.coordinates], velocities, model.states)
+    taken = {x.name for x in (*model.definitions, *model.parameters, *model.variables)}
+    cone = frozenset(g.cone(physics_of(model)))
+    found: dict[int, Name] = {}
+    for d in (*model.definitions, *model.hidden):
+        short = d.name if d in model.definitions else d.name.partition(".")[2]
+        name = d.name if short in taken and d in model.hidden else short
+        taken.add(name)
+        nodes = [d.node]
+        if d.level is Level.POSITION:
+            nodes += tangent(g, nodes, flow.forward)
+        if d.level is Level.OUTPUT or cone.isdisjoint(nodes):
+            continue
+        for order, node in enumerate(nodes):
+            if g.ops[node] not in (CONSTANT, VARIABLE):
+                found.setdefault(node, Name(name, order))
+    return dict(sorted(found.items()))
+
+
+def refuse_long(model: Model, *, expand: bool = False) -> None:
+    """Refuse a model whose energies are too long to be written in its definitions.
+
+    Or, where these are to `expand`, without them.
+
+    Raises
+    ------
+    InputError
+    """
+    g, words = model.graph, {} if expand else words_of(model)
+    sizes = _sizes(g, physics_of(model), words)
+    if _is_refused(sizes):
+        size = sum(operations for operations, _ in sizes)
+        depth = max(depth for _, depth in sizes)
+        about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
+        most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
+        raise too_long(
+            f"the energies, written out, have {about}, nested {depth} deep, and the "
+            f"limits are {most}"
+        )
+
+
+def _is_refused(sizes: list[tuple[int, int]]) -> bool:
+    """Tell whether operations and depths are more than is written out."""
+    size = sum(operations for operations, _ in sizes)
+    depth = max((depth for _, depth in sizes), default=0)
+    return size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH
+
+
+def _sizes(
+    g: Graph, nodes: Iterable[int], words: Iterable[int]
+) -> list[tuple[int, int]]:
+    """Operations and depth of nodes, and of each word, written in the others."""
+    ends = dict.fromkeys(words, (1, 1))
+    found = written_out(g, nodes, dict(ends))
+    for n in ends:
+        below = written_out(g, g.args[n], dict(ends))
+        found.append((1 + sum(k for k, _ in below), 1 + max(d for _, d in below)))
+    return found
+
+
+def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
+    """Tell whether the equations are given in the definitions of the file."""
+    if len(e.q) + len(e.model.constraints) > MOST_ROWS:
+        return True
+    physics = physics_of(e.model)
+    if words and _is_refused(_sizes(e.graph, physics, ())):
+        return True
+    moving = e.graph.dependent(physics, e.velocities).intersection(words)
+    nodes = [*physics, *e.f, *(x for row in e.M for x in row)]
+    sizes = written_out(e.graph, nodes, {})
+    return bool(moving) and sum(operations for operations, _ in sizes) > LONGEST
+
+
+class Separation:
+    """The equations in the words of a model, as nodes.
+
+    Parameters
+    ----------
+    e
+        The equations; their graph gets variables for momenta, forces and reactions.
+    words
+        Names of nodes, see `words_of`.
+
+    Attributes
+    ----------
+    names : dict
+        Those of the new variables: name -> how it is shown.
+    momenta, forces, reactions : dict
+        What stands for each p, Q and R: name -> node, each after those in it.
+    rates : dict
+        The rates of words and momenta that occur, which are variables as well, in such
+        an order.
+    equations : list of (int, int, int)
+        Of each coordinate p, left and Q, multipliers in it: left = Q.
+    """
+
+    def __init__(self, e: Equations, words: Mapping[int, Name]) -> None:
+        self._e, self._g, self._words, self._flow = e, e.graph, words, e.flow
+        g, flow = e.graph, e.flow
+        definitions = (*e.model.definitions, *e.model.hidden)
+        slow = {d.node for d in definitions if d.level is Level.POSITION}
+        moving = g.dependent(words, e.q)
+        positions = [n for n in words if n in slow and n in moving]
+        self._speeds = [n for n in words if not (n in slow or words[n].order)]
+        self._held = positions
+        self._rate = dict(zip(flow.positions, flow.rates, strict=True))
+        found = tangent(g, positions, flow.forward)
+        self._rate |= zip(positions, found, strict=True)
+        # Of positions with the same velocity the first has its momentum.
+        self._owner = {v: n for n, v in reversed(self._rate.items())}
+        self._still = frozenset(self._rate)
+        self._moving = frozenset((*self._owner, *self._speeds))
+        self.names: dict[str, Name] = {}
+        self._seed = self._seeds()
+        self.momenta: Found = {}
+        self.forces: Found = {}
+        self.reactions: Found = {}
+        self.equations = self._separated()
+        self.rates = self._rates_of_words()
+
+    def _variable(self, name: Name) -> int:
+        """Variable that is shown like this."""
+        called = f"{name.kind}.{name.base}" if name.kind else name.base
+        called = rate_of(called, name.order)
+        self.names[called] = name
+        return self._g.variable(called)
+
+    def _seeds(self) -> Gradient:
+        """Rates by which all is differentiated in time; of words they are variables."""
+        e, g, words = self._e, self._g, self._words
+        seed = dict(self._flow.forward)
+        seed |= zip(self._flow.rates, map(g.variable, e.accelerations), strict=True)
+        for n in self._held:
+            seed[n] = self._rate[n]
+        for n in (n for n in words if n in self._moving):
+            seed[n] = self._variable(replace(words[n], order=words[n].order + 1))
+        return seed
+
+    def _back(self, kind: str, found: Gradient, variables: frozenset[int]) -> Found:
+        """Carry slopes on through the definitions of velocities, from last to first.
+
+        `found` gets them; the result is what stands for each variable that is made.
+        """
+        made: Found = {}
+        for n in reversed(self._speeds):
+            if n in found:
+                made |= self._carry(kind, n, found.pop(n), found, variables)
+        return made
+
+    def _carry(
+        self, kind: str, n: int, node: int, found: Gradient, variables: frozenset[int]
+    ) -> Found:
+        """Carry on what stands for one word; name it where it is no name already."""
+        g, word = self._g, self._words[n]
+        made: Found = {}
+        if g.ops[node] not in (VARIABLE, CONSTANT):
+            name = self._variable(Name(word.base, word.order, kind))
+            made[str(g.payload(name))] = node
+            node = name
+        for v, slope in pulled(g, {n: node}, variables - {n}).items():
+            found[v] = g.call("add", found.get(v, g.zero), slope)
+        return made
+
+    def _separated(self) -> list[tuple[int, int, int]]:
+        """Fill momenta, forces and reactions; give the equations."""
+        g, model, flow = self._g, self._e.model, self._flow
+        every = self._still | self._moving
+        slopes = pulled(g, {model.lagrangian: g.one}, every)
+        self.momenta = self._back("momentum", slopes, every)
+        for name in [*self.momenta]:
+            of = self.names[name]
+            self._seed[g.variable(name)] = self._variable(replace(of, order=1))
+        fixed, moved = self._applied()
+        self.forces = self._back("force", moved, self._moving)
+        carried: Gradient = {}
+        found = {}
+        for n in (*reversed(self._held), *flow.positions):
+            v = self._rate[n]
+            own_velocity = self._owner[v] == n
+            p = slopes.get(v, g.zero) if own_velocity else g.zero
+            own = g.call("sub", tangent(g, [p], self._seed)[0], slopes.get(n, g.zero))
+            left = g.call("add", own, carried.get(n, g.zero))
+            force = moved.get(v, g.zero) if own_velocity else g.zero
+            Q = g.call("add", fixed.get(n, g.zero), force)
+            found[n] = p, left, Q
+            R = g.call("sub", left, Q)
+            if n in self._words and g.zero != R:
+                self.reactions |= self._carry("reaction", n, R, carried, self._still)
+        return [found[n] for n in flow.positions]
+
+    def _applied(self) -> tuple[Gradient, Gradient]:
+        """Sum what forces and constraints do along positions, and along velocities."""
+        g, model = self._g, self._e.model
+        fixed: Gradient = {}
+        moved: Gradient = {}
+        acting = [(f.direction, f.node, f.level) for f in model.forces]
+        for c in model.constraints:
+            node, multiplier = c.relation.node, g.variable(f"lambda_{c.name}")
+            holonomic = not g.depends([node]) & self._flow.velocities
+            level = Level.POSITION if holonomic else Level.VELOCITY
+            acting.append((node, multiplier, level))
+        if model.dissipation is not None:
+            acting.append((model.dissipation, g.constant(-1.0), Level.VELOCITY))
+        for direction, weight, level in acting:
+            still = level is Level.POSITION
+            found, variables = (fixed, self._still) if still else (moved, self._moving)
+            for v, slope in pulled(g, {direction: weight}, variables).items():
+                found[v] = g.call("add", found.get(v, g.zero), slope)
+        return fixed, moved
+
+    def _rates_of_words(self) -> Found:
+        """Nodes that the rates that occur stand for, each after those in it."""
+        g, nodes = self._g, [x for line in self.equations for x in line]
+        nodes += [*self.reactions.values(), *self.momenta.values()]
+        of = {str(g.payload(rate)): n for n, rate in self._seed.items()
+              if g.ops[rate] == VARIABLE}  # fmt: skip
+        values = {g.variable(name): node for name, node in self.momenta.items()}
+        found: Found = {}
+        stack = [*g.depends(nodes) & self.names.keys()]
+        while stack:
+            name = stack.pop()
+            if name not in found and name in of:
+                n = of[name]
+                seed = {k: rate for k, rate in self._seed.items() if k != n}
+                found[name] = tangent(g, [values.get(n, n)], seed)[0]
+                stack += g.depends([found[name]]) & self.names.keys()
+        needs = {name: g.depends([node]) & found.keys() for name, node in found.items()}
+        return {name: found[name] for name in TopologicalSorter(needs).static_order()}
