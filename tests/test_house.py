@@ -6,9 +6,9 @@ HOUSE = ROOT / "lagsim"
 LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "tolerances"}
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
-FILES = 245
-LINES = 73_690
-LINES_OF_TESTS = 55_060
+FILES = 247
+LINES = 74_450
+LINES_OF_TESTS = 55_300
 
 
 def lines(folder):
