@@ -4,4 +4,8 @@
 `integrator` and `truth` integrate these in long double, `lagsim_runs` runs lagsim in
 a process that may crash or hang, `verdict` compares the two. Nothing but
 `lagsim_runs` knows lagsim, and that only as a command.
+
+`features` makes scenes of families, frames, tables, states, modes and events, each in
+lagsim's words and written out; `hybrid` integrates these, and scenes of `contacts`,
+from event to event.
 """

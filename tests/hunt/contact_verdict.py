@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
+import yaml
 
-from tests.hunt.contact_equations import Equations
-from tests.hunt.impacts import Faller
+from tests.hunt.hybrid import Equations, Hybrid, Law, Plain
 from tests.hunt.integrator import NoTruthError
 from tests.hunt.verdict import Verdict, broken
 
@@ -30,14 +32,33 @@ def sizes(rows):
     return size
 
 
+def plain_of(scene):
+    """Give a scene in the words of the hybrid referee."""
+    items = tuple(replace(item, laws=()) for item in scene.items)
+    text = replace(scene, items=items).text()
+    laws: list[Law] = []
+    times = [law.until for law in scene.terms("laws") if law.until < math.inf]
+    for law in scene.terms("laws"):
+        kind = {"equality": "hold", "wheel": "ratchet"}.get(law.kind, law.kind)
+        when = f"t < {law.until!r}" if law.until < math.inf else "1 > 0"
+        if law.slip:
+            rubs = repr(law.mu), repr(law.static or law.mu)
+            laws.append(Law("slip", law.slip, when, mu=rubs[0], static=rubs[1],
+                            normal=len(laws) + 1))  # fmt: skip
+        laws.append(Law(kind, law.gap, when, e=repr(law.e), mu=law.limit or "0"))
+    # BaseLoader keeps all scalars text.
+    document = yaml.load(text, Loader=yaml.BaseLoader)  # noqa: S506
+    return Plain(document, tuple(laws), times=tuple(times))
+
+
 def truth(scene):
     """Give rows (k, 2n), how far they are known, and the impacts' times."""
-    equations = Equations(scene)
+    equations = Equations(plain_of(scene))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        first = Faller(scene, equations, 1e-12, 0.0, 3e-9, 1e-10).path(scene.times)
-        second = Faller(scene, equations, 1e-10, NUDGE, 1e-7, 5e-10).path(scene.times)
-    a, b = np.array(first.rows), np.array(second.rows)
+        first = Hybrid(equations).path(scene.start, scene.times)
+        second = Hybrid(equations, 1e-10, 2e-9, NUDGE).path(scene.start, scene.times)
+    a, b = (np.array([row[1] for row in path.rows]) for path in (first, second))
     # At a row beside an impact the velocities are those of before or after.
     near = _beside(scene, first.impacts)[:, None]
     off = np.maximum.accumulate(np.where(near, 0.0, np.abs(a - b)), axis=0) / sizes(a)
