@@ -175,16 +175,18 @@ class _Latex(Outline):
             above = write.product(over)
             if _width(above) <= room:
                 return [(sign, rf"\frac{{{above}}}{{{below}}}")]
-        sums = [x for x in over if x.as_base_exp()[0].is_Add]
+        sums = [x for x in over if x.as_base_exp()[0].is_Add or isinstance(x, sp.Sum)]
         if not sums:
             return [(sign, write.factor(term))]
         long = max(sums, key=lambda x: _width(write.factor(x)))
         before = write.product([x for x in over if x not in sums])
         if under:
             before = rf"\frac{{{before or '1'}}}{{{below}}}"
-        base, exponent = long.as_base_exp()
+        (base, exponent), before_it = long.as_base_exp(), ""
+        if isinstance(long, sp.Sum):
+            base, before_it = long.function, write.sum_over(long)
         (minus, text), *rest = self.pieces(base, room)
-        start = rf"\bigl({'- ' if minus == '-' else ''}{text}"
+        start = rf"{before_it}\bigl({'- ' if minus == '-' else ''}{text}"
         found = [(sign, rf"{before} \, {start}" if before else start), *rest]
         if _width(before) > room // 2:  # a long denominator has a line of its own
             found = [(sign, before), ("", start), *rest]

@@ -344,10 +344,14 @@ class FormulaPrinter(Printer, LatexPrinter):  # type: ignore[misc]
         bare = bare and not e.args[0].is_negative and "(" not in inside and not orders
         return f"{command} {inside}" if bare else rf"{command}\left({inside}\right)"
 
+    @staticmethod
+    def sum_over(e: Any) -> str:
+        """Give the sign of a sum with its range."""
+        _, (letter, first, last) = e.args
+        return rf"\sum_{{{letter} = {first}}}^{{{last}}} "
+
     def _print_Sum(self, e: Any) -> str:
-        term, (letter, first, last) = e.args
-        shown = self.parenthesize(term, _MUL)
-        return rf"\sum_{{{letter} = {first}}}^{{{last}}} {shown}"
+        return self.sum_over(e) + self.factor(e.function)
 
     # A name may be e: exp stays as it is.
     _print_exp = _print_log = _print_Abs = _print_Function

@@ -14,6 +14,7 @@ from lagsim.model.reader import read, read_file
 from lagsim.show import separation, text
 from lagsim.show.as_json import as_json
 from lagsim.show.lagrange import content
+from lagsim.show.latex import _width as width
 from lagsim.show.latex import as_latex
 from lagsim.show.text import as_text
 from tests.mechanics.test_equations import rows_of
@@ -185,7 +186,8 @@ def test_text_is_short_and_says_the_same(model, monkeypatch):
         for letter, word in (("T", "kinetic"), ("V", "potential"))
     }
     values |= letters
-    check(as_latex(c))
+    [*displays] = check(as_latex(c))
+    assert max(width(x) for rows in displays for x in rows.split("\\\\")) <= 80
     balance = dict(zip(d["coordinates"], balances(d, values), strict=True))
     stated, members = set(), []
     for line in as_text(c, ascii_only=True).splitlines():
