@@ -475,8 +475,7 @@ class Hybrid:
             if what is not None:
                 return first, self._act(first, out(first), what)
         y = solver.y
-        if asked:
-            self._periodic(end, y)
+        if self._periodic(end, y) or asked:
             y = self._after(end, y)
             if self.rows[-1][0] == end:  # it shows what holds after an event
                 self.rows[-1] = (end, y, self.d.modes.copy())
@@ -561,11 +560,17 @@ class Hybrid:
             self.spent.add(name)
 
     def _periodic(self, t, y):
-        for name, k in self.periodic.items():
-            if self.start + k * self.e.scene.events[name]["every"] <= t:
-                self.periodic[name] += 1
-                if name not in self.spent:
-                    self._set(t, y, name)
+        """Act at the times of a period; tell whether there was one."""
+        due = [
+            name
+            for name, k in self.periodic.items()
+            if self.start + k * self.e.scene.events[name]["every"] <= t
+        ]
+        for name in due:
+            self.periodic[name] += 1
+            if name not in self.spent:
+                self._set(t, y, name)
+        return bool(due)
 
     def _after(self, t, y, struck=()):
         """Go on after a change: events that it makes true, impacts, modes."""
