@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 247
 LINES = 74_450
-LINES_OF_TESTS = 56_200
+LINES_OF_TESTS = 56_210
 
 
 def lines(folder):
