@@ -370,7 +370,8 @@ def belt(k, x):
     size = repr(x.m * k.some(0.3, 3))
     factor = k.r.choice(["1", "(1 + abs({x}))", "(1.5 + sin(3*t))", "table", "mode"])
     if factor == "table":
-        factor = f"(1.5 + {k.table(k.start, k.start + 1, 1)}(t))"
+        name = k.table(k.start, k.start + 1, 1, "hold", ("linear", "monotone"))
+        factor = f"(1.5 + {name}(t))"
     if factor == "mode":
         factor = f"(1 + {k.counted[0]})" if k.counted else "1"
     told, plain = k.both(x, f"{{v}} - {k.r.choice([0, 0, k.some(-0.5, 0.5)])}")
