@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from lagsim.model.model import Model
 
 
-def motion_of(model: Model) -> Equations:
+def equations_of_motion(model: Model) -> Equations:
     """Derive the equations of motion of a model, to be integrated.
 
     Multipliers of sliders without mass are in them as functions of the state.

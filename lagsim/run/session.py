@@ -242,11 +242,11 @@ def open_case(
     ------
     InputError, StartError
     """
-    from lagsim.mechanics.sliders import motion_of
+    from lagsim.mechanics.sliders import equations_of_motion
 
     clock = clock or Clock()
     clock.lap("import")
-    equations = motion_of(model)
+    equations = equations_of_motion(model)
     clock.lap("derive")
     return _examined(equations, settings or model.settings(), clock)
 
@@ -293,12 +293,12 @@ def check(model: Model) -> tuple[Case, Sequence[Choice]]:
     ------
     InputError
     """
-    from lagsim.mechanics.sliders import motion_of
+    from lagsim.mechanics.sliders import equations_of_motion
 
     settings = model.settings()
     if problems := [*unknown_names(settings), *too_frequent(model, settings)]:
         raise InputError(problems)
-    equations, examined = _begun(motion_of(model), settings, classify=True)
+    equations, examined = _begun(equations_of_motion(model), settings, classify=True)
     case = Case(equations, examined, settings)
     choices = case.plan().choices if examined.admissible else ()
     equations.graph.unbind()

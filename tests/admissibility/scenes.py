@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from lagsim.admissibility.examination import examine
-from lagsim.mechanics.equations import derive
+from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.model.reader import read
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def judged(
     text: str, *, classify: bool = False, file: str = "model.yaml"
 ) -> StartReport:
     """Examine the start of a model's text; `file` has its tables beside it."""
-    return examine(derive(read(text, file)), classify=classify)
+    return examine(equations_of_motion(read(text, file)), classify=classify)
 
 
 def scene(

@@ -9,6 +9,7 @@ from lagsim.admissibility.point import Point
 from lagsim.admissibility.rank import scaled_rows, weakest_rows
 from lagsim.mechanics import algebra
 from lagsim.mechanics.equations import derive
+from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.model.reader import read, read_file
 from lagsim.plan.making import make_plan
 from tests.admissibility.scenes import check
@@ -24,7 +25,7 @@ def both(e, monkeypatch):
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*.yaml")), ids=lambda p: p.stem)
 def test_shipped_models(path, monkeypatch):
-    e = derive(read_file(str(path)))
+    e = equations_of_motion(read_file(str(path)))
     dense, sparse = both(e, monkeypatch)
     assert sparse.verdicts == dense.verdicts
     assert sparse.ranks.rank == dense.ranks.rank

@@ -32,7 +32,7 @@ import numpy as np
 from lagsim.admissibility.refusal import clear_starts, needs_no_solve
 from lagsim.errors import InputError, LagsimError, Problem, did_you_mean
 from lagsim.language.names import rate_of, rated
-from lagsim.mechanics.sliders import motion_of
+from lagsim.mechanics.sliders import equations_of_motion
 from lagsim.methods.parts.state import DONE as ENDED
 from lagsim.outputs import Format
 from lagsim.outputs.manifest import encode
@@ -426,7 +426,7 @@ class _Form:
         if self.structure:
             self.model = bound(self.model, self.structure)
         self.options = dict(work.options)
-        self.equations = motion_of(self.model)
+        self.equations = equations_of_motion(self.model)
         self.session: Session | None = None
 
     def bound(self, texts: Mapping[str, str]) -> Session | None:
