@@ -35,6 +35,8 @@ Of some attempts the first that solves it to rounding counts, else the best.
 3. Proximal points: a little more diagonal makes rows independent, and its force on the
    solution is taken back. Where rows with discs depend on each other this comes first:
    it leads to about the least of their multipliers, inside of the discs if it can be.
+4. What is bounded at its bound, against the rate it has: what slides fast, far beyond
+   all that its forces change, hides from pivots what they do.
 
 Sources: D. E. Stewart, J. C. Trinkle, An implicit time-stepping scheme for rigid body
 dynamics with inelastic collisions and Coulomb friction, Int. J. Num. Meth. Eng. 39
@@ -237,6 +239,10 @@ def _attempts(unit: Problem) -> Iterator[_Point]:
         return
     yield _Point(unit, _by_pivots(unit))
     yield _proximal(unit, FIRM, PROXIMAL)
+    limited = np.isfinite(unit.high).all(axis=0)
+    at = np.where(unit.c > 0.0, unit.low, unit.high)
+    low, high = np.where(limited, at, unit.low), np.where(limited, at, unit.high)
+    yield _Point(unit, _by_pivots(replace(unit, low=low, high=high)))
 
 
 def _proximal(unit: Problem, firm: float, times: int) -> _Point:
