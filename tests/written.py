@@ -102,7 +102,8 @@ def written(path):
     found: dict[str, Any] = {s: _section(s, top[s]) for s in SECTIONS if s in top}
     for table in found.get("tables", {}).values():
         if file := table.pop("file", None):
-            rows = csv.DictReader((path.parent / file).open(encoding="utf-8"))
+            text = (path.parent / file).read_text("utf-8")
+            rows = csv.DictReader(text.splitlines())
             keys = [table.pop(axis) for axis in "xyz" if axis in table]
             table["points"] = [[row[key] for key in keys] for row in rows]
     if has_members(root):

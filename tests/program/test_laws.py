@@ -84,7 +84,7 @@ class System:
         p.law_kind[:], p.law_normal[:], p.law_pair[:] = KINDS, NORMALS, PAIRS
         p.law_mode[:], p.law_direction[:] = self.mode, self.direction
         p.law_still[:] = self.still
-        p.law_forces = 1.0
+        p.law_forces = p.sigma = 1.0
         return p
 
     def call(self, name: str, p: Parameters, place: Any = None) -> Any:

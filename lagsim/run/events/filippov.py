@@ -223,10 +223,13 @@ class FilippovCone:
         is at its end is left if the rates of the shares ask for that, see `rates_at`;
         and one that keeps to its level because others do has a share that is constant.
         """
-        n, tolerance = self.count, self.tolerance
-        none, base = np.zeros(n), self.rates((BELOW,) * n)
+        n, none = self.count, np.zeros(self.count)
         B = np.array([self._change(none, j) for j in range(n)]).T
-        off, own = self.rates((ABOVE,) * n) - base - B.sum(axis=1), B.diagonal()
+        # Each surface in a unit of its own: a power of two, so that nothing is rounded.
+        unit = np.exp2(-np.round(np.log2(np.maximum(np.max(np.abs(B), axis=1), TINY))))
+        B, tolerance = unit[:, None] * B, unit * self.tolerance
+        base, above = unit * self.rates((BELOW,) * n), unit * self.rates((ABOVE,) * n)
+        off, own = above - base - B.sum(axis=1), B.diagonal()
         attract = (own < -tolerance) & (np.abs(off) <= tolerance * n)
         if n <= FEW and not attract.all():
             return None
@@ -260,7 +263,7 @@ class FilippovCone:
         if tied:
             ways = (2.0 * w - 1.0)[tied, None] * np.eye(n)[tied]
             moment, change = self.ahead(w)
-            x, rate = rates_at(-B, change, tolerance / moment, free, ways)
+            x, rate = rates_at(-B, unit * change, tolerance / moment, free, ways)
             sides[tied] = np.where(w[tied] > 0.5, ABOVE, BELOW)
             tied = sorted([k for k in tied if not rate[k]], key=lambda k: -abs(x[k]))
         for k in (*inside, *tied):
