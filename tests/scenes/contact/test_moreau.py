@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from lagsim.errors import InputError
 from tests.scenes.contact.motions import contact, scene
 from tests.scenes.contact.scenes import ball, balls, dry, incline, sphere
 from tests.small_scenes import bounced
@@ -136,12 +135,18 @@ def test_energy_never_grows(restitution):
     assert min(np.min(found[f"y{k}"]) for k in range(5)) > 0.5 - 6 * 0.002
 
 
-def test_a_mass_that_vanishes_is_refused():
+def test_a_coordinate_without_mass_follows_what_it_is_tied_to():
+    """It falls by both weights, x = 1 - t^2, and the ground carries both."""
     text = scene(
-        "x y", "x_dot^2/2", "x + y", {"c": contact("x >= 0", 0)}, {"x": 1, "y": 1}
-    ).replace("constraints:", "constraints:\n  tie: {relation: y = x}", 1)
-    with pytest.raises(InputError, match="singular"):
-        run(text, **MOREAU)
+        "x y", "x_dot^2/2", "x + y", {"c": contact("x >= 0", 0)}, {"x": 1, "y": 1},
+        duration=2, output_step=0.1,
+    ).replace("constraints:", "constraints:\n  tie: {relation: y = x}", 1)  # fmt: skip
+    found = run(text, **MOREAU)
+    rests = found["t"] > 1.05
+    assert found["x"] == pytest.approx(np.maximum(1 - found["t"] ** 2, 0), abs=0.001001)
+    assert found["y"] == pytest.approx(found["x"], abs=1e-15)
+    assert found["lambda_tie"] == pytest.approx(1.0)
+    assert found["lambda_c"][rests] == pytest.approx(2.0)
 
 
 @pytest.mark.slow
