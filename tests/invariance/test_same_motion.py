@@ -152,6 +152,7 @@ def test_every_model_moves_the_same_in_other_words(name, change):
 FAMILIES = [name for name in SHIPPED if is_expanded(MODELS / f"{name}.yaml")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_file_written_out_moves_as_the_file_does(name):
     base = measured(name)

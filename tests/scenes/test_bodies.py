@@ -79,7 +79,7 @@ def test_an_arm_moves_as_newton_and_euler_have_it():
         np.testing.assert_allclose(torques(*row), -0.05 * row[1], atol=1e-10)
 
 
-@pytest.mark.parametrize("n", [1, 2, 12])
+@pytest.mark.parametrize("n", [1, 2, pytest.param(12, marks=pytest.mark.slow)])
 def test_another_number_of_links(n):
     every = "ay(i = 1..n): (1 + (-1)^i)/2"
     text = ARM.replace("ay(1..n): [0, 1, 0, 1, 0, 1, 0]", every)
