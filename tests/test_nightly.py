@@ -70,7 +70,9 @@ def test_every_chart(name, lagsim):  # noqa: F811
     table = Path("out/work_precision.csv").read_text(encoding="utf-8")
     rows = list(csv.DictReader(table.splitlines()))
     assert Path("out/work_precision.png").stat().st_size > 10_000
-    assert {row["outcome"] for row in rows if row["chosen"] == "true"} == {"done"}
+    # A stone that is thrown lands before the time is over.
+    ends = "until" if name == "trebuchet" else "done"
+    assert {row["outcome"] for row in rows if row["chosen"] == "true"} == {ends}
     # Some method reaches nine digits on every shipped model.
     best = min(float(row["error"]) for row in rows if row["error"])
     assert best < 1e-9

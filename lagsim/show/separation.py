@@ -64,10 +64,12 @@ def words_of(model: Model) -> dict[int, Name]:
     taken = {x.name for x in (*model.definitions, *model.parameters, *model.variables)}
     cone = frozenset(g.cone(physics_of(model)))
     found: dict[int, Name] = {}
-    for d in (*model.definitions, *model.hidden):
-        short = d.name if d in model.definitions else d.name.partition(".")[2]
-        name = d.name if short in taken and d in model.hidden else short
-        taken.add(name)
+    named = [(d, d.name) for d in model.definitions]
+    for d in model.hidden:
+        short = d.name.partition(".")[2]
+        named.append((d, d.name if short in taken else short))
+        taken.add(named[-1][1])
+    for d, name in named:
         nodes = [d.node]
         if d.level is Level.POSITION:
             nodes += tangent(g, nodes, flow.forward)
