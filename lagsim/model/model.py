@@ -213,6 +213,11 @@ class Constraint(NamedTuple):
         return self.name[:-2] if self.pair else self.name
 
     @property
+    def ends(self) -> str:
+        """How the names of two relations end that share a limit: of a list, or not."""
+        return "12" if self.name[-1] in "12" else "xy"
+
+    @property
     def always(self) -> bool:
         """Whether it is an equality that holds all the time."""
         return self.law is None and self.limit is None and self.when is None

@@ -127,7 +127,8 @@ def conditions(
 def in_words(constraint: Constraint) -> tuple[str, ...]:
     """Give the same with letters for what has an expression of its own."""
     given = {**law_of(constraint), "limit": constraint.limit, "when": constraint.when}
-    both = {"lam": "(lambda.1, lambda.2)"} if constraint.pair else {}
+    names = ", ".join(f"lambda.{k}" for k in constraint.ends)
+    both = {"lam": f"({names})"} if constraint.pair else {}
     return tuple(_written(given, _WORDS | both, ASCII).values())
 
 

@@ -524,7 +524,7 @@ class _Derivation:
 
     def _pair(self, constraint: Constraint) -> Part:
         """Give the multipliers of two relations that share a limit."""
-        names = [f"lambda_{constraint.called}.{k}" for k in (1, 2)]
+        names = [f"lambda_{constraint.called}.{k}" for k in constraint.ends]
         both = [m for m in self.x.multipliers if m.name in names]
         return {"pair": both} if constraint.pair else {}
 

@@ -380,3 +380,56 @@ def test_sections_that_refer_to_members():
     drift = found["energy"] - found["work"]
     np.testing.assert_allclose(drift, drift[0], atol=1e-9)
     assert min(found["p.1.y"].min(), found["p.2.y"].min()) >= -1 - 1e-9
+
+
+BRAKES = """
+coordinates: {p(1..3): {components: xy}}
+energy: {kinetic: "sum(i = 1..3, dot(p_dot(i), p_dot(i)))/2", potential: 0}
+initial: {p(1..3): vec(0, 0), p_dot(1..3): vec(1.2, 0.9)}
+constraints: {CONSTRAINTS}
+simulation: {duration: 2, output_step: 0.1}
+"""
+
+
+LISTS = [f"[p_dot({i}).x = 0, p_dot({i}).y = 0]" for i in (1, 2, 3)]
+
+
+@pytest.mark.parametrize(
+    ("constraints", "ends"),
+    [
+        ("pad(i = 1..3): {relation: p_dot(i) = vec(0, 0), limit: i}", "xy"),
+        (f"pad(i = 1..3): {{relation: [{', '.join(LISTS)}], limit: i}}", "12"),
+        (
+            ", ".join(
+                f"pad{i}: {{relation: {both}, limit: {i}}}"
+                for i, both in enumerate(LISTS, 1)
+            ),
+            "12",
+        ),
+    ],
+)
+def test_two_relations_share_a_limit_beside_families(constraints, ends):
+    result = lagsim.simulate(lagsim.load(BRAKES.replace("CONSTRAINTS", constraints)))
+    t = result.t
+    for i in (1, 2, 3):
+        s = np.minimum(t, 1.5 / i)  # a speed of 1.5 that a force of i ends
+        way = 1.5 * s - i * s**2 / 2
+        assert result[f"p.{i}.x"] == pytest.approx(0.8 * way, abs=1e-10)
+        assert result[f"p.{i}.y"] == pytest.approx(0.6 * way, abs=1e-10)
+        name = "pad" + str(i) if "pad1" in constraints else f"pad.{i}"
+        force = result[f"lambda_{name}.{ends[0]}"], result[f"lambda_{name}.{ends[1]}"]
+        assert np.hypot(*force)[t < 1.5 / i - 1e-6] == pytest.approx(i)
+    assert {event["kind"] for event in result.record["events"]} == {"stick"}
+
+
+def test_three_relations_share_no_limit():
+    text = """
+coordinates: {p: {components: xyz}}
+energy: {kinetic: "dot(p_dot, p_dot)/2", potential: 0}
+initial: {p: [0, 0, 0]}
+constraints: {pad: {relation: "p_dot = vec(0, 0, 0)", limit: 1}}
+simulation: {duration: 1}
+"""
+    (found,) = problems(text)
+    assert found.code == "wrong-count"
+    assert "the constraint `pad` is of two relations, found 3" in found.text

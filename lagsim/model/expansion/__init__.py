@@ -440,9 +440,14 @@ class Expansion:
         section, node = one.family.section, one.node
         if section == "coordinates":
             return one.family.letters
+        shared = section == "constraints" and isinstance(node, Mapping) and any(
+            key.text == "limit" for key, _ in node.entries
+        )  # fmt: skip
         node = _inner(node, _VALUES[section])
         if one.parsed.ranged and isinstance(node, Sequence) and node.items:
             node = node.items[0]
+        if isinstance(node, Sequence) and shared:
+            return ()  # two relations that share a limit stay a list
         if isinstance(node, Sequence):
             sizes = (*_SIZES, _MATRIX) if section == "parameters" else _SIZES
             fits = len(node.items) in sizes and not self._with_unit(node)

@@ -270,7 +270,7 @@ class _Reader:
         what, below, x = self.what, self.below, self.x
         mapping = isinstance(self.node, Mapping)
         expression = below.value("relation") if mapping else self.node
-        pair = 0
+        pair = self._component()
         if isinstance(expression, Sequence):
             pair = 1 if self.key.text.endswith(".1") else -1
             expression = expression.items[0 if pair > 0 else 1]
@@ -299,6 +299,20 @@ class _Reader:
         if relation is None or not (equality or law):
             return None
         return Constraint(self.key.text, relation, law, about, limit, when, pair)
+
+    def _component(self) -> int:
+        """Give 1 or -1 for components of a vector relation, which share a limit."""
+        reading = self.key.reading
+        if "limit" not in self.below or reading is None or reading.component is None:
+            return 0
+        if reading.size != 2 and reading.component == 0:
+            name = self.key.text.removesuffix(".x")
+            text = f"the `limit` of the constraint `{name}` is of two relations, found "
+            text += str(reading.size)
+            hint = "write a constraint, with its own limit, for each component"
+            place = self.below.place_of("limit")
+            self.x.faults.add("wrong-count", text, place, hint)
+        return -1 if reading.component else 1
 
     def _refuse_states(self, relation: Relation | None) -> None:
         """Report a relation of positions that depends on states."""
