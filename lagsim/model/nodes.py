@@ -63,7 +63,13 @@ class Source:
 
 
 class Reading(Protocol):
-    """How the text of a scalar is read that an expansion has made: for one member."""
+    """How the text of a scalar is read that an expansion has made: for one member.
+
+    component, size : the number of a component of a vector, or None, of so many
+    """
+
+    component: int | None
+    size: int
 
     def parsed(self, text: str, parser: Callable[[str], Any]) -> Any:
         """Give what the parser would give for a file without families."""

@@ -538,6 +538,8 @@ class Made:
     """How a hidden definition is read: as it was made."""
 
     __slots__ = ("_parsed", "scope")
+    component: int | None = None
+    size = 1
 
     def __init__(self, scope: Scope, parsed: Parsed | ParsedRelation) -> None:
         self.scope, self._parsed = scope, parsed
