@@ -383,7 +383,8 @@ def _sliding(closed: Closed, rates: Floats, slip_noise: Floats) -> tuple[Flags, 
         return closed.bounded, np.zeros(len(rates))
     pairs = np.array(closed.pairs)
     slips = np.where(pairs >= 0, np.hypot(rates, rates[pairs]), np.abs(rates))
-    given: Flags = closed.bounded & (slips > slip_noise)
+    noise = np.where(pairs >= 0, np.maximum(slip_noise, slip_noise[pairs]), slip_noise)
+    given: Flags = closed.bounded & (slips > noise)
     return given, np.where(given, -rates / np.where(given, slips, 1.0), 0.0)
 
 

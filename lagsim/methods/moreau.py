@@ -73,6 +73,7 @@ class Moreau(Fixed):
     slope: Floats = array(lambda _: 0)
     unsettled: float  # steps whose impulses were not found to the end
     multipliers: float  # where they begin in y
+    struck: float  # 1 where a contact closed in the last step faster than forces do
     z: Floats = array("size")
     w: Floats = array("n")
     room: Floats = array("size")
@@ -185,8 +186,15 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
     first = s.size - p.row_count
     count = gather(p, s.z[s.velocities], s.w, h, s.room)
     s.new[first : first + p.row_count] = 0.0
+    s.struck = 0.0
     for i in range(count):
-        p.struck[i] = h * s.y[first + int(p.acting[i])]
+        k = int(p.acting[i])
+        p.struck[i] = h * s.y[first + k]
+        before = rate(p, k, s.z[s.velocities])
+        forced = abs(rate(p, k, s.w) - before)
+        if p.row_kind[k] == CONTACT:
+            if -before > max(forced, SLIP_AT_REST * p.reaches[i]):
+                s.struck = 1.0
     sweeps = relax(p, count, h, s.z[s.velocities], s.w)
     for i in range(count):
         s.new[first + int(p.acting[i])] = p.struck[i] / h
@@ -211,9 +219,19 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
 def interpolate(s: Moreau, x: float, out: Floats) -> None:
     """State y (size,) at the fraction x of the last step: on the chord.
 
-    Multipliers are those of the step.
+    Multipliers are those of the step. At an impact velocities and works jump in the
+    middle: between those before and after it there are none, and no event.
     """
+    n, h = s.n, s.step_h
     out[: s.size] = s.old + x * (s.y - s.old)
+    if s.struck > 0.0 and x < 0.5:
+        out[s.velocities] = s.old[s.velocities]
+        out[s.quadratures] = s.old[s.quadratures]
+        out[:n] = s.old[:n] + x * h * s.old[s.velocities]
+    if s.struck > 0.0 and x >= 0.5:
+        out[s.velocities] = s.y[s.velocities]
+        out[s.quadratures] = s.y[s.quadratures]
+        out[:n] = s.y[:n] - (1.0 - x) * h * s.y[s.velocities]
     out[int(s.multipliers) : s.size] = s.y[int(s.multipliers) :]
 
 

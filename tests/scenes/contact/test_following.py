@@ -372,6 +372,22 @@ def test_two_limits_are_no_planar_brake_and_other_values_are():
     assert play(other).instants("stick") == pytest.approx([1.0, 4 / 3], abs=GLOBAL)
 
 
+def test_a_brake_holds_what_rounding_alone_moves():
+    # u_dot + w_dot is 6e-17 at the start, and z_dot is 0 exactly.
+    text = """
+coordinates: {u: {}, w: {}, z: {}}
+energy: {kinetic: (u_dot^2 + w_dot^2 + z_dot^2)/2, potential: 0}
+forces: {u: t, w: t, z: t}
+constraints: {pad: {relation: [u_dot + w_dot = 0, z_dot = 0], limit: 1.5}}
+initial: {u: 0, u_dot: 3*0.1, w: 0, w_dot: -0.3, z: 0}
+simulation: {duration: 1, output_step: 0.1}
+"""
+    result = lagsim.simulate(lagsim.load(text), error_bar="never")
+    assert result["lambda_pad.1"] == pytest.approx(-result.t)
+    assert result["z"] == pytest.approx(0.0, abs=1e-15)
+    assert result.record["steps"] < 100
+
+
 @pytest.mark.parametrize(
     ("law", "code", "at"),
     [

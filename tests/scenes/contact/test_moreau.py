@@ -70,6 +70,17 @@ def test_the_error_of_a_bouncing_ball_goes_with_the_step():
     assert 30 < errors[0] / errors[2] < 300
 
 
+@pytest.mark.parametrize("at", ["y_dot >= 0", "y <= 0", "y <= 0.1"])
+def test_an_event_within_the_step_of_an_impact_does_not_stop_the_ball(at):
+    text = ball(0.8, duration=1.6, output_step=0.01)
+    text += f"modes: {{n: 0}}\nevents: {{hit: {{at: {at}, set: {{n: n + 1}}}}}}\n"
+    found = run(text, **MOREAU)
+    # Each of two impacts comes up to a step late, and the speed changes by 8 m/s.
+    error = np.max(np.abs(found["y"] - bounced(found["t"], 0.8)))
+    assert error < 30 * MOREAU["step"]
+    assert found["n"][-1] == 2.0
+
+
 def test_a_pile_at_rest_stays_and_bears_its_weight():
     found = run(column(10), **MOREAU)
     for k in range(1, 11):
