@@ -65,6 +65,9 @@ DERIVED_OPERATIONS = 700_000
 WRITTEN_DEPTH = 150
 """Of what is written out: sympy recurses into it."""
 
+WRITTEN_TERMS = 1_000
+"""Of a sum, and factors of a product: sympy takes milliseconds for each of them."""
+
 TIDYING_PRODUCTS = 400_000
 """Of terms, for making equations short; later they are written as they come."""
 

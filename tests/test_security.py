@@ -22,6 +22,7 @@ PROMISED = {
     "rows": ["MAX_ROWS"],
     "`derive`": [
         "DERIVING_SECONDS", "EXACT_DIGITS", "WRITTEN_OPERATIONS", "WRITTEN_DEPTH",
+        "WRITTEN_TERMS",
         "DERIVED_OPERATIONS",
     ],
 }  # fmt: skip

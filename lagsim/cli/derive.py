@@ -56,10 +56,6 @@ def command(
     options["expand"] = expand
     _refuse(model, form, {**options, "ascii": ascii_only}, output)
     read = read_file(model, assignments(sets))
-    if form is not Format.python:
-        from lagsim.show.separation import refuse_long
-
-        refuse_long(read, expand=expand or gauss)
     found = derive(read, **options)
     if form is Format.json:
         content = encode(found.json)

@@ -266,13 +266,13 @@ def _steps(x: Translation, known: dict[int, Any], wanted: list[int]) -> dict[str
     letters, names = ("s", "k", "z", "step", "step_"), [s.name for s in x.names]
     prefix = next(p for p in letters if not any(n.startswith(p) for n in names))
     steps: dict[str, Any] = {}
-    for n in cone:
-        if n not in known:
-            known[n] = to_sympy(g, [n], known=known)[0]
-        if uses[n] > 1 and cost(known[n]) > 2:
+    for n in (n for n in cone if uses[n] > 1):
+        (value,) = to_sympy(g, [n], known=known)
+        if cost(value) > 2:
             name = f"{prefix}{len(steps) + 1}"
             s = x.add(symbol(name), Name(name), (1, len(x.rank)))
-            steps[name], known[n] = known[n], s
+            steps[name], known[n] = value, s
+    to_sympy(g, wanted, known=known)
     return steps
 
 
@@ -517,10 +517,11 @@ class _Derivation:
         state = {*self.x.q, *self.x.v, *self.x.states}
         parts = sp.Add.make_args(Q)
         pushing = {*self.x.multipliers}
-        driving = [
-            p for p in parts if not self.x.free(p) & state or p.free_symbols & pushing
-        ]
-        return sp.Add(*driving), sp.Add(*(p for p in parts if p not in driving))
+        driving, rest = [], []
+        for p in parts:
+            right = not self.x.free(p) & state or p.free_symbols & pushing
+            (driving if right else rest).append(p)
+        return sp.Add(*driving), sp.Add(*rest)
 
     def _pair(self, constraint: Constraint) -> Part:
         """Give the multipliers of two relations that share a limit."""
@@ -607,7 +608,10 @@ class _InWords(_Derivation):
                 ("reactions", s.reactions),
             )
         }  # fmt: skip
-        lines = [self._written(j) for j in range(len(x.q))]
+        sides = iter(x.sympy(n for line in s.equations for n in line))
+        lines = [
+            self._written(q, *line) for q, *line in zip(x.q, *[sides] * 3, strict=True)
+        ]
         rows = [
             constraint_row(x.g, c.name, c.relation.node, self.flow)
             for c in model.constraints
@@ -649,15 +653,13 @@ class _InWords(_Derivation):
             "notes": notes,
         })  # fmt: skip
 
-    def _written(self, j: int) -> Part:
-        x = self.x
-        momentum, left, Q = x.sympy(self.separation.equations[j])
+    def _written(self, q: Any, momentum: Any, left: Any, Q: Any) -> Part:
         right, rest = self._driving(Q)
         return {
-            "coordinate": x.q[j].name,
+            "coordinate": q.name,
             "momentum": momentum,
-            "left": x.tidy(left - rest),
-            "right": x.tidy(right),
+            "left": self.x.tidy(left - rest),
+            "right": self.x.tidy(right),
         }
 
     def _conserved(self) -> list[Part]:

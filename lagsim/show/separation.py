@@ -31,7 +31,7 @@ from lagsim.language.names import rate_of
 from lagsim.mechanics.constraints import Flow
 from lagsim.model.model import Level
 from lagsim.show.names import Name
-from lagsim.show.symbols import physics_of, written_out
+from lagsim.show.symbols import Extent, extent_of, physics_of, together, written_out
 from lagsim.show.tidy import too_long
 
 if TYPE_CHECKING:
@@ -91,35 +91,24 @@ def refuse_long(model: Model, *, expand: bool = False) -> None:
     InputError
     """
     g, words = model.graph, {} if expand else words_of(model)
-    sizes = _sizes(g, physics_of(model), words)
-    if _is_refused(sizes):
-        size = sum(operations for operations, _ in sizes)
-        depth = max(depth for _, depth in sizes)
+    extent = _extent(g, physics_of(model), words)
+    if extent.refused:
+        size = extent.operations
         about = f"{size:.2g} operations" if size < 1e12 else "no end of operations"
-        most = f"{limits.WRITTEN_OPERATIONS:,} and {limits.WRITTEN_DEPTH}"
         raise too_long(
-            f"the energies, written out, have {about}, nested {depth} deep, and the "
-            f"limits are {most}"
+            f"the energies, written out, have {about}, nested {extent.depth} deep, and "
+            f"{extent.most} terms in a sum or product, and the limits are "
+            f"{limits.WRITTEN_OPERATIONS:,}, {limits.WRITTEN_DEPTH} and "
+            f"{limits.WRITTEN_TERMS:,}"
         )
 
 
-def _is_refused(sizes: list[tuple[int, int]]) -> bool:
-    """Tell whether operations and depths are more than is written out."""
-    size = sum(operations for operations, _ in sizes)
-    depth = max((depth for _, depth in sizes), default=0)
-    return size > limits.WRITTEN_OPERATIONS or depth > limits.WRITTEN_DEPTH
-
-
-def _sizes(
-    g: Graph, nodes: Iterable[int], words: Iterable[int]
-) -> list[tuple[int, int]]:
-    """Operations and depth of nodes, and of each word, written in the others."""
-    ends = dict.fromkeys(words, (1, 1))
-    found = written_out(g, nodes, dict(ends))
-    for n in ends:
-        below = written_out(g, g.args[n], dict(ends))
-        found.append((1 + sum(k for k, _ in below), 1 + max(d for _, d in below)))
-    return found
+def _extent(g: Graph, nodes: Iterable[int], words: Iterable[int]) -> Extent:
+    """Extent of nodes and of each word, written in the others."""
+    words, nodes = list(words), list(nodes)
+    found = dict.fromkeys(words, Extent(1, 1))
+    extents = written_out(g, [*nodes, *(a for n in words for a in g.args[n])], found)
+    return together([*extents[: len(nodes)], *(extent_of(g, n, found) for n in words)])
 
 
 def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
@@ -127,12 +116,12 @@ def is_long(e: Equations, words: Mapping[int, Name]) -> bool:
     if len(e.q) + len(e.model.constraints) > MOST_ROWS:
         return True
     physics = physics_of(e.model)
-    if words and _is_refused(_sizes(e.graph, physics, ())):
+    if words and _extent(e.graph, physics, ()).refused:
         return True
     moving = e.graph.dependent(physics, e.velocities).intersection(words)
     nodes = [*physics, *e.f, *(x for row in e.M for x in row)]
-    sizes = written_out(e.graph, nodes, {})
-    return bool(moving) and sum(operations for operations, _ in sizes) > LONGEST
+    length = together(written_out(e.graph, nodes, {})).operations
+    return bool(moving) and length > LONGEST
 
 
 class Separation:

@@ -19,7 +19,7 @@ import math
 import re
 from fractions import Fraction
 from functools import partial, reduce
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import sympy as sp
 
@@ -270,7 +270,7 @@ class Translation:
         still = [s for s, e in self.kept.items() if not self.free(e) & moving_names]
         constants = frozenset((*parameters, *still))
         self.tidy = Tidier(constants, frozenset(moving))
-        self._sizes = dict.fromkeys(named or (), (1, 1))
+        self._extents = dict.fromkeys(named or (), Extent(1, 1))
         self._operations = 0
 
     def _well_read(self, physics: list[int]) -> dict[int, Name]:
@@ -387,8 +387,8 @@ class Translation:
         ]
 
     def _count(self, nodes: list[int]) -> None:
-        sizes = written_out(self.g, nodes, self._sizes)
-        self._operations += sum(operations for operations, _ in sizes)
+        extents = written_out(self.g, nodes, self._extents)
+        self._operations += together(extents).operations
         if self._operations > limits.DERIVED_OPERATIONS:
             most = f"{limits.DERIVED_OPERATIONS:,} operations, which is the limit"
             raise too_long(f"the equations, written out, have more than {most}")
@@ -488,19 +488,59 @@ def physics_of(model: Model) -> list[int]:
     return [n for n in nodes if n is not None]
 
 
-def written_out(
-    g: Graph, nodes: Iterable[int], found: dict[int, tuple[int, int]]
-) -> list[tuple[int, int]]:
-    """Give how many operations each node takes, nothing shared, and its depth.
+class Extent(NamedTuple):
+    """The length of an expression that is written out, nothing shared.
 
-    Sums within a sum, and products within a product, make it no deeper. Those of all
-    nodes below are added to `found`.
+    Attributes
+    ----------
+    operations, depth : int
+        Sums within a sum, and products within a product, make it no deeper.
+    terms, most : int
+        Terms of the sum, or factors of the product, that it is; and the most of all in
+        it.
     """
+
+    operations: int
+    depth: int
+    terms: int = 1
+    most: int = 1
+
+    @property
+    def refused(self) -> bool:
+        """Tell whether it is more than is written out."""
+        return (
+            self.operations > limits.WRITTEN_OPERATIONS
+            or self.depth > limits.WRITTEN_DEPTH
+            or self.most > limits.WRITTEN_TERMS
+        )
+
+
+def together(extents: Iterable[Extent]) -> Extent:
+    """Give the extent of several expressions."""
+    found = Extent(0, 0)
+    for e in extents:
+        operations = found.operations + e.operations
+        depth, most = max(found.depth, e.depth), max(found.most, e.most)
+        found = Extent(operations, depth, 1, most)
+    return found
+
+
+def written_out(
+    g: Graph, nodes: Iterable[int], found: dict[int, Extent]
+) -> list[Extent]:
+    """Give the extent of each node; those of all nodes below are added to `found`."""
     nodes = list(nodes)
     for n in g.cone(nodes, ends=found):
         if n not in found:
-            below, alike = [found[a] for a in g.args[n]], _CHAINS.get(g.ops[n], ())
-            depths = [found[a][1] - (g.ops[a] in alike) for a in g.args[n]]
-            operations = 1 + sum(size for size, _ in below)
-            found[n] = operations, 1 + max(depths, default=0)
+            found[n] = extent_of(g, n, found)
     return [found[n] for n in nodes]
+
+
+def extent_of(g: Graph, n: int, found: Mapping[int, Extent]) -> Extent:
+    """Give the extent of a node by those of its arguments."""
+    alike = _CHAINS.get(g.ops[n], ())
+    below = [(found[a], g.ops[a] in alike) for a in g.args[n]]
+    depth = max((e.depth - same for e, same in below), default=0)
+    terms = sum(e.terms if same else 1 for e, same in below) if alike else 1
+    most = max((terms, *(e.most for e, _ in below)))
+    return Extent(1 + sum(e.operations for e, _ in below), 1 + depth, terms, most)

@@ -50,6 +50,17 @@ def test_equations_are_counted_before_they_are_written(lagsim, tmp_path, monkeyp
     assert "the equations, written out, have more than 100 operations" in done.err
 
 
+@pytest.mark.parametrize("shape", ["a sum", "a product"])
+def test_terms_are_counted_before_they_are_written(lagsim, tmp_path, shape):
+    path = tmp_path / "model.yaml"
+    path.write_text(SHAPES[shape](1_000))
+    assert calm(lagsim("derive", "model.yaml")).code == 0
+    path.write_text(SHAPES[shape](13 * limits.WRITTEN_TERMS))
+    done = calm(lagsim("derive", "model.yaml"))
+    assert done.code == 2
+    assert f"150 and {limits.WRITTEN_TERMS:,} [E408]" in done.err
+
+
 @pytest.mark.slow
 def test_where_no_nearer_start_is_affordable_residuals_are_told(lagsim, tmp_path):
     (tmp_path / "model.yaml").write_text(rods(1000, 1.01))
