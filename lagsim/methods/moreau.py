@@ -192,9 +192,9 @@ def satisfy_rows(s: Moreau, p: Impulses, h: float) -> int:
         p.struck[i] = h * s.y[first + k]
         before = rate(p, k, s.z[s.velocities])
         forced = abs(rate(p, k, s.w) - before)
-        if p.row_kind[k] == CONTACT:
-            if -before > max(forced, SLIP_AT_REST * p.reaches[i]):
-                s.struck = 1.0
+        felt = max(forced, SLIP_AT_REST * p.reaches[i])
+        if p.row_kind[k] == CONTACT and -before > felt:
+            s.struck = 1.0
     sweeps = relax(p, count, h, s.z[s.velocities], s.w)
     for i in range(count):
         s.new[first + int(p.acting[i])] = p.struck[i] / h
