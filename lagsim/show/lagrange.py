@@ -517,7 +517,8 @@ class _Derivation:
         state = {*self.x.q, *self.x.v, *self.x.states}
         parts = sp.Add.make_args(Q)
         pushing = {*self.x.multipliers}
-        driving, rest = [], []
+        driving: list[Any] = []
+        rest: list[Any] = []
         for p in parts:
             right = not self.x.free(p) & state or p.free_symbols & pushing
             (driving if right else rest).append(p)
