@@ -390,6 +390,9 @@ def _of_inertia(
         )
     moving = [q for q, c in zip(names, direction, strict=True) if abs(c) > 0.0]
     hint = "give it a mass in `kinetic`, a constraint, or make it a definition"
+    timed = [law for law in point.e.laws if law.when is not None and law.pair >= 0]
+    if any(x.row.A[point.e.q.index(q)] != point.g.zero for x in timed for q in moving):
+        hint = "a slider of two relations that has no mass cannot have `when`"
     text = f"the {what} {along} has no inertia at the start, and no constraint"
     text += f"{which} determines its acceleration"
     if frame := gimbal_lock(point, moving):

@@ -52,13 +52,16 @@ def equations_of_motion(model: Model) -> Equations:
     multipliers, f = _multipliers(e)
     g, laws, M = e.graph, list(e.laws), list(e.M)
     for k, (j, _) in multipliers.items():
-        pair = laws[k].pair
+        law, pair = laws[k], laws[k].pair
         if pair >= 0 and pair not in multipliers:
             return e
-        made = _slider(e, k, j, multipliers)
+        if law.when is not None:  # out of force it has the limit 0
+            limit = g.call("mul", law.when, law.bound)
+            law = law._replace(bound=limit, static=limit, when=None)
+        made = _slider(e, law, k, j, multipliers)
         if made is None:
             return e
-        laws[k] = laws[k]._replace(kind=Kind.SLIDER, slider=made)
+        laws[k] = law._replace(kind=Kind.SLIDER, slider=made)
     for j, _ in multipliers.values():
         M[j] = SparseVector(g, len(M), {j: g.one})
         f[j] = g.zero
@@ -91,8 +94,10 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
         for j in sorted(left):
             users = [k for k, law in open_laws.items() if j in law.row.A.entries]
             law = e.laws[users[0]] if len(users) == 1 else None
-            if law is None or law.kind is not Kind.LIMITED or law.when is not None:
+            if law is None or law.kind is not Kind.LIMITED:
                 continue
+            if law.when is not None and law.pair >= 0:
+                continue  # a force of 0 in a plane has no direction to slide in
             A = law.row.A.entries
             force = g.call("neg", g.call("div", f[j], A[j]))
             for i, a in A.items():
@@ -105,10 +110,10 @@ def _multipliers(e: Equations) -> tuple[dict[int, tuple[int, int]], list[int]]:
 
 
 def _slider(
-    e: Equations, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
+    e: Equations, law: Law, k: int, j: int, multipliers: Mapping[int, tuple[int, int]]
 ) -> Slider | None:
     """Slider of law k on coordinate j; None where it hangs on no spring or damper."""
-    g, law = e.graph, e.laws[k]
+    g = e.graph
     slip, force, first = law.row.rate, multipliers[k][1], not 0 <= law.pair < k
     way = g.variable(f"slides.{e.laws[k if first else law.pair].constraint}")
     if law.pair < 0:

@@ -229,10 +229,17 @@ class Contacts(Source):
 
     def _settled(self, here: Kinematics, found: Found) -> Kinematics:
         """Kinematics with sliders without mass as they go on."""
-        settled = settle(here.arc, found.y)
+        arc, before = here.arc, found.y
+        settled = settle(arc, before)
         found.y, found.events = settled.y, found.events + settled.events
         if settled.jumps:
-            found.ending = Ending(Outcome.CONSTRAINT_JUMPS, ", ".join(settled.jumps))
+            if found.rows is None:
+                found.rows = arc.runner.tabulate(arc.row())
+            work = arc.energies(found.y) - arc.energies(before)
+            found.y[arc.state.quadratures][: arc.system.works] += work
+        if settled.unmet:
+            about = ", ".join(f"`{name}`" for name in settled.unmet)
+            found.ending = Ending(Outcome.PARADOX, about)
         after = Kinematics(here.arc, found.y, known=here.shape)
         after.grazing = here.grazing
         return after

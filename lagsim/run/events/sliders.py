@@ -2,10 +2,12 @@
 
 Those whose force is below its limit stick. Those at the limit slide where sticking
 would lead beyond it: of several, each slips against its force or has a force that does
-not grow, which is a linear complementarity problem for the slips. It is solved by
-principal pivots, of the first row that is violated (K. G. Murty, Note on a Bard-type
-scheme for solving the complementarity problem, Opsearch 11 (1974) 123; the stiffness of
-springs is a P-matrix). Where no force changes at first, a moment later decides.
+not grow, which is a linear complementarity problem for the slips, with the stiffness of
+the springs. A moment later it decides about those whose force does not change at first.
+
+Where a limit falls at once below the force of springs, sliders jump: each slips against
+the force that it has then, or none of it is beyond its limit (J. J. Moreau, Evolution
+problem associated with a moving convex set, J. Diff. Eq. 26 (1977) 347, section 5).
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from lagsim.mechanics.complementarity import Problem, solve
 from lagsim.methods.parts import parameters as kept
 from lagsim.notes import Event
 from lagsim.run.events.kinematics import Kinematics
@@ -29,18 +32,25 @@ if TYPE_CHECKING:
 CLOSING = 10.0
 # A moment later is this part of the time between rows later.
 SOON = 1e-6
-# Pivots of so many sliders at their limits: one each, as a rule.
-PIVOTS = 10
-# Newton's steps to their velocities, which are linear but for dampers that are not.
+# Newton's steps to their velocities, which are linear but for dampers that are not; and
+# to their places after a jump, of springs that are stiffer by the second part, since
+# two sliders in series have one force; their stiffness is a difference over the third.
 STEPS = 8
+JUMPS = 50
+STIFFER = 1e-6
+ASIDE = 2.0**-20
 
 
 class Settled(NamedTuple):
-    """State of sliders: y (size,), what has changed, the constraints that jump."""
+    """State of sliders: y (size,), what has changed, and whether places jump.
+
+    And the constraints whose forces exceed their limits wherever sliders are.
+    """
 
     y: Floats
     events: list[Event]
-    jumps: list[str]
+    jumps: bool
+    unmet: list[str]
 
 
 def at_edge(arc: Arc) -> float:
@@ -58,45 +68,66 @@ class _Sliders:
 
     def __init__(self, arc: Arc, y: Floats) -> None:
         self.arc, self.y, self.p = arc, y.copy(), arc.system.p
-        laws = arc.system.laws
+        laws = self.laws = arc.system.laws
         self.all = [k for k, law in enumerate(laws) if law.slider]
         self.own = [k for k in self.all if not 0 <= laws[k].pair < k]
+        self.elastic = [k for k in self.own if laws[k].solved.holonomic]
+        self.places = self.p.law_place[self.all].astype(int)
         self.before = self.p.law_direction[self.own] != 0.0
         self.p.law_mode[self.all] = kept.HELD
-        self._move(())
-        forces = arc.runner.function("sliders", len(self.all))(arc.t, self.y)
-        signs = dict(zip(self.all, np.where(forces < 0.0, -1.0, 1.0), strict=True))
-        self.signs = {k: 1.0 if laws[k].pair >= 0 else signs[k] for k in self.own}
+        self.sliding = set[int]()
+        self._move()
+        self._measure()
 
     def settled(self) -> Settled:
         """Return the state with what sticks at rest, and what slides on its way."""
-        arc, laws, here = self.arc, self.arc.system.laws, self._at(self.own)
-        edge, far = [], []
-        for k in self.own:
-            elastic, bound = laws[k].solved.holonomic, float(here.bounds[k])
+        past = self._past(self.elastic, SATISFIED)
+        jumps = bool(past)
+        if jumps:
+            self._jump()
+            past = self._past(self.elastic, SATISFIED)
+        self._slip(self._past(self.own, -at_edge(self.arc)))
+        self._move()
+        events = self._events() if self.arc.steps else []
+        return Settled(self.y, events, jumps, [self.laws[k].name for k in past])
+
+    def _measure(self) -> None:
+        """Note the forces (L,), and on which side of 0 the limits are of what slides.
+
+        They are 0 of other laws.
+        """
+        self.forces = np.zeros(len(self.laws))
+        self.forces[self.all] = self._forces(self.y)
+        signs = np.where(self.forces < 0.0, -1.0, 1.0).tolist()
+        self.signs = {k: 1.0 if self.laws[k].pair >= 0 else signs[k] for k in self.own}
+
+    def _forces(self, y: Floats) -> Floats:
+        """Multipliers of all sliders at y."""
+        return self.arc.runner.function("sliders", len(self.all))(self.arc.t, y)
+
+    def _past(self, some: list[int], part: float) -> list[int]:
+        """Which forces of some are past their limits by a part of these, or rounding.
+
+        Where the part is below 0, no more than that below.
+        """
+        found, here = [], self._at(self.own)
+        for k in some:
+            elastic, bound = k in self.elastic, float(here.bounds[k])
             over = (here.residuals if elastic else here.rates)[k]
             rounding = (here.slack if elastic else here.still)[k]
-            if over >= -at_edge(arc) * bound - rounding:
-                edge.append(k)
-            if elastic and over > SATISFIED * bound + rounding:
-                far.append(laws[k].name)
-        if far:
-            return Settled(self.y, [], far)
-        sliding = self._pivoted(edge)
-        sliding |= self._later(edge, sliding)
-        self._move(sliding)
-        return Settled(self.y, self._events(sliding) if arc.steps else [], [])
+            if over > part * bound + np.copysign(rounding, part):
+                found.append(k)
+        return found
 
     def _set(self, some: Collection[int]) -> None:
         self.p.law_direction[self.own] = 0.0
         for k in some:
             self.p.law_direction[k] = self.signs[k]
 
-    def _move(self, sliding: Collection[int]) -> None:
+    def _move(self) -> None:
         """Give sliders the velocities of those that slide, and of those that do not."""
-        arc = self.arc
-        self._set(sliding)
-        own = self.p.law_place[self.all].astype(int)
+        self._set(self.sliding)
+        arc, own = self.arc, self.places
         velocities = self.y[arc.velocities]
         change = arc.runner.function("velocity_step", arc.system.n + 3)
         for _ in range(STEPS):
@@ -106,46 +137,90 @@ class _Sliders:
                 return
 
     def _at(self, some: Collection[int], later: float = 0.0) -> Kinematics:
-        """Kinematics now, or later as things are, with the rows that slide of some."""
+        """Kinematics with the rows that slide of some, now or later as things are."""
         arc, system, y = self.arc, self.arc.system, self.y
         if later:
+            self._set(self.sliding)
             rates = arc.runner.function("field", system.size + system.m)(arc.t, y)
             y = y + later * rates[: system.size]
             y[arc.state.positions] += later**2 / 2.0 * rates[arc.velocities]
         self._set(some)
         return Kinematics(arc, y, arc.t + later)
 
-    def _pivoted(self, edge: list[int]) -> set[int]:
-        """Which slide: slips, and rates of forces below their limits, complement."""
-        arc, sliding = self.arc, set[int]()
-        own = self.p.law_place.astype(int)
-        for _ in range(PIVOTS * len(edge)):
-            self._move(sliding)
-            here = self._at(edge)
-            slips = arc.runner.function("gaps", here.count)(arc.t, self.y)
-            still = SUM_ROUNDOFF * here.seen[arc.velocities][own]
-            back, beyond = slips < -still, here.rates > here.still
-            wrong = [k for k in edge if (back if k in sliding else beyond)[k]]
-            if not wrong:
+    def _slip(self, edge: list[int]) -> None:
+        """Find which slide: slips, and rates of forces below limits, complement."""
+        for _ in range(STEPS if edge else 0):
+            self._move()
+            before, self.sliding = self.sliding, self._slipping(edge)
+            if before == self.sliding:
                 break
-            sliding ^= {wrong[0]}
-        return sliding
+        if len(self.sliding) < len(edge):
+            self.sliding = self._slipping(edge, SOON * self.arc.state.row_step)
 
-    def _later(self, edge: list[int], sliding: set[int]) -> set[int]:
-        """Which of those at their limits that stick slide a moment later."""
-        rest = [k for k in edge if k not in sliding]
-        if not rest:
-            return set()
-        self._set(sliding)
-        here = self._at(edge, SOON * self.arc.state.row_step)
-        return {k for k in rest if here.rates[k] > here.still[k]}
+    def _slipping(self, edge: list[int], later: float = 0.0) -> set[int]:
+        """Which of some (e,) slide, now or later, where velocities change linearly.
 
-    def _events(self, sliding: Collection[int]) -> list[Event]:
-        laws = self.arc.system.laws
+        D (e, e): what a slip of each against its force takes off the rate of each.
+        Where the limit is 0 both signs are: that of the slip is taken.
+        """
+        slides, sticks = self._at(edge, later), self._at((), later)
+        own, ways = self.places, np.zeros((len(self.laws), len(edge)))
+        for i, k in enumerate(edge):
+            ways[k, i] = self.signs[k]
+            rows = [k, self.laws[k].pair]
+            if rows[1] >= 0 and (size := np.linalg.norm(self.forces[rows])) > 0.0:
+                ways[rows, i] = self.forces[rows] / size
+        slips = np.column_stack([ways, sticks.rates])[self.all]
+        back = np.linalg.solve(sticks.rows[np.ix_(self.all, own)], slips)
+        change = slides.rows[np.ix_(edge, own)] @ back
+        D, c = change[:, :-1], change[:, -1] - slides.rates[edge]
+        still, alone = slides.still[edge], np.full(len(edge), -1)
+        low, high = np.zeros((2, 2, len(edge)))
+        low[0], high[0] = np.where(slides.bounds[edge] > 0.0, 0.0, -np.inf), np.inf
+        c = np.where(np.abs(c) <= still, 0.0, c)
+        taken = D.diagonal() * solve(Problem(D, c, low, high, alone, alone)).p
+        for k, slip in zip(edge, taken.tolist(), strict=True):
+            self.signs[k] *= -1.0 if slip < 0.0 else 1.0
+        moving = (np.abs(taken) > still).tolist()
+        return {k for k, moves in zip(edge, moving, strict=True) if moves}
+
+    def _jump(self) -> None:
+        """Take sliders in springs to where no force is beyond its limit.
+
+        With forces p (s,) of these the ways of slips are D p + c, by the compliance D.
+        """
+        positions = self.y[self.arc.state.positions]
+        some = [k for k in self.elastic for k in (k, self.laws[k].pair) if k >= 0]
+        place = {k: i for i, k in enumerate(some)}
+        pairs = np.array([place.get(self.laws[k].pair, -1) for k in some])
+        of, own = [self.all.index(k) for k in some], self.p.law_place[some].astype(int)
+        before = positions[own].copy()
+        for _ in range(JUMPS):
+            sticks, forces = self._at(()), self._forces(self.y)[of]
+            S = sticks.rows[np.ix_(some, own)]
+            stiffness = np.zeros((len(some), len(some)))
+            for i, j in enumerate(own):
+                aside = self.y.copy()
+                aside[j] += ASIDE * (sticks.seen[j] or 1.0)
+                step = aside[j] - self.y[j]
+                stiffness[:, i] = (self._forces(aside)[of] - forces) / step
+            stiffness = stiffness @ np.linalg.inv(S)
+            most = np.linalg.norm(stiffness, 2)
+            D = np.linalg.inv(stiffness + STIFFER * most * np.eye(len(some)))
+            high = np.array([sticks.bounds[some], np.zeros(len(some))])
+            c = S @ (positions[own] - before) - D @ forces
+            p = solve(Problem(D, c, -high, high, np.full(len(some), -1), pairs)).p
+            step = np.linalg.solve(S, D @ (p - forces))
+            positions[own] += step
+            if (np.abs(step) <= SUM_ROUNDOFF * np.abs(positions[own])).all():
+                break
+        self._move()
+        self._measure()
+
+    def _events(self) -> list[Event]:
         found = []
         for k, slid in zip(self.own, self.before.tolist(), strict=True):
-            if slid != (k in sliding):
-                found.append(
-                    Event(self.arc.t, "stick" if slid else "slip", laws[k].name)
-                )
+            if slid != (k in self.sliding):
+                kind = "stick" if slid else "slip"
+                found.append(Event(self.arc.t, kind, self.laws[k].name))
         return found
