@@ -72,7 +72,7 @@ class _Sliders:
         self.all = [k for k, law in enumerate(laws) if law.slider]
         self.own = [k for k in self.all if not 0 <= laws[k].pair < k]
         self.elastic = [k for k in self.own if laws[k].solved.holonomic]
-        self.places = self.p.law_place[self.all].astype(int)
+        self.places: list[int] = self.p.law_place[self.all].astype(int).tolist()
         self.before = self.p.law_direction[self.own] != 0.0
         self.p.law_mode[self.all] = kept.HELD
         self.sliding = set[int]()
@@ -193,7 +193,8 @@ class _Sliders:
         some = [k for k in self.elastic for k in (k, self.laws[k].pair) if k >= 0]
         place = {k: i for i, k in enumerate(some)}
         pairs = np.array([place.get(self.laws[k].pair, -1) for k in some])
-        of, own = [self.all.index(k) for k in some], self.p.law_place[some].astype(int)
+        of = [self.all.index(k) for k in some]
+        own = [self.places[i] for i in of]
         before = positions[own].copy()
         for _ in range(JUMPS):
             sticks, forces = self._at(()), self._forces(self.y)[of]
@@ -206,7 +207,8 @@ class _Sliders:
                 stiffness[:, i] = (self._forces(aside)[of] - forces) / step
             stiffness = stiffness @ np.linalg.inv(S)
             most = np.linalg.norm(stiffness, 2)
-            D = np.linalg.inv(stiffness + STIFFER * most * np.eye(len(some)))
+            firm = stiffness + STIFFER * most * np.eye(len(some))
+            D: Floats = np.asarray(np.linalg.inv(firm), float)
             high = np.array([sticks.bounds[some], np.zeros(len(some))])
             c = S @ (positions[own] - before) - D @ forces
             p = solve(Problem(D, c, -high, high, np.full(len(some), -1), pairs)).p
