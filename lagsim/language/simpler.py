@@ -15,7 +15,10 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
 
 
 class Builder(Protocol):
@@ -40,6 +43,9 @@ class Builder(Protocol):
 
     def call(self, op: str, *args: int) -> int:
         """Node of an operation, simplified."""
+
+    def cone(self, nodes: Iterable[int]) -> Sequence[int]:
+        """Return all nodes that these depend on, and these, arguments first."""
 
     def kept(self, op: str, args: tuple[int, ...]) -> int:
         """Node of an operation as it is."""

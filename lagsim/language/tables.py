@@ -1,8 +1,9 @@
 """Functions given by points: piecewise polynomials, the data of operations of a graph.
 
 A table has cells between its knots, and one beyond each end: the cells -1, 0, ... m.
-`axis` holds m, 1 if the table is smooth (-1: and its argument is a t + b), the period
-(0: none), 1 if a run ends with the table, and the m + 1 knots.
+`axis` holds m, how many derivatives are continuous at its knots (below 0, as many: and
+its argument is a t + b), the period (0: none), 1 if a run ends with the table, and the
+m + 1 knots.
 `pieces` holds p, then c_0 ... c_(p - 1) of each cell from -1 on: the polynomial in the
 distance from the cell's lower knot (of the cell m, from the last one). With two
 arguments each cell has p*p of them, those of the second argument side by side.
@@ -17,11 +18,11 @@ steps end, as no estimate sees that a high derivative jumps. Functions that begi
 from __future__ import annotations
 
 from functools import cached_property
-from math import floor
+from math import floor, inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from lagsim.language.arrays import Floats
     from lagsim.language.simpler import Builder
@@ -233,9 +234,7 @@ def called(g: Builder, axes: tuple[Data, ...], pieces: Data, args: list[int]) ->
     for axis, x in zip(axes, args, strict=True):
         ends, smooth = axis, axis.numbers[1] > 0.0
         if smooth:
-            ends = _axis(
-                axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4])
-            )
+            ends = ends_of(axis)
         if smooth and axis.numbers[2] > 0.0:
             chosen.append(g.zero)
         else:
@@ -251,11 +250,52 @@ def met(axis: Data) -> Data:
     return _axis(axis.name, others[2:], (-smooth, *others[:2])) if smooth else axis
 
 
+def cell_of(g: Builder, discrete: int) -> tuple[Data, int] | None:
+    """Axis and argument of which a discrete function is the cell, if it is one."""
+    (inner,) = g.args[discrete][:1] or (discrete,)
+    if g.ops[discrete] != "floor" or g.ops[inner] != "table.knot":
+        return None
+    axis, x = g.args[inner]
+    return g.payload(axis), x
+
+
 def is_smooth(g: Builder, discrete: int) -> bool:
     """Tell whether a discrete function is the cell of a smooth table."""
-    (inner,) = g.args[discrete][:1] or (discrete,)
-    at_knot = g.ops[discrete] == "floor" and g.ops[inner] == "table.knot"
-    return at_knot and g.payload(g.args[inner][0]).numbers[1] != 0.0
+    cell = cell_of(g, discrete)
+    return cell is not None and cell[0].numbers[1] != 0.0
+
+
+def ends_of(axis: Data) -> Data:
+    """Return the axis that has the first knot and the last one alone."""
+    return _axis(axis.name, axis.numbers[[FIRST, -1]], (0.0, 0.0, *axis.numbers[3:4]))
+
+
+def at_ends(g: Builder, cell: int) -> int:
+    """Discrete function that changes at the ends of a table, from its cell."""
+    axis, x = g.args[g.args[cell][0]]
+    ends = g.data(ends_of(g.payload(axis)))
+    return g.call("floor", g.call("table.knot", ends, x))
+
+
+def highest_orders(g: Builder, nodes: Iterable[int]) -> dict[int, int]:
+    """Return the highest derivative of tables by each of the cells below `nodes`."""
+    found: dict[int, int] = {}
+    for n in g.cone(nodes):
+        if g.ops[n] in PIECES:
+            orders = written(g, n).orders
+            for order, cell in zip(orders, g.args[n][-len(orders) :], strict=True):
+                found[cell] = max(order, found.get(cell, 0))
+    return found
+
+
+def continuous(axis: Data, order: int) -> tuple[float, float]:
+    """Numbers, excluded, between which are the knots that derivatives continue at."""
+    m, smooth, period, ends = axis.values[:FIRST]
+    if order > abs(smooth):
+        return 0.0, 0.0
+    if period:
+        return -inf, inf
+    return (0.0, m) if ends or order else (-1.0, m + 1.0)
 
 
 class Written(NamedTuple):
@@ -283,18 +323,19 @@ def arguments(g: Builder, n: int) -> tuple[int, ...]:
     return written(g, n).args if g.ops[n].startswith("table.") else g.args[n]
 
 
-def knots_between(axis: Data, first: float, last: float) -> Iterator[float]:
-    """Return the knots of an axis on the way from `first` to `last`, in this order."""
+def knots_between(axis: Data, first: float, last: float) -> Iterator[tuple[int, float]]:
+    """Knots on the way from `first` to `last`, in this order, each with its number."""
     _, _, period, _, *knots = axis.values
     turns = [0.0, 0.0]
     if period:
         knots, turns = knots[:-1], [(x - knots[0]) // period for x in (first, last)]
     up = 1 if first < last else -1
+    numbered = list(enumerate(knots))[::up]
     for turn in range(int(turns[0]), int(turns[1]) + up, up):
-        for knot in knots[::up]:
+        for k, knot in numbered:
             x = turn * period + knot
             if min(first, last) <= x <= max(first, last):
-                yield x
+                yield turn * len(knots) + k, x
 
 
 def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
@@ -311,6 +352,7 @@ def ended(g: Builder, knot: int, cell: float) -> tuple[Written, float] | None:
 
 OUTSIDE = ("error", "hold", "extend", "repeat")
 INTERPOLATIONS = ("linear", "cubic", "monotone")
+CONTINUOUS = {"linear": 0.0, "monotone": 1.0, "cubic": 2.0}  # so many derivatives
 
 
 def _axis(name: str, knots: Floats | list[float], head: tuple[float, ...]) -> Data:
@@ -345,7 +387,7 @@ def made(
             cells[0] = cells[-1] = np.nan
     periods = [x[-1] - x[0] if outside == "repeat" else 0.0 for x in points]
     axes = tuple(
-        _axis(name, x, (float(how != "linear"), period, float(outside == "error")))
+        _axis(name, x, (CONTINUOUS[how], period, float(outside == "error")))
         for x, period in zip(points, periods, strict=True)
     )
     return axes, Data(name, np.array([found.shape[-1], *found.ravel()]))

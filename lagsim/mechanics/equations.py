@@ -329,8 +329,16 @@ class Equations:
 
     @property
     def of_motion(self) -> list[int]:
-        """All that the motion depends on: nodes."""
-        nodes = [*self.mass_nodes, *self.f, *self.other_rates]
+        """All that the motion depends on, and its quadratures: nodes."""
+        return self._with(self.other_rates)
+
+    @property
+    def of_accelerations(self) -> list[int]:
+        """All that q'', lambda and the rates of states depend on: nodes."""
+        return self._with(x.rate for x in self.states)
+
+    def _with(self, others: Iterable[int]) -> list[int]:
+        nodes = [*self.mass_nodes, *self.f, *others]
         for row in self.every_row:
             nodes += [row.residual, row.rate, row.b, *row.A.entries.values()]
         return nodes + [x for law in self.laws for x in law.given]

@@ -84,6 +84,8 @@ class Side(NamedTuple):
         One of the switches, as it may have been written.
     floor
         The name of the least size of which roots of it are taken, or empty.
+    smooth
+        Between these levels, which are excluded, it is passed without a jump of y'.
     """
 
     variable: str
@@ -92,6 +94,7 @@ class Side(NamedTuple):
     whole: bool
     text: str
     floor: str = ""
+    smooth: tuple[float, float] = (0.0, 0.0)
 
 
 def oriented(g: Graph, surface: Surface) -> tuple[int, int]:

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from lagsim.language.functions import CHOOSING, JOINING, OPERATIONS, STEPS
 from lagsim.language.graph import memoized
-from lagsim.language.tables import written
+from lagsim.language.tables import cell_of, continuous, highest_orders, written
 from lagsim.mechanics.surfaces import (
     WHOLE,
     Side,
@@ -305,10 +305,14 @@ class Shown:
 
 
 class Mode(NamedTuple):
-    """A time switch: the mode variable's name and the node of its discrete function."""
+    """A time switch: the mode variable's name and the node of its discrete function.
+
+    Between the levels `smooth`, which are excluded, it steps without a jump of y'.
+    """
 
     variable: str
     discrete: int
+    smooth: tuple[float, float] = (0.0, 0.0)
 
 
 class StateSwitch(NamedTuple):
@@ -531,6 +535,7 @@ def find_switches(
     dynamics: Sequence[int] = (),
     speeds: Collection[str] = (),
     ignored: frozenset[int] = frozenset(),
+    accelerations: Sequence[int] = (),
 ) -> Switches:
     """Find the switches of `nodes`.
 
@@ -547,11 +552,17 @@ def find_switches(
         The names of velocities: roots of these are switches, see `Roots`.
     ignored
         Switches of the motion at the end of a mode anyway.
+    accelerations
+        All that y' depends on, but for quadratures: where tables in it have no jump,
+        their points are passed, see `_smooth`.
     """
     finder = _Finder(g, list(nodes), moving, speeds)
     finder.visit()
     numbers = {d: k for k, d in enumerate(sorted(set(finder.time.values())))}
-    modes = tuple(Mode(f"mode.{k}", d) for d, k in numbers.items())
+    orders = highest_orders(g, accelerations) if accelerations else {}
+    modes = tuple(
+        Mode(f"mode.{k}", d, _smooth(g, d, orders)) for d, k in numbers.items()
+    )
     modes_of = {
         n: g.variable(modes[numbers[d]].variable) for n, d in finder.time.items()
     }
@@ -566,7 +577,15 @@ def find_switches(
         sides, sides_of = _sides(g, [state[d] for d in watched])
         roots = Roots.among(g, dynamics, sides, speeds)
         floors = roots.floors
-        sides = tuple(s._replace(floor=floors.get(s.node, "")) for s in sides)
+        sides = tuple(
+            s._replace(
+                floor=floors.get(s.node, ""),
+                smooth=_smooth(g, g.call("floor", s.node), orders)
+                if s.whole
+                else s.smooth,
+            )
+            for s in sides
+        )
         every = tuple(state.values())
         found = Switches(g, modes, every, sides, modes_of, sides_of, roots)
         moves = found.moving(watched, (*moving, "t"))
@@ -590,6 +609,19 @@ def _sides(
             sides[key] = Side(f"side.{k}", f"sliding.{k}", *key, str(switch))
         sides_of[switch.discrete] = g.variable(sides[key].variable), sign
     return tuple(sides.values()), sides_of
+
+
+def _smooth(g: Graph, discrete: int, orders: Mapping[int, int]) -> tuple[float, float]:
+    """Levels, excluded, between which a cell of a table changes and y' does not jump.
+
+    y' has derivatives of the table up to an order, which continue at its knots. Nothing
+    is decided there: an impact or the end of a contact takes a jump, and so does a
+    motion along the knot itself. For that the fields of both sides have to point to
+    it (Filippov), but here they are one and the same: a motion that comes with a rate
+    leaves with it, one that touches turns back as it came, and one at rest, rests.
+    """
+    cell = cell_of(g, discrete)
+    return continuous(cell[0], orders.get(discrete, 0)) if cell else (0.0, 0.0)
 
 
 class _Finder:
@@ -679,7 +711,12 @@ def model_switches(equations: Equations, *, located: bool = True) -> Switches:
     sided = tuple(dynamics) if located else ()
     # The friction of a slip depends on its size, and a slip that vanishes has ended.
     sizes = frozenset(e.graph.call("abs", x.row.rate) for x in e.laws if x.normal >= 0)
-    return _found(e.graph, (*dynamics, e.energy), moving, sided, e.velocities, sizes)
+    deciding = [*e.of_accelerations, *(row.transport for row in e.every_row)]
+    deciding += [law.when for law in e.laws if law.when is not None]
+    return _found(
+        e.graph, (*dynamics, e.energy), moving, sided, e.velocities, sizes,
+        tuple(deciding) if e.model.tables else (),
+    )  # fmt: skip
 
 
 _found = memoized(find_switches)

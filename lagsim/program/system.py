@@ -55,6 +55,8 @@ if TYPE_CHECKING:
 # Rows in one block: a few hundred kilobytes; fewer where there are many columns.
 BLOCK = 2048
 MOST_NUMBERS = 2**20
+# Points of tables that the kernel knows ahead.
+KNOTS = 256
 _POINTER = ctypes.c_void_p
 # Of the functions of a model: t, y, p, out.
 FUNCTION = (None, (ctypes.c_double, _POINTER, _POINTER, _POINTER))
@@ -301,7 +303,9 @@ class System:
             states=len(self.equations.states),
             works=self.works, laws=len(self.laws), surfaces=self.surfaces,
             elements=len(elements), loops=self.has_loops,
-            slopes_known=self.has_jacobian, **sizes,
+            slopes_known=self.has_jacobian,
+            knots=KNOTS * any(low < high for _, _, (low, high) in self.switches.modes),
+            first_mode=len(self.equations.model.parameters), **sizes,
         )  # fmt: skip
         if self.newton is not None:
             self.newton.fill(p)
@@ -359,6 +363,7 @@ class System:
                 p[f"impulse.{law.constraint}"] = memory.place("impulses") + k
             if law.slider and law.slider.first:
                 p[law.slider.way] = memory.place("law_direction") + k
+        passed = {x.variable for x in self.switches.modes if x.smooth[0] < x.smooth[1]}
         motion = e.accelerations
         if self.moreau is None:
             motion = (*motion, *e.multipliers)
@@ -366,7 +371,7 @@ class System:
         return Layout(
             y={name: k for k, name in enumerate((*self.state, *slopes))},
             p=p,
-            fixed=frozenset(fixed),
+            fixed=frozenset(fixed) - passed,
             size=len(memory.flat),
         )
 
@@ -388,9 +393,12 @@ class System:
             self.p.flat[self._layout_of[name]] = value
         return self.plan.reduction.state(start, self.p)
 
-    def set_modes(self, values: Sequence[float]) -> None:
-        """Set the branch of each switch in time for the arc to come."""
-        self.p.flat[self.modes_at] = values
+    def set_modes(
+        self, values: Sequence[float], which: Sequence[int] | None = None
+    ) -> None:
+        """Set the branch of each switch in time, or of some, for the arc to come."""
+        modes = self.modes_at
+        self.p.flat[modes if which is None else [modes[k] for k in which]] = values
 
     def take_modes(self, other: System) -> None:
         """Take the modes, and the branches of all switches, from another system."""
@@ -399,6 +407,8 @@ class System:
             self.p.flat[self.place(name)] = other.p.flat[other.place(name)]
         self.p.sliding, self.p.law_forces = other.p.sliding, other.p.law_forces
         self.p.law_shares = other.p.law_shares
+        self.p.known, self.p.passed = other.p.known, other.p.passed
+        self.p.apart = other.p.apart
         for name in KEPT:
             getattr(self.p, name)[:] = getattr(other.p, name)
 

@@ -36,7 +36,7 @@ from lagsim.run.events.constraints import (
 )
 from lagsim.run.events.contacts import Contacts
 from lagsim.run.events.switching import Switching
-from lagsim.run.events.times import Features, TimeBreaks
+from lagsim.run.events.times import Features, Knots, TimeBreaks, clocks
 from lagsim.run.events.transitions import Transitions
 from lagsim.run.failures import (
     FAILED,
@@ -259,13 +259,11 @@ class Run:
         began = time.perf_counter()
         code = arc.advance(self.pace.rows, budget)
         self.pace.lasted(time.perf_counter() - began)
-        if emitted := int(arc.state.emitted):
-            rows = arc.runner.shown(emitted)
-            self.shown = arc.runner.block[emitted - 1].copy()
-            known = finite_rows(rows, 1 + arc.state.dynamic.stop)
-            self.recorder.hand_on(rows[:known])
-            if known < emitted:
-                return self._cut(rows[known])
+        ending = self._hand_on_block()
+        if ending is not None:
+            return ending
+        for source in self.sources:
+            self._take(source.passed(arc))
         if not np.isfinite(arc.y[arc.state.dynamic]).all():
             return self._cut(arc.observed())
         if self._is_stopped(code):
@@ -279,6 +277,18 @@ class Run:
             about = f"; {most_steps:,} would not pass t = {passed:.6g}"
             return Ending(Outcome.TOO_MANY_STEPS, about)
         return self._decide(code)
+
+    def _hand_on_block(self) -> Ending | None:
+        """Hand on the rows that the kernel has written, as far as they are finite."""
+        arc = self.arc
+        emitted = int(arc.state.emitted)
+        if not emitted:
+            return None
+        rows = arc.runner.shown(emitted)
+        self.shown = arc.runner.block[emitted - 1].copy()
+        known = finite_rows(rows, 1 + arc.state.dynamic.stop)
+        self.recorder.hand_on(rows[:known])
+        return self._cut(rows[known]) if known < emitted else None
 
     def _cut(self, row: Floats) -> Ending:
         """End the run before a row with a state that is not finite."""
@@ -486,6 +496,8 @@ def _sources(arc: Arc) -> Iterator[Source]:
     if arc.system.m:
         yield Unmet()
     yield Fallback()
+    if clocks(arc):
+        yield Knots(arc)
     yield TimeBreaks(arc)
     if arc.equations.model.events:
         yield Transitions(arc)

@@ -183,6 +183,10 @@ class Source:
         """Prepare an arc that begins."""
         return GO_ON
 
+    def passed(self, arc: Arc) -> Decision:  # noqa: ARG002
+        """Take note of what the kernel has gone through by itself."""
+        return GO_ON
+
     def ask_at(self, arc: Arc) -> int:  # noqa: ARG002
         """Return the number of steps after which `decide` is called next."""
         return MOST_STEPS

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator, RectBivariateSplin
 from lagsim import check, derive, load, simulate, sweep
 from lagsim.errors import InputError
 from lagsim.methods import method, names
-from tests.support import MODELS
+from tests.support import MODELS, run
 
 ADAPTIVE = [name for name in names() if method(name).ADAPTIVE]
 GROUND = """
@@ -193,6 +193,110 @@ def test_steps_end_at_the_points_of_a_smooth_table_of_the_time(how, outside, nam
     balance = found["energy"] - found["work"]
     near = 1e-11 * np.max(np.abs(found["energy"]))
     assert balance == pytest.approx(balance[0], abs=near)
+
+
+def test_kinks_in_time_are_passed_in_one_arc():
+    """Ten thousand, each where it is: the motion is that of numpy's own pieces."""
+    rng = np.random.default_rng(8)
+    t = np.linspace(0.0, 10.0, 10_001)
+    f = np.round(rng.normal(size=t.size), 3)
+    points = np.stack([t, f], axis=1).tolist()
+    text = f"coordinates: {{x: {{}}}}\n{FREE}initial: {{x: 0}}\n"
+    text += f"tables: {{f: {{points: {points}}}}}\nforces: {{x: f(2*t)}}\n"
+    model = load(text + "simulation: {duration: 5, output_step: 0.05}")
+    h = 0.0005
+    speed = np.concatenate([[0.0], np.cumsum(0.5 * h * (f[:-1] + f[1:]))])
+    moved = h * speed[:-1] + h**2 * (2.0 * f[:-1] + f[1:]) / 6.0
+    place = np.concatenate([[0.0], np.cumsum(moved)])
+    for name in ("dop853", "taylor", "rk4"):
+        options = {} if method(name).ADAPTIVE else {"step": 0.01}
+        assert run(model, method=name, **options).trajectory.statistics.arcs == 1
+        found = simulate(model, method=name, error_bar="never", **options)
+        assert found.record["steps"] < 10_100
+        assert found["x"] == pytest.approx(place[::100], abs=1e-12)
+        assert found["x_dot"] == pytest.approx(speed[::100], abs=1e-12)
+        assert [e.time for e in found.events] == pytest.approx(t[1:-1] / 2.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("outside", ["hold", "repeat"])
+@pytest.mark.parametrize("start", [0, 1_000_000])
+def test_rows_in_a_block_have_the_pieces_of_their_own_times(outside, start):
+    """In contact, where rows are solved by loops; in both directions of the time."""
+    text = f"""
+coordinates: {{x: {{}}, y: {{}}}}
+tables:
+  f: {{points: [[0, 0], [0.3, 2], [0.4, -1], [1, 0]], outside: {outside}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: 10*y}}
+constraints: {{floor: {{relation: y >= 0, restitution: 0.5}}}}
+forces: {{x: f(t - {start}) + 2*f(1.5 - (t - {start}))}}
+initial: {{x: 0, y: 0.4}}
+simulation: {{start: {start}, duration: 2, output_step: 0.01}}
+"""
+    found = simulate(load(text), error_bar="never")
+    t = found.t - start
+    x, y = [0.0, 0.3, 0.4, 1.0], [0.0, 2.0, -1.0, 0.0]
+    period = 1.0 if outside == "repeat" else None
+    force = np.interp(t, x, y, period=period)
+    force += 2.0 * np.interp(1.5 - t, x, y, period=period)
+    near = 1e-13 if start == 0 else 1e-8
+    assert found["x_ddot"] == pytest.approx(force, abs=near)
+    impacts = [e.time - start for e in found.events if e.kind == "impact"]
+    assert impacts[0] == pytest.approx(math.sqrt(0.08), abs=max(near, 1e-12))
+
+
+def test_the_power_of_a_kinked_ground_jumps_and_its_work_does_not():
+    """A spring stands on it: the rate of `work` has its slope, y' but that has not."""
+    x = np.array([0.0, 0.4, 0.5, 1.3, 2.0])
+    y = np.array([0.0, 0.3, -0.2, 0.1, 0.0])
+    points = np.stack([x, y], axis=1).tolist()
+    text = f"""
+coordinates: {{z: {{}}}}
+tables: {{road: {{points: {points}, outside: repeat}}}}
+energy: {{kinetic: z_dot^2/2, potential: 30*(z - road(1.7*t))^2}}
+forces: {{z: -z_dot}}
+initial: {{z: 0}}
+simulation: {{duration: 4}}
+"""
+    found = simulate(load(text))
+    assert run(text).trajectory.statistics.arcs == 1
+    assert found["energy"] - found["work"] == pytest.approx(0.0, abs=1e-10)
+    times = np.sort(np.add.outer(2.0 * np.arange(4), x[:-1]).ravel() / 1.7)
+    times = [*times[times < 4.0], 4.0]
+    assert [e.time for e in found.events] == pytest.approx(times[1:-1], abs=1e-14)
+    state = [0.0, 0.0]
+    for low, high in itertools.pairwise(times):
+        slope = np.interp([low, high], x / 1.7, y, period=2.0 / 1.7)
+
+        def rates(t, q, low=low, high=high, ends=slope):
+            road = ends[0] + (t - low) / (high - low) * (ends[1] - ends[0])
+            return [q[1], -60.0 * (q[0] - road) - q[1]]
+
+        state = solve_ivp(
+            rates, (low, high), state, "DOP853", rtol=1e-12, atol=1e-14
+        ).y[:, -1]
+    assert [found["z"][-1], found["z_dot"][-1]] == pytest.approx(state, abs=1e-9)
+
+
+def test_knots_follow_a_mode_that_an_event_sets():
+    text = """
+modes: {pace: 1}
+events: {faster: {every: 0.75, set: {pace: 2*pace}}}
+coordinates: {x: {}}
+tables: {f: {points: [[0, 0], [1, 1], [2, -1], [3, 5], [4, 0]], outside: repeat}}
+energy: {kinetic: x_dot^2/2, potential: 0}
+forces: {x: f(pace*t)}
+initial: {x: 0}
+simulation: {duration: 2, output_step: 0.01}
+"""
+    found = simulate(load(text), error_bar="never")
+    pace = 2.0 ** np.floor(found.t / 0.75 + 1.0)
+    inside = np.abs(found.t / 0.75 - np.round(found.t / 0.75)) > 1e-6
+    x, y = [0.0, 1.0, 2.0, 3.0, 4.0], [0.0, 1.0, -1.0, 5.0, 0.0]
+    expected = np.interp(pace * found.t, x, y, period=4.0)
+    assert found["x_ddot"][inside] == pytest.approx(expected[inside], abs=1e-13)
+    # The second pace begins at the knot 4*0.75, and the third at the knot 8*1.5.
+    times = [e.time for e in found.events if e.kind == "switch"]
+    assert times == pytest.approx([0.5, 1.0, 1.25, 1.625, 1.75, 1.875], abs=1e-13)
 
 
 @pytest.mark.parametrize("how", ["linear", "cubic"])

@@ -131,11 +131,44 @@ def arrived(s: State, p: Parameters) -> int:
         return at.SWITCH_FOUND
     if s.t >= s.end:
         return at.DONE
+    if p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
+        pass_knots(s, p)
+    if p.passed >= p.known and p.known > 0.0:
+        return at.KNOTS_PASSED
     if s.feature_width > 0.0 and s.t >= s.feature_end:
         return at.FEATURE_PASSED
     if CONSTRAINED and s.sigma < s.degenerate_below:
         return at.DEGENERATE
     return NOWHERE
+
+
+def pass_knots(s: State, p: Parameters) -> None:
+    """Go on with the pieces of tables that begin at the time reached.
+
+    As y' goes on without a jump, the next step may be as long as the last one.
+    """
+    while p.passed < p.known and s.t >= p.knot_times[int(p.passed)] - p.apart:
+        pass_knot(p)
+    last = s.step_h
+    start(s, p)
+    if ADAPTIVE:
+        s.h = max(s.h, last)
+    else:
+        s.arc_start = s.t
+
+
+def pass_knot(p: Parameters) -> None:
+    """Take the cell behind the next knot."""
+    k = int(p.passed)
+    p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_after[k]
+    p.passed += 1.0
+
+
+def return_past_knot(p: Parameters) -> None:
+    """Take the cell before the knot that was passed last."""
+    p.passed -= 1.0
+    k = int(p.passed)
+    p.fixed[p.first_mode + int(p.knot_modes[k])] = p.cells_before[k]
 
 
 def has_missed(s: State, p: Parameters) -> int:
@@ -174,7 +207,7 @@ def inspect(s: State, p: Parameters) -> None:
     But for those that an end cuts short.
     """
     known = s.smallest_step
-    counts = s.steps > SETTLING and s.t < s.end
+    counts = s.steps > SETTLING and s.t < next_end(s, p)
     if counts and (known == 0.0 or s.step_h < known):
         s.smallest_step = s.step_h
     if SWITCHES or UNTIL:
@@ -317,10 +350,20 @@ def orient(s: State, p: Parameters, t: float, y: Floats, most: float) -> None:
 def tabulate(
     states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Columns (rows, width) of states (rows, 1 + size)."""
+    """Columns (rows, width) of states (rows, 1 + size).
+
+    With the pieces of tables that there were at the time of each.
+    """
+    passed = p.passed
     for i in range(rows):
         row = states[i * (1 + size) :]
+        while p.passed > 0.0 and row[0] < p.knot_times[int(p.passed) - 1]:
+            return_past_knot(p)
+        while p.passed < passed and row[0] >= p.knot_times[int(p.passed)]:
+            pass_knot(p)
         observe(row[0], row[1:], p, out[i * width :])
+    while p.passed < passed:
+        pass_knot(p)
 
 
 # --- the length of the step to try, and what bounds it --------------------------------
@@ -347,6 +390,15 @@ PART = 0.5
 FREE_STEPS = 6.0
 
 
+def next_end(s: State, p: Parameters) -> float:
+    """Time at which the next step ends at the latest: the arc's end, or a knot."""
+    if p.passed < p.known:
+        knot = p.knot_times[int(p.passed)]
+        if knot < s.end - p.apart:
+            return float(knot)
+    return float(s.end)
+
+
 def usable_step(s: State, p: Parameters) -> float:
     """Step to try, with t + h exact; 0 where it would be too small."""
     t, h = s.t, s.h
@@ -354,7 +406,7 @@ def usable_step(s: State, p: Parameters) -> float:
         h = min(h, s.most_step)
     if s.feature_width > 0.0:
         h = up_to_feature(s, h)
-    rest = s.end - t
+    rest = next_end(s, p) - t
     passes = False
     if CONSTRAINED:
         # A step over a loss of rank has the length that it needs, whatever is asked.

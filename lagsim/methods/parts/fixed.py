@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from lagsim.language.arrays import Floats
 from lagsim.methods.parts.constraints import is_finite, project_step
 from lagsim.methods.parts.control import bound_roundoff, record_extents, record_sizes
-from lagsim.methods.parts.driver import State
+from lagsim.methods.parts.driver import State, next_end
 from lagsim.methods.parts.newton import SOLVED, progress
 from lagsim.methods.parts.parameters import Parameters
 from lagsim.methods.parts.state import DONE, NOT_FINITE, PROJECTION_FAILED, derivative
@@ -51,22 +51,23 @@ def start(s: Fixed, p: Parameters) -> None:
 
 def step(s: Fixed, p: Parameters) -> int:
     """Make one step, or return a code other than 0."""
-    after = next_time(s)
+    end = next_end(s, p)
+    after = next_time(s, end)
     # Full steps are the same to the last bit, which after - t is not: a symplectic
     # method conserves an energy that depends on the step.
-    h = s.fixed_step if after < s.end else after - s.t
+    h = s.fixed_step if after < end else after - s.t
     code = make(s, p, after, float(h))
     if code == DONE:
         take(s, p, after)
     return code
 
 
-def next_time(s: State) -> float:
-    """End of the step: a whole number of steps into the arc, or its end."""
+def next_time(s: State, end: float) -> float:
+    """End of the step: a whole number of steps into the arc, or `end`."""
     made = floor((s.t - s.arc_start) / s.fixed_step + 0.5)
     after = s.arc_start + (made + 1) * s.fixed_step
-    if after + SAME_STEP * s.fixed_step >= s.end:
-        return float(s.end)
+    if after + SAME_STEP * s.fixed_step >= end:
+        return end
     return float(after)
 
 

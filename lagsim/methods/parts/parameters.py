@@ -18,11 +18,12 @@ LEVEL = -1.0
 CHOSEN = -2.0
 REDUNDANT_SIDE = -3.0
 
-# What is kept of each surface, and of each law, from arc to arc.
+# What is kept of each surface, law and knot from arc to arc.
 KEPT = (
     "side", "slides", "low", "high", "least", "most", "share", "slack", "band",
     "leader", "roundoff", "floor", "least_root", "law_mode", "law_direction",
     "law_still", "law_floor", "law_rounding",
+    "knot_times", "knot_modes", "cells_before", "cells_after",
 )  # fmt: skip
 
 # Kinds of laws, see `mechanics.constraints`, and their modes: out of force, an
@@ -96,7 +97,27 @@ class Scene(Blocks):
     worked: Floats = array(lambda p: p.n * (p.works > 0))  # the work on each; or -1
 
 
-class Surfaces(Scene):
+class Knots(Scene):
+    """Points of tables that the time leads to, where y' has no jump.
+
+    The run gives the next of them, and the kernel goes on with the cells behind each.
+    """
+
+    knots: int  # room for so many
+    first_mode: int  # the place of the modes in time among `fixed`
+    known: float  # how many there are ...
+    passed: float  # ... and how many have been passed
+    apart: float  # times closer to each other than this are the same
+
+    knot_times: Floats = array("knots")
+    knot_modes: Floats = array(
+        "knots"
+    )  # the number of the mode that is each one's cell
+    cells_before: Floats = array("knots")
+    cells_after: Floats = array("knots")
+
+
+class Surfaces(Knots):
     """Surfaces that switches lie on, their modes, and the motion along them."""
 
     surfaces: int  # that switches lie on

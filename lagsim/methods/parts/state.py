@@ -80,6 +80,7 @@ NEWTON_FAILED = 10
 STIFF = 11
 FEATURE_PASSED = 12
 LOSS_AHEAD = 13
+KNOTS_PASSED = 14
 
 
 # --- functions of a model and of a method that are linked in --------------------------

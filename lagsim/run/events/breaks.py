@@ -41,7 +41,7 @@ from lagsim.language.derivatives import tangent
 from lagsim.language.evaluate import evaluate
 from lagsim.language.functions import OPERATIONS, STEPS
 from lagsim.language.intervals import RULES, Enclosures, Interval, interval, point
-from lagsim.language.tables import knots_between
+from lagsim.language.tables import cell_of, knots_between
 from lagsim.mechanics.surfaces import joined_conditions, surfaces
 from lagsim.mechanics.switches import prevailing
 from lagsim.tolerances import TERM_ROUNDOFF
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 
     from lagsim.language.arrays import Flags, Floats
     from lagsim.language.graph import Graph
+    from lagsim.language.tables import Data
 
     Cells = NDArray[np.void]  # stretches of time: lo, hi, task, states of surfaces
 
@@ -345,33 +346,52 @@ def _times_of(
     g: Graph, discrete: int, values: Mapping[str, float], start: float, end: float
 ) -> Iterator[tuple[float, bool]]:
     """Return times at which one may change, see `Division.times`."""
-    (inner,) = g.args[discrete][:1] or (discrete,)
-    if g.ops[discrete] != "floor" or g.ops[inner] != "table.knot":
+    clock = Clock.of(g, discrete)
+    if clock is None:
         return Division(g, discrete, values, start, end).times()
-    axis, x = g.args[inner]
-    (rate,) = tangent(g, [x], {g.variable("t"): g.one})
-    if "t" in g.depends([rate]):
-        return Division(g, discrete, values, start, end).times()
-    return _knots_passed(g, discrete, (axis, x, rate), values, (start, end))
+    return _knots_located(g, discrete, clock, values, (start, end))
 
 
-def _knots_passed(
+class Clock(NamedTuple):
+    """Argument a t + b of a table, a node, and its rate a, another one."""
+
+    axis: Data
+    argument: int
+    rate: int
+
+    @classmethod
+    def of(cls, g: Graph, discrete: int) -> Clock | None:
+        """Return that of which a discrete function of t is the cell, if it is one."""
+        cell = cell_of(g, discrete)
+        if cell is None:
+            return None
+        (rate,) = tangent(g, [cell[1]], {g.variable("t"): g.one})
+        return None if "t" in g.depends([rate]) else cls(*cell, rate)
+
+    def knots(
+        self, g: Graph, values: Mapping[str, float], start: float, end: float
+    ) -> Iterator[tuple[float, int, int]]:
+        """Return times of knots on the way, to rounding, the cells before and after.
+
+        However many there are: each is computed when it is asked for.
+        """
+        at = Values(g, [self.argument, self.rate], values)
+        (first, a), (last, _) = at(start), at(end)
+        up = a > 0.0
+        for k, knot in knots_between(self.axis, first, last) if first != last else ():
+            yield start + (knot - first) / a, k - up, k - (not up)
+
+
+def _knots_located(
     g: Graph,
     discrete: int,
-    table: tuple[int, int, int],
+    clock: Clock,
     values: Mapping[str, float],
     ends: tuple[float, float],
 ) -> Iterator[tuple[float, bool]]:
-    """Return the times at which an argument a t + b passes the knots of a table.
-
-    However many there are: each is computed, and located among the doubles beside.
-    """
-    axis, x, rate = table
-    (a,), at = Values(g, [rate], values)(ends[0]), Values(g, [x], values)
+    """Return the times at which the cell changes, among the doubles beside each."""
     value = Values(g, [discrete], values)
-    first, last = (at(end)[0] for end in ends)
-    for knot in knots_between(g.payload(axis), first, last) if first != last else ():
-        time = ends[0] + (knot - first) / a
+    for time, _, _ in clock.knots(g, values, *ends):
         reach = max(math.ulp(time), finest(*ends))
         while value(time - reach) == value(time + reach):
             reach *= 2.0

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from functools import partial
 from itertools import islice
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,14 +22,15 @@ import numpy as np
 
 from lagsim.language.derivatives import tangent
 from lagsim.language.intervals import Enclosures
-from lagsim.language.tables import is_smooth
+from lagsim.language.tables import at_ends, is_smooth
 from lagsim.mechanics.surfaces import expression_text
 from lagsim.mechanics.switches import prevailing
 from lagsim.methods.parts import state as at
+from lagsim.methods.parts.driver import pass_knot
 from lagsim.methods.parts.missed import LARGEST, NEAR_ZERO, distance
 from lagsim.notes import Caution, Event
 from lagsim.program.localized import indicators_in_time
-from lagsim.run.events.breaks import Values, break_times
+from lagsim.run.events.breaks import NEIGHBOURS, Clock, Values, break_times
 from lagsim.run.events.sequence import Sequence
 from lagsim.run.trajectory import GO_ON, Decision, Ending, Outcome, Source, Turn
 
@@ -93,16 +95,109 @@ class _Ahead(Source):
         return next(self._coming, last)
 
 
+def clocks(arc: Arc) -> dict[int, Clock]:
+    """Return the tables of a t + b at whose points y' has no jump, by their modes."""
+    g, modes = arc.equations.graph, arc.system.switches.modes
+    smooth = {k: x.discrete for k, x in enumerate(modes) if x.smooth[0] < x.smooth[1]}
+    found = {k: Clock.of(g, discrete) for k, discrete in smooth.items()}
+    return {k: clock for k, clock in found.items() if clock is not None}
+
+
+class Knots(_Ahead):
+    """The points that tables of a t + b are passed at, without a jump of y'.
+
+    The kernel goes through them, so many at a time (`methods.parts.parameters.Knots`):
+    there is nothing to decide. Where y' may jump, at the ends, are breaks besides.
+    """
+
+    def __init__(self, arc: Arc) -> None:
+        modes = arc.system.switches.modes
+        super().__init__(arc, [modes[k].discrete for k in clocks(arc)])
+        self._are_events: list[bool] = []  # of those that the kernel knows
+        self._told = 0
+
+    def _all(self) -> Iterator[tuple[float, int, int, int, bool]]:
+        """Return times, modes, cells before and after, whether each is an event."""
+        return heapq.merge(*(self._of(*each) for each in clocks(self._arc).items()))
+
+    def _of(self, k: int, clock: Clock) -> Iterator[tuple[float, int, int, int, bool]]:
+        arc, is_linear = self._arc, clock.axis.numbers[1] == 0.0
+        low, high = arc.system.switches.modes[k].smooth
+        ends = self._start, arc.settings.end
+        for time, before, after in clock.knots(
+            arc.equations.graph, self._values, *ends
+        ):
+            if time > self._start + arc.system.p.apart:
+                is_event = is_linear and low < max(before, after) < high
+                yield time, k, before, after, is_event
+
+    def begin(self, arc: Arc) -> Decision:
+        """Set the cells that the time reached is in."""
+        p = arc.system.p
+        if self._is_other(arc) or not self._taken:
+            p.apart = max(self._rounding(clock) for clock in clocks(arc).values())
+            for k, clock in clocks(arc).items():
+                discrete = [arc.system.switches.modes[k].discrete]
+                value = Values(arc.equations.graph, discrete, self._values)
+                first, *_ = next(self._of(k, clock), (arc.settings.end,))
+                arc.system.set_modes(prevailing(value, arc.t, first), [k])
+            self._fill(arc)
+        while p.passed < p.known and p.knot_times[int(p.passed)] <= arc.t + p.apart:
+            pass_knot(p)
+        return GO_ON
+
+    def _rounding(self, clock: Clock) -> float:
+        """Return how far off a time may be."""
+        at = Values(self._arc.equations.graph, list(clock[1:]), self._values)
+        ends = self._start, self._arc.settings.end
+        x, a = (max(map(abs, pair)) for pair in zip(*map(at, ends), strict=True))
+        moved = NEIGHBOURS * math.ulp(x) / a if a > 0.0 else 0.0
+        return NEIGHBOURS * math.ulp(max(map(abs, ends))) + moved
+
+    def _fill(self, arc: Arc) -> None:
+        """Give the kernel the next of them."""
+        p = arc.system.p
+        found = list(
+            islice(iter(partial(self._following, None), None), len(p.knot_times))
+        )
+        p.known, p.passed = len(found), 0.0
+        for k, name in enumerate(
+            ("knot_times", "knot_modes", "cells_before", "cells_after")
+        ):
+            getattr(p, name)[: len(found)] = [x[k] for x in found]
+        self._are_events, self._told = [x[-1] for x in found], 0
+
+    def passed(self, arc: Arc) -> Decision:
+        """Report the kinks that the kernel has passed."""
+        p, first = arc.system.p, self._told
+        if p.passed == first:
+            return GO_ON
+        self._told = int(p.passed)
+        numbers = (k for k in range(first, self._told) if self._are_events[k])
+        events = (Event(float(p.knot_times[k]), "switch") for k in numbers)
+        return Decision(events=tuple(events))
+
+    def decide(self, arc: Arc, code: int) -> Decision | None:
+        """Give the kernel more of them."""
+        if code != at.KNOTS_PASSED:
+            return None
+        self._fill(arc)
+        return GO_ON
+
+
 class TimeBreaks(_Ahead):
-    """The breaks in time of a run."""
+    """The breaks in time of a run, but for the points of tables that are `Knots`."""
 
     DERIVED = ("_coming", "_discrete")
 
     def __init__(self, arc: Arc) -> None:
-        discrete = [mode.discrete for mode in arc.system.switches.modes]
-        super().__init__(arc, discrete)
+        g, modes, passed = arc.equations.graph, arc.system.switches.modes, clocks(arc)
+        self._set = [k for k in range(len(modes)) if k not in passed]
+        self._closed = [k for k in passed if modes[k].smooth[0] == 0.0]
+        super().__init__(arc, [x.discrete for x in modes])
         # The knots of smooth tables are no events.
-        self._quiet = [is_smooth(arc.equations.graph, d) for d in discrete]
+        numbers = (*self._set, *self._closed)
+        self._quiet = [is_smooth(g, modes[k].discrete) for k in numbers]
         self._branches: list[float] = []
         self._discrete: Values | None = None
         self._met = Sequence(arc.settings.start, arc.settings.duration, WINDOW)
@@ -111,27 +206,31 @@ class TimeBreaks(_Ahead):
 
     def _all(self) -> Iterator[float]:
         arc, settings = self._arc, self._arc.settings
-        discrete = [mode.discrete for mode in arc.system.switches.modes]
         g, ends = arc.equations.graph, (self._start, settings.end)
         self._discrete = None
-        return break_times(g, discrete, self._values, *ends)
+        return break_times(g, self._nodes(arc), self._values, *ends)
+
+    def _nodes(self, arc: Arc) -> list[int]:
+        """Discrete functions: of the modes that it sets, then the ends of `Knots`."""
+        g, modes = arc.equations.graph, arc.system.switches.modes
+        return [modes[k].discrete for k in self._set] + [
+            at_ends(g, modes[k].discrete) for k in self._closed
+        ]
 
     def begin(self, arc: Arc) -> Decision:
         """Set the branches up to the next break."""
-        switches = arc.system.switches
         if self._is_other(arc):
             self._next = self._following(inf)
-        if switches.modes:
+        if self._quiet:
             self._branches = self._next_branches(arc)
-            arc.system.set_modes(self._branches)
+            arc.system.set_modes(self._branches[: len(self._set)], self._set)
         arc.runner.prepare()
         return GO_ON
 
     def _next_branches(self, arc: Arc) -> list[float]:
         """Return the branches (modes,) from the time reached to the next break."""
         if self._discrete is None:
-            nodes = [mode.discrete for mode in arc.system.switches.modes]
-            self._discrete = Values(arc.equations.graph, nodes, self._values)
+            self._discrete = Values(arc.equations.graph, self._nodes(arc), self._values)
         end = min(self._next, arc.settings.end)
         return prevailing(self._discrete, arc.t, end)
 
