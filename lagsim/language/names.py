@@ -26,3 +26,11 @@ def rated(name: str) -> tuple[str, int]:
         if head.endswith(ENDINGS[order]):
             return f"{head.removesuffix(ENDINGS[order])}{dot}{tail}", order
     return name, 0
+
+
+def in_file(name: str) -> str:
+    """Name of a member or a component as a file has it: `G(3).x` for `G.3.x`."""
+    head, *rest = name.split(".")
+    numbers = [part for part in rest if part.isdecimal() or part[:1] == "-"]
+    letters = [f".{part}" for part in rest if part not in numbers]
+    return head + (f"({', '.join(numbers)})" if numbers else "") + "".join(letters)

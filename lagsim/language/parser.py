@@ -378,6 +378,8 @@ class Parser:
         hint = "there is no implicit product: write `*`"
         if left is not None and token.kind != "open":
             hint += f", {left[0]}*{token.text}"
+            if token.text[0] == "." and not left[0][0].isdigit():  # a column's name
+                hint = f"a member of a family is {left[0]}({token.text[1:]})"
         if token.text == "not":
             hint = ""
         text = f"an operator is expected between `{before[-12:]}` and `{token.text}`"

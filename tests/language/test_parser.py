@@ -73,6 +73,7 @@ FAULTS = [
     ("1,5", 1, 1, "a comma is allowed only between", "`.`"),
     ("2 pi", 2, 2, "an operator is expected between `2` and `pi`", "write `*`"),
     ("x y", 2, 1, "an operator is expected between `x` and `y`", "write `*`"),
+    ("q.3 + 1", 1, 2, "an operator is expected between `q` and `.3`", "is q(3)"),
     ("(x)(y)", 3, 1, "an operator is expected", "write `*`"),
     ("x(y)", 0, 1, "no function `x`", ""),
     ("2(x)", 1, 1, "an operator is expected", "write `*`"),

@@ -229,6 +229,21 @@ expression-member | `c` has 2 subscripts, found 1 |
 expression-member | no members | definitions: {s(1..0): x, a: ⟪s⟫(1)}
 expression-member | no `s.4` | definitions: {s(1..3): x}¶forces: {⟪s(4)⟫: 1}
 expression-member | no `s.0` | definitions: {s(1..3): x}¶output: {columns: [⟪s(0..2)⟫]}
+# names of columns, which end so: the member is read
+expression-member | the name of a column | definitions: {s(1..3): x}¶forces: {⟪s.2⟫: 1}
+expression-member | the name of a column |
+    definitions: {s(1..3): x}¶output: {columns: [⟪s.2⟫]}
+expression-member | the name of a column |
+    definitions: {s(1..3): x}¶output: {reactions: [⟪s.2⟫]}
+expression-member | the name of a column |
+    definitions: {s(1..3): x}¶output: {sections: {c: {at: x = 0, plot: [⟪s.2⟫, x]}}}
+expression-member | the name of a column |
+    definitions: {s(1..3): x}¶initial: {x: 0, y: 0, ⟪s.2⟫: 0}
+expression-member | the name of a column |
+    scene: {points: {p(1..3): [x, y]}, links: [[p(1), ⟪p.2⟫]]}
+expression-member | the name of a column |
+    scene: {points: {p(1..3): [x, y]}, shapes: {b: {disk: 1, at: ⟪p.2⟫}}}
+unknown-name | no definition `s(1` | definitions: {s(1..3): x}¶output: {columns: [⟪s(1⟫]}
 expression-subscript | whole number, found 1.5 | definitions: {s(1..3): x, a: ⟪s⟫(3/2)}
 expression-subscript | `x` is none | definitions: {s(1..3): x, a: s(⟪x⟫)}
 expression-subscript | a subscript is missing | definitions: {s(1..3): x, a: 2*⟪s⟫}
@@ -354,7 +369,10 @@ scene:
   points: {c(i = 1..n): p(i), o: [0, 0]}
   links: [[c(1..n), c(1)], {points: [o, c(1)], as: spring}]
   shapes: {ball(i = 1..n): {disk: 0.1, at: c(i)}, v: {arrow: p_dot(1), at: p(1)}}
-output: {columns: [d(1..2)], plots: [{x: t, y: p(1)}, {x: t, y: [p(1..2), s]}]}
+output:
+  columns: [d(1..2)]
+  plots: [{x: t, y: p(1)}, {x: t, y: [p(1..2), s]}]
+  sections: {cut: {at: p(1).x = 0, plot: [p_dot(2).x, s(1)]}}
 """
 
 
@@ -367,6 +385,7 @@ def test_sections_that_refer_to_members():
     curves = [[c.text for c in plot.y] for plot in loaded.output.plots]
     assert curves[0] == ["p(1).x", "p(1).y"]
     assert curves[1] == ["p(1).x", "p(1).y", "p(2).x", "p(2).y", "s(1)", "s(2)"]
+    assert loaded.output.sections[0].plot == ("p_dot.2.x", "s.1")
     found = columns(RING)
     assert [c for c in found if c.startswith("d.")] == [
         "d.1.x",

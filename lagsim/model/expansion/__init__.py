@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lagsim import limits
-from lagsim.language.names import HIDDEN
+from lagsim.language.names import HIDDEN, in_file
 from lagsim.language.parser import SILENT, ExpressionError, parse, parse_relation
 from lagsim.model.expansion import trees
 from lagsim.model.expansion.grammar import CALLED, Key, parsed_key
@@ -57,6 +57,7 @@ _SIZES = (2, 3)
 _MATRIX = 6
 _COMPONENTS = {"xy": 2, "xyz": 3}
 _NAME = re.compile(r"[^\W\d_]\w*")
+_COLUMN = re.compile(r"\w+(\.-?\d+)+(\.\w)?")
 
 
 Members = list[tuple["Indices", tuple[int, ...]]]
@@ -288,17 +289,32 @@ class Expansion:
             self.report(f"expression-{fault.code}", fault.text, place, fault.hint)
 
     def _key(
-        self, key: Scalar, outer: Indices | None = None
+        self,
+        key: Scalar,
+        outer: Indices | None = None,
+        space: dict[str, Family] | None = None,
     ) -> tuple[Key, Members] | None:
         """Return a key and its members; None where it is faulty, or no such key."""
         try:
-            parsed = parsed_key(key.text)
+            parsed = parsed_key(key.text) or self._column(key, space)
             return parsed and (parsed, self._members(parsed, outer or {}))
         except ExpressionError as fault:
             self.fault(fault, key)
             self.broken.add(key.text.partition("(")[0])
             self.silent += [key] if fault.code == SILENT else []
         return None
+
+    def _column(self, key: Scalar, space: dict[str, Family] | None) -> Key | None:
+        """Report a member that is named as its column is, `q.3`; return its key."""
+        name = key.text.partition(".")[0]
+        meant = self.scope.reference(name) if space is None else None
+        indexed = name in space if space is not None else meant and meant[0].indexed
+        if not (indexed and _COLUMN.fullmatch(key.text)):
+            return None
+        text = f"`{key.text}` is the name of a column"
+        hint = f"in a file the member is `{in_file(key.text)}`"
+        self.report("expression-member", text, key.place, hint)
+        return parsed_key(in_file(key.text))
 
     def _members(self, key: Key, outer: Indices) -> Members:
         """Return the members that a key denotes, within those of `outer` indices."""
@@ -696,9 +712,10 @@ class Expansion:
         """Return the names that an item of a list denotes: members, and components."""
         if not isinstance(node, Scalar):
             return [node]
-        found = self._key(node, outer)
+        found = self._key(node, outer, space)
         if found is None:
-            return [Broken(node.place)]
+            broken = node.text.partition("(")[0] in self.broken
+            return [Broken(node.place) if broken else node]
         parsed, members = found
         meant = self.scope.reference(parsed.name) if space is None else None
         family = space.get(parsed.name) if space is not None else meant and meant[0]
@@ -717,11 +734,19 @@ class Expansion:
         ]
 
     def _output(self, node: Node) -> Node:
-        """Return columns and reactions by members; the curves of plots."""
+        """Return columns, reactions and axes by members; the curves of plots."""
         rules = {
             "columns": self._names, "reactions": self._names, "plots": self._plots,
+            "sections": self._sections_of_output,
         }  # fmt: skip
         return self.by_keys(node, self.plain, rules)
+
+    def _sections_of_output(self, node: Node, reading: Reading) -> Node:
+        if not isinstance(node, Mapping):
+            return self.bound(node, reading)
+        rules = {"plot": self._names}
+        found = [(key, self.by_keys(one, reading, rules)) for key, one in node.entries]
+        return node._replace(entries=tuple(found))
 
     def _names(self, node: Node, reading: Reading) -> Node:
         if not isinstance(node, Sequence):
@@ -755,7 +780,7 @@ class Expansion:
             return [Broken(node.place)]
         if parsed and meant and (meant[0].indexed or not parsed.subscripts):
             return [
-                self.bound(n._replace(text=_written(*n.text.split("."))))
+                self.bound(n._replace(text=in_file(n.text)))
                 if isinstance(n, Scalar)
                 else n
                 for n in self.denoted(node)
@@ -767,13 +792,6 @@ class Expansion:
             self.bound(node._replace(text=f"({node.text}).{c}"))
             for c in trees.components(len(spread.items))
         ]
-
-
-def _written(name: str, *rest: str) -> str:
-    """Return name of a member or a component as expressions have it: `G(3).x`."""
-    numbers = [part for part in rest if not part[0].isalpha()]
-    letters = [f".{part}" for part in rest if part[0].isalpha()]
-    return name + (f"({', '.join(numbers)})" if numbers else "") + "".join(letters)
 
 
 def _inner(node: Node, keys: tuple[str, ...]) -> Node:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from lagsim.language.parser import ExpressionError, parse
@@ -64,7 +65,7 @@ class Shapes(Section):
 
     def _point(self, node: Node, reading: Reading) -> Node:
         """Return a place: a point, one of a family, or a vector."""
-        name = node.text.partition("(")[0] if isinstance(node, Scalar) else ""
+        name = re.split(r"[(.]", node.text)[0] if isinstance(node, Scalar) else ""
         if name in self.x.points:
             return self.x.denoted(node, self.x.points, reading.indices)[0]
         return self.x.spread(node, reading)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from lagsim.language.names import rate_of, rated
+from lagsim.language.names import in_file, rate_of, rated
 from lagsim.language.parser import parse_relation
 from lagsim.model.model import (
     APPROACH_SPEED,
@@ -134,7 +134,7 @@ def _direction(key: Scalar, x: Expressions) -> tuple[int, Level] | None:
         if not x.names.is_faulty(name) and x.names.complete:
             names = x.names.moving()
             hint = faults.did_you_mean(name, names)
-            hint = hint or f"a force acts along one of {listed(names)}"
+            hint = hint or f"a force acts along one of {listed(map(in_file, names))}"
             text = f"there is no coordinate or definition `{name}` to work on"
             faults.add("unknown-name", text, place, hint)
         return None

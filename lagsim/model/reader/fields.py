@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeGuard
 
 from lagsim.errors import InputError, Problem, nearest
+from lagsim.language.names import in_file
 from lagsim.model.nodes import Broken, Entry, Mapping, Node, Scalar, Sequence
 from lagsim.model.reader import hints
 from lagsim.model.reader.sections import SECTIONS, has_key
@@ -71,7 +72,7 @@ class Faults:
     def did_you_mean(self, word: str, candidates: Iterable[str]) -> str:
         """Give a hint that names the candidate most like `word`, or no hint."""
         near = self.guess(word, candidates)
-        return f"did you mean `{near}`?" if near else ""
+        return f"did you mean `{in_file(near)}`?" if near else ""
 
     def raise_if_any(self) -> None:
         """Raise them all, in the order of the file; those of the command line first.

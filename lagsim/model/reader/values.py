@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lagsim.language.evaluate import evaluate_with_error
 from lagsim.language.graph import Graph
-from lagsim.language.names import HIDDEN, rate_of, rated
+from lagsim.language.names import HIDDEN, in_file, rate_of, rated
 from lagsim.language.parser import parse
 from lagsim.model.model import Coordinate, Definition, InitialValue, Level, Parameter
 from lagsim.model.nodes import (
@@ -304,7 +304,8 @@ class Parameters(_Numbers):
             rates = map(rate_of, moving)
             modes = names.of(Kind.MODE)
             among = [*names.of(Kind.PARAMETER), *modes, *moving, *states, *rates]
-            hint = faults.did_you_mean(name, among)
+            near = faults.guess(name, among)
+            hint = f"did you mean `{near}`?" if near else ""
             text = f"there is no parameter or start value `{name}`"
             if "." in name and self.x.reading is None:
                 text, hint = f"`{name}`: names with a dot are reserved", ""
@@ -372,10 +373,10 @@ class Initial(_Numbers):
         every += [(s, "state", "steady") for s in x.names.of(Kind.STATE)]
         for q, what, key in every:
             if q not in self._all:
-                text = f"`initial` has no value for the {what} `{q}`"
-                hint = f"write `{q}: 0`, or `{q}: {{{key}: 0}}` to have it solved"
+                own, text = in_file(q), f"`initial` has no value for the {what} `{q}`"
+                hint = f"write `{own}: 0`, or `{own}: {{{key}: 0}}` to have it solved"
                 if any(q in graph.depends([node]) for node in nodes):
-                    hint = f"write `{q}: {{{key}: 0}}`: it is solved for, near 0"
+                    hint = f"write `{own}: {{{key}: 0}}`: it is solved for, near 0"
                 x.faults.add("missing-initial", text, section.place, hint)
 
     def _in_order(
@@ -403,7 +404,7 @@ class Initial(_Numbers):
         scalar, value = read
         if guess and defined is not None:
             about = f"`{name}` cannot be a guess: it is not a coordinate or velocity"
-            hint = f"write `{name}: {scalar.text}`, and guess coordinates"
+            hint = f"write `{in_file(name)}: {scalar.text}`, and guess coordinates"
             self.x.faults.add("not-a-guess", about, key.place, hint)
             return None
         stated = " ".join(scalar.text.split())
@@ -500,9 +501,9 @@ class Initial(_Numbers):
             among = [*moving, *names.of(Kind.STATE), *map(rate_of, moving)]
             near = faults.guess(name, among)
         hint = "start values are those of coordinates, definitions and their rates"
-        hint += f", such as {rate_of(moving[0])}" if moving else ""
+        hint += f", such as {in_file(rate_of(moving[0]))}" if moving else ""
         if near:  # read as that, or it would be reported as missing too
-            hint = f"did you mean `{near}`?"
+            hint = f"did you mean `{in_file(near)}`?"
             self._all.add(near)
             self._above.add(near)
         if name not in self._instead:
