@@ -243,7 +243,8 @@ expression-member | the name of a column |
     scene: {points: {p(1..3): [x, y]}, links: [[p(1), ⟪p.2⟫]]}
 expression-member | the name of a column |
     scene: {points: {p(1..3): [x, y]}, shapes: {b: {disk: 1, at: ⟪p.2⟫}}}
-unknown-name | no definition `s(1` | definitions: {s(1..3): x}¶output: {columns: [⟪s(1⟫]}
+unknown-name | no definition `s(1` |
+    definitions: {s(1..3): x}¶output: {columns: [⟪s(1⟫]}
 expression-subscript | whole number, found 1.5 | definitions: {s(1..3): x, a: ⟪s⟫(3/2)}
 expression-subscript | `x` is none | definitions: {s(1..3): x, a: s(⟪x⟫)}
 expression-subscript | a subscript is missing | definitions: {s(1..3): x, a: 2*⟪s⟫}
