@@ -688,6 +688,10 @@ def known(s: State, p: Parameters, width: float) -> bool:
             # That of a law may be rounding, and its slopes with it.
             rounding = p.law_rounding[k - p.surfaces]
             nothing = -least_allowed(p, k)
+        if UNTIL and k >= of_surfaces(p):
+            # Of a condition that is held on its edge all is, and its leeway beside it.
+            rounding = s.leeway[k - of_surfaces(p)]
+            nothing = 2.0 * rounding
         unknown = off > max(enough, rounding)
         unknown = unknown or turned > max(enough, TURNED / BESIDE * rounding)
         if unknown and not max(abs(a), abs(m), abs(b)) <= nothing:

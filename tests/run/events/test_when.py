@@ -26,3 +26,24 @@ def test_a_trapdoor_opens(when):
     expected = np.where(t < 0.1, 0.05 - 5 * t**2, 0.0)
     expected = np.where(t > 0.5, -5 * (t - 0.5) ** 2, expected)
     assert found["y"] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["method: dop853", "method: rk4, step: 0.01"])
+def test_a_latch_holds_where_its_event_acted(method):
+    # x - z = d goes up to 0.6 and stays there, within rounding; x + z swings on.
+    text = f"""
+coordinates: {{x: {{}}, z: {{}}}}
+energy: {{kinetic: (x_dot^2 + z_dot^2)/2, potential: (x + z)^2}}
+modes: {{h: 0, n: 0}}
+events: {{grab: {{at: x - z >= 0.6, set: {{h: 1, n: n + 1}}}}}}
+constraints: {{hook: {{relation: x - z = 0.6, when: h > 0}}}}
+initial: {{x: 0.5, x_dot: 1.2, z: 0.5, z_dot: 0}}
+simulation: {{duration: 20, output_step: 0.1, {method}}}
+"""
+    result = simulate(text, error_bar="never")
+    t = result.t
+    d, s = np.minimum(1.2 * t, 0.6), np.cos(2.0 * t) + 0.6 * np.sin(2.0 * t)
+    bound = 1e-9 if "dop853" in method else 1e-5
+    assert result["x"] == pytest.approx((s + d) / 2.0, abs=bound)
+    assert result["n"][-1] == 1.0
+    assert result.record["steps"] < 2100
