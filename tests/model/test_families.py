@@ -274,6 +274,10 @@ expression-subscript | whole number, found 1.5 | definitions: {s(i = 1⟪..⟫3/
 expression-subscript | `x` is none | definitions: {s(i = 1..⟪x⟫): x}
 later-parameter | which is below it | parameters: {m(1..2): ⟪l⟫, l: 1}
 unknown-name | `zz` | definitions: {s(i = 1..3): i*⟪zz⟫}
+unknown-interpolation | cannot be `no` |
+    tables: {f: {points: [[0,0],[1,1]], interpolation: ⟪no⟫}}¶definitions: {r: [f(x),1]}
+unknown-key | did you mean `points` |
+    definitions: {s(1..3): x}¶scene: {points: {o: [0, 0]}, links: [{⟪point⟫: [o, o]}]}
 expression-syntax | a value is expected | definitions: {s(i = 1..3): (i*⟪)⟫}
 # vectors
 expression-size | found 2 and 3 | definitions: {a: [x, y], b: [x, y, 1], c: a ⟪+⟫ b}

@@ -691,9 +691,9 @@ class Expansion:
         return node._replace(items=tuple(links))
 
     def _joining(self, node: Node) -> list[Node]:
-        if isinstance(node, Mapping):
-            ends = self._joining(_inner(node, ("points",)))
-            return [_with_inner(node, ("points",), end) for end in ends]
+        inner = _inner(node, ("points",))
+        if inner is not node:
+            return [_with_inner(node, ("points",), x) for x in self._joining(inner)]
         if not isinstance(node, Sequence):
             return [node]
         names = [n for item in node.items for n in self.denoted(item, self.points)]

@@ -23,6 +23,7 @@ from lagsim.language.parser import (
     ParsedRelation,
     parse,
     parse_condition,
+    silent,
 )
 from lagsim.model.model import Level
 from lagsim.model.nodes import Broken, Node, Scalar, words
@@ -486,19 +487,21 @@ class Expressions:
                 found = known(scalar.text)
             else:
                 found = reading.parsed(scalar.text, parser)
-                if self.names.tables:
-                    self._check_arities(found, scalar.text)
+                if self.names.tables or self.names.faulty:
+                    self._check_calls(found, scalar.text)
         except ExpressionError as fault:
             self._report(fault, scalar, known, beside=beside)
             return None
         self.read.append((what, scalar, found))
         return scalar, found
 
-    def _check_arities(self, found: Parsed | ParsedRelation, text: str) -> None:
+    def _check_calls(self, found: Parsed | ParsedRelation, text: str) -> None:
         """Check the calls of tables in an expression of a file of families."""
         sides = [found] if isinstance(found, Parsed) else [found.left, found.right]
         for op, count, _ in (step for x in sides if x for step in x.postfix):
             table = self.names.tables.get(op)
+            if table is None and op in self.names.faulty:
+                raise silent()
             if table is not None and count != len(table.axes):
                 about = f"`{op}` takes {len(table.axes)} arguments, found {count}"
                 raise ExpressionError(0, len(text), about, code="arity")
