@@ -8,7 +8,7 @@ LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 247
 LINES = 74_990
-LINES_OF_TESTS = 56_570
+LINES_OF_TESTS = 56_670
 
 
 def lines(folder):
