@@ -46,6 +46,6 @@ def make(s: Fixed, p: Parameters, after: float, h: float) -> int:
     return conclude(s, p, after, h)
 
 
-def interpolate(s: Fixed, x: float, out: Floats) -> None:
+def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step: on the chord."""
     out[: s.size] = s.old + x * (s.y - s.old)

@@ -217,7 +217,7 @@ def make(s: Exponential, p: Parameters, after: float, h: float) -> int:
     return DONE
 
 
-def interpolate(s: Exponential, x: float, out: Floats) -> None:
+def interpolate(s: Exponential, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step: the series, in short parts.
 
     N. J. Higham and A. H. Al-Mohy, SIAM J. Sci. Comput. 33 (2011).

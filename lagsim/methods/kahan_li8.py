@@ -155,7 +155,7 @@ def look_within(s: Composition, p: Parameters) -> None:
     a, old_a = slope[s.velocities], s.before[s.velocities]
     for j in unrolled(4):
         x = NODES[j]
-        interpolate(s, x, s.z)
+        interpolate(s, p, x, s.z)
         derivative(s.step_t + x * h, s.z, p, slope)
         s.evaluations += 1.0
         rates = s.residuals[j * s.size :]
@@ -171,7 +171,7 @@ def look_at_power(s: Composition, p: Parameters) -> None:
     first = s.quadratures.start
     for j in unrolled(4):
         x = NODES[j]
-        interpolate(s, x, s.z)
+        interpolate(s, p, x, s.z)
         rates = s.residuals[j * s.size :]
         power(s.step_t + x * h, s.z, p, rates[first:])
         for i in range(first, s.size):
@@ -196,11 +196,11 @@ def steepness(s: Composition, i: int, x: float) -> float:
     return float(change + u * (u - 2.0 * x) * first + x * (x - 2.0 * u) * last)
 
 
-def interpolate(s: Composition, x: float, out: Floats) -> None:
+def interpolate(s: Composition, p: Parameters, x: float, out: Floats) -> None:
     """State y (size,) at the fraction x of the last step."""
     h, old_v, old_a = s.step_h, s.old[s.velocities], s.before[s.velocities]
     w = x * (1.0 - x)
-    hermite(s, x, out)
+    hermite(s, p, x, out)
     for i in range(s.n):
         straight = x * h * (old_v[i] + 0.5 * x * h * old_a[i])
         far = x * x * x * (s.c3[i] + x * (s.c4[i] + x * s.c5[i]))

@@ -216,7 +216,7 @@ def add_work(s: Moreau, p: Impulses, middle: float, h: float) -> None:
             works[own] += impulse * moved
 
 
-def interpolate(s: Moreau, x: float, out: Floats) -> None:
+def interpolate(s: Moreau, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step: on the chord.
 
     Multipliers are those of the step. At an impact velocities and works jump in the

@@ -362,7 +362,7 @@ def converge(s: Radau, p: SparseNewton, h: float) -> int:
     Section IV.8, (8.13); the rate of convergence says what is left, and what will be.
     """
     limit = max(LEFT, ROUNDING / (LOCAL * s.rtol))
-    guess(s, h)
+    guess(s, p, h)
     left_over = max(s.left_over, 2.0**-52) ** 0.8
     previous = 0.0
     rate = 0.0
@@ -418,13 +418,13 @@ def is_rounding(s: Radau, p: SparseNewton, change: float) -> bool:
     return change <= norm(1, s.size, errors, s.tolerances)
 
 
-def guess(s: Radau, h: float) -> None:
+def guess(s: Radau, p: SparseNewton, h: float) -> None:
     """Start from the polynomial of the step before, or from nothing."""
     s.Z[:] = 0.0
     if s.previous_h > 0.0:
         for stage in unrolled(3):
             part = s.Z[stage * s.size :]
-            interpolate(s, 1.0 + C[stage] * h / s.previous_h, part)
+            interpolate(s, p, 1.0 + C[stage] * h / s.previous_h, part)
             part[: s.size] -= s.y
 
 
@@ -475,7 +475,7 @@ def norm(stride: Static, size: int, x: Floats, tolerances: Floats) -> float:
     return sqrt(square / controlled)
 
 
-def interpolate(s: Radau, x: float, out: Floats) -> None:
+def interpolate(s: Radau, p: SparseNewton, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step, or beyond it."""
     for i in range(s.size):
         value = 0.0

@@ -209,7 +209,7 @@ def accept(s: Taylor, p: Parameters, h: float, rejected: bool) -> None:
     s.at_bound = max(s.at_bound + (1.0 if rejected else -1.0), 0.0)
 
 
-def interpolate(s: Taylor, x: float, out: Floats) -> None:
+def interpolate(s: Taylor, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step: the series there."""
     before = s.series[buffer(s.size, 1.0 - s.which) :]
     reach(s, before, s.carried, x * s.step_h, out)

@@ -389,7 +389,7 @@ def lowest_part(s: Rank, p: Parameters) -> float:
 
 def sigma_at(s: Rank, p: Parameters, x: float) -> float:
     """Sigma, the independence of the rows, at the fraction x of the last step."""
-    interpolate(s, x, s.work)
+    interpolate(s, p, x, s.work)
     velocity_step(s.step_t + x * s.step_h, s.work, p, s.spare)
     return float(s.spare[s.n + 1])
 

@@ -180,7 +180,7 @@ def has_missed(s: State, p: Parameters) -> int:
         x = missed.find_defect(s, p)
     if x == 0.0:
         return 0
-    missed.reject_step(s, x)
+    missed.reject_step(s, p, x)
     return 1
 
 
@@ -220,7 +220,7 @@ def inspect(s: State, p: Parameters) -> None:
 
 def take_cut(s: State, p: Parameters) -> None:
     """Take the state at the moment that the last step was cut at."""
-    interpolate(s, s.cut, s.work)
+    interpolate(s, p, s.cut, s.work)
     s.y[:] = s.work[: s.size]
     if SWITCHES:
         # What lies past the switch has not been.
@@ -284,7 +284,7 @@ def begin(s: State, p: Parameters) -> None:
 def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write the rows up to the time reached; return 0 where the block is full first."""
     first = int(s.emitted)
-    complete = fill(s, out, rows)
+    complete = fill(s, p, out, rows)
     end = int(s.emitted)
     width = 1 + s.size
     # The row of the state itself needs nothing.
@@ -301,7 +301,7 @@ def emit(s: State, p: Parameters, out: Floats, rows: int) -> int:
     return complete
 
 
-def fill(s: State, out: Floats, rows: int) -> int:
+def fill(s: State, p: Parameters, out: Floats, rows: int) -> int:
     """Write rows as the method interpolates them; full after a state beside them."""
     while True:
         t = s.row_start + s.row * s.row_step
@@ -322,7 +322,10 @@ def fill(s: State, out: Floats, rows: int) -> int:
         if (t == s.t and s.cut == 0.0) or s.step_h == 0.0:
             row[1 : 1 + s.size] = s.y
         else:
-            interpolate(s, (t - s.step_t) / s.step_h, row[1:])
+            counted = s.evaluations
+            interpolate(s, p, (t - s.step_t) / s.step_h, row[1:])
+            if beside:
+                s.evaluations = counted  # nothing that is decided by them depends on it
         s.emitted += 1.0
         if beside:
             s.extras -= 1.0
@@ -564,7 +567,7 @@ def follow_true(s: State, p: Parameters) -> None:
         waits = waits or s.orientation[k] == 0.0
     if waits:
         x = BESIDE / POINTS
-        interpolate(s, x, s.work)
+        interpolate(s, p, x, s.work)
         orient(s, p, s.step_t + x * s.step_h, s.work, 0.0)
         for k in range(s.conditions):
             if s.orientation[k] == 0.0 and s.equation[k] == 0.0 and s.leeway[k] < inf:
@@ -639,7 +642,7 @@ def events_at(s: State, p: Parameters, x: float) -> None:
     """Leave the event functions at the fraction x of the last step."""
     z, now = s.work, s.event_functions
     t = s.step_t + x * s.step_h
-    interpolate(s, x, z)
+    interpolate(s, p, x, z)
     if SWITCHES:
         event_functions(t, z, p, now)
     if UNTIL:
@@ -744,9 +747,9 @@ def error_of_gap(s: State, p: Parameters, k: int, is_open: bool) -> float:
     where the gap is not open after it, by these themselves; or the tolerance.
     """
     last, first = s.exact_rates[s.velocities], s.spare[s.velocities]
-    interpolate(s, 1.0, s.work)
+    interpolate(s, p, 1.0, s.work)
     derivative(s.step_t + s.step_h, s.work, p, s.exact_rates)
-    interpolate(s, 0.0, s.work)
+    interpolate(s, p, 0.0, s.work)
     derivative(s.step_t, s.work, p, s.spare)
     at = p.m - p.laws + k
     row, push, error = p.A[at * s.n :], -p.b[at], 0.0

@@ -129,7 +129,7 @@ def take(s: Fixed, p: Parameters, after: float) -> None:
         record_extents(s)
 
 
-def interpolate(s: Fixed, x: float, out: Floats) -> None:
+def interpolate(s: Fixed, p: Parameters, x: float, out: Floats) -> None:  # noqa: ARG001
     """State y (size,) at the fraction x of the last step by the cubic through its ends.
 
     Hairer, Norsett and Wanner, Solving ODEs I, II.6.

@@ -289,15 +289,15 @@ def missed_feature(s: Signals, p: Parameters) -> float:
 
 def signals_at(s: Signals, p: Parameters, x: float, out: Floats) -> None:
     """Signals and their rates (2 K,) at the fraction x of the last step."""
-    interpolate(s, x - 2.0 * BESIDE, s.far_before)
-    interpolate(s, x + 2.0 * BESIDE, s.far_after)
-    interpolate(s, x - BESIDE, s.near_before)
-    interpolate(s, x + BESIDE, s.point)
+    interpolate(s, p, x - 2.0 * BESIDE, s.far_before)
+    interpolate(s, p, x + 2.0 * BESIDE, s.far_after)
+    interpolate(s, p, x - BESIDE, s.near_before)
+    interpolate(s, p, x + BESIDE, s.point)
     unit = 1.0 / (12.0 * BESIDE * s.step_h)
     s.point_rates[:] = unit * (
         8.0 * (s.point[: s.size] - s.near_before) - (s.far_after - s.far_before)
     )
-    interpolate(s, x, s.point)
+    interpolate(s, p, x, s.point)
     signals(s.step_t + x * s.step_h, s.point, p, out)
 
 
@@ -377,7 +377,7 @@ def approach(s: Signals, p: Parameters, k: int, low: float, high: float) -> floa
 
 def apart(s: Signals, p: Parameters, k: int, x: float) -> float:
     """Distance of one signal at the fraction x of the last step."""
-    interpolate(s, x, s.point)
+    interpolate(s, p, x, s.point)
     signals(s.step_t + x * s.step_h, s.point, p, s.signals_middle)
     return away(s, k, s.signals_middle)
 
@@ -493,7 +493,7 @@ def hardly_varies(s: Signals, p: Parameters, k: int, x: float) -> bool:
     z = s.point
     most = 0.0
     for way in range(2):
-        interpolate(s, x, z)
+        interpolate(s, p, x, z)
         move_aside(s.size, z, TERM_ROUNDOFF if way == 0 else -TERM_ROUNDOFF, z)
         move_within(s, 1.0 if way == 0 else -1.0, z)
         signals(s.step_t + x * s.step_h, z, p, s.signals_beside)
@@ -542,7 +542,7 @@ def differs(s: Signals, p: Parameters, x: float, most: float) -> bool:
     most : in tolerances.
     """
     interpolate_rates(s, x, s.point_rates)
-    interpolate(s, x, s.point)
+    interpolate(s, p, x, s.point)
     derivative(s.step_t + x * s.step_h, s.point, p, s.exact_rates)
     for i in range(s.n, s.size):
         off = abs(s.exact_rates[i] - s.point_rates[i]) * s.step_h
@@ -565,9 +565,9 @@ def restore_extents(s: Signals) -> None:
     s.high[:] = s.high_before
 
 
-def reject_step(s: Signals, x: float) -> None:
+def reject_step(s: Signals, p: Parameters, x: float) -> None:
     """Reject the last step; the next is half as long as to its fraction x."""
-    interpolate(s, 0.0, s.point)
+    interpolate(s, p, 0.0, s.point)
     s.y[:] = s.point[: s.size]
     restore_extents(s)
     s.t = s.step_t

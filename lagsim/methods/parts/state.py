@@ -169,7 +169,7 @@ def step(s: Clock, p: Parameters) -> int:
 
 
 @external
-def interpolate(s: Clock, x: float, out: Floats) -> None:
+def interpolate(s: Clock, p: Parameters, x: float, out: Floats) -> None:
     """State y (size,) at the fraction x of the last step."""
 
 
