@@ -316,6 +316,7 @@ class System:
             plan.rank,
             plan.smallest_singular_value,
         )
+        p.usual_reference = p.reference
         p.sigma = p.least_sigma = 1.0
         p.gain, p.constant = plan.gain, plan.constant
         p.row_starts[:], p.row_columns[:] = starts, elements
@@ -557,13 +558,13 @@ class Runner:
         No arc sees what another one left in the working memory.
         """
         p = self.system.p
-        p.reference = self.system.plan.smallest_singular_value
+        p.reference = p.usual_reference = self.system.plan.smallest_singular_value
         p.factored = p.noted = 0.0
         p.sigma = p.least_sigma = 1.0
         p.flat[p.place("motion") :] = self.system.unused
         if self.system.has_loops:
             rows = len(self.system.plan.lengths)  # laws have none
-            p.lengths[:rows] = self.system.plan.lengths
+            p.lengths[:rows] = p.usual_lengths[:rows] = self.system.plan.lengths
             p.aside[:rows] = self.system.plan.set_aside
         self._prepare(0.0, None, p.address, None)
 

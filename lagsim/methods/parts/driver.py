@@ -353,10 +353,11 @@ def orient(s: State, p: Parameters, t: float, y: Floats, most: float) -> None:
 def tabulate(
     states: Floats, rows: int, size: int, p: Parameters, out: Floats, width: int
 ) -> None:
-    """Columns (rows, width) of states (rows, 1 + size).
+    """Columns (rows, width) of states (rows, 1 + size); they depend on nothing else.
 
     With the pieces of tables that there were at the time of each.
     """
+    exchange_lengths(p)
     passed = p.passed
     for i in range(rows):
         row = states[i * (1 + size) :]
@@ -367,6 +368,16 @@ def tabulate(
         observe(row[0], row[1:], p, out[i * width :])
     while p.passed < passed:
         pass_knot(p)
+    exchange_lengths(p)
+
+
+def exchange_lengths(p: Parameters) -> None:
+    """Exchange what constraint rows are scaled by on the way with that of the plan."""
+    p.reference, p.usual_reference = p.usual_reference, p.reference
+    for i in range(p.m if p.loops > 0 else 0):
+        k = p.lengths[i]
+        p.lengths[i] = p.usual_lengths[i]
+        p.usual_lengths[i] = k
 
 
 # --- the length of the step to try, and what bounds it --------------------------------

@@ -191,7 +191,8 @@ class Parameters(Laws):
     """Complete parameters: laws, rank of the constraint rows, working memory."""
 
     expected: float  # the rank that the rows have in general
-    reference: float  # the largest sigma so far, against which it is small
+    reference: float  # the largest sigma so far, against which it is small ...
+    usual_reference: float  # ... and that of the plan, at the start of an arc
     sigma: float  # size of the last independent column, now
     least_sigma: float  # the smallest of it since a kernel set this to 1
     factored: float  # what of that has been factored
@@ -202,7 +203,8 @@ class Parameters(Laws):
     # which the model reads.
     motion: Floats = array(lambda p: p.n + p.m)
     multipliers: Floats = part("motion", "m", "n")
-    lengths: Floats = array(each_row)  # the rows' largest
+    lengths: Floats = array(each_row)  # the rows' largest ...
+    usual_lengths: Floats = array(each_row)  # ... and those of the plan
     aside: Floats = array(each_row)  # which rows are set aside
     # What `dynamics` gives, or `geometry`: with residuals, rates and the scales of both
     # in the place of f and b.
