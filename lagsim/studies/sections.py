@@ -2,9 +2,10 @@
 
 The run is repeated with the same steps and more rows, which its method interpolates
 within them: at least SAMPLES in the shortest step. Where the relation's function has
-another sign in the next row, or in a parabola through three, is a crossing; the run is
-repeated for states at better and better times. So a section changes no step, and what
-is between two rows of the table is not lost.
+another sign in the next row is a crossing; where it comes close to 0 between two rows,
+its extreme is looked for, which has a crossing on both sides if it lies past 0. The run
+is repeated for states at better and better times. So a section changes no step, and
+what is between two rows of the table is not lost.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ FEW = 500
 MOST, STROBES = 4_000_000, 1_000_000
 # Of the largest value, what rounding makes of 0.
 NOTHING = 2.0**-46
+# Beside a row there may be a dip by so many of the second differences there; smooth is
+# what is known to a tenth of one. Each run divides a stretch by so many.
+NEAR, PARTS = 0.25, 8
 # Runs in which a crossing is looked for: three do, and bisection needs no more.
 PASSES = 60
 # Of the values beside it, what is left at a crossing; more is a jump without a state.
@@ -63,18 +67,12 @@ class _Samples:
 
 
 class Brackets(NamedTuple):
-    """Stretches (k,) with one crossing each, the values at both ends.
-
-    seen : bool (k, 2), whether these are those of states, or of a parabola; nothing :
-        what rounding makes of 0.
-    """
+    """Stretches (k,) with one crossing each, the values at both ends."""
 
     lo: Floats
     hi: Floats
     at_lo: Floats
     at_hi: Floats
-    seen: Floats
-    nothing: float
 
 
 def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
@@ -93,7 +91,10 @@ def sections(session: Session, made: Trajectory) -> dict[str, Floats]:
         names = [columns.names.index(f"section.{s.name}") for s in located]
         t, *values = _sampled(session, made, names)
         for section, name, g in zip(located, names, values, strict=True):
-            brackets = _crossings(t, g, section.direction)
+            nothing = float(NOTHING * np.max(np.abs(g), initial=0.0))
+            clear = np.abs(g) > nothing
+            dense = _with_dips(session, name, t[clear], g[clear], nothing)
+            brackets = _crossings(*dense, section.direction)
             found[section.name] = _located(session, brackets, name)
     for section in asked:
         if section.every is not None:
@@ -113,40 +114,58 @@ def _sampled(session: Session, made: Trajectory, names: list[int]) -> Floats:
     return samples.table
 
 
+def _approaches(t: Floats, g: Floats) -> tuple[Floats, Floats, Floats]:
+    """Stretches (k,), from and to, in which g may pass 0 and return; its sign there.
+
+    Beside the rows (of three or more) where it is closest to 0, and no farther than a
+    part of its second difference. Beyond both ends g counts as before them.
+    """
+    k = np.arange(len(t))
+    before, after = abs(k - 1), len(t) - 1 - abs(len(t) - 2 - k)
+    side = np.sign(g)
+    a, b, c = side * g[before], side * g, side * g[after]
+    near = np.flatnonzero((a >= b) & (b <= c) & (b < NEAR * (a - 2.0 * b + c)))
+    return t[np.maximum(near - 1, 0)], t[np.minimum(near + 1, k[-1])], side[near]
+
+
+def _with_dips(
+    session: Session, name: int, t: Floats, g: Floats, nothing: float
+) -> tuple[Floats, Floats]:
+    """Return the times and values of a column with those of dips over 0 between rows.
+
+    Each run parts all stretches, until they have dipped or cannot. What dips by no more
+    than rounding makes of 0 is a touch, and no crossing.
+    """
+    lo, hi, side = _approaches(t, g) if len(t) > 2 else (t[:0], t[:0], t[:0])
+    while len(lo):
+        times = np.linspace(lo, hi, PARTS + 1, axis=1)
+        heights = rows_at(session, times.ravel())[:, name].reshape(times.shape)
+        heights *= side[:, None]
+        k, best = np.arange(len(lo)), np.argmin(heights, axis=1)
+        low, high = np.maximum(best - 1, 0), np.minimum(best + 1, PARTS)
+        least, lo, hi = heights[k, best], times[k, low], times[k, high]
+        bend = heights[k, low] - 2.0 * least + heights[k, high]
+        dips = least < -nothing
+        t = np.append(t, times[k, best][dips])
+        g = np.append(g, (side * least)[dips])
+        open_ = ~dips & (least < NEAR * bend) & (bend > nothing)
+        open_ &= hi - lo > 4.0 * np.spacing(np.abs(hi))
+        lo, hi, side = lo[open_], hi[open_], side[open_]
+    order = np.argsort(t, kind="stable")
+    return t[order], g[order]
+
+
 def _crossings(t: Floats, g: Floats, direction: str) -> Brackets:
-    """Stretches in which g (k,) changes its sign; what is 0 at the start has none."""
-    nothing = float(NOTHING * np.max(np.abs(g), initial=0.0))
-    clear = np.flatnonzero(np.abs(g) > nothing)
-    t, g = t[clear], g[clear]
+    """Stretches in which g (k,), nowhere 0, changes its sign."""
     change = np.flatnonzero(g[:-1] * g[1:] < 0.0)
-    found = [t[change], t[change + 1], g[change], g[change + 1]]
-    # Extremes between rows that a parabola takes through 0: two crossings.
-    a, b, c = g[:-2], g[1:-1], g[2:]
-    bend = np.where((even := a - 2.0 * b + c) == 0.0, np.inf, even)
-    extreme, part = b - (c - a) ** 2 / (8.0 * bend), 0.5 * (a - c) / bend
-    touch = np.flatnonzero(
-        (a * b > 0.0) & (b * c > 0.0) & (extreme * b < 0.0) & (np.abs(part) <= 1.0)
-    )
-    middle = t[touch + 1] + part[touch] * 0.5 * (t[touch + 2] - t[touch])
-    pairs = [
-        (t[touch], middle), (middle, t[touch + 2]),
-        (a[touch], extreme[touch]), (extreme[touch], c[touch]),
-    ]  # fmt: skip
-    found = [np.concatenate([x, *two]) for x, two in zip(found, pairs, strict=True)]
-    seen = np.ones((len(change), 2), bool)
-    seen = np.concatenate(
-        [seen, *(np.tile(x, (len(touch), 1)) for x in ([True, False], [False, True]))]
-    )
-    order = np.argsort(found[0], kind="stable")
-    rises = found[3][order] > 0.0
-    wanted = {"up": rises, "down": ~rises}.get(direction, np.ones(len(rises), bool))
-    lo, hi, at_lo, at_hi, known = (x[order][wanted] for x in (*found, seen))
-    return Brackets(lo, hi, at_lo, at_hi, known, nothing)
+    rises = g[change + 1] > 0.0
+    change = change[{"up": rises, "down": ~rises}.get(direction, rises | ~rises)]
+    return Brackets(t[change], t[change + 1], g[change], g[change + 1])
 
 
 def _located(session: Session, brackets: Brackets, name: int) -> Floats:
     """Rows (k, columns) at crossings, by regula falsi and, where that lags, halves."""
-    lo, hi, at_lo, at_hi, seen = (x.copy() for x in brackets[:5])
+    lo, hi, at_lo, at_hi = (x.copy() for x in brackets)
     rows = np.full((len(lo), len(session.system.columns.names)), np.nan)
     open_, width = np.arange(len(lo)), np.inf * (hi - lo + 1.0)
     for _ in range(PASSES):
@@ -167,7 +186,6 @@ def _located(session: Session, brackets: Brackets, name: int) -> Floats:
                 lo[k], at_lo[k] = x, y
             else:
                 hi[k], at_hi[k] = x, y
-            seen[k, 0 if low else 1] |= abs(y) > brackets.nothing
         near = 4.0 * np.spacing(np.abs(time))
         done = (value == 0.0) | (hi[open_] - lo[open_] <= near)
         done |= ~np.isfinite(value)
@@ -175,7 +193,7 @@ def _located(session: Session, brackets: Brackets, name: int) -> Floats:
     sizes = np.maximum(np.abs(brackets.at_lo), np.abs(brackets.at_hi))
     jumps = brackets.hi == brackets.lo
     small = np.abs(rows[:, name]) <= SMALL * sizes
-    return np.asarray(rows[(small | jumps) & seen.all(axis=1)])
+    return np.asarray(rows[small | jumps])
 
 
 def _strobe(session: Session, made: Trajectory, section: Section) -> Floats:

@@ -2,10 +2,12 @@
 
 import json
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from lagsim import load, simulate
 from lagsim.errors import InputError
@@ -74,6 +76,50 @@ def test_all_crossings_are_found_however_long_the_steps(section, first, period, 
     found = sections(section, output_step=step)
     assert found["t"] == pytest.approx(times, abs=1e-9)
     assert found["x"] == pytest.approx(np.cos(times), abs=1e-9)
+
+
+WAVES = """
+coordinates: {{x: {{}}, y: {{}}}}
+energy: {{kinetic: (x_dot^2 + y_dot^2)/2, potential: (x^2 + {w}^2*y^2)/2}}
+initial: {{x: {a}, y: {b}, x_dot: {c}, y_dot: {d}}}
+simulation: {{duration: 30, rtol: 1e-11}}
+output: {{sections: {{cut: {{at: x + y = {level}}}}}}}
+"""
+
+
+def dips(seed, depth, duration=30.0):
+    """Give a sum of two waves that dips over a level so far, and where it crosses."""
+    random = np.random.default_rng(seed)
+    w, a, b, c, d = map(float, random.uniform([0.5, *4 * [-1.0]], [2.5, *4 * [1.0]]))
+    terms = [(1.0, a, c), (w, b, d / w)]
+
+    def height(t):
+        return sum(p * math.cos(v * t) + q * math.sin(v * t) for v, p, q in terms)
+
+    def slope(t):
+        return sum(v * (q * math.cos(v * t) - p * math.sin(v * t)) for v, p, q in terms)
+
+    grid = np.linspace(0.0, duration, 3001)
+    turns = [brentq(slope, *x) for x in pairwise(grid) if slope(x[0]) * slope(x[1]) < 0]
+    peaks = [t for t in turns if height(t) > height(t + 1e-3)]
+    level = height(peaks[random.integers(len(peaks))]) - depth
+    parts = [
+        x
+        for x in pairwise([0.0, *turns, duration])
+        if (height(x[0]) - level) * (height(x[1]) - level) < 0.0
+    ]
+    crossings = [brentq(lambda t: height(t) - level, *x, xtol=1e-15) for x in parts]
+    return WAVES.format(w=w, a=a, b=b, c=c, d=d, level=level), np.array(crossings)
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, -1e-8])
+def test_two_crossings_are_found_however_close_they_are(depth):
+    for seed in range(6):
+        text, times = dips(seed, depth)
+        for name in ("taylor", "dop853"):
+            found = sections("", text, method=name)["t"]
+            assert len(found) == len(times), (seed, name)
+            assert found == pytest.approx(times, abs=1e-10 / math.sqrt(abs(depth)))
 
 
 @pytest.mark.parametrize("name", names())

@@ -1,0 +1,59 @@
+"""Runs do not depend on where their kernels pause: all columns, events and counts."""
+
+import numpy as np
+import pytest
+
+from lagsim.errors import InputError
+from lagsim.methods import names
+from lagsim.program import system
+from tests.support import MODELS, run
+
+# Loops over rows that depend, impacts, events; the others wait for the slow suite.
+FEW = [
+    ("heavy-top-quaternion", "radau"),
+    ("newtons-cradle", "auto"),
+    ("hopper", "dop853"),
+]
+# Of each call: its steps, and the rows it may write at most.
+LONG, SHORT = (1000, 128_000), [(1, 3), (7, 40)]
+
+
+class Regular:
+    """Pace of calls that are as long as each other."""
+
+    def __init__(self, steps, rows):
+        self.steps, self.rows = steps, rows
+
+    def lasted(self, seconds):
+        """Take no notice of the clock."""
+
+
+def moved(monkeypatch, model, method, pace):
+    monkeypatch.setattr(system, "Pace", lambda: Regular(*pace))
+    return run(model, method=method)
+
+
+def equal_runs(monkeypatch, model, method):
+    whole = moved(monkeypatch, model, method, LONG)
+    for pace in SHORT:
+        parts = moved(monkeypatch, model, method, pace)
+        assert parts.rows.shape == whole.rows.shape
+        different = parts.rows.view(np.int64) != whole.rows.view(np.int64)
+        columns = np.array(whole.system.columns.names)[different.any(axis=0)]
+        assert not len(columns), (method, pace, columns)
+        assert repr(parts.trajectory) == repr(whole.trajectory), (method, pace)
+
+
+@pytest.mark.parametrize(("model", "method"), FEW)
+def test_a_run_is_the_same_however_often_its_kernels_pause(monkeypatch, model, method):
+    equal_runs(monkeypatch, model, method)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", sorted(x.stem for x in MODELS.glob("*.yaml")))
+def test_runs_by_all_methods_are_the_same_however_often_they_pause(monkeypatch, model):
+    for method in ("auto", *names()):
+        try:
+            equal_runs(monkeypatch, model, method)
+        except InputError:
+            continue  # it cannot handle the model
