@@ -7,8 +7,8 @@ LOOSE = {"__init__", "__main__", "errors", "files", "limits", "notes", "toleranc
 LOOSE |= {"version"}
 # What is there today, to ten lines: what adds to it says so here.
 FILES = 247
-LINES = 74_990
-LINES_OF_TESTS = 56_670
+LINES = 75_080
+LINES_OF_TESTS = 56_840
 
 
 def lines(folder):
